@@ -127,7 +127,7 @@ $(VENV)/.stamp-base: pyproject.toml
 
 $(VENV)/.stamp-dev: $(VENV)/.stamp-base
 	@echo "Installing the development tools into $(VENV)"
-	@$(BIN)/$(PIP) install --group dev --editable '.[dask,native]'
+	@$(BIN)/$(PIP) install --group dev --editable '.[dask,logs,native]'
 	@touch $@
 
 $(VENV)/.stamp-docs: $(VENV)/.stamp-base

@@ -11,11 +11,13 @@ from eqt_cli.api import compare_measured as compare_measured
 from eqt_cli.api import compare_sweep as compare_sweep
 from eqt_cli.api import diff as diff
 from eqt_cli.api import export as export
+from eqt_cli.api import fit as fit
 from eqt_cli.api import load_experiment as load_experiment
 from eqt_cli.api import margins as margins
 from eqt_cli.api import open_results as open_results
 from eqt_cli.api import pack as pack
 from eqt_cli.api import plot as plot
+from eqt_cli.api import replay as replay
 from eqt_cli.api import run as run
 from eqt_cli.api import tune as tune
 from eqt_cli.api import verify as verify

@@ -72,6 +72,7 @@ def test_lower_bounds_are_the_versions_that_test_lowest_installs():
         for requirements in (
             project["project"]["dependencies"],
             extras["dask"],
+            extras["logs"],
             extras["native"],
             extras["taylor"],
             extras["xarray"],

@@ -216,7 +216,7 @@ class _Verifier:
             **{name: found[name][good] for name in JUDGED},
             error_system=self._error_system(batch, solution),
             failed=int(np.count_nonzero(~good)),
-            departures=batch.problem.loop.vehicle.departures,
+            departures=batch.problem.loop.departures,
             flight=self._flight(batch, solution),
             energy=batch.problem.loop.controller.energy,
             theorem=batch.problem.loop.controller.theorem,

@@ -12,6 +12,8 @@ from eqt_cli.api.drawing import check_figures as check_figures
 from eqt_cli.api.drawing import plot as plot
 from eqt_cli.api.exporting import ExportedFiles as ExportedFiles
 from eqt_cli.api.exporting import export as export
+from eqt_cli.api.fitting import fit as fit
+from eqt_cli.api.fitting import replay as replay
 from eqt_cli.api.linearising import margins as margins
 from eqt_cli.api.loading import Configuration as Configuration
 from eqt_cli.api.loading import LoadedExperiment as LoadedExperiment

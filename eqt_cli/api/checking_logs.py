@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from eqt_cli.api.paths import path_from
 from eqt_cli.config import yaml_source
-from eqt_cli.core.errors import InputError
+from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.core.files import text_of
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import validated
@@ -17,6 +17,7 @@ from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.logs.check import LogCheck, check_text
 from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat, trajectory_format
 from eqt_cli.logs.recording import Recording, read_recording
+from eqt_cli.logs.ulog import recording_text
 
 Found = TypeVar("Found")
 
@@ -36,7 +37,7 @@ def check_log(
     Parameters
     ----------
     path
-        The file.
+        The file; one that ends in ``.ulg`` is a flight of PX4.
     mapping
         What the file does not say of itself, as a YAML file or a mapping with the keys of
         ``reference.mapping``.
@@ -101,7 +102,7 @@ def _read(
     said, problems = _mapping(mapping)
     problems.raise_if_any()
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
-    text = text_of(file, "check the path", most=LOG_BYTES, smaller=smaller)
+    text = recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
     try:
         return use(text, str(file), kind, said)
     except MappingError as error:

@@ -14,6 +14,7 @@ from eqt_cli.cli import (
     diff,
     docs,
     export,
+    fit,
     listing,
     log,
     margins,
@@ -93,6 +94,8 @@ _add("run", run.run, COMPUTE)
 _add("sweep", sweep.sweep, COMPUTE)
 _add("tune", tune.tune, COMPUTE)
 _add("worst", worst.worst, COMPUTE)
+_add("replay", fit.replay, COMPUTE)
+_add("fit", fit.fit, COMPUTE)
 _add("pack", pack.pack, COMPUTE)
 _add("export", export.export, COMPUTE)
 _add("show", show.show, READ)

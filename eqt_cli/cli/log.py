@@ -28,7 +28,9 @@ def log() -> None:
 
 @app.command("check", cls=Command)
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording: CSV, TUM or EuRoC.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Recording: CSV, TUM, EuRoC or PX4 (.ulg).")
+    ],
     mapping: Annotated[
         Path | None,
         options.valued(

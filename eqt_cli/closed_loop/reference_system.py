@@ -8,8 +8,9 @@ from functools import cached_property
 from typing import Any, Self
 
 from eqt_cli.closed_loop.layout import StateLayout
-from eqt_cli.closed_loop.system import DESIRED, ClosedLoop
+from eqt_cli.closed_loop.system import DESIRED, REFERENCE, ClosedLoop
 from eqt_cli.core.arrays import Array
+from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle import Vehicle
 
@@ -24,6 +25,11 @@ class ReferenceSystem(ClosedLoop):
     def of(cls, loop: ClosedLoop) -> Self:
         """The reference of a closed loop."""
         return super().of(dataclasses.replace(loop, vehicle=Vehicle()))
+
+    @property
+    def given_over_time(self) -> dict[str, GivenOverTime]:
+        """The reference alone: no law acts."""
+        return {REFERENCE: self.reference}
 
     @cached_property
     def layout(self) -> StateLayout:

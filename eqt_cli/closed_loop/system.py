@@ -20,6 +20,7 @@ from eqt_cli.core.arrays import Array, dot, stack
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 from eqt_cli.mechanics.lie_poisson import lie_poisson
+from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
 from eqt_cli.references.base import Desired
@@ -32,6 +33,9 @@ DESIRED = tuple(_STRETCH.values())
 
 REFERENCE = "reference."
 """What the numbers that a reference holds are called, before their own names."""
+
+LAW = "law."
+"""What those that a law holds are called, likewise."""
 
 MEMORY = "controller."
 """What the stretches of a law's memory are called, before the names that the law gives them."""
@@ -148,6 +152,11 @@ class ClosedLoop:
         return dissipation - dot(unknown, self.controller.velocity_error(s))
 
     @property
+    def departures(self) -> str:
+        """In what it departs from what theorems are about, in words; nothing where it does not."""
+        return ", ".join(filter(None, [self.controller.departs, self.vehicle.departures]))
+
+    @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None where nothing is said."""
         claims = self.controller.claims(self.group, self.gains)
@@ -171,25 +180,44 @@ class ClosedLoop:
     @cached_property
     def knots(self) -> Array:
         """The times, s, at which it changes by what is `held` only; in order."""
-        return self.reference.instants(self.group) if self.held(0.0) else np.empty(0)
+        return self._instants_of(holds=True)
 
     @cached_property
     def breaks(self) -> Array:
         """The times, s, at which an engine ends a step and begins anew; in order."""
-        own = np.empty(0) if self.held(0.0) else self.reference.instants(self.group)
-        return np.unique(np.concatenate([own, *(f.instants() for f in self.vehicle.forces)]))
+        forces = (force.instants() for force in self.vehicle.forces)
+        return np.unique(np.concatenate([self._instants_of(holds=False), *forces]))
+
+    def _instants_of(self, holds: bool) -> Array:
+        """The instants of the parts that hold numbers, or of those that hold none."""
+        held = tuple(self.held(0.0))
+        found = [
+            part.instants(self.group)
+            for prefix, part in self.given_over_time.items()
+            if any(name.startswith(prefix) for name in held) is holds
+        ]
+        return np.unique(np.concatenate([np.empty(0), *found]))
+
+    @property
+    def given_over_time(self) -> dict[str, GivenOverTime]:
+        """The parts that may hold numbers, by what the names of these begin with."""
+        return {REFERENCE: self.reference, LAW: self.controller}
 
     def held(self, t: Any) -> dict[str, Array]:
         """The numbers that the vector field holds from time t to the next instant, by name."""
-        held = self.reference.held(self.group, t)
-        return {REFERENCE + name: values for name, values in held.items()}
+        return {
+            prefix + name: values
+            for prefix, part in self.given_over_time.items()
+            for name, values in part.held(self.group, t).items()
+        }
 
     def holding(self, held: Mapping[str, Array]) -> Self:
         """The same loop between two instants, by the numbers of `held`, which may be symbols."""
         if not held:
             return self
-        own = {name.removeprefix(REFERENCE): values for name, values in held.items()}
-        return dataclasses.replace(self, reference=self.reference.holding(own))
+        reference = self.reference.holding(_of(REFERENCE, held))
+        controller = self.controller.holding(_of(LAW, held))
+        return dataclasses.replace(self, reference=reference, controller=controller)
 
     # Flat states.
 

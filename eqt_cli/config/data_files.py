@@ -1,14 +1,20 @@
 """Files with data that a configuration names: read once, and kept with it as text."""
 
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError, InputError
-from eqt_cli.core.files import refusals, text_of
+from eqt_cli.core.files import refusals
+from eqt_cli.core.problems import Problems
+from eqt_cli.logs.ulog import recording_text
+from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.reserved_names import FILE_NAME
+
+P = TypeVar("P", bound=GivenOverTime)
 
 MOST_BYTES = 64_000_000
 """Of a file; it is kept in memory, and in every result."""
@@ -36,10 +42,19 @@ def data_file(source: ConfigSource, name: str) -> str:
     return source.files[name]
 
 
+def with_data(part: P, source: ConfigSource, problems: Problems) -> tuple[P, dict[str, str]]:
+    """A component with the contents of its files, and these; what cannot be had is noted."""
+    texts = {}
+    for option, name in part.files.items():
+        with problems.catching(option):
+            texts[name] = data_file(source, name)
+    return part.with_files(texts), texts
+
+
 def _text(path: Path) -> str:
     relative = "paths are relative to the configuration's folder"
     smaller = "keep the rows and columns that the configuration needs"
-    return text_of(path, relative, InputError, most=MOST_BYTES, smaller=smaller)
+    return recording_text(path, relative, InputError, MOST_BYTES, smaller)
 
 
 def _starts_of(path: Path) -> str:

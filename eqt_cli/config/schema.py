@@ -7,7 +7,17 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAdapter
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Tag,
+    TypeAdapter,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+)
 
 from eqt_cli.core.option_types import (
     Angle,
@@ -20,12 +30,15 @@ from eqt_cli.core.option_types import (
     Real,
     Runs,
     Samples,
+    written_as_time,
 )
 from eqt_cli.core.validation import one_of
 from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.groups.angles import distance_of_turn
+from eqt_cli.logs.mapping import LogMapping
 from eqt_cli.vehicle.numbers import Matrix as DrawnMatrix
 from eqt_cli.vehicle.numbers import Number
+from eqt_cli.vehicle.sampling import periods_in
 
 
 def _rank(value: Any) -> str | None:
@@ -132,12 +145,16 @@ class InitialSection(Section):
         result, whose runs start there; relative to this file.
     relative
         Whether the poses and velocities in the file are relative to the reference's.
+    mapping
+        What the file does not say of itself, as `reference.mapping`: columns, units, order of
+        quaternions, axes.
     """
 
     pose: Any = "fixed"
     velocity: Any = "fixed"
     file: str | None = None
     relative: bool = False
+    mapping: LogMapping | None = None
 
 
 class EnsembleSection(Section):
@@ -279,6 +296,16 @@ class PlantSection(Section):
     forces: list[Any] | None = None
 
 
+_COUNT_OR_TIME = WithJsonSchema(
+    {
+        "anyOf": [
+            {"type": "integer", "minimum": 0},
+            {"type": "string", "description": "a time such as 20 ms"},
+        ]
+    }
+)
+
+
 class ControlSection(Section):
     """The clock of the laws; without it they act continuously.
 
@@ -287,11 +314,22 @@ class ControlSection(Section):
     period
         The laws are evaluated at t = k·period, s, and their commands held in between.
     delay
-        After how many whole periods a command arrives; until the first one does, 0 is held.
+        After how many whole periods a command arrives, or after which time, such as 20 ms; until
+        the first one does, 0 is held.
     """
 
     period: Positive
-    delay: CountOrNone = 0
+    delay: Annotated[CountOrNone, _COUNT_OR_TIME] = 0
+
+    @field_validator("delay", mode="before")
+    @classmethod
+    def _in_periods(cls, value: Any, known: ValidationInfo) -> Any:
+        time = written_as_time(value)
+        if time is None:
+            return value
+        if "period" not in known.data:
+            return 0  # which is noted
+        return periods_in(time, known.data["period"])
 
 
 class SensorsSection(Section):

@@ -11,6 +11,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.component import Component
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.mechanics.tracking import Gains, Tracking
 
 
@@ -40,7 +41,7 @@ class RunsCode:
 
 
 @dataclass(frozen=True)
-class Controller(Component):
+class Controller(GivenOverTime, Component):
     """A control law: a frozen dataclass whose fields are its options in a configuration.
 
     Every attribute that is a float is a runtime parameter: an engine may replace it by an array
@@ -64,6 +65,8 @@ class Controller(Component):
         of the paper's laws are, so that equal gains make a fair comparison. None: not known.
     claims_decrease
         Whether L is claimed to fall along every trajectory; None where the law does not say.
+    departs
+        In what a loop with it departs from those that theorems are about, in a few words.
     """
 
     title: ClassVar[str]
@@ -72,6 +75,7 @@ class Controller(Component):
     theorem: ClassVar[str] = "Theorems 3.2, 6.2"
     matched: ClassVar[bool | None] = None
     claims_decrease: ClassVar[bool | None] = None
+    departs: ClassVar[str] = ""
 
     def __init_subclass__(cls, **options: Any) -> None:
         """A class with a torque of its own claims only what it says itself, not what it extends.

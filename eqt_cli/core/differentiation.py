@@ -136,6 +136,7 @@ class Dual:
 
 
 def _dual(x: Any) -> Dual:
+    x = _unwrapped(x)  # functions of one dual number give an array of one
     return x if isinstance(x, Dual) else Dual(np.float64(x) if isinstance(x, float) else x, None)
 
 

@@ -106,6 +106,7 @@ def text_of(
     subject: object = None,
     most: int = TEXT_BYTES,
     smaller: str = "",
+    read: Callable[[Path, int], str] = text_in,
 ) -> str:
     """The text of a file that a user names, of at most so many bytes.
 
@@ -117,7 +118,7 @@ def text_of(
     """
     with refusals(subject or path, "read", kind=kind):
         try:
-            return text_in(path, most)
+            return read(path, most)
         except FileNotFoundError:
             raise kind(f"{path}: not found; {missing}") from None
         except TooLargeError as error:

@@ -59,6 +59,17 @@ def written_in_degrees(value: Any) -> str | None:
     return found[1] if found else None
 
 
+_UNITS_OF_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+
+
+def written_as_time(value: Any) -> float | None:
+    """The time of a text such as ``20 ms``, s; None of all else."""
+    found = (
+        re.fullmatch(r"(.*[\d.)])\s*(s|ms|us)", value.strip()) if isinstance(value, str) else None
+    )
+    return None if found is None else float(_evaluated(found[1])) * _UNITS_OF_TIME[found[2]]
+
+
 def _in_radians(value: Any) -> Any:
     degrees = written_in_degrees(value)
     return value if degrees is None else math.radians(_evaluated(degrees))

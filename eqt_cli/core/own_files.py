@@ -183,7 +183,7 @@ _MARKS = (
     re.compile(rb"\x89PNG.*?Software\0eqt ", re.DOTALL),
     re.compile(rb"GIF8.*?!\xfe.eqt ", re.DOTALL),
     re.compile(rb'\[\n(\{"panel": |\n\])'),  # the numbers of a figure
-    re.compile(rb"# found by eqt (tune|worst)\n"),
+    re.compile(rb"# found by eqt (tune|worst|fit)\n"),
     re.compile(rb"(/\* E|<!-- e)xported by eqt "),
 )
 _PDF, _PDF_MARK = b"%PDF", b"/Creator (eqt "

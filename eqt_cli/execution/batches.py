@@ -112,7 +112,7 @@ def _problem(study: Study, label: str, points: Array, runs: Array | None) -> Pro
     Qd = np.array([experiment.initial_pose for experiment in experiments])[which]
     Vd = np.array([experiment.initial_velocity for experiment in experiments])[which]
     Q, V = (Qd, Vd) if runs is None else initial_states(study, points, runs)
-    varying = _varying(loops, which)
+    varying = differing(loops, which)
     if runs is not None and any(loop.vehicle.varies for loop in loops):
         varying |= _drawn(experiments, label, which, runs)
     problem = Problem(loops[0], Q, experiments[0].times, varying)
@@ -123,7 +123,7 @@ def _problem(study: Study, label: str, points: Array, runs: Array | None) -> Pro
     return dataclasses.replace(problem, states=states, errors=errors)
 
 
-def _varying(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
+def differing(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
     """The parameters in which the loops differ, one row for each run; run k is of loop which[k]."""
     if len(loops) == 1:
         return {}

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.config.data_files import with_data
 from eqt_cli.config.plugins import load_plugins
 from eqt_cli.config.schema import (
     SEARCHES,
@@ -53,6 +54,7 @@ from eqt_cli.experiment.vehicle import resolved as resolved_vehicle
 from eqt_cli.experiment.vehicle import vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.product import ProductGroup
+from eqt_cli.logs.mapping import MAPPING
 from eqt_cli.mechanics.rigid_body import not_rigid
 from eqt_cli.mechanics.tracking import Gains
 
@@ -196,7 +198,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     task, initial = sections["task"], sections["initial"]
     group = _group(sections["group"], problems.at("group"))
     code = LawsInCode(source, trust_plugins)
-    laws = _controllers(
+    laws, files = _controllers(
         sections["controllers"] or [], task, group, code, problems.at("controllers")
     )
     desired = inertia = start = solver = None
@@ -227,7 +229,13 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     if initial:
         start = _start(initial, group, desired, source, problems.at("initial"))
     config = _agreeing(
-        source, {name: sections[name] for name in SEARCHES}, group, desired, start, problems
+        source,
+        {name: sections[name] for name in (*SEARCHES, "initial")},
+        group,
+        desired,
+        {entry.index: entry.law for entry in laws.values()},
+        start,
+        problems,
     )
     problems.raise_if_any()
     assert config and group and desired and inertia and vehicle and start and solver
@@ -254,7 +262,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         start.velocities,
         solver,
         replace(source, stored_plugins=plugins | code.texts),
-        desired.files | start.files,
+        desired.files | start.files | files,
     )
     probe_parts(experiment, problems)
     problems.raise_if_any()
@@ -273,8 +281,8 @@ def _start(
     """Where the runs start, by distributions or by the rows of a file."""
     if section.file is not None:
         return start_from_file(section, G, desired, source, problems)
-    if "relative" in section.model_fields_set:
-        problems.at("relative").add(
+    for key in section.model_fields_set & {"relative", MAPPING}:
+        problems.at(key).add(
             "applies only to poses from a `file`; give `file` too, or remove this key"
         )
     poses = _poses(section.pose, G, problems.at("pose"))
@@ -288,9 +296,10 @@ def _start(
 
 def _agreeing(
     source: ConfigSource,
-    searches: dict[str, Any],
+    read: dict[str, Any],
     G: MatrixLieGroup | None,
     desired: DesiredTrajectory | None,
+    laws: dict[int, Controller],
     start: Start | None,
     problems: Problems,
 ) -> Config | None:
@@ -299,9 +308,11 @@ def _agreeing(
         return None
     # Dataclasses, as ranges are, pass strict validation as such, and not as mappings.
     config = Config.model_validate(
-        source.data | {name: section for name, section in searches.items() if section}
+        source.data | {name: section for name, section in read.items() if section}
     )
-    check_horizon(desired.reference, G, config.time.duration, problems)
+    check_horizon(desired.reference, "reference", G, config.time.duration, problems)
+    for index, law in laws.items():
+        check_horizon(law, f"controllers[{index}]", G, config.time.duration, problems)
     if start.rows is None:
         return config
     if "runs" not in config.ensemble.model_fields_set:
@@ -356,17 +367,21 @@ def _controllers(
     G: MatrixLieGroup | None,
     code: LawsInCode,
     problems: Problems,
-) -> dict[str, _Entry]:
-    """The control laws by label."""
+) -> tuple[dict[str, _Entry], dict[str, str]]:
+    """The control laws by label, and the contents of the files that they are given in."""
     laws: dict[str, _Entry] = {}
+    files: dict[str, str] = {}
     for index, entry in enumerate(entries):
         here = problems.at(index)
         entry = dict(entry) if isinstance(entry, dict) else entry
         label = entry.pop("label", None) if isinstance(entry, dict) else None
         own = entry.pop("gains", None) if isinstance(entry, dict) else None
         gains = validated(OwnGainsSection, own, here.at("gains")) if own is not None else None
-        law = component(controllers, entry, here, OF_EVERY_LAW, G)
+        law = component(controllers, entry, here, OF_EVERY_LAW)
         if law is not None and G is not None:
+            law, texts = with_data(law, code.source, here)
+            files |= texts
+            law.check(G, here)
             law = code.running(law, G, here)
         if law is None:
             continue
@@ -382,7 +397,7 @@ def _controllers(
             )
         else:
             laws[label] = _Entry(law, index, gains.model_dump(exclude_none=True) if gains else {})
-    return laws
+    return laws, files
 
 
 def _wrong_task(law: Controller, task: str) -> str:

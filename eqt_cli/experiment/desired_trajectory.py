@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.config.data_files import data_file
+from eqt_cli.config.data_files import with_data
 from eqt_cli.config.schema import TargetSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.option_types import Real
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import as_section, component, option_names, validated
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.references import Reference, references
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.written.poses import pose_from, vector
@@ -103,12 +104,9 @@ def _tracked(
     reference = component(references, options, problems, takes)
     if G is None:
         return None
-    texts = {}
+    texts: dict[str, str] = {}
     if reference is not None:
-        for option, name in reference.files.items():
-            with problems.catching(option):
-                texts[name] = data_file(source, name)
-        reference = reference.with_files(texts)
+        reference, texts = with_data(reference, source, problems)
         reference.check(G, problems)
     pose, velocity = G.identity, np.zeros(G.dimension)
     if "pose" in common:
@@ -129,17 +127,23 @@ def _tracked(
 
 
 def check_horizon(
-    reference: Reference, G: MatrixLieGroup, duration: float, problems: Problems
+    given: GivenOverTime, key: str, G: MatrixLieGroup, duration: float, problems: Problems
 ) -> None:
-    """Note a run that begins before the reference does, or outlasts it."""
-    first, last = reference.ends(G)
+    """Note a run that begins before what a key gives over time, outlasts it, or meets a gap."""
+    here, (first, last) = problems.at(*parse_key(key)), given.ends(G)
     if first > 0:
-        problems.at("reference").add(
-            f"begins at {first:g} s, but runs begin at 0 s; shift its times"
-        )
+        here.add(f"begins at {first:g} s, but runs begin at 0 s; shift its times")
     if last < duration:
+        what = key if key == "reference" else f"recording of {key}"
         problems.at("time", "duration").add(
-            f"expected at most {last:g} s, the end of the reference, got {duration:g}"
+            f"expected at most {last:g} s, the end of the {what}, got {duration:g}"
+        )
+    within = [gap for gap in given.gaps(G) if gap[0] < duration and sum(gap) > 0]
+    for begin, length in within[:1]:
+        here.add(
+            f"has a gap of {length:.4g} s after t = {begin:.6g} s, within the run; end the run "
+            f"there, `time: {{duration: {begin:.6g}}}`, or begin behind it, `mapping: {{time: "
+            "{begin: …, offset: first}}`"
         )
 
 

@@ -11,14 +11,16 @@ from eqt_cli.closed_loop import ReferenceSystem
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.errors import ComponentError, EqtWarning
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.problems import Problems, dotted
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.local_stability import Along, unstable
 from eqt_cli.experiment.numerics import ill_conditioned, stiff
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle.vehicle import ACTUATORS
+from eqt_cli.written.poses import ANGLES, many_turns
 
 SAMPLES = 2001
 """At which the reference is looked at, and on both sides of every known instant."""
@@ -156,11 +158,21 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
     """What a user should know of an experiment, and of its reference, before it is run."""
     return [
         *experiment.remarks,
+        *_of_angles(experiment),
         *_of_reference(experiment),
         *_of_actuators(experiment),
         *_hard_on_numbers(experiment, shown),
         *map(EqtWarning, limits_below_reference(experiment, shown)),
     ]
+
+
+def _of_angles(experiment: Experiment) -> Iterator[EqtWarning]:
+    """Angles that are written as numbers, and turn more than once."""
+    data = experiment.source.data
+    own = {*ANGLES, *(name for kind in pose_distributions.all() for name in kind.angles)}
+    for section, angles in (("reference", ANGLES), ("target", ANGLES), ("initial", own)):
+        for path, said in many_turns(data.get(section), angles, (section,)):
+            yield EqtWarning(f"{experiment.source.place(path)}: {dotted(path)}: {said}")
 
 
 def _of_reference(experiment: Experiment) -> Iterator[EqtWarning]:

@@ -90,7 +90,7 @@ def with_code(source: ConfigSource, file: Path, claimed: str | None) -> ConfigSo
         for entry in (entries if isinstance(entries, list) else ())
         if isinstance(entry, dict) and os.path.normpath(str(entry.get("file"))) == name
     ]
-    code = next(kind.name for kind in controllers.all() if not kind.tasks)
+    code = next(kind.name for kind in controllers.all() if kind.code is not Controller.code)
     entry = {**(known[0] if known else {"kind": code, "file": name, "label": file.stem})}
     if claimed is not None:
         entry["as"] = claimed

@@ -14,6 +14,7 @@ from eqt_cli.ensemble.poses import PoseDistribution
 from eqt_cli.ensemble.velocities import VelocityDistribution
 from eqt_cli.experiment.desired_trajectory import DesiredTrajectory
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.logs.mapping import MAPPING, LogMapping, MappingError
 from eqt_cli.logs.reading import read_starts
 
 
@@ -59,16 +60,22 @@ def start_from_file(
             problems.at(key).add(f"{name} gives the {key}, one row per run; remove this key")
     if G is None:
         return None
+    said = section.mapping or LogMapping()
+    said.check(problems.at(MAPPING))
     with problems.catching("file"):
         text = data_file(source, name)
-        poses, velocities = read_starts(text, name, G)
+        try:
+            poses, velocities = read_starts(text, name, G, said)
+        except MappingError as error:
+            problems.at(MAPPING, *error.path).add(str(error))
+            return None
         if velocities is None:
             velocities = np.zeros((len(poses), G.dimension))
         if desired is None:
             return None
         if not section.relative:
             poses, velocities = G.inverse(desired.pose) @ poses, velocities - desired.velocity
-        resolved = {"file": name, "relative": section.relative}
+        resolved = section.model_dump(include={"file", "relative", MAPPING}, exclude_none=True)
         listed = ListedPoses(poses), ListedVelocities(velocities)
         return Start(*listed, resolved, len(poses), {name: text})
     return None

@@ -1,6 +1,6 @@
 """What a recording holds, what was assumed of it, and what is odd in it."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +10,7 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup, groups
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.logs.columns import (
+    EULER,
     VELOCITY,
     pose_columns,
     quaternion_norms,
@@ -19,10 +20,16 @@ from eqt_cli.logs.fit import misfits, other_order, reordered
 from eqt_cli.logs.mapping import PARTNERS, LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.logs.reading import Log, read_log
 from eqt_cli.logs.table import QUATERNION, open_sheet
+from eqt_cli.logs.ulog import SUFFIX
 from eqt_cli.logs.units import is_turn, units_of
 
 SLOWEST, FASTEST = 5.0, 1e-5
 """s between rows: what is beyond is unusual, and perhaps in another unit."""
+
+USUAL = 1e-3, 1.0
+"""s between rows."""
+
+_FINER = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 TURNED, LEVEL = np.deg2rad(90.0), np.deg2rad(20.0)
 """A first pose that is turned by more than the one, and in another order by less than the other."""
@@ -119,7 +126,7 @@ def check_text(
     all_norms = np.concatenate(list(norms.values())) if norms else np.empty(0)
     return LogCheck(
         name,
-        kind,
+        "ulog" if name.lower().endswith(SUFFIX) else kind,
         G.name,
         list(_uses(log)),
         len(times),
@@ -135,13 +142,22 @@ def check_text(
 
 def _fitting(text: str, name: str, kind: TrajectoryFormat, said: LogMapping) -> MatrixLieGroup:
     """The largest group that the columns of a file can be poses of."""
-    names = set(open_sheet(text, name, kind, said).names)
+    sheet = open_sheet(text, name, kind, said)
+    names = set(sheet.names)
     fitting = [
         group
         for group in _of_bodies()
         if (found := used_columns(names, group)) is not None and found.way == "parts"
     ]
     if not fitting:
+        if len(sheet.names) == 1 and (other := next((c for c in ";\t" if c in sheet.names[0]), "")):
+            shown = {";": "semicolons", "\t": "tabs"}[other]
+            raise InputError(
+                f"{sheet.header_place}: the columns are parted by {shown}; expected commas, and "
+                "decimals with a point"
+            )
+        if incomplete := next(_incomplete(names), None):
+            raise InputError(f"{sheet.header_place}: {incomplete}")
         known = ", ".join(QUATERNION)
         raise InputError(
             f"{name}: no columns of a pose were found, such as {known} or yaw, pitch, roll for a "
@@ -149,6 +165,15 @@ def _fitting(text: str, name: str, kind: TrajectoryFormat, said: LogMapping) -> 
             "`columns: {qx: …}`, or give the group"
         )
     return max(fitting, key=lambda group: len(pose_columns(group)))
+
+
+def _incomplete(names: Collection[str]) -> Iterator[str]:
+    """What is missing of a rotation or a position, of which there are some columns."""
+    for whole in (QUATERNION, EULER, ("x", "y", "z")):
+        if (found := [each for each in whole if each in names]) and len(found) < len(whole):
+            missing = ", ".join(each for each in whole if each not in found)
+            verb = "is" if len(found) == 1 else "are"
+            yield f"column {missing} is missing, without which {', '.join(found)} {verb} of no use"
 
 
 def _of_bodies() -> Iterator[EuclideanGroup]:
@@ -193,6 +218,9 @@ def _problems(log: Log) -> Iterator[str]:
 
 def notes(log: Log) -> Iterator[str]:
     """What is odd in a recording that can be used."""
+    if log.sheet.damaged:
+        yield "parts of the file are damaged and were skipped"
+    yield from _incomplete({*log.sheet.names} - {*log.columns.names})
     yield from _turns_without_unit(log)
     yield from _times(log)
     yield from misfits(log)
@@ -219,9 +247,11 @@ def _turns_without_unit(log: Log) -> Iterator[str]:
 def _times(log: Log) -> Iterator[str]:
     median = float(np.median(np.diff(log.times)))
     if not FASTEST <= median <= SLOWEST and not log.sheet.units.get("t"):
+        unit = next((u for u, f in _FINER.items() if USUAL[0] <= median * f <= USUAL[1]), "…")
+        meant = "if t is not in s" if unit == "…" else f"if t is in {unit}"
         yield (
-            f"rows are {median:.4g} s apart, which is unusual; add `units: {{t: …}}` to the "
-            "mapping if t is not in s"
+            f"rows are {median:.4g} s apart, which is unusual; add `units: {{t: {unit}}}` to the "
+            f"mapping {meant}"
         )
     if gaps := gaps_of(log):
         begin, length = max(gaps, key=lambda gap: gap[1])

@@ -120,17 +120,28 @@ def _turn(G: EuclideanGroup, in_space: tuple[str, ...]) -> tuple[str, ...]:
     return {0: (), 1: ("angle",)}.get(G.rotations, in_space)
 
 
-def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | None:
-    """The columns that hold the poses of a table; None where some are missing."""
+def ways_of(G: MatrixLieGroup) -> list[PoseColumns]:
+    """The columns that poses of a group may stand in, the usual first."""
     digits = range(1, G.size + 1)
     ways = (
         PoseColumns(pose_columns(G), "parts"),
         PoseColumns(pose_columns(G, turn=EULER), "parts", EULER),
-        # Before the coordinates, which are the names of velocities, too.
-        PoseColumns([f"Q{row}{column}" for row in digits for column in digits], "entries"),
         PoseColumns(coordinate_names(G), "coordinates"),
+        PoseColumns([f"Q{row}{column}" for row in digits for column in digits], "entries"),
     )
-    return next((way for way in ways if way.names and set(way.names) <= set(names)), None)
+    return [way for way in ways if way.names]
+
+
+def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | None:
+    """The columns that hold the poses of a table; None where some are missing.
+
+    Beside a part of a rotation or a position, coordinates are a velocity and no pose.
+    """
+    found = next((way for way in ways_of(G) if set(way.names) <= set(names)), None)
+    if found and found.way == "coordinates":
+        parts = {*pose_columns(G), *pose_columns(G, turn=EULER)} - {*found.names}
+        return None if parts & {*names} else found
+    return found
 
 
 def require_pose(sheet: Sheet, G: MatrixLieGroup, time: bool = False) -> PoseColumns:
@@ -144,7 +155,10 @@ def require_pose(sheet: Sheet, G: MatrixLieGroup, time: bool = False) -> PoseCol
         return found
     columns, coordinates = pose_columns(G), coordinate_names(G)
     wanted, euler = columns or coordinates, pose_columns(G, turn=EULER)
-    missing = ", ".join(name for name in wanted if name not in sheet.names)
+    # Of the columns that poses may have, those of which the file has most.
+    ways = (columns, euler) if columns else (coordinates,)
+    likely = max(ways, key=lambda names: len({*names} & {*sheet.names}))
+    missing = ", ".join(name for name in likely if name not in sheet.names)
     others = [", ".join(euler)] if euler != columns else []
     others += [f"the coordinates {', '.join(coordinates)}"] if columns else []
     also = f" (or {', or '.join(others)})" if others else ""
@@ -156,6 +170,10 @@ def require_pose(sheet: Sheet, G: MatrixLieGroup, time: bool = False) -> PoseCol
 
 def table_poses(table: Table, columns: PoseColumns, G: MatrixLieGroup, said: LogMapping) -> Array:
     """A pose from each row, ``(rows, d, d)``, in the axes that are wanted."""
+    if said.euler != LogMapping.euler and columns.turn != EULER:
+        raise MappingError(
+            ("euler",), f"the poses of {table.name} have no yaw, pitch and roll; remove this key"
+        )
     if columns.way == "parts":
         return _assembled(table, G, "", columns.turn, said)
     if columns.way == "coordinates":

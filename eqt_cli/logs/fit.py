@@ -6,13 +6,14 @@ they do.
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, norm, transpose
 from eqt_cli.groups.euclidean import EuclideanGroup
-from eqt_cli.logs.columns import VELOCITY, Beside
+from eqt_cli.logs.columns import EULER, VELOCITY, Beside
 from eqt_cli.logs.reading import Log
 from eqt_cli.logs.table import QUATERNION
 
@@ -31,6 +32,9 @@ LARGEST_TURN = 0.5
 
 FITS, DOUBT = 0.25, 0.5
 """Relative differences: below the one velocities fit, and beyond the other they do not."""
+
+CLEAR = 0.05
+"""Relative: what is left behind a factor that is no accident."""
 
 _CAUSES: dict[str, tuple[tuple[float, str, str], ...]] = {
     "rates": ((180 / np.pi, "the rates are in deg/s", "{wx: deg/s, wy: deg/s, wz: deg/s}"),),
@@ -56,6 +60,11 @@ class _Fit(NamedTuple):
     shape: float
     """The difference that is left behind the factor."""
 
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether they differ by much, or by a factor and little else."""
+        return self.difference > DOUBT or (self.shape <= CLEAR and self.difference > 2 * CLEAR)
+
 
 def misfits(log: Log) -> Iterator[str]:
     """For each velocity that does not fit the poses, how far it is off and what would fit."""
@@ -67,25 +76,27 @@ def misfits(log: Log) -> Iterator[str]:
         if beside.kind not in VELOCITY:
             continue
         as_said = _fit(log, G, beside)
-        if as_said is None or as_said.difference <= DOUBT:
+        if as_said is None or as_said.difference <= 2 * CLEAR:
             continue
-        yield f"{', '.join(beside.names)} {_said_of(log, G, beside, as_said)}"
+        others = (
+            (_fit(variant, G, beside), words) for words, variant in _variants(log, beside.kind)
+        )
+        found = [(fit, words) for fit, words in others if fit is not None and fit.shape <= FITS]
+        if not (as_said.is_doubtful or any(fit.difference <= CLEAR for fit, _ in found)):
+            continue
+        yield f"{', '.join(beside.names)} {_said_of(log, beside, as_said, found)}"
 
 
-def _said_of(log: Log, G: EuclideanGroup, beside: Beside, as_said: _Fit) -> str:
+def _said_of(log: Log, beside: Beside, as_said: _Fit, found: list[tuple[_Fit, str]]) -> str:
     """How far they are off, and what of a mapping would make them fit."""
     part = beside.kind
-    if as_said.shape <= FITS:
+    if as_said.shape <= CLEAR or (as_said.shape <= FITS and as_said.difference > DOUBT):
         return f"are {_of_factor(part, as_said.factor)}"
     seen = f"differ from the velocity of the poses by {100 * as_said.difference:.0f} %"
-    found = [
-        (fit, words)
-        for words, variant in _variants(log, part)
-        if (fit := _fit(variant, G, beside)) is not None and fit.shape <= FITS
-    ]
     if not found:
+        turned = "angles" if log.columns.turn == EULER else "quaternion"
         return (
-            f"{seen}, and no other frame or order of the quaternion makes them fit; check the "
+            f"{seen}, and no other frame or order of the {turned} makes them fit; check the "
             "columns, the units and the times"
         )
     fit, words = min(found, key=lambda each: each[0].shape)
@@ -101,7 +112,8 @@ def _of_factor(part: str, factor: float) -> str:
         for known, cause, units in (*_CAUSES[part], *_CAUSES_OF_ALL)
         if abs(factor / known - 1) < FITS
     ]
-    advice = f"add {', or '.join(found)}" if found else "check their units and those of t"
+    clock = f"check their units, and add `time: {{scale: {1 / factor:.3g}}}` if the clock is wrong"
+    advice = f"add {', or '.join(found)}" if found else clock
     return f"{float(f'{factor:.2g}'):g} times the velocity of the poses; {advice}"
 
 
@@ -114,6 +126,10 @@ def _variants(log: Log, part: str) -> Iterator[tuple[str, Log]]:
     yield f"`attitude: {attitude}`", log.by(attitude=attitude)
     if set(QUATERNION) <= set(log.columns.names):
         yield other_order(log), reordered(log)
+    if log.columns.turn == EULER:
+        for order in ("".join(axes) for axes in permutations("ZYX")):
+            for sequence in {order, order.lower()} - {log.said.euler}:
+                yield f"`euler: {sequence}`", log.by(euler=sequence)
 
 
 def other_order(log: Log) -> str:

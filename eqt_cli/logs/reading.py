@@ -161,15 +161,27 @@ def _timed(table: Table, kind: TrajectoryFormat, said: LogMapping) -> tuple[Tabl
     return table, times + late if late else times
 
 
-def read_starts(text: str, name: str, G: MatrixLieGroup) -> tuple[Array, Array | None]:
+OF_STARTS = ("columns", "units", "quaternion", "euler", "attitude", "world", "body")
+"""What of a mapping a table of initial states has."""
+
+
+def read_starts(
+    text: str, name: str, G: MatrixLieGroup, said: LogMapping
+) -> tuple[Array, Array | None]:
     """Poses ``(n, d, d)`` and velocities ``(n, m)``, if there are any, a row for each run.
 
     Raises
     ------
     InputError
-        That says in which line what is wrong.
+        That says in which line what is wrong; a `MappingError` for a mapping that does not fit it.
     """
-    said = LogMapping()
+    for key, default in vars(LogMapping()).items():
+        if key not in OF_STARTS and getattr(said, key) != default:
+            raise MappingError(
+                (key,),
+                "rows of initial states have no times, and their velocities are in the body frame; "
+                "remove this key",
+            )
     sheet = open_sheet(text, name, "csv", said)
     columns, coordinates = require_pose(sheet, G), coordinate_names(G)
     velocity: list[str] = []
@@ -192,4 +204,13 @@ def read_starts(text: str, name: str, G: MatrixLieGroup) -> tuple[Array, Array |
     table = with_units(sheet, said, used).table(used)
     require_norms(table, columns)
     poses = table_poses(table, columns, G, said)
-    return poses, table.get(velocity) if velocity else None
+    return poses, _in_body_axes(table.get(velocity), G, said) if velocity else None
+
+
+def _in_body_axes(velocities: Array, G: MatrixLieGroup, said: LogMapping) -> Array:
+    """Velocities in the axes of the body that are wanted; those of a plane have no others."""
+    turned = velocities.copy()
+    for part in G.parts:
+        if (own := velocities[:, part.axes]).shape[1] == 3:
+            turned[:, part.axes] = own @ said.axes("body").T
+    return turned

@@ -15,7 +15,9 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError, suggestion
 from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
-from eqt_cli.logs.units import factor_of, is_known
+from eqt_cli.logs.ulog import DAMAGED, SUFFIX
+from eqt_cli.logs.ulog import NAMES as PX4
+from eqt_cli.logs.units import factor_of, is_known, units_of
 
 QUATERNION = ("qx", "qy", "qz", "qw")
 
@@ -48,6 +50,9 @@ MOST_DIGITS = 19
 
 CHUNK = 20_000
 """Lines that are read at once; of those that cannot be read, the first is looked for."""
+
+_OURS = re.compile(r"q[xyzw]\d?|q_?\d|q\[\d\]|V\w+|Q\d+")
+"""Names of columns that have no unit."""
 
 _HEADING = re.compile(r"(.*?)\s*(?:\[(?!\d+\])([^\]]*)\]|\((?!\d+\))([^)]*)\))")
 """A name and a unit: ``angle (deg)``, ``t [ms]``; ``q[0]`` has none."""
@@ -110,6 +115,8 @@ class Sheet:
         Whether rows may have entries beyond the columns.
     order
         That of its quaternions: xyzw or wxyz; empty where they are named.
+    damaged
+        Whether parts of the file were skipped.
     """
 
     name: str
@@ -122,6 +129,7 @@ class Sheet:
     head: int
     more: bool = False
     order: str = ""
+    damaged: bool = False
 
     @property
     def header_place(self) -> str:
@@ -229,12 +237,16 @@ def open_sheet(text: str, name: str, kind: TrajectoryFormat, mapping: LogMapping
     if kind != "csv":
         return _without_header(text, name, kind, mapping)
     lines, numbers = _lines(text, name)
+    damaged = bool(lines) and lines[0] == DAMAGED
+    lines, numbers = lines[damaged:], numbers[damaged:]
     number, header = (numbers[0], lines.pop(0)) if lines else (1, "")
     headings, units = [], {}
     for entry in _entries(header, ","):
         heading, unit = _heading(entry.removeprefix("#").strip())
         headings.append(heading)
         units[heading] = unit
+    if _is_tum(header):
+        raise InputError(f"{name}:{number}: has 8 numbers parted by spaces; use the format tum")
     if not header or any(not entry or _is_number(entry) for entry in headings):
         raise InputError(
             f"{name}:{number}: expected a header that names the columns, such as t, qx, qy, qz, qw"
@@ -242,7 +254,9 @@ def open_sheet(text: str, name: str, kind: TrajectoryFormat, mapping: LogMapping
     eqt_names = _renamed(headings, mapping, f"{name}:{number}")
     order = mapping.quaternion or ""
     known = {eqt: units[heading] for eqt, heading in zip(eqt_names, headings, strict=True)}
-    return Sheet(name, eqt_names, headings, known, ",", lines, numbers[1:], number, order=order)
+    return Sheet(
+        name, eqt_names, headings, known, ",", lines, numbers[1:], number, False, order, damaged
+    )
 
 
 def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Sheet:
@@ -280,11 +294,20 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
     for name, heading in mapping.columns.items():
         if heading not in headings:
             hint = suggestion(heading, headings) or "; write a heading of the file, without a unit"
+            if name in headings and not _is_ours(name):
+                hint = f"; eqt's name is first: write `{{{heading}: {name}}}`"
             raise MappingError(("columns", name), f"{place}: no column '{heading}'{hint}")
+        if not _is_ours(name):
+            some = ", ".join(("t", *QUATERNION, "yaw, pitch, roll, x, y, z, wx, vx"))
+            raise MappingError(
+                ("columns", name), f"eqt has no column of this name; it knows {some} and others"
+            )
     given = {heading: name for name, heading in mapping.columns.items()}
     # A column that has the name which the mapping gives to another is none of eqt's.
+    known = {each: name for each, name in PX4.items() if name not in mapping.columns}
     names = [
-        given.get(each, f"{each} (file)" if each in mapping.columns else each) for each in headings
+        given.get(each, f"{each} (file)" if each in mapping.columns else known.get(each, each))
+        for each in headings
     ]
     named = next((four for four in NUMBERED if set(four) <= set(names)), None)
     if named is None or set(QUATERNION) & set(names):
@@ -307,6 +330,8 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
 
 def _without_header(text: str, name: str, kind: str, mapping: LogMapping) -> Sheet:
     """A file of a format that has no header of names."""
+    if name.lower().endswith(SUFFIX):
+        raise InputError(f"{name}: a flight of PX4 has a format of its own; leave out {kind}")
     if mapping.columns:
         raise MappingError(
             ("columns",), f"the format {kind} has no header; remove this key, or use format: csv"
@@ -320,12 +345,25 @@ def _without_header(text: str, name: str, kind: str, mapping: LogMapping) -> She
     if lines:
         found = len(_entries(lines[0], delimiter))
         if found < LEAST or (found > LEAST and kind == "tum"):
-            raise InputError(f"{name}:{numbers[0]}: expected {LEAST} entries, got {found}")
+            parted = "by commas" if delimiter else "by spaces"
+            raise InputError(
+                f"{name}:{numbers[0]}: expected {LEAST} entries parted {parted}, got {found}"
+            )
         names = names[: max(min(len(_entries(line, delimiter)) for line in lines), LEAST)]
     units = {"t": "ns"} if kind == "euroc" else {}
     order = mapping.quaternion or ("wxyz" if kind == "euroc" else "xyzw")
     euroc = kind == "euroc"
     return Sheet(name, names, names, units, delimiter, lines, numbers, 1, euroc, order)
+
+
+def _is_ours(name: str) -> bool:
+    """Whether a column of this name means something to eqt."""
+    return bool(units_of(name) or _OURS.fullmatch(name))
+
+
+def _is_tum(line: str) -> bool:
+    entries = line.split()
+    return len(entries) == LEAST and all(map(_is_number, entries))
 
 
 def _heading(entry: str) -> tuple[str, str]:

@@ -58,5 +58,6 @@ def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:
     if unit in units:
         return units[unit]
     expected = ", ".join(dict.fromkeys(each for each in units if each.isascii()))
-    message = f"column {name}: expected a unit of {expected}, got '{unit}'"
+    wanted = f"a unit of {expected}" if units else "no unit"
+    message = f"column {name}: expected {wanted}, got '{unit}'"
     raise MappingError(path, message) if path else InputError(message)

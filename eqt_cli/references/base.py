@@ -16,6 +16,7 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.motions import Piece, Pieces
+from eqt_cli.mechanics.over_time import GivenOverTime
 
 T = TypeVar("T")
 
@@ -82,7 +83,7 @@ class Desired(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Reference(Component):
+class Reference(GivenOverTime, Component):
     """A desired motion; this class is of those that a torque drives, from Q_d(0) and V_d(0).
 
     A frozen dataclass whose fields are its options in a configuration, beside those of `pose` and
@@ -115,21 +116,6 @@ class Reference(Component):
         """Q_d(0) and V_d(0), where `pose` and `velocity` are given beside the options."""
         return pose, velocity
 
-    def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
-        """The times, s, between which the motion is given."""
-        return -np.inf, np.inf
-
-    # Files that hold a part of it.
-
-    @property
-    def files(self) -> dict[str, str]:
-        """The files that it needs, relative to the configuration, by the option that names each."""
-        return {}
-
-    def with_files(self, texts: Mapping[str, str]) -> Self:
-        """The same with the contents of its files, by their names."""
-        return self
-
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """The same with a new function of time for each of its expressions, where it has any."""
         return self
@@ -137,20 +123,6 @@ class Reference(Component):
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
         """What a user should know of it before it is run, and no error is."""
         yield from ()
-
-    # Instants that are known in advance, at which the motion goes on in another way.
-
-    def instants(self, G: MatrixLieGroup) -> Array:
-        """The times, s, at which an engine ends a step and begins anew; in order."""
-        return np.empty(0)
-
-    def held(self, G: MatrixLieGroup, t: Any) -> dict[str, Array]:
-        """The numbers by which the motion goes on from time t to the next instant, by name."""
-        return {}
-
-    def holding(self, held: Mapping[str, Array]) -> Self:
-        """The same motion between two instants, by the numbers of `held`, which may be symbols."""
-        return self
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note what of its options does not fit the group."""

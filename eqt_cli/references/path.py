@@ -10,7 +10,7 @@ from eqt_cli.core.arrays import Array, stack
 from eqt_cli.core.differentiation import value_and_derivatives
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.expressions import Expression, formula
-from eqt_cli.core.option_types import Real
+from eqt_cli.core.option_types import Real, written_in_degrees
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.logs.columns import coordinate_names
@@ -28,7 +28,8 @@ class PathFactor:
     axis
         ξ: the name of a coordinate of the algebra, such as wz, or m numbers.
     by
-        a(t), an expression in t.
+        a(t), an expression in t; about an axis that turns also one in degrees, such as
+        30*t deg.
     """
 
     axis: str | list[Real]
@@ -36,8 +37,9 @@ class PathFactor:
 
     @cached_property
     def expression(self) -> Expression:
-        """`by`, parsed."""
-        return formula(self.by)
+        """`by`, parsed; in rad and m."""
+        degrees = written_in_degrees(self.by)
+        return formula(self.by if degrees is None else f"({degrees})*pi/180")
 
     def vector(self, G: MatrixLieGroup) -> Array:
         """ξ in coordinates; raises `InputError` where the group has no such axis."""
@@ -50,6 +52,12 @@ class PathFactor:
                 f"got '{self.axis}'"
             )
         return np.eye(G.dimension)[names.index(self.axis)]
+
+    def require_turning(self, G: MatrixLieGroup) -> None:
+        """Raise an `InputError` for degrees along an axis that moves."""
+        axis, moves = self.vector(G), [part for part in G.parts if not part.turns]
+        if written_in_degrees(self.by) and any(np.any(axis[part.axes]) for part in moves):
+            raise InputError(f"expected no deg along an axis that moves, got '{self.by}'")
 
 
 @dataclass(frozen=True)
@@ -101,4 +109,6 @@ class PathReference(ClosedReference):
             with here.catching("axis"):
                 factor.vector(G)
             with here.catching("by"):
-                formula(factor.by)
+                _ = factor.expression
+                if not here.at("axis"):
+                    factor.require_turning(G)

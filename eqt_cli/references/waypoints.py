@@ -1,11 +1,9 @@
 """A reference that goes through given poses at given times."""
 
 import math
-from collections.abc import Iterator, Mapping
-from copy import copy
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from hashlib import sha256
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -16,8 +14,8 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import unknown_key, validated
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.logs.check import notes
-from eqt_cli.logs.mapping import MAPPING, LogMapping, MappingError, TrajectoryFormat
-from eqt_cli.logs.reading import Log, read_log
+from eqt_cli.logs.in_file import InFile
+from eqt_cli.logs.mapping import MAPPING, LogMapping, TrajectoryFormat
 from eqt_cli.mechanics.motions import Pieces, spline
 from eqt_cli.mechanics.smoothing import Smoothed, smoothed
 from eqt_cli.references.base import PiecewiseReference
@@ -47,7 +45,7 @@ class Waypoint:
 
 
 @dataclass(frozen=True)
-class WaypointsReference(PiecewiseReference):
+class WaypointsReference(InFile, PiecewiseReference):
     """A cubic spline on the group through every waypoint, or near all of them.
 
     Its acceleration has no jumps, and is 0 at both ends.
@@ -78,21 +76,6 @@ class WaypointsReference(PiecewiseReference):
     text: str | None = field(default=None, init=False, repr=False)
     digest: str = field(default="", init=False)
 
-    @property
-    def files(self) -> dict[str, str]:
-        """The file of the waypoints, if they are in one."""
-        return {} if self.file is None else {"file": self.file}
-
-    def with_files(self, texts: Mapping[str, str]) -> Self:
-        """The same with the content of its file."""
-        if self.file is None or self.file not in texts:
-            return self
-        text, found = texts[self.file], copy(self)
-        vars(found).pop("_prepared", None)
-        object.__setattr__(found, "text", text)
-        object.__setattr__(found, "digest", sha256(text.encode()).hexdigest())
-        return found
-
     def pieces(self, G: MatrixLieGroup) -> Pieces:
         """A piece from each waypoint to the next; raises `InputError` for times out of bounds."""
         times, poses = self._waypoints(G)
@@ -120,7 +103,7 @@ class WaypointsReference(PiecewiseReference):
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
         """What is odd in its file, and how far the motion is from the waypoints."""
         if self.file is not None:
-            log = self.prepared(G, self._log, "log")
+            log = self.log(G)
             yield from (f"{self.file}: {note}" for note in notes(log))
         if self.smoothing is None:
             return
@@ -159,14 +142,8 @@ class WaypointsReference(PiecewiseReference):
         if self.points is not None:
             poses = [pose_from(point.pose, G, Problems()) for point in self.points]
             return np.array([point.t for point in self.points]), np.array(poses)
-        log = self.prepared(G, self._log, "log")
+        log = self.log(G)
         return log.times, log.poses
-
-    def _log(self, G: MatrixLieGroup) -> Log:
-        assert self.text is not None and self.file is not None
-        log = read_log(self.text, self.file, self.format, G, self.mapping or LogMapping())
-        log.require_usable()
-        return log
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Waypoints that will not do, in the configuration or in the file."""
@@ -174,22 +151,18 @@ class WaypointsReference(PiecewiseReference):
             given = "neither" if self.file is None else "both"
             problems.add(f"expected the waypoints as `points` or in a `file`, got {given}")
             return
-        if self.mapping is not None:
-            if self.file is None:
-                problems.at(MAPPING).add("describes a `file`, which is not given; remove this key")
+        if self.mapping is not None and self.file is None:
+            problems.at(MAPPING).add("describes a `file`, which is not given; remove this key")
             self.mapping.check(problems.at(MAPPING))
         if self.smoothing is not None:
             self._deviations(G, problems.at("smoothing"))
-        if self.points is not None:
-            self._check_points(self.points, G, problems.at("points"))
-        elif self.text is None:
-            return  # it could not be read, which is noted
+        if self.points is None:
+            self.check_file(problems, lambda: self.prepared(G, self.pieces))
+            return
+        self._check_points(self.points, G, problems.at("points"))
         if not problems:
-            with problems.catching("points" if self.file is None else "file"):
-                try:
-                    self.prepared(G, self.pieces)
-                except MappingError as error:
-                    problems.at(MAPPING, *error.path).add(str(error))
+            with problems.catching("points"):
+                self.prepared(G, self.pieces)
 
     def _check_points(self, points: list[Waypoint], G: MatrixLieGroup, problems: Problems) -> None:
         if len(points) < 2:

@@ -1,6 +1,34 @@
 """The clock of a controller: when the law is evaluated, and when its command arrives."""
 
+import math
 from dataclasses import dataclass
+
+EXACT = 1e9
+"""Periods; of more, no rounding tells whether they are whole."""
+
+ROUNDING = 1e-9
+"""Relative: what decimals of a time and of a period leave."""
+
+
+def periods_in(time: float, period: float) -> int:
+    """How many whole periods a delay is; raises a `ValueError` that names the nearest.
+
+    Parameters
+    ----------
+    time, period
+        s.
+    """
+    count = time / period
+    if not 0 <= count < EXACT:
+        raise ValueError(f"expected from 0 to {EXACT:g} periods of {period:g} s, got {time:g} s")
+    if abs(count - round(count)) > ROUNDING * max(count, 1.0):
+        near = [math.floor(count), math.ceil(count)]
+        times = " or ".join(f"{1e3 * each * period:g} ms" for each in near)
+        raise ValueError(
+            f"expected a whole number of periods of {1e3 * period:g} ms, got {1e3 * time:g} ms; "
+            f"write {times}"
+        )
+    return round(count)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ also a list with one of these per factor.
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Container, Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.option_types import Angle, Real
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.validation import shown, validated
 from eqt_cli.groups.base import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
@@ -22,6 +22,9 @@ from eqt_cli.groups.product import ProductGroup
 
 GROUP_TOLERANCE = 1e-9
 """Largest ‖QᵀQ − I‖ of a pose written in decimal; less than the integrators' own tolerances."""
+
+ANGLES = ("rotvec", "angles")
+"""Keys of a pose that hold angles."""
 
 QUATERNION_TOLERANCE = 1e-3
 """Largest difference of a quaternion's norm to 1: what rounding to three digits leaves."""
@@ -224,3 +227,32 @@ def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
     from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
 
     return Rotation.from_euler(sequence, angles).as_matrix().reshape(3, 3)
+
+
+# Numbers that are meant as degrees ------------------------------------------------------------
+
+
+def many_turns(
+    value: Any, angles: Container[str | int], path: KeyPath = ()
+) -> Iterator[tuple[KeyPath, str]]:
+    """Angles of more than a turn that are written as numbers, without deg and pi, and what to do.
+
+    Parameters
+    ----------
+    value
+        A part of a configuration, as it is written.
+    angles
+        Keys in it that hold angles; numbers in lists within them are angles, too.
+    """
+    entries = dict(enumerate(value)) if isinstance(value, list) else value
+    for key, entry in entries.items() if isinstance(entries, dict) else ():
+        here = (*path, key)
+        if isinstance(entry, dict | list):
+            inner = range(len(entry)) if key in angles and isinstance(entry, list) else ()
+            yield from many_turns(entry, inner or angles, here)
+        elif key in angles and isinstance(entry, int | float) and abs(entry) > 2 * np.pi:
+            yield (
+                here,
+                f"rotation of {entry:g} rad is {abs(entry) / (2 * np.pi):.2g} turns; write "
+                f"'{entry:g} deg' if degrees were meant",
+            )

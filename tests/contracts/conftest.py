@@ -65,10 +65,19 @@ OPTIONS: dict[str, dict[str, Any]] = {
             Waypoint(3.0, {"rotvec": [0, 0.5, 0.5]}),
         ]
     },
+    "log": {"file": "motion.csv"},
     "swinging": {"frequencies": [1.0, 2.0, 0.5, 1.5, 0.1, 3.0]},
 }
 """Of components that have no default for them; lists are cut to the dimension of the group."""
 
+FILES = {
+    "motion.csv": """t,qx,qy,qz,qw,x,y,z,wx,wy,wz,vx,vy,vz
+0,0,0,0,1,0,0,0,0.3,0,0,1,0,0
+1,0.6,0,0,0.8,1,0.5,0,0.5,0.2,0,1,0.5,0.1
+3,0,0,0.8,0.6,1,2,3,0,0.1,0.4,0,0,1
+"""
+}
+"""Those that options name."""
 
 SLOW = {
     ("engine_class", "rk4_fixed"): "takes many steps; runge_kutta is an engine of a plugin, too",
@@ -123,12 +132,13 @@ def made(component: type, dimension: int = 3) -> Any:
     """A component with its default options."""
     kind = " force" if issubclass(component, Force) and component.name == "constant" else ""
     options = OPTIONS.get(component.name + kind, {})
-    return component(
+    found = component(
         **{
             name: values[:dimension] if isinstance(values, list) else values
             for name, values in options.items()
         }
     )
+    return found.with_files(FILES) if "file" in options else found
 
 
 @pytest.fixture

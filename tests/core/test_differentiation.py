@@ -95,6 +95,10 @@ def test_derivative_where_a_rule_could_go_wrong(text, at, expected):
         ("smoothstep(t, 1, 3)", 2.0, (0.5, 0.75, 0.0)),
         ("smoothstep(t, 1, 3)", 1.5, (0.15625, 0.5625, 0.75)),
         ("smoothstep(t, 1, 3)", 4.0, (1.0, 0.0, 0.0)),
+        # (ẏx − yẋ)/(x² + y²) = ((1 − t)2t + t² − 2)/((1 − t)² + (t² − 2)²), and its derivative.
+        ("atan2(t**2 - 2, 1 - t)", 0.0, (math.atan2(-2, 1), -0.4, 0.24)),
+        ("atan2(t**2 - 2, 1 - t)", 1.0, (-math.pi / 2, -1.0, -4.0)),
+        ("atan2(t**2 - 2, 1 - t)", 2.0, (math.atan2(2, -1), -0.4, 1.04)),
         ("where(t < 1, t, t**3)", 2.0, (8.0, 12.0, 12.0)),
         ("2", 2.0, (2.0, 0.0, 0.0)),
         ("2**t", 0.0, (1.0, math.log(2), math.log(2) ** 2)),

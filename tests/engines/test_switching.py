@@ -26,6 +26,7 @@ from eqt_cli.core.arrays import (
     smooth_less,
     where,
 )
+from eqt_cli.core.expressions import parse
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.native import STEP_SHARE, Native
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -144,6 +145,16 @@ def test_jump_in_time(solved):
     problem = problem_of(lambda s, law: where(less(s.t, 1.3), 1.0, 3.0) + 0 * s.V)
     V = velocity(problem, solved(problem))[0, :, 0]
     exact = 1 + problem.times + 2 * np.maximum(problem.times - 1.3, 0)
+    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+
+
+def test_an_angle_that_wraps(solved):
+    """V̇ = atan2(sin t, cos t): t until π, and t − 2π from there."""
+    angle = parse("atan2(sin(t), cos(t))")
+    problem = problem_of(lambda s, law: angle.evaluate({"t": s.t}) + 0 * s.V, duration=5.0)
+    V = velocity(problem, solved(problem))[0, :, 0]
+    t = problem.times
+    exact = 1 + t**2 / 2 - 2 * np.pi * np.maximum(t - np.pi, 0)
     np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
 
 

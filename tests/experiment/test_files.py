@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from eqt_cli.config.source import read_config
 from eqt_cli.config.yaml_source import dump
@@ -63,6 +64,47 @@ def test_a_result_runs_again_without_its_files(config, tmp_path):
         other = execute(study(read_config(again)), tmp_path / f"again{k}").folder
         with open_results(one.path) as left, open_results(other.path) as right:
             np.testing.assert_array_equal(left["pose"], right["pose"])
+
+
+def test_starts_of_a_table_take_a_mapping(config):
+    """Angles in deg and axes FRD, of a file that names its columns otherwise."""
+    rows = "psi,pitch,roll,wx,wy,wz\n30,20,10,1,2,3\n"
+    (config.parent / "flown.csv").write_text(rows)
+    mapping = "{columns: {yaw: psi}, units: {yaw: deg, pitch: deg, roll: deg}, body: FRD to FLU}"
+    asked = ["initial.file=flown.csv", "initial.relative=true", f"initial.mapping={mapping}"]
+    found = build(read_config(config, asked))
+    FRD = np.diag([1.0, -1.0, -1.0])
+    R = Rotation.from_euler("ZYX", [30, 20, 10], degrees=True).as_matrix() @ FRD
+    np.testing.assert_allclose(found.poses.errors, [R], atol=1e-15)
+    np.testing.assert_array_equal(found.velocities.errors, [[1, -2, -3]])
+    assert found.resolved["initial"]["mapping"]["body"] == "FRD to FLU"
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (
+            ["initial={pose: fixed, mapping: {}}"],
+            "applies only to poses from a `file`; give `file` too, or remove this key",
+        ),
+        (
+            ["initial.mapping={time: {offset: 1}}"],
+            "rows of initial states have no times, and their velocities are in the body frame; "
+            "remove this key",
+        ),
+        (
+            ["initial.mapping={columns: {wx: p}}"],
+            "starts.csv:1: no column 'p'; write a heading of the file, without a unit",
+        ),
+        (
+            ["initial.mapping={euler: ZZZ}"],
+            "expected each of the three axes once, such as ZYX (yaw, pitch, roll about the turned "
+            "axes) or zyx (about the fixed ones), got 'ZZZ'",
+        ),
+    ],
+)
+def test_a_mapping_of_starts_that_will_not_do(config, asked, said):
+    assert messages(config, *asked) == [said]
 
 
 def test_runs_start_where_those_of_a_result_did(config, tmp_path):
@@ -133,3 +175,30 @@ def test_the_cross_check_of_many_knots_is_of_the_beginning(config, monkeypatch):
         check = results.attributes
         assert str(check["cross_check_method"]).endswith(" over the first 1 s")
         assert check["cross_check_difference"] < check["cross_check_bound"]
+
+
+def test_angles_of_many_turns_that_are_written_as_numbers_are_told(config):
+    asked = [
+        "reference={kind: slew, to: {rotvec: [45, 15*pi, 720 deg]}, duration: 1}",
+        "initial={pose: {kind: euler, low: -30, high: 6}}",
+    ]
+    found = [str(remark) for remark in remarks(build(read_config(config, asked)))]
+    assert [said.partition(": ")[2] for said in found if "rotation of" in said] == [
+        "reference.to.rotvec[0]: rotation of 45 rad is 7.2 turns; write '45 deg' if degrees were "
+        "meant",
+        "initial.pose.low: rotation of -30 rad is 4.8 turns; write '-30 deg' if degrees were meant",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "key", "written", "expected"),
+    [
+        ("fixed", "coordinates", "[30 deg, 0, 0]", [np.pi / 6, 0, 0]),
+        ("exp_normal", "centre", "[0, 30 deg, 0]", [0, np.pi / 6, 0]),
+        ("exp_normal", "std", "30 deg", np.pi / 6),
+    ],
+)
+def test_coordinates_of_starts_may_be_in_degrees(config, kind, key, written, expected):
+    asked = [f"initial={{pose: {{kind: {kind}, {key}: {written}}}}}"]
+    found = build(read_config(config, asked))
+    assert getattr(found.poses, key) == pytest.approx(expected, rel=1e-15)

@@ -8,8 +8,10 @@ from scipy.spatial.transform import Rotation
 
 import eqt_cli
 from eqt_cli.core.errors import ConfigError, EqtError, InputError
+from eqt_cli.groups import group_named
 from eqt_cli.logs.check import check_text
 from eqt_cli.logs.mapping import LogMapping, TimeMapping
+from eqt_cli.logs.reading import read_log
 
 HEAD = "t,qx,qy,qz,qw,x,y,z,wx,wy,wz,vx,vy,vz"
 NUMBERED = HEAD.replace("qx,qy,qz,qw", "q0,q1,q2,q3")
@@ -108,11 +110,37 @@ MISTAKES = {
         {"t": 1e3 * T},
         {},
         [
-            "rows are 50 s apart, which is unusual; add `units: {t: …}` to the mapping if t is not "
-            "in s",
+            "rows are 50 s apart, which is unusual; add `units: {t: ms}` to the mapping if t is in "
+            "ms",
             f"{W} are 1000 times the velocity of the poses; add `units: {{t: ms}}` if t is in ms",
             f"{V} are 1000 times the velocity of the poses; add `units: {{vx: mm/s, vy: mm/s, "
             "vz: mm/s}` if the velocity is in mm/s, or `units: {t: ms}` if t is in ms",
+        ],
+    ),
+    "slow clock": (
+        {"t": T / 2},
+        {},
+        [
+            f"{axes} are 0.5 times the velocity of the poses; check their units, and add "
+            "`time: {scale: 2}` if the clock is wrong"
+            for axes in (W, V)
+        ],
+    ),
+    "clock that is a little fast": (
+        {"t": 1.2 * T},
+        {},
+        [
+            f"{axes} are 1.2 times the velocity of the poses; check their units, and add "
+            f"`time: {{scale: {scale}}}` if the clock is wrong"
+            for axes, scale in ((W, 0.833), (V, 0.834))
+        ],
+    ),
+    "a part of a rotation": (
+        {"head": HEAD.replace("qw", "foo")},
+        {},
+        [
+            "column qw is missing, without which qx, qy, qz are of no use",
+            "columns qx, qy, qz, foo, wx, wy, wz are not used",
         ],
     ),
     "none that is known": (
@@ -253,3 +281,79 @@ def test_a_format_that_is_none_is_told(tmp_path):
     with pytest.raises(InputError) as raised:
         eqt_cli.check_log(tmp_path / "flight.csv", format="cvs")
     assert str(raised.value) == "format: expected one of csv, tum, euroc, got 'cvs'"
+
+
+ANGLES = np.column_stack([T, R.as_euler("ZYX"), MADE["w"]])
+
+
+@pytest.mark.parametrize("sequence", ["XYZ", "zyx", "ZXY"])
+def test_rates_tell_the_order_of_angles(sequence):
+    lines = (",".join(map(repr, row)) for row in ANGLES.tolist())
+    found = check("t,yaw,pitch,roll,wx,wy,wz\n" + "\n".join(lines), euler=sequence)
+    [note] = found.notes
+    assert note.endswith("and with `euler: ZYX` by 0 %; correct the mapping")
+
+
+POSES = "t,qx,qy,qz,qw\n0,0,0,0,1\n1,0,0,0,1\n"
+FILES = {
+    "semicolons": (
+        "t;angle\n0;1\n1;2\n",
+        {},
+        "log.csv:1: the columns are parted by semicolons; expected commas, and decimals with a "
+        "point",
+    ),
+    "tabs": (
+        "t\tangle\n0\t1\n",
+        {},
+        "log.csv:1: the columns are parted by tabs; expected commas, and decimals with a point",
+    ),
+    "another format": (
+        "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n",
+        {},
+        "log.csv:1: has 8 numbers parted by spaces; use the format tum",
+    ),
+    "an angle is missing": (
+        "t,yaw,pitch,rolll\n0,0,0,0\n1,0,0,0\n",
+        {},
+        "log.csv:1: column roll is missing, without which yaw, pitch are of no use",
+    ),
+    "names of columns exchanged": (
+        POSES.replace("t,", "stamp,", 1),
+        {"columns": {"stamp": "t"}},
+        "log.csv:1: no column 't'; eqt's name is first: write `{t: stamp}`",
+    ),
+    "a name that eqt does not know": (
+        POSES,
+        {"columns": {"time": "t"}},
+        "eqt has no column of this name; it knows t, qx, qy, qz, qw, yaw, pitch, roll, x, y, z, "
+        "wx, vx and others",
+    ),
+    "a unit of none": (
+        POSES,
+        {"units": {"qx": "deg"}},
+        "column qx: expected no unit, got 'deg'",
+    ),
+    "an order of angles that it has not": (
+        POSES,
+        {"euler": "xyz"},
+        "the poses of log.csv have no yaw, pitch and roll; remove this key",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", FILES)
+def test_a_file_that_is_otherwise_than_said(mistake):
+    text, mapping, expected = FILES[mistake]
+    with pytest.raises(InputError) as caught:
+        check(text, **mapping)
+    assert str(caught.value) == expected
+
+
+def test_velocities_beside_an_incomplete_pose_are_no_pose():
+    head = HEAD.replace("qw", "foo")
+    with pytest.raises(InputError) as caught:
+        read_log(recording(head=head), "l.csv", "csv", group_named("SE3"), LogMapping())
+    assert str(caught.value) == (
+        "l.csv:1: missing column qw; a pose of SE3 has qx, qy, qz, qw, x, y, z (or yaw, pitch, "
+        "roll, x, y, z, or the coordinates wx, wy, wz, vx, vy, vz)"
+    )

@@ -149,13 +149,13 @@ def test_what_is_wrong_in_other_formats(kind, text, message):
 def test_starts_with_velocities_and_without():
     G, q = group_named("SO3"), TURNS.as_quat()
     V = np.arange(9.0).reshape(3, 3)
-    poses, none = read_starts("qx,qy,qz,qw\n" + lines(q), "s.csv", G)
+    poses, none = read_starts("qx,qy,qz,qw\n" + lines(q), "s.csv", G, LogMapping())
     assert none is None
     np.testing.assert_allclose(poses, TURNS.as_matrix(), rtol=0, atol=EXACT)
-    _, found = read_starts("qx,qy,qz,qw,wx,wy,wz\n" + lines(np.c_[q, V]), "s.csv", G)
+    _, found = read_starts("qx,qy,qz,qw,wx,wy,wz\n" + lines(np.c_[q, V]), "s.csv", G, LogMapping())
     np.testing.assert_array_equal(found, V)
     with pytest.raises(InputError, match=r"^s\.csv:1: missing column wz; a velocity on SO3 has"):
-        read_starts("qx,qy,qz,qw,wx,wy\n" + lines(np.c_[q, V[:, :2]]), "s.csv", G)
+        read_starts("qx,qy,qz,qw,wx,wy\n" + lines(np.c_[q, V[:, :2]]), "s.csv", G, LogMapping())
 
 
 # Units, Euler's angles and mappings ---------------------------------------------------------------

@@ -385,3 +385,23 @@ def test_step_limit_counts_the_steps_of_all_spans():
     assert solution.steps[0] == 12
     assert np.isfinite(solution.states[0, 0]).all()
     assert np.isnan(solution.states[0, -1]).all()
+
+
+# Degrees ------------------------------------------------------------------------------------------
+
+
+def test_a_factor_in_degrees_is_that_in_radians():
+    G, t = group_named("SO3"), np.linspace(0, 3, 7)
+    one, other = (
+        PathReference([PathFactor("wz", by)]) for by in ("30*t + 5 deg", "(30*t + 5)*pi/180")
+    )
+    for left, right in zip(one.motion(G, t), other.motion(G, t), strict=True):
+        np.testing.assert_array_equal(left, right)
+
+
+def test_degrees_are_none_along_an_axis_that_moves():
+    problems = Problems()
+    PathReference([PathFactor("vx", "2 deg")]).check(group_named("SE3"), problems)
+    assert [(problem.path, problem.message) for problem in problems] == [
+        ("factors[0].by", "expected no deg along an axis that moves, got '2 deg'")
+    ]

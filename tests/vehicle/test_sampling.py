@@ -1,5 +1,6 @@
 """The clock of a law, and errors of what it is told."""
 
+import json
 import runpy
 from pathlib import Path
 
@@ -8,11 +9,16 @@ import pytest
 
 from eqt_cli.api import open_results
 from eqt_cli.closed_loop.signals import compute
-from eqt_cli.config.source import read_config
+from eqt_cli.config import yaml_source
+from eqt_cli.config.schema import ControlSection
+from eqt_cli.config.source import ConfigSource, read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.over_time import Samples
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import validated
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.build import build
+from eqt_cli.experiment.read_study import study
 from eqt_cli.groups import group_named
 from eqt_cli.results.metrics import energy_residual
 from eqt_cli.vehicle.sensors.bias import Bias
@@ -327,3 +333,39 @@ def test_energy_balance_of_a_sampled_law_with_memory(solved, engine):
     assert np.abs(L[:, -1] - L[:, 0]).min() > 1e-3
     # As the certificate allows: 100 rtol.
     assert energy_residual(Samples(problem.times), L, balance).max() < 1e-7
+
+
+# A delay as a time --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("written", "periods"), [("20 ms", 2), ("0.03 s", 3), ("40000us", 4), ("2*10 ms", 2), (5, 5)]
+)
+def test_a_delay_may_be_a_time(written, periods):
+    found = ControlSection.model_validate({"period": 0.01, "delay": written})
+    assert found.delay == periods
+
+
+@pytest.mark.parametrize(
+    ("period", "written", "said"),
+    [
+        (
+            0.01,
+            "25 ms",
+            "expected a whole number of periods of 10 ms, got 25 ms; write 20 ms or 30 ms",
+        ),
+        (0.01, "-10 ms", "expected from 0 to 1e+09 periods of 0.01 s, got -0.01 s"),
+        (0.01, "1e300 s", "expected from 0 to 1e+09 periods of 0.01 s, got 1e+300 s"),
+    ],
+)
+def test_a_delay_of_no_whole_periods(period, written, said):
+    problems = Problems()
+    assert validated(ControlSection, {"period": period, "delay": written}, problems) is None
+    assert [problem.message for problem in problems] == [said]
+
+
+def test_a_sweep_of_delays_as_times():
+    values = {"control.delay": ["0 ms", "100 ms"]}
+    source = yaml_source.load(NOISY + f"sweep: [{{grid: {json.dumps(values)}}}]\n", "c.yaml")
+    found = study(ConfigSource(source, source.data, Path()))
+    assert [found.experiment(k).config.control.delay for k in range(2)] == [0, 1]

@@ -193,8 +193,8 @@ class LawCovered(Hypothesis):
         ]
 
     def _covered(self, loop: ClosedLoop, label: str) -> Row:
-        if not loop.vehicle.is_ideal:
-            return self.row(Verdict.NOT_COVERED, remark=loop.vehicle.departures, controller=label)
+        if loop.departures:
+            return self.row(Verdict.NOT_COVERED, remark=loop.departures, controller=label)
         verdicts = {True: Verdict.HOLDS, False: Verdict.VIOLATED, None: Verdict.UNKNOWN}
         return self.row(verdicts[loop.claims_decrease], controller=label)
 

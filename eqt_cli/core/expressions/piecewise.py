@@ -8,7 +8,9 @@ from functools import reduce
 from itertools import combinations
 from typing import Any
 
-from eqt_cli.core.arrays import clip, less, maximum, minimum, where
+import numpy as np
+
+from eqt_cli.core.arrays import absolute, apply, clip, less, maximum, minimum, smooth_less, where
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,15 @@ def _chosen(a: Any, b: Any, x: Any, y: Any) -> Any:
     return where(less(a, b), x, y)
 
 
+def _atan2(y: Any, x: Any) -> Any:
+    """The angle of (x, y) from the axis x, by the arc tangent of at most 1 in size."""
+    steep = smooth_less(absolute(x), absolute(y))
+    angle = apply("atan", where(steep, x, y) / where(steep, y, x))
+    above = where(smooth_less(y, 0.0), -np.pi / 2, np.pi / 2)
+    behind = where(less(y, 0.0), -np.pi, np.pi)  # which jumps
+    return where(steep, above - angle, where(smooth_less(x, 0.0), angle + behind, angle))
+
+
 def _every_pair(count: int) -> Iterable[tuple[int, int | None]]:
     return combinations(range(count), 2)
 
@@ -65,6 +76,12 @@ PIECEWISE = {
         lambda _: [(0, 1), (0, 2)],
         "three arguments, as in 'smoothstep(t, 1, 3)', which rises from 0 at 1 to 1 at 3",
         3,
+    ),
+    "atan2": Piecewise(
+        _atan2,
+        lambda _: [(0, None)],
+        "two arguments, as in 'atan2(y, x)', the angle of the point (x, y) in rad",
+        2,
     ),
     "where": Piecewise(
         _chosen,

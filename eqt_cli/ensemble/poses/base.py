@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,7 +19,14 @@ class PoseDistribution(Distribution):
     """A distribution on a group: a frozen dataclass whose fields are its options.
 
     It draws random numbers, ``(k,)``: run k starts at Q(0) = Q_d(0) · `place`.
+
+    Attributes
+    ----------
+    angles
+        Options that are angles of any size.
     """
+
+    angles: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:

@@ -27,6 +27,7 @@ class Euler(RotationDistribution):
     """
 
     name: ClassVar[str] = "euler"
+    angles: ClassVar[tuple[str, ...]] = ("low", "high")
 
     sequence: str = "ZYX"
     low: Angle = -np.pi

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.option_types import Real
+from eqt_cli.core.option_types import Angle
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.poses.base import PoseDistribution
 from eqt_cli.ensemble.spread import NormalCoordinates, check_coordinates
@@ -20,14 +20,15 @@ class ExpNormal(NormalCoordinates, PoseDistribution):
     Attributes
     ----------
     std
-        Standard deviation of every coordinate, or a list of m.
+        Standard deviation of every coordinate, or a list of m; turns also such as 5 deg.
     centre
         m algebra coordinates of the pose that they are drawn around; the identity where not given.
     """
 
     name: ClassVar[str] = "exp_normal"
 
-    centre: list[Real] | None = None
+    std: Angle | list[Angle] = 1.0
+    centre: list[Angle] | None = None
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """exp of the centre times exp of the coordinates."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.option_types import Angle
 from eqt_cli.ensemble.poses.base import PoseDistribution
 from eqt_cli.ensemble.spread import Coordinates
 from eqt_cli.groups import MatrixLieGroup
@@ -16,10 +17,12 @@ class FixedPose(Coordinates, PoseDistribution):
     Attributes
     ----------
     coordinates
-        m algebra coordinates; on SO3 a rotation vector, rad.
+        m algebra coordinates; on SO3 a rotation vector, rad, or such as 30 deg.
     """
 
     name: ClassVar[str] = "fixed"
+
+    coordinates: list[Angle] | None = None
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """exp of the coordinates."""

@@ -1,0 +1,136 @@
+"""`eqt replay` and `eqt fit`: a model against a recording."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.help import EXPERIMENT
+from eqt_cli.cli.shared.output import laid_out, print_found, say
+
+if TYPE_CHECKING:
+    from eqt_cli.fitting.growth import Growth
+    from eqt_cli.fitting.plant_fit import PlantFit
+
+Measured = Annotated[
+    Path, options.valued("--measured", "FILE", "Recording with poses and wrenches.", EXPERIMENT)
+]
+Hold = Annotated[
+    str,
+    options.named(
+        "--hold",
+        completion.words("zero", "linear"),
+        "How the wrench goes on behind a row: zero holds it, as an autopilot does; linear "
+        "interpolates.",
+        EXPERIMENT,
+    ),
+]
+
+
+def _horizon(default: str) -> Any:
+    return options.valued(
+        "--horizon", "S", f"Length of a window, s. Default: {default} of the recording.", EXPERIMENT
+    )
+
+
+def replay(
+    config: options.Config,
+    measured: Measured,
+    mapping: options.Mapping = None,
+    log_format: options.LogFormat = "csv",
+    hold: Hold = "zero",
+    horizon: Annotated[float | None, _horizon("a tenth")] = None,
+    windows: Annotated[
+        int,
+        options.valued("--windows", "N", "Most windows.", EXPERIMENT, min=1),
+    ] = 50,
+    set_: options.Set = None,
+    engine: options.Engine = None,
+    out: Annotated[Path | None, options.out("Folder for the figure replay.")] = None,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Drive the plant by a recorded wrench and print how its error grows with the horizon.
+
+    Many windows start in recorded states. The laws of the configuration take no part.
+    """
+    from eqt_cli import api
+    from eqt_cli.config.source import read_config
+    from eqt_cli.fitting.tables import growth_table
+
+    found = api.replay(
+        read_config(config, options.overrides(set_, engine)),
+        measured,
+        mapping,
+        format=log_format,
+        hold=hold,
+        horizon=horizon,
+        windows=windows,
+        out=out,
+        trust_plugins=trust_plugins,
+    )
+    print_found(_plain(found), laid_out(growth_table(found)), json=json)
+    if out is not None:
+        say(f"figure in {out}")
+
+
+def fit(
+    config: options.Config,
+    measured: Measured,
+    over: Annotated[
+        str,
+        options.valued(
+            "--over",
+            "KEYS",
+            "Numbers of the plant to find, parted by commas, such as "
+            "plant.inertia.relative,plant.forces[0].linear.",
+            EXPERIMENT,
+        ),
+    ],
+    mapping: options.Mapping = None,
+    log_format: options.LogFormat = "csv",
+    hold: Hold = "zero",
+    horizon: Annotated[float | None, _horizon("a twentieth")] = None,
+    set_: options.Set = None,
+    engine: options.Engine = None,
+    out: Annotated[Path | None, options.out("Folder for fitted.yaml.")] = None,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Find numbers of the plant with which it predicts a recording, with 95 % intervals.
+
+    The configuration with these numbers is written as fitted.yaml, in results/NAME-fitted.
+    """
+    from eqt_cli import api
+    from eqt_cli.config.source import read_config
+    from eqt_cli.fitting.tables import fit_tables
+
+    found = api.fit(
+        read_config(config, options.overrides(set_, engine)),
+        measured,
+        [key.strip() for key in over.split(",") if key.strip()],
+        mapping,
+        format=log_format,
+        hold=hold,
+        horizon=horizon,
+        out=out,
+        trust_plugins=trust_plugins,
+    )
+    numbers, residuals = map(laid_out, fit_tables(found))
+    print_found(_plain(found), numbers, "", residuals, "", str(found.config), json=json)
+
+
+def _plain(found: Growth | PlantFit) -> dict[str, Any]:
+    """What was found as JSON can hold it."""
+    values = {each.name: getattr(found, each.name) for each in fields(found)}
+    return {name: _entry(value) for name, value in values.items() if name != "source"}
+
+
+def _entry(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [vars(each) if hasattr(each, "__dict__") else each for each in value]
+    return str(value) if isinstance(value, Path) else getattr(value, "tolist", lambda: value)()

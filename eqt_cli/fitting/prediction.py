@@ -1,0 +1,254 @@
+"""What a plant does under a recorded wrench, in windows of the recording; it knows no search.
+
+A window is a problem of an engine like any other, from the recorded state at its first row to its
+last: the instants at which the wrench changes are those of the loop. Plants with other numbers, and
+other first states, are runs of one problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers.replay import Replay
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError
+from eqt_cli.engines import Engine, Problem
+from eqt_cli.execution.batches import differing
+from eqt_cli.experiment.build import Experiment
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.logs.recording import Recording
+from eqt_cli.references.constant import ConstantReference
+from eqt_cli.vehicle.vehicle import ACTUATORS
+
+STEP = 1e-4
+"""Of a coordinate of a first state, rad, m, rad/s or m/s, from which derivatives are taken: far
+above the error of an engine, and far below where a motion bends."""
+
+FEWEST_ROWS = 5
+"""Of a window."""
+
+THIRD = 20.0
+"""The variance of third differences of white noise, of that of the noise."""
+
+LEAST_NOISE = 1e-9
+"""Of the size of what was measured: below it, noise is not told from an engine's error."""
+
+FIRST_ROWS = 10
+"""From which a first velocity is found, where none was recorded."""
+
+
+def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
+    """The plant of an experiment under a recorded wrench, with no clock and no sensors.
+
+    Raises
+    ------
+    EqtError
+        If it has parts whose state or numbers no recording tells.
+    """
+    loop = next(iter(experiment.loops.values()))
+    vehicle = replace(loop.vehicle, control=None, pose_sensors=(), velocity_sensors=())
+    for place, part in vehicle.parts.items():
+        if part.varies:
+            raise EqtError(f"{place}: is drawn for each run; give a number to replay a recording")
+    for index, actuator in enumerate(vehicle.actuators):
+        if actuator.sampled or actuator.states(loop.group):
+            raise EqtError(
+                f"{ACTUATORS}[{index}]: has a state that no recording holds; remove it, and record "
+                "the wrench behind it"
+            )
+    vehicle = replace(vehicle, given=vehicle.numbers(loop.group))
+    return replace(loop, reference=ConstantReference(), controller=law, vehicle=vehicle)
+
+
+@dataclass(frozen=True)
+class Window:
+    """Some rows of a recording, and the state that a prediction begins with.
+
+    Attributes
+    ----------
+    rows
+        Of the recording, without a gap.
+    pose : (d, d)
+    velocity : (m,)
+        At the first of them.
+    """
+
+    rows: slice
+    pose: Array
+    velocity: Array
+
+    def moved(self, G: MatrixLieGroup, by: Array) -> Window:
+        """The same from another state, by the coordinates of its pose and its velocity."""
+        m = G.dimension
+        return replace(self, pose=self.pose @ G.exp(by[:m]), velocity=self.velocity + by[m:])
+
+
+@dataclass(frozen=True)
+class Windows:
+    """A recording as it is predicted.
+
+    Attributes
+    ----------
+    recording
+        With wrenches.
+    horizon
+        The length of a window, s.
+    """
+
+    recording: Recording
+    horizon: float
+
+    @cached_property
+    def starts(self) -> Array:
+        """The rows from which a window goes to its end without a gap.
+
+        Raises
+        ------
+        EqtError
+            If there is none.
+        """
+        times, name = self.recording.times, self.recording.name
+        ends = self._ends
+        behind = np.append(self.recording.gaps, len(times) - 1)
+        last = behind[np.searchsorted(behind, np.arange(len(times)))]
+        rows = np.flatnonzero(ends <= last)
+        if not len(rows):
+            longest = float((times[last] - times).max())
+            raise EqtError(
+                f"{name}: its longest stretch without a gap has {longest:.4g} s; give a horizon of "
+                f"at most that, got {self.horizon:g} s"
+            )
+        fewest = int((ends - np.arange(len(times)))[rows].min()) + 1
+        if fewest < FEWEST_ROWS:
+            raise EqtError(
+                f"{name}: a window of {self.horizon:g} s has {fewest} rows; give a longer horizon, "
+                f"of at least {FEWEST_ROWS} rows"
+            )
+        return rows
+
+    @property
+    def _ends(self) -> Array:
+        """For each row the last one of a window that begins there."""
+        times = self.recording.times
+        return np.searchsorted(times, times + self.horizon * (1 - 1e-9))
+
+    def spread(self, count: int) -> list[Window]:
+        """At most so many windows, spread over the recording; they may overlap."""
+        chosen = np.linspace(0, len(self.starts) - 1, min(count, len(self.starts)))
+        return [self._window(int(row)) for row in self.starts[np.round(chosen).astype(int)]]
+
+    def apart(self) -> list[Window]:
+        """As many windows as there are that have no row in common."""
+        found, free = [], -1
+        for row in self.starts.tolist():
+            if row > free:
+                found.append(self._window(row))
+                free = found[-1].rows.stop - 1
+        return found
+
+    def _window(self, row: int) -> Window:
+        rows = slice(row, int(self._ends[row]) + 1)
+        velocity = self.recording.velocities[row]
+        if np.isnan(velocity).any():
+            velocity = np.where(np.isnan(velocity), self._velocity(rows), velocity)
+        return Window(rows, self.recording.poses[row], velocity)
+
+    def _velocity(self, rows: slice) -> Array:
+        """That of the parabola near the first poses."""
+        G, few = self.recording.group, slice(rows.start, min(rows.start + FIRST_ROWS, rows.stop))
+        t = self.recording.times[few] - self.recording.times[rows.start]
+        poses = self.recording.poses[few]
+        found = np.linalg.lstsq(
+            np.stack([np.ones_like(t), t, t**2], axis=1), G.log(G.inverse(poses[0]) @ poses)
+        )
+        return found[0][1]
+
+    @property
+    def kinds(self) -> list[tuple[str, str, slice]]:
+        """Parts of the pose, and of the velocity where it was recorded: name, unit and axes."""
+        found, m = [], self.recording.group.dimension
+        for part in self.recording.group.parts:
+            unit = "rad" if part.turns else part.pose_unit
+            found.append((part.name, unit, part.axes))
+        for part in self.recording.group.parts:
+            axes = slice(m + part.axes.start, m + part.axes.stop)
+            if np.isfinite(self.noise[axes]).all():
+                found.append((f"{part.name} rate", part.velocity_unit, axes))
+        return found
+
+    @cached_property
+    def noise(self) -> Array:
+        """The standard deviation of what was measured, from third differences, ``(2m,)``.
+
+        Of coordinates of poses and then of velocities; NaN of those that were not measured. It
+        counts what is random from row to row, and nothing slower.
+        """
+        G, poses, V = self.recording.group, self.recording.poses, self.recording.velocities
+        steps = G.log(G.inverse(poses[:-1]) @ poses[1:])
+        third = np.concatenate([np.diff(steps, 2, axis=0), np.diff(V, 3, axis=0)], axis=1)
+        for gap in self.recording.gaps.tolist():
+            third[max(gap - 2, 0) : gap + 1] = 0.0
+        sizes = np.concatenate([np.abs(steps).sum(axis=0), np.abs(V).max(axis=0)])
+        return np.maximum(np.sqrt(np.mean(third**2, axis=0) / THIRD), LEAST_NOISE * (1 + sizes))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of the prediction of a window, and how they change, in coordinates of the body.
+
+    Attributes
+    ----------
+    values : (rows, 2m)
+        Of the pose, log(Q⁻¹Q̂) with the measured Q, and of the velocity.
+    by_state : (rows, 2m, 2m)
+        With the coordinates of the first state.
+    by_number : (rows, 2m, p)
+        With the numbers of the plant.
+    """
+
+    values: Array
+    by_state: Array
+    by_number: Array
+
+
+def errors(
+    loops: Sequence[ClosedLoop],
+    steps: Array,
+    engine: Engine,
+    recording: Recording,
+    window: Window,
+) -> Errors | None:
+    """The errors of a window; None where a run fails.
+
+    Parameters
+    ----------
+    loops
+        A plant of the same structure, the plant itself, and with each of its numbers a step
+        further. An engine compiles the first only, so that it should stay the same.
+    steps
+        So far.
+    """
+    G, m, p = recording.group, recording.group.dimension, len(loops) - 2
+    moves = np.concatenate([np.zeros((1, 2 * m)), STEP * np.eye(2 * m), np.zeros((p, 2 * m))])
+    which = np.append(np.ones(1 + 2 * m, dtype=int), np.arange(2, p + 2))
+    Q0, V0 = window.pose @ G.exp(moves[:, :m]), window.velocity + moves[:, m:]
+    times = recording.times[window.rows]
+    problem = Problem(loops[0], Q0, times, differing(list(loops), which))
+    loop = problem.batched_loop()
+    still = np.zeros((1, m))
+    states = loop.initial_state(Q0, V0, G.identity[None], still, float(times[0]))
+    problem = replace(problem, states=states)
+    solution = engine.solve(problem)
+    if solution.status.any():
+        return None
+    s = problem.batched_loop(1).tracking(times, solution.states)
+    measured = recording.poses[window.rows], recording.velocities[window.rows]
+    found = np.concatenate([G.log(G.inverse(measured[0]) @ s.Q), s.V - measured[1]], axis=-1)
+    change = found[1:] - found[0]
+    by_state, by_number = change[: 2 * m] / STEP, change[2 * m :] / steps[:, None, None]
+    return Errors(found[0], np.moveaxis(by_state, 0, -1), np.moveaxis(by_number, 0, -1))
