@@ -89,9 +89,9 @@ class Replay(InFile, Controller):
         """The wrench of the row before a time, and how it goes on."""
         if np.asarray(t).dtype == object:
             raise TraceError(
-                "replay applies a recorded wrench between its rows, which is compiled for a "
-                "continuous loop only",
-                Remedy("remove `control`, or use engine solve_ivp"),
+                "replay is no law that is compiled by itself: it applies a recorded wrench between "
+                "its rows",
+                Remedy("remove `control`, use engine solve_ivp, or export another law"),
             )
         times, wrenches = self.recording(G).times, self.recording(G).wrenches
         late = t + SAME_TIME * np.maximum(1.0, np.abs(t))

@@ -110,7 +110,8 @@ class Problem:
         """The horizon, cut at these instants and where a sampled law is evaluated."""
         start, stop = float(self.times[0]), float(self.times[-1])
         ticks = self._control_instants(start, stop)
-        known = _nearest(instants, np.array([*self.times, *ticks]))
+        within_it = instants[(start < instants) & (instants < stop)]  # of perhaps a long recording
+        known = _nearest(within_it, np.array([*self.times, *ticks]))
         inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
         ends = np.array([start, *inner, stop])
         # A sample at an instant is of the span behind it, and the last one of the last.

@@ -13,7 +13,7 @@ from eqt_cli.engines import Engine
 from eqt_cli.fitting.prediction import Windows, errors
 
 HORIZONS = 10
-"""At which errors are told, evenly up to the longest."""
+"""At which errors are told at the most: rows of the first window, spread up to the longest."""
 
 LOW, HIGH = 0.1, 0.9
 """Quantiles."""
@@ -39,7 +39,8 @@ class Growth:
         Of the error over windows: the median, the 10 % and the 90 % quantile, the root mean square.
     noise : (parts, h)
         The root mean square that the noise of the recording alone gives a perfect model: that of
-        the first state, as it grows, and that of the row at the horizon.
+        the first state, as it grows, and that of the row at the horizon. A first velocity that
+        was not recorded counts as exact.
     notes
         What a reader should know of the recording and the model.
     """
@@ -69,9 +70,10 @@ def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int) -> Gr
     recording, variances = windows.recording, windows.noise**2
     measured = np.isfinite(windows.noise)
     kinds = windows.kinds
-    horizons = windows.horizon * np.arange(1, HORIZONS + 1) / HORIZONS
-    own, expected = [], []
-    chosen = windows.spread(count)
+    own, expected, chosen = [], [], windows.spread(count)
+    first = recording.times[chosen[0].rows]
+    told = np.unique(np.linspace(0, len(first) - 1, HORIZONS + 1).round().astype(int)[1:])
+    horizons = first[told] - first[0]
     for window in chosen:
         found = errors([loop, loop], np.empty(0), engine, recording, window)
         if found is None:

@@ -329,8 +329,8 @@ def fit(
 ) -> PlantFit:
     """The numbers of a plant with which it predicts the windows of a recording best.
 
-    Least squares of the errors over the noise, by SciPy. Intervals are those of a block bootstrap:
-    windows are drawn, and the estimate is linear in what each adds to it.
+    Least squares of the errors over the noise, by SciPy. Intervals are those of a block bootstrap,
+    of which the blocks are the windows.
 
     Raises
     ------
@@ -358,10 +358,8 @@ def fit(
             break
     singular = problem.require_told(found)
     after = problem.sizes(found, len(keys))
-    gram = sum(one.derivatives.T @ one.derivatives for one in found)
-    pulls = [np.linalg.solve(gram, one.derivatives.T @ one.residuals) for one in found]
-    intervals = intervals_of_means(numbers - len(found) * np.array(pulls), Resampling())
-    columns = zip(keys, start, numbers, intervals.low, intervals.high, strict=True)
+    low, high = intervals(found) + numbers
+    columns = zip(keys, start, numbers, low, high, strict=True)
     return PlantFit(
         name,
         [FittedNumber(key, *map(float, values)) for key, *values in columns],
@@ -372,6 +370,24 @@ def fit(
         windows.horizon,
         problem.at(numbers),
     )
+
+
+def intervals(found: list[_Linear]) -> Array:
+    """The ends of the 95 % intervals of the numbers, relative to what was found, ``(2, p)``.
+
+    What a window adds is told by the numbers without it, to first order, which are θ + (A − A_w)⁻¹
+    b_w with A_w = J_wᵀJ_w and b_w = J_wᵀr_w (pseudo-values of the jackknife). Their mean is
+    resampled.
+    """
+    squares = [one.derivatives.T @ one.derivatives for one in found]
+    pulls = [one.derivatives.T @ one.residuals for one in found]
+    others, whole = len(found) - 1, sum(squares)
+    values = [
+        -others * np.linalg.solve(whole - own, pull)
+        for own, pull in zip(squares, pulls, strict=True)
+    ]
+    mean = intervals_of_means(np.array(values), Resampling())
+    return np.stack([mean.low - mean.mean, mean.high - mean.mean])
 
 
 def _residuals(windows: Windows, before: Array, after: Array) -> Iterator[Residual]:

@@ -1,5 +1,7 @@
 """Numbers of a plant that are fitted to recordings of which the truth is known."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -122,17 +124,40 @@ def test_few_windows_give_no_interval(recorded):
     )
 
 
-def test_a_file_of_another_is_not_replaced(recorded, tmp_path):
+@pytest.mark.parametrize(
+    ("is_link", "said"),
+    [
+        (False, "is another file; expected a configuration"),
+        (True, "is a symbolic link; expected a file"),
+    ],
+)
+def test_a_file_of_another_is_not_replaced(recorded, tmp_path, is_link, said):
     recorded()
     (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "fitted.yaml").write_text("mine\n")
+    theirs = tmp_path / "theirs.yaml" if is_link else tmp_path / "mine" / "fitted.yaml"
+    theirs.write_text("mine\n")
+    if is_link:
+        (tmp_path / "mine" / "fitted.yaml").symlink_to(theirs)
     with pytest.raises(EqtError) as caught:
         eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA], horizon=0.6, out="mine")
     assert str(caught.value) == (
-        "mine/fitted.yaml: is another file; expected a configuration that eqt wrote, or no such "
-        "entry; rename or remove it"
+        f"mine/fitted.yaml: {said} that eqt wrote, or no such entry; rename or remove it"
     )
-    assert (tmp_path / "mine" / "fitted.yaml").read_text() == "mine\n"
+    assert theirs.read_text() == "mine\n"
+
+
+def test_the_command_prints_what_the_function_finds(recorded, invoke, tmp_path):
+    recorded()
+    (tmp_path / "model.yaml").write_text(json.dumps(model("SO3")))
+    words = f"fit model.yaml --measured flight.csv --over {INERTIA},{ABOUT} --horizon 0.6"
+    printed, found = (
+        invoke(*words.split(), "--json"),
+        eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA, ABOUT], horizon=0.6),
+    )
+    document = json.loads(printed.stdout)
+    assert document["numbers"] == [vars(each) for each in found.numbers]
+    assert document["singular_values"] == found.singular_values
+    assert document["config"] == "results/model-fitted/fitted.yaml"
 
 
 def test_what_takes_no_part_is_said(recorded):
