@@ -126,8 +126,9 @@ def ways_of(G: MatrixLieGroup) -> list[PoseColumns]:
     ways = (
         PoseColumns(pose_columns(G), "parts"),
         PoseColumns(pose_columns(G, turn=EULER), "parts", EULER),
-        PoseColumns(coordinate_names(G), "coordinates"),
+        # Before the coordinates, which are the names of velocities, too.
         PoseColumns([f"Q{row}{column}" for row in digits for column in digits], "entries"),
+        PoseColumns(coordinate_names(G), "coordinates"),
     )
     return [way for way in ways if way.names]
 
