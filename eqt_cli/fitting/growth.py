@@ -9,8 +9,9 @@ import numpy as np
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.reporting import step
 from eqt_cli.engines import Engine
-from eqt_cli.fitting.prediction import Windows, errors
+from eqt_cli.fitting.prediction import WINDOWS, Windows, errors
 
 HORIZONS = 10
 """At which errors are told at the most: rows of the first window, spread up to the longest."""
@@ -74,16 +75,17 @@ def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int) -> Gr
     first = recording.times[chosen[0].rows]
     told = np.unique(np.linspace(0, len(first) - 1, HORIZONS + 1).round().astype(int)[1:])
     horizons = first[told] - first[0]
-    for window in chosen:
-        found = errors([loop, loop], np.empty(0), engine, recording, window)
-        if found is None:
-            continue
-        times = recording.times[window.rows]
-        rows = np.abs(times[:, None] - times[0] - horizons).argmin(axis=0)
-        start = np.where(measured, variances, 0.0)  # what was not recorded is not known
-        spread = found.by_state[rows] ** 2 @ start + variances
-        own.append([norm(found.values[rows][:, axes]) for _, _, axes in kinds])
-        expected.append([spread[:, axes].sum(axis=1) for _, _, axes in kinds])
+    with step(WINDOWS, len(chosen)):
+        for window in chosen:
+            found = errors([loop, loop], np.empty(0), engine, recording, window)
+            if found is None:
+                continue
+            times = recording.times[window.rows]
+            rows = np.abs(times[:, None] - times[0] - horizons).argmin(axis=0)
+            start = np.where(measured, variances, 0.0)  # what was not recorded is not known
+            spread = found.by_state[rows] ** 2 @ start + variances
+            own.append([norm(found.values[rows][:, axes]) for _, _, axes in kinds])
+            expected.append([spread[:, axes].sum(axis=1) for _, _, axes in kinds])
     if not own:
         raise EqtError(
             f"{recording.name}: the runs of all {len(chosen)} windows failed; check the inertia "

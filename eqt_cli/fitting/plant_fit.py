@@ -16,11 +16,12 @@ from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ConfigError, EqtError, InputError
 from eqt_cli.core.problems import parse_key
+from eqt_cli.core.reporting import step
 from eqt_cli.core.validation import shown
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import section_of
 from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.fitting.prediction import Window, Windows, errors
+from eqt_cli.fitting.prediction import WINDOWS, Window, Windows, errors
 from eqt_cli.tuning.law_search import entries_of, expanded, value_at
 
 SECTIONS = ("plant", "actuators", "inertia")
@@ -219,11 +220,13 @@ class _Problem:
             plants = [self.driven(build(self.at(point), trust_plugins=True)) for point in points]
         except ConfigError:
             return None
+        with step(WINDOWS, len(self.cut)):
+            return self._along([self.first, *plants], steps)
+
+    def _along(self, loops: list[ClosedLoop], steps: Array) -> list[_Linear] | None:
         found = []
         for window in self.cut:
-            one = errors(
-                [self.first, *plants], steps, self.base.engine, self.windows.recording, window
-            )
+            one = errors(loops, steps, self.base.engine, self.windows.recording, window)
             if one is None:
                 return None
             r, by_state, by_number = map(

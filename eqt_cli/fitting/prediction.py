@@ -17,6 +17,7 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers.replay import Replay
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.reporting import reporter
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.execution.batches import differing
 from eqt_cli.experiment.experiment import Experiment
@@ -24,6 +25,9 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.logs.recording import Recording
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.vehicle.vehicle import ACTUATORS
+
+WINDOWS = "windows"
+"""What is counted while a recording is predicted."""
 
 STEP = 1e-4
 """Of a coordinate of a first state, rad, m, rad/s or m/s, from which derivatives are taken: far
@@ -245,6 +249,7 @@ def errors(
     states = loop.initial_state(Q0, V0, G.identity[None], still, float(times[0]))
     problem = replace(problem, states=states)
     solution = engine.solve(problem)
+    reporter().advance(1)  # of the windows
     if solution.status.any():
         return None
     s = problem.batched_loop(1).tracking(times, solution.states)
