@@ -42,7 +42,7 @@ SHARE ?= full
 faults: $(VENV)/.stamp-dev ## kill runs and sweeps at 500 random moments; SHARE=tenth: at 50
 	EQT_FAULTS=$(SHARE) $(BIN)/python -m pytest -n auto --dist worksteal tests/faults $(ARGS)
 
-fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test-all does a fortieth
+fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test-all does a twentieth
 	EQT_FUZZ=full $(BIN)/python -m pytest -n auto --dist worksteal tests/fuzz $(ARGS)
 
 oracles: $(VENV)/.stamp-dev ## compare the mechanics with MuJoCo and Pinocchio, which it installs
