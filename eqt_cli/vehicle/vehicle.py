@@ -213,8 +213,9 @@ class Vehicle:
     @property
     def thrust_limits(self) -> tuple[Array, Array] | None:
         """The least and the largest thrust of each thruster; None where it has no limits."""
-        limited = (part for part in self.actuators if part.thruster_names and part.limits)
-        return next(((part.low, part.high) for part in limited), None)  # type: ignore[attr-defined]
+        parts: tuple[Any, ...] = self.actuators  # whoever names thrusters has limits for each
+        limited = (part for part in parts if part.thruster_names and part.limits)
+        return next(((part.low, part.high) for part in limited), None)
 
     @property
     def solves(self) -> int:
