@@ -37,6 +37,7 @@ from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references import references
 from eqt_cli.references.constant import ConstantReference
+from eqt_cli.references.log import LogReference
 from eqt_cli.references.path import PathFactor, PathReference
 from eqt_cli.references.rates import RatesReference
 from eqt_cli.references.slew import SlewReference
@@ -130,7 +131,15 @@ def test_engines_agree_on_every_group_and_controller(law_on_group):
     assert_engines_agree(problem_of(loop, runs=2, duration=0.5, samples=3))
 
 
+RECORDED = """\
+t,qx,qy,qz,qw,wx,wy,wz
+0,0,0,0,1,0.3,0,0.1
+0.7,0.1,0,0,0.99498743710662,0.3,0.2,0.1
+30,0,0.1,0,0.99498743710662,0,0.2,0
+"""
+
 REFERENCES = {
+    "log": LogReference(file="a.csv").with_files({"a.csv": RECORDED}),
     "constant": ConstantReference(),
     "torque": TorqueReference(["exp(-t)", 1, "sqrt(1 + t**2)"]),
     "rates": RatesReference(["cos(t)", 1, "sqrt(1 + t**2)"]),

@@ -104,7 +104,7 @@ def test_it_replaces_its_own_files_and_no_others(config, invoke):
             ["--reference"],
             "--reference: the reference 'rates' is integrated: its Q_d follows from a differential "
             "equation, and no formula gives it at a time. Integrate it on the vehicle, or use a "
-            "reference in closed form: constant, path, slew or waypoints",
+            "reference in closed form: constant, log, path, slew or waypoints",
         ),
         (
             ["--set", "controllers=[goodarzi2013]"],
