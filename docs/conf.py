@@ -40,7 +40,10 @@ autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_type_aliases = {name: name for name in ("Array", "Configuration", "ResultPath", "Shown")}
 autodoc_preserve_defaults = True
-nitpick_ignore_regex = [("py:(class|exc)", ".*")]  # types of parameters; references stay strict
+nitpick_ignore_regex = [  # types of parameters and attributes; references stay strict
+    ("py:(class|exc)", ".*"),
+    ("py:obj", r"typing\.(Annotated|Literal)\[.*"),
+]
 
 # What a command prints is not to be copied.
 copybutton_selector = "div:not(.highlight-output) > div.highlight > pre"

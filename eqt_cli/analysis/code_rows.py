@@ -13,7 +13,7 @@ from eqt_cli.analysis.evidence.code_question import Question
 from eqt_cli.analysis.evidence.code_terms import explained, sum_of
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.told import Told
+from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.leaves import leaves, with_leaves
@@ -53,8 +53,8 @@ class Judged:
 
     label: str
     loop: ClosedLoop
-    random: tuple[Told, dict[str, Array]]
-    along: tuple[Told, dict[str, Array]] | None
+    random: tuple[LawInput, dict[str, Array]]
+    along: tuple[LawInput, dict[str, Array]] | None
 
 
 def code_rows(
@@ -81,7 +81,7 @@ def code_rows(
 
 def random_states(
     loop: ClosedLoop, horizon: float, random: np.random.Generator
-) -> tuple[Told, dict[str, Array]]:
+) -> tuple[LawInput, dict[str, Array]]:
     """Random states and memory, with a reference that moves."""
     G, m = loop.group, loop.group.dimension
     Q, Qd = G.exp(random.standard_normal((2, STATES, m)))
@@ -91,12 +91,12 @@ def random_states(
     t = random.uniform(0.0, horizon, STATES)
     lengths = loop.controller.memory(G).items()
     memory = {name: random.standard_normal((STATES, length)) for name, length in lengths}
-    return Told(t, Q, V, Qd, Vd, Vd_dot), memory
+    return LawInput(t, Q, V, Qd, Vd, Vd_dot), memory
 
 
 def _states_of(
     loop: ClosedLoop, times: Array, states: Array, random: np.random.Generator
-) -> tuple[Told, dict[str, Array]] | None:
+) -> tuple[LawInput, dict[str, Array]] | None:
     """Some of the states of runs."""
     runs, samples, _ = states.shape
     if not runs:
@@ -116,7 +116,7 @@ def _finite(judged: Judged) -> Iterator[Row]:
     m = G.dimension
     turned = np.concatenate([G.exp(np.pi * np.eye(m)), G.exp(np.zeros((1, m)))])
     rest, still = np.broadcast_to(G.identity, turned.shape), np.zeros((m + 1, m))
-    told = Told(np.zeros(m + 1), turned, still, rest, still, still)
+    told = LawInput(np.zeros(m + 1), turned, still, rest, still, still)
     memory = {name: np.zeros((m + 1, n)) for name, n in loop.controller.memory(G).items()}
     torque, _ = loop.answer(told, memory, _period(loop))
     bad = ~np.isfinite(torque).all(axis=1)
@@ -144,7 +144,7 @@ def _repeats(judged: Judged) -> Iterator[Row]:
     told, memory = judged.random
     period = _period(judged.loop)
     first, kept = judged.loop.answer(told, memory, period)
-    turned = Told(*(np.asarray(part)[::-1] for part in told))
+    turned = LawInput(*(np.asarray(part)[::-1] for part in told))
     backwards = {name: values[::-1] for name, values in memory.items()}
     second, again = judged.loop.answer(turned, backwards, period)
     same = np.array_equal(first, second[::-1], equal_nan=True) and all(
@@ -216,7 +216,7 @@ def _rounding(question: Question) -> Array:
         return lifted(values, UNIT * np.abs(values))
 
     bounded = with_leaves(loop, {path: given(values) for path, values in leaves(loop).items()})
-    told = Told(*(given(np.asarray(part)[:BOUNDED]) for part in question.told))
+    told = LawInput(*(given(np.asarray(part)[:BOUNDED]) for part in question.told))
     memory = {name: given(values[:BOUNDED]) for name, values in question.memory.items()}
     s = told.tracking(loop.group, bounded.inertia, bounded.gains, memory)
     with np.errstate(all="ignore"):

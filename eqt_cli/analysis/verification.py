@@ -12,7 +12,7 @@ from eqt_cli.analysis.certificates import hypothesis_rows, identity_rows, trajec
 from eqt_cli.analysis.certificates.base import Row, Verdict
 from eqt_cli.analysis.code_rows import code_rows
 from eqt_cli.analysis.evidence.exact_states import ExactStates
-from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.evidence.flight import VehicleRuns
 from eqt_cli.analysis.evidence.runs import Runs, Setting
 from eqt_cli.analysis.evidence.sample import sampled
 from eqt_cli.analysis.oracles import Oracle
@@ -223,13 +223,13 @@ class _Verifier:
             desired_speed=float(np.nanmax(norm(reference["desired_velocity"]))),
         )
 
-    def _flight(self, batch: Batch, solution: Solution) -> Flight | None:
+    def _flight(self, batch: Batch, solution: Solution) -> VehicleRuns | None:
         """The good runs of a loop that is not ideal."""
         if batch.problem.loop.vehicle.is_ideal:
             return None
         good = np.flatnonzero(solution.status == 0)
         seed = self.experiment.config.ensemble.seed
-        return Flight(batch.problem.select(good), solution.states[good], seed, good)
+        return VehicleRuns(batch.problem.select(good), solution.states[good], seed, good)
 
     def _error_system(self, batch: Batch, solution: Solution) -> float | None:
         """The largest difference of E, integrated by itself, to that of the closed loop."""

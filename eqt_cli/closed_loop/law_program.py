@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.closed_loop.system import ClosedLoop
-from eqt_cli.closed_loop.told import Told
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.groups import MatrixLieGroup
@@ -75,7 +75,7 @@ class LawProgram:
     Attributes
     ----------
     told
-        What it is told, in the order of `Told`.
+        What it is told, in the order of `LawInput`.
     numbers
         Its gains, the inertia and its options, as far as it reads them, and last the period.
     memory
@@ -160,7 +160,8 @@ def _told(G: MatrixLieGroup) -> tuple[Entry, ...]:
     shapes: dict[str, tuple[int, ...]] = {"t": (), "pose": (d, d), "desired_pose": (d, d)}
     pose = by_part(G, "pose_unit")
     return tuple(
-        Entry(name, shapes.get(name, (m,)), name, units.get(name, pose)) for name in Told._fields
+        Entry(name, shapes.get(name, (m,)), name, units.get(name, pose))
+        for name in LawInput._fields
     )
 
 
@@ -199,13 +200,13 @@ def _symbolic(
     told: tuple[Entry, ...],
     numbers: tuple[Entry, ...],
     memory: tuple[Entry, ...],
-) -> tuple[ClosedLoop, Told, dict[str, Array]]:
+) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
     """The loop with symbols for the numbers of the law, what the law is told, and its memory."""
 
     def one(prefix: str, entry: Entry) -> Array:
         return given[prefix + entry.name].reshape(1, *entry.shape or (1,))
 
-    heard = Told(*(one(TOLD, entry) for entry in told))
+    heard = LawInput(*(one(TOLD, entry) for entry in told))
     G, (Q, Qd) = loop.group, (heard.pose, heard.desired_pose)
     # What is the same in every pose need not be read.
     heard = heard._replace(

@@ -24,7 +24,7 @@ THRUSTER = "thruster"
 """The dimension along which thrusters stand."""
 
 
-class Given(NamedTuple):
+class LoopOutputs(NamedTuple):
     """What the law asks, what the actuators give, and the law's function, over time.
 
     Attributes
@@ -75,8 +75,8 @@ class Signal:
     symbol: str
     long_name: str
     unit_in: Callable[[Part], str]
-    of: Callable[[Tracking, Given], Array]
-    of_part: Callable[[Tracking, Given, Part], Array] | None = None
+    of: Callable[[Tracking, LoopOutputs], Array]
+    of_part: Callable[[Tracking, LoopOutputs, Part], Array] | None = None
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
 
     def units(self, group: MatrixLieGroup) -> str:
@@ -213,7 +213,7 @@ def at_state(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, 
     """Every signal and L + W, by name, of floats or symbols."""
     command = loop.command(s)
     torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
-    given = Given(torque, command, loop.at_limit(s), loop.thrust(s), loop.lyapunov(s))
+    given = LoopOutputs(torque, command, loop.at_limit(s), loop.thrust(s), loop.lyapunov(s))
     for signal in SIGNALS:
         if THRUSTER in signal.dims and not loop.vehicle.thruster_names:
             continue

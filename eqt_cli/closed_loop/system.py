@@ -13,8 +13,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.closed_loop.layout import StateLayout
-from eqt_cli.closed_loop.told import Told
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, dot, stack
 from eqt_cli.core.leaves import STRUCTURE, leaves
@@ -328,7 +328,7 @@ class ClosedLoop:
         )
         return self.layout.join(self.layout.split(state) | _named(VEHICLE, states), state)
 
-    def told(self, t: Any, state: Array, errors: Errors | None = None) -> Told:
+    def told(self, t: Any, state: Array, errors: Errors | None = None) -> LawInput:
         """What the law is told at time t and a flat state, which is `measured`.
 
         Parameters
@@ -337,7 +337,7 @@ class ClosedLoop:
             E and b of the measurement Q E, V + b: ``(..., d, d)`` and ``(..., m)``.
         """
         s = self.tracking(t, state)
-        told = Told.of(s)
+        told = LawInput.of(s)
         if errors is None:
             return told
         Q, V = told.pose @ errors.pose, told.velocity + errors.velocity
@@ -345,7 +345,7 @@ class ClosedLoop:
         return told._replace(pose=Q, velocity=V)
 
     def answer(
-        self, told: Told, memory: Mapping[str, Array], period: Any
+        self, told: LawInput, memory: Mapping[str, Array], period: Any
     ) -> tuple[Array, dict[str, Array]]:
         """The torque that the law asks for, and its memory z, which goes on by ż for a period."""
         s = told.tracking(self.group, self.inertia, self.gains, memory)

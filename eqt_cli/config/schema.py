@@ -30,13 +30,13 @@ from eqt_cli.core.option_types import (
     Positive,
     PositiveAngle,
     Real,
-    Runs,
+    RunCount,
     Samples,
     Scale,
     written_as_time,
 )
 from eqt_cli.core.validation import one_of
-from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.groups.angles import distance_of_turn
 from eqt_cli.logs.mapping import LogMapping
 from eqt_cli.vehicle.numbers import Matrix as DrawnMatrix
@@ -174,7 +174,7 @@ class EnsembleSection(Section):
         Root of all random streams.
     """
 
-    runs: Runs = 1
+    runs: RunCount = 1
     seed: Annotated[int, Scale("seed")] = Field(default=0, ge=0, lt=2**63)
 
 
@@ -378,7 +378,7 @@ def _tuned_kind(value: Any) -> str | None:
 TunedAxis = Annotated[
     Annotated[list[Angle], Tag("ends")]
     | Annotated[LogRange, Tag("log")]
-    | Annotated[Drawn, Tag("range")],
+    | Annotated[DrawnRange, Tag("range")],
     one_of(_tuned_kind, "[low, high], {log: [low, high]} or {low: …, high: …, scale: …}"),
 ]
 """Between which values a number is tuned."""

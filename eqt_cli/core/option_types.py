@@ -165,7 +165,7 @@ MOST_RUNS = 10**8
 MOST_POINTS = 10**7
 """Of a sweep, each of which is checked before the first is run."""
 
-Runs = Annotated[int, Field(strict=True, ge=1, le=MOST_RUNS)]
+RunCount = Annotated[int, Field(strict=True, ge=1, le=MOST_RUNS)]
 """A number of runs."""
 
 MOST_SAMPLES = 10**7

@@ -33,7 +33,7 @@ from eqt_cli.vehicle.sensors.channels import Errors
 MOST_RUNNING = 512
 """Numbers that a reduction may keep from sample to sample."""
 
-Given = Mapping[str, Array]
+Arrays = Mapping[str, Array]
 """Symbols by the names of the groups of inputs: ``state``, ``time``, ``parameters``, ``held``, and
 at a control instant ``errors``, the numbers of `Errors` one after the other."""
 
@@ -91,7 +91,7 @@ def trace(loop: ClosedLoop) -> LoopPrograms:
     """
 
     # A law is promised a leading run axis; here it has one entry.
-    def field(given: Given) -> Mapping[str, Array]:
+    def field(given: Arrays) -> Mapping[str, Array]:
         rates = _symbolic(loop, given).vector_field(given["time"][0], given["state"][None])
         return {"derivative": rates[0]}
 
@@ -114,8 +114,8 @@ class InstantPrograms:
     Attributes
     ----------
     told
-        What the law is told, by the names of `Told`, from the loop's inputs; and ``state``, where
-        sensors hold what they measure.
+        What the law is told, by the names of `LawInput`, from the loop's inputs; and ``state``,
+        where sensors hold what they measure.
     law
         Its answer; None where the law is code.
     answered
@@ -186,7 +186,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         As of `trace`.
     """
 
-    def told(given: Given) -> Mapping[str, Array]:
+    def told(given: Arrays) -> Mapping[str, Array]:
         symbolic, (t,), state = _symbolic(loop, given), given["time"], given["state"][None]
         errors = _errors(loop, given)
         state = symbolic.measured(t, state, errors)
@@ -194,7 +194,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         arrays = {name: np.asarray(value) for name, value in found.items()}
         return {name: value if name == "t" else value[0] for name, value in arrays.items()}
 
-    def answered(given: Given) -> Mapping[str, Array]:
+    def answered(given: Arrays) -> Mapping[str, Array]:
         symbolic, (t,), state = _symbolic(loop, given), given["time"], given["state"][None]
         lengths = loop.controller.memory(loop.group)
         parts = np.split(given["memory"][None], np.cumsum([*lengths.values()]), axis=1)
@@ -242,7 +242,7 @@ def sampled(function: SampledFunction, one: OneLoop, lengths: tuple[int, ...]) -
     what its Lyapunov function is.
     """
 
-    def arrays(given: Given) -> Mapping[str, Array]:
+    def arrays(given: Arrays) -> Mapping[str, Array]:
         rows = np.split(given["state"][None], np.cumsum(lengths)[:-1], axis=1)
         found = function(_symbolic(one.loop, given), given["time"][0], *rows)
         return {name: np.asarray(values)[0] for name, values in found.items()}
@@ -298,7 +298,7 @@ def running(
     loop, shapes, memory = one.loop, {}, Memory(np.empty(0), np.empty(0))
     over = np.array(times)
 
-    def at_sample(given: Given) -> Mapping[str, Array]:
+    def at_sample(given: Arrays) -> Mapping[str, Array]:
         nonlocal memory
         rows = np.split(given["state"][None], np.cumsum(lengths)[:-1], axis=1)
         found = function(_symbolic(loop, given), given["time"][0], *rows)
@@ -311,7 +311,7 @@ def running(
             "kept": np.concatenate([np.empty(0, dtype=object), *stretches]),
         }
 
-    def ended(given: Given) -> Mapping[str, Array]:
+    def ended(given: Arrays) -> Mapping[str, Array]:
         found = {name: np.zeros(shape) for name, shape in shapes.items()}
         behind = Memory(given["memory"], np.zeros(len(memory.columns)), ended=True)
         numbers = reduction(Running(over, behind), found)
@@ -338,7 +338,7 @@ def _inputs(loop: ClosedLoop, length: int) -> dict[str, int]:
     return {"state": length, "time": 1, "parameters": parameters, "held": held}
 
 
-def _symbolic(loop: ClosedLoop, given: Given) -> ClosedLoop:
+def _symbolic(loop: ClosedLoop, given: Arrays) -> ClosedLoop:
     """The loop with symbols for all its numbers, in the order of the rows."""
     holding = loop.holding(0.0)
     symbols = np.concatenate([given["parameters"], given["held"]])
@@ -352,7 +352,7 @@ def _cut(symbols: Array, numbers: Mapping[str, Array]) -> dict[str, Array]:
     return {name: part.reshape(1, *value.shape) for (name, value), part in parts}
 
 
-def _errors(loop: ClosedLoop, given: Given) -> Errors | None:
+def _errors(loop: ClosedLoop, given: Arrays) -> Errors | None:
     """What sensors do at an instant."""
     if "errors" not in given:
         return None

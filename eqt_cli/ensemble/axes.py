@@ -87,7 +87,7 @@ class Spaced(Range):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drawn(Range):
+class DrawnRange(Range):
     """Numbers that are equally likely on their scale.
 
     Attributes
@@ -159,7 +159,7 @@ ListedAxis = Annotated[
 ]
 
 SampledAxis = Annotated[
-    Annotated[Drawn, Tag("range")] | Annotated[Choices, Tag("choices")],
+    Annotated[DrawnRange, Tag("range")] | Annotated[Choices, Tag("choices")],
     one_of(_sampled_kind, "{low: …, high: …} or {values: […]}"),
     Field(description="A range, or values that are equally likely."),
 ]

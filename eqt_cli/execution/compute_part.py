@@ -19,19 +19,24 @@ from eqt_cli.execution.batches import Batch, batches, initial_states, reference_
 from eqt_cli.execution.cross_check import chosen_entries, largest, squares
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.result_layout import Layout
-from eqt_cli.experiment.parts import Part
+from eqt_cli.experiment.parts import StudyPart
 from eqt_cli.experiment.study import Study
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import distance_to_unstable
 from eqt_cli.mechanics.settling import settling_error
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.results.metrics import SETTLING
-from eqt_cli.results.quantity import Per, Quantity
+from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.results.quantity_table import DESIRED, measured_of
 from eqt_cli.store.reader import ResultFile
 from eqt_cli.store.table import Attribute, Table, Variable
 
-LEADING = {Per.TRAJECTORY: "kept", Per.RUN: "entry", Per.INITIAL: "start", Per.DESIRED: "reference"}
+LEADING = {
+    ValuePer.TRAJECTORY: "kept",
+    ValuePer.RUN: "entry",
+    ValuePer.INITIAL: "start",
+    ValuePer.DESIRED: "reference",
+}
 """The leading dimension of each kind of variable in the table of a part."""
 
 NUMBERS = "numbers"
@@ -64,7 +69,7 @@ def reference_table(study: Study) -> Table:
     return Table(
         {
             entry.name: Variable(("sample", *entry.dims[1:]), found[entry.name])
-            for entry in Layout(study).of(Per.DESIRED)
+            for entry in Layout(study).of(ValuePer.DESIRED)
         }
     )
 
@@ -91,7 +96,9 @@ def _desired(system: ReferenceSystem, times: Array, states: Array) -> dict[str, 
     }
 
 
-def compute_part(study: Study, part: Part, shared: Desired | None, context: TaskContext) -> Table:
+def compute_part(
+    study: Study, part: StudyPart, shared: Desired | None, context: TaskContext
+) -> Table:
     """Everything that is kept of a part's runs.
 
     Parameters
@@ -116,7 +123,7 @@ def compute_part(study: Study, part: Part, shared: Desired | None, context: Task
     return gathered.table()
 
 
-def lost_part(study: Study, part: Part, message: str) -> Table:
+def lost_part(study: Study, part: StudyPart, message: str) -> Table:
     """A part whose every run counts as failed, because no worker survived it."""
     gathered = PartArrays(study, part)
     gathered.data["status"][:] = Status.WORKER_LOST
@@ -131,7 +138,7 @@ class PartArrays:
     the references where each point has its own.
     """
 
-    def __init__(self, study: Study, part: Part) -> None:
+    def __init__(self, study: Study, part: StudyPart) -> None:
         base = study.base
         self.label = list(base.loops)[part.controller]
         self.entries = np.arange(part.start, part.stop)
@@ -141,12 +148,12 @@ class PartArrays:
         is_first = part.controller == 0
         starts = np.flatnonzero(is_first & (study.initial_varies | (part.points == 0)))
         counts = {
-            Per.TRAJECTORY: len(self.kept_rows),
-            Per.RUN: len(part),
-            Per.INITIAL: len(starts),
-            Per.DESIRED: len(self.points) if is_first and study.desired_varies else 0,
+            ValuePer.TRAJECTORY: len(self.kept_rows),
+            ValuePer.RUN: len(part),
+            ValuePer.INITIAL: len(starts),
+            ValuePer.DESIRED: len(self.points) if is_first and study.desired_varies else 0,
         }
-        always = (Per.RUN, Per.TRAJECTORY)
+        always = (ValuePer.RUN, ValuePer.TRAJECTORY)
         layout = Layout(study)
         self.quantities = [
             entry for entry in layout.quantities if counts[entry.per] or entry.per in always
@@ -174,7 +181,11 @@ class PartArrays:
 
     def names(self, batch: Batch) -> tuple[str, ...]:
         """The quantities that are kept of some runs: no signals where no trajectory is."""
-        kept = {Per.RUN} if (self._kept[batch.rows] < 0).all() else {Per.RUN, Per.TRAJECTORY}
+        kept = (
+            {ValuePer.RUN}
+            if (self._kept[batch.rows] < 0).all()
+            else {ValuePer.RUN, ValuePer.TRAJECTORY}
+        )
         return tuple(entry.name for entry in self.quantities if entry.per in kept)
 
     def wants_states(self, batch: Batch) -> bool:
@@ -190,9 +201,9 @@ class PartArrays:
         }
         kept, checked = self._kept[batch.rows], self._checked[batch.rows]
         for quantity in self.quantities:
-            if quantity.per is Per.RUN:
+            if quantity.per is ValuePer.RUN:
                 self.data[quantity.name][batch.rows] = found[quantity.name]
-            elif quantity.per is Per.TRAJECTORY and (kept >= 0).any():
+            elif quantity.per is ValuePer.TRAJECTORY and (kept >= 0).any():
                 signal = found[quantity.name][kept >= 0]
                 self.data[quantity.name][kept[kept >= 0]] = signal[:, self.samples]
         if (checked >= 0).any():
@@ -210,7 +221,7 @@ class PartArrays:
             if entry.name not in rows
         }
         numbers = np.array([self.data[name] for name in rows])
-        variables[NUMBERS] = Variable(("quantity", LEADING[Per.RUN]), numbers)
+        variables[NUMBERS] = Variable(("quantity", LEADING[ValuePer.RUN]), numbers)
         if len(self.check_states):
             for name, values in self.state_layout.split(self.check_states).items():
                 dims = ("checked", "sample", f"entry_of_{name}")
@@ -263,7 +274,9 @@ def checked_states(results: StoredPart, layout: StateLayout) -> Array:
 
 def is_number(quantity: Quantity) -> bool:
     """Whether a part keeps a quantity as a row of `NUMBERS`."""
-    return quantity.per is Per.RUN and quantity.dtype is not None and quantity.dtype.kind == "f"
+    return (
+        quantity.per is ValuePer.RUN and quantity.dtype is not None and quantity.dtype.kind == "f"
+    )
 
 
 def read_part(results: StoredPart, quantities: Sequence[Quantity]) -> dict[str, Array]:
@@ -278,7 +291,7 @@ def read_part(results: StoredPart, quantities: Sequence[Quantity]) -> dict[str, 
     missing = [
         entry.name
         for entry in quantities
-        if entry.per in (Per.RUN, Per.TRAJECTORY)
+        if entry.per in (ValuePer.RUN, ValuePer.TRAJECTORY)
         and not (entry.name in rows if is_number(entry) else results.has(entry.name))
     ]
     if missing:
@@ -342,7 +355,7 @@ def _in_rows(reference: Desired) -> Array:
     return np.concatenate([pose.reshape(*velocity.shape[:-1], -1), velocity], axis=-1)
 
 
-def _functions(batch: Batch, names: Sequence[str]) -> tuple[Sampled, Numbers]:
+def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numbers]:
     """What is measured of a batch: at every sample, and of each run."""
     problem, config = batch.problem, batch.experiment.config
     metrics = [row for row in measured_of(config, problem.loop.group) if row.name in names]
@@ -355,11 +368,11 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[Sampled, Numbers]:
     numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced)
     limits = config.settling_threshold
     thresholds = tuple(limits.items()) if isinstance(limits, dict) else ()
-    return Sampled(tuple(sorted(wanted)), thresholds), numbers
+    return SampledSignals(tuple(sorted(wanted)), thresholds), numbers
 
 
 @dataclass(frozen=True)
-class Sampled:
+class SampledSignals:
     """What is measured at a sample, of floats or symbols.
 
     Attributes

@@ -13,7 +13,7 @@ from eqt_cli.execution.compute_part import compute_part, shared_reference
 from eqt_cli.execution.executors import Executor, TaskContext
 from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantity import Per
+from eqt_cli.results.quantity import ValuePer
 from eqt_cli.results.quantity_table import quantities
 
 MOST_PIECES = 5
@@ -79,7 +79,7 @@ def result_size(study: Study) -> int:
     if not study.is_ragged:
         return layouts[0].size(layouts[0].blanks())
     return sum(
-        layout.size(layout.blanks(layout.of(Per.RUN)))
+        layout.size(layout.blanks(layout.of(ValuePer.RUN)))
         + len(layout.study) * layout.size(layout.blanks(single=True))
         for layout in layouts
     )
@@ -156,7 +156,7 @@ def _of_a_part(study: Study) -> int:
     signals = sum(
         prod(sizes.get(dim, 1) for dim in entry.dims)
         for entry in quantities(base, study.vehicles)
-        if entry.per is Per.TRAJECTORY
+        if entry.per is ValuePer.TRAJECTORY
     )
     runs = len(plan.part(0))
     told = 0

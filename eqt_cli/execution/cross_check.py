@@ -24,7 +24,7 @@ from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.origin import CrossCheck
 
-Way = Callable[[Experiment], tuple[Engine, str]]
+Recomputation = Callable[[Experiment], tuple[Engine, str]]
 """The engine that redoes the runs of an experiment, and its name."""
 
 BOUND_PER_RTOL = 1000.0
@@ -118,7 +118,7 @@ def together(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
     return replace(worst, runs=sum(check.runs for check in done))
 
 
-def _affordable(study: Study, way: Way, groups: int, steps: Mapping[str, Array]) -> float:
+def _affordable(study: Study, way: Recomputation, groups: int, steps: Mapping[str, Array]) -> float:
     """How much of the horizon the check can redo for `SHARE` of the work of the runs, or `FREE`.
 
     All of it by a compiled engine, whose time is that of compiling; and where a number of runs is
@@ -237,7 +237,7 @@ class _Pieces:
 def _differences(
     study: Study,
     groups: list[list[tuple[Batch, Array]]],
-    way: Way,
+    way: Recomputation,
     steps: Mapping[str, Array],
 ) -> tuple[Array, _Pieces]:
     """How far another way comes from each of the runs that did not fail, and what it redoes."""

@@ -16,17 +16,16 @@ from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.result_layout import (
     Destination,
     Layout,
-    ResultFile,
+    NewResultFile,
     in_root,
     new_result_file,
 )
 from eqt_cli.execution.wall_time import timed
-from eqt_cli.experiment.parts import Part
+from eqt_cli.experiment.parts import StudyPart
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantity import Per, Quantity
+from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.store.piecewise_writer import Assembly
-from eqt_cli.store.reader import ResultFile as StoredFile
-from eqt_cli.store.reader import open_results
+from eqt_cli.store.reader import ResultFile, open_results
 from eqt_cli.store.table import Attribute
 
 PACKING, CHECKING = "parts packed", "runs cross-checked"
@@ -112,7 +111,7 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
         return int(np.count_nonzero(new["status"]))
 
 
-def _copy(file: Assembly, old: StoredFile, kept: Iterable[Quantity]) -> None:
+def _copy(file: Assembly, old: ResultFile, kept: Iterable[Quantity]) -> None:
     """All variables, some rows of each at a time; numbers that `old` does not hold are NaN."""
     for name in old.names:
         for rows in _rows(file.shape(name)):
@@ -131,7 +130,7 @@ def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
         yield slice(start, min(start + step, shape[0]))
 
 
-def _put_parts(task: PartTask, file: ResultFile) -> tuple[_ByController, _ByController]:
+def _put_parts(task: PartTask, file: NewResultFile) -> tuple[_ByController, _ByController]:
     """Put all that finished parts hold in its place.
 
     Returns
@@ -167,20 +166,20 @@ def _put_parts(task: PartTask, file: ResultFile) -> tuple[_ByController, _ByCont
     return states, work
 
 
-def _put(place: Destination, layout: Layout, entry: Quantity, data: Array, part: Part) -> None:
+def _put(place: Destination, layout: Layout, entry: Quantity, data: Array, part: StudyPart) -> None:
     """Put what a part holds of a quantity in its place."""
     study: Study = layout.study
-    if entry.per is Per.DESIRED:  # a point that is cut belongs to where it starts
+    if entry.per is ValuePer.DESIRED:  # a point that is cut belongs to where it starts
         points = np.unique(part.points)
         own = points * part.runs >= part.start
         if own.any():
             first, last = int(points[own][0]), int(points[own][-1])
             place.put(entry.name, data[own], (slice(first, last + 1),))
-    elif entry.per is Per.INITIAL and not study.initial_varies:
+    elif entry.per is ValuePer.INITIAL and not study.initial_varies:
         place.put(entry.name, data, (slice(part.start, part.start + len(data)),))
     else:
-        controller = () if entry.per is Per.INITIAL else (part.controller,)
-        for slab in part.slabs(study.kept if entry.per is Per.TRAJECTORY else part.runs):
+        controller = () if entry.per is ValuePer.INITIAL else (part.controller,)
+        for slab in part.slabs(study.kept if entry.per is ValuePer.TRAJECTORY else part.runs):
             block = data[slab.rows].reshape(*slab.shape, *data.shape[1:])
             where = (*controller, slab.runs)
             if study.sweep:

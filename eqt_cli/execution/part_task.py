@@ -21,7 +21,7 @@ from eqt_cli.execution.compute_part import (
 )
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.part_files import PartFiles
-from eqt_cli.experiment.parts import Part
+from eqt_cli.experiment.parts import StudyPart
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity_table import DESIRED
 from eqt_cli.store.reader import open_results
@@ -47,7 +47,7 @@ class PartTask:
 
     study: Study
     files: PartFiles
-    chosen: tuple[tuple[int, Part], ...] | None = None
+    chosen: tuple[tuple[int, StudyPart], ...] | None = None
     keeps: bool = False
     _kept: dict[int, Table] = field(default_factory=dict, init=False)
     """Parts that are in files, too, by number."""
@@ -55,7 +55,7 @@ class PartTask:
     def __len__(self) -> int:
         return len(self.study.plans) if self.chosen is None else len(self.chosen)
 
-    def part(self, item: int) -> tuple[int, Part]:
+    def part(self, item: int) -> tuple[int, StudyPart]:
         """A part, and the index of its piece of the study."""
         if self.chosen is not None:
             return self.chosen[item]

@@ -11,7 +11,7 @@ from eqt_cli.execution.part_files import PartFiles
 from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.result_layout import in_root
 from eqt_cli.experiment.law_names import LAW
-from eqt_cli.experiment.parts import Part
+from eqt_cli.experiment.parts import StudyPart
 from eqt_cli.experiment.study import Study
 from eqt_cli.store.reader import open_results
 
@@ -41,7 +41,7 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
         status = old["status"]
     status = status.reshape(-1, *status.shape[-2:]).swapaxes(0, 1)
     by_piece = [status[:, points].reshape(len(status), -1) for points in study.shapes]
-    chosen: list[tuple[int, Part]] = []
+    chosen: list[tuple[int, StudyPart]] = []
     for item in range(len(study.plans)):
         index, part = PartTask(study, PartFiles(folder)).part(item)
         found = by_piece[index][part.controller, part.start : part.stop]

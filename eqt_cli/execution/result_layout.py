@@ -19,7 +19,7 @@ from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
 from eqt_cli.experiment.law_names import LAW, law_names
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantity import Per, Quantity
+from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.results.quantity_table import coordinates, quantities
 from eqt_cli.store.piecewise_writer import Assembly, Blank, assemble
 from eqt_cli.store.reserved_names import point_group
@@ -42,7 +42,7 @@ class Destination(Protocol):
 
 
 @dataclass(frozen=True)
-class ResultFile:
+class NewResultFile:
     """An unfinished result file, all of whose variables are there.
 
     Attributes
@@ -67,14 +67,17 @@ class Layout:
         self.study = study
         found = quantities(study.base, study.vehicles)
         self.quantities = [entry for entry in found if self._is_kept(entry)]
-        self.varies = {Per.INITIAL: study.initial_varies, Per.DESIRED: study.desired_varies}
+        self.varies = {
+            ValuePer.INITIAL: study.initial_varies,
+            ValuePer.DESIRED: study.desired_varies,
+        }
 
     def _is_kept(self, quantity: Quantity) -> bool:
-        if quantity.per is Per.TRAJECTORY:
+        if quantity.per is ValuePer.TRAJECTORY:
             return self.study.kept > 0
-        return quantity.per is not Per.DESIRED or self.study.keeps_desired
+        return quantity.per is not ValuePer.DESIRED or self.study.keeps_desired
 
-    def of(self, per: Per) -> Iterator[Quantity]:
+    def of(self, per: ValuePer) -> Iterator[Quantity]:
         """The quantities of a kind."""
         return (entry for entry in self.quantities if entry.per is per)
 
@@ -93,13 +96,13 @@ class Layout:
             found[entry.name] = Blank(dims, entry.dtype, entry.attributes)
         return found
 
-    def _leading(self, per: Per) -> tuple[str, ...]:
+    def _leading(self, per: ValuePer) -> tuple[str, ...]:
         stored = "run" if self.study.kept == self.study.plan.runs else "stored_run"
         return {
-            Per.TRAJECTORY: ("controller", stored),
-            Per.RUN: ("controller", "run"),
-            Per.INITIAL: ("run",),
-            Per.DESIRED: (),
+            ValuePer.TRAJECTORY: ("controller", stored),
+            ValuePer.RUN: ("controller", "run"),
+            ValuePer.INITIAL: ("run",),
+            ValuePer.DESIRED: (),
         }[per]
 
     def size(self, blanks: Mapping[str, Blank]) -> int:
@@ -130,12 +133,12 @@ def in_root(study: Study) -> list[Quantity]:
 
 def _shared(first: Layout, others: Sequence[Layout]) -> list[Quantity]:
     """The numbers of runs that points of every shape have; those of parts are of some groups."""
-    names = [{entry.name for entry in layout.of(Per.RUN)} for layout in others]
-    return [entry for entry in first.of(Per.RUN) if all(entry.name in own for own in names)]
+    names = [{entry.name for entry in layout.of(ValuePer.RUN)} for layout in others]
+    return [entry for entry in first.of(ValuePer.RUN) if all(entry.name in own for own in names)]
 
 
 @contextmanager
-def new_result_file(study: Study, path: Path) -> Iterator[ResultFile]:
+def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
     """The result file of a study, to be filled; it appears when the block ends."""
     layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
     blanks, found = _root(study, layouts)
@@ -149,7 +152,7 @@ def new_result_file(study: Study, path: Path) -> Iterator[ResultFile]:
         if laws is not None:
             file.put(LAW, laws)
         if not study.is_ragged:
-            yield ResultFile(file, [], [file])
+            yield NewResultFile(file, [], [file])
             return
         of_point = {p: layouts[index] for index, points in enumerate(study.shapes) for p in points}
         groups = [_group(file, study, point, of_point[point]) for point in range(len(study))]
@@ -157,7 +160,7 @@ def new_result_file(study: Study, path: Path) -> Iterator[ResultFile]:
             _Spread(file, [groups[p] for p in points], points, layouts[index], set(blanks))
             for index, points in enumerate(study.shapes)
         ]
-        yield ResultFile(file, groups, places)
+        yield NewResultFile(file, groups, places)
 
 
 def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[str, Variable]]:
@@ -166,7 +169,7 @@ def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[s
     if not study.is_ragged:
         return layouts[0].blanks(), layouts[0].coordinates | swept
     wanted = _shared(layouts[0], layouts[1:])
-    first, *rest = [layout.blanks(layout.of(Per.RUN)) for layout in layouts]
+    first, *rest = [layout.blanks(layout.of(ValuePer.RUN)) for layout in layouts]
     kept = {
         name: replace(blank, attributes=_agreed([one[name].attributes for one in (first, *rest)]))
         for name, blank in first.items()
@@ -210,7 +213,7 @@ class _Spread:
     ) -> None:
         self.root, self.groups, self.points = root, groups, points
         self.by_point = {entry.name for entry in layout.quantities if layout.by_point(entry)}
-        self.in_root = {entry.name for entry in layout.of(Per.RUN) if entry.name in of_root}
+        self.in_root = {entry.name for entry in layout.of(ValuePer.RUN) if entry.name in of_root}
 
     def put(self, name: str, data: Array, positions: Positions = ()) -> None:
         if name not in self.by_point:

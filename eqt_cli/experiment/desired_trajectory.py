@@ -16,9 +16,9 @@ from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import as_section, component, option_names, validated
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.over_time import GivenOverTime
+from eqt_cli.notation.poses import pose_from, vector
 from eqt_cli.references import Reference, references
 from eqt_cli.references.constant import ConstantReference
-from eqt_cli.written.poses import pose_from, vector
 
 DEFAULTS = {"pose": "identity", "velocity": 0.0}
 """Q_d(0) and V_d(0), of which a reference takes what it starts from, beside its own options."""

@@ -9,7 +9,7 @@ from eqt_cli.experiment.matrices import require_definite, require_minimum, requi
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.mechanics.tracking import Gains
-from eqt_cli.written.poses import square
+from eqt_cli.notation.poses import square
 
 
 def gains_from(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -> Gains | None:

@@ -19,8 +19,8 @@ from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.local_stability import Along, unstable
 from eqt_cli.experiment.numerics import ill_conditioned, stiff
 from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.notation.poses import ANGLES, many_turns
 from eqt_cli.vehicle.vehicle import ACTUATORS
-from eqt_cli.written.poses import ANGLES, many_turns
 
 SAMPLES = 2001
 """At which the reference is looked at, and on both sides of every known instant."""

@@ -12,7 +12,7 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.experiment import matrices
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, PrescribedInertia
-from eqt_cli.written.poses import square
+from eqt_cli.notation.poses import square
 
 INSTANTS = 1001
 """How many instants of the horizon a time-varying inertia is checked at."""

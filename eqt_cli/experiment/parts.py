@@ -44,7 +44,7 @@ class Slab:
 
 
 @dataclass(frozen=True)
-class Part:
+class StudyPart:
     """Entries `start` to `stop` of one controller, of an experiment with `runs` runs per point."""
 
     number: int
@@ -125,11 +125,11 @@ class Plan:
     def _ranges(self) -> int:
         return -(-self.entries // self.size)
 
-    def part(self, number: int) -> Part:
+    def part(self, number: int) -> StudyPart:
         """Part `number`; the controllers take turns, as they share the initial states."""
         index, controller = divmod(number, self.controllers)
         start = index * self.size
-        return Part(number, controller, start, min(start + self.size, self.entries), self.runs)
+        return StudyPart(number, controller, start, min(start + self.size, self.entries), self.runs)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from eqt_cli.vehicle.inertia import (
     TrueInertia,
     VaryingInertia,
 )
-from eqt_cli.vehicle.numbers import Drawn, check_numbers, drawn
+from eqt_cli.vehicle.numbers import Distribution, check_numbers, drawn
 from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors import sensors
 from eqt_cli.vehicle.vehicle import CONTROL
@@ -153,7 +153,7 @@ def _inertia(
     return ConstantInertia(section)
 
 
-def _check_relative(value: float | Drawn, problems: Problems) -> None:
+def _check_relative(value: float | Distribution, problems: Problems) -> None:
     check_numbers(value, problems)
     if not problems and drawn(value, None) <= -1:
         problems.add(f"expected a number greater than -1, got {drawn(value, None):g}")

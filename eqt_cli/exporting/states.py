@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.closed_loop.law_program import MEMORY, TOLD, LawProgram
-from eqt_cli.closed_loop.told import Told
 from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.errors import EqtError
 from eqt_cli.ensemble.seeds import Stream, generator
@@ -89,7 +89,7 @@ def states_of(experiment: Experiment, label: str, law: LawProgram, workers: int 
 
 
 def _rows(
-    law: LawProgram, told: Told, memory: Mapping[str, Array], batch: tuple[int, ...]
+    law: LawProgram, told: LawInput, memory: Mapping[str, Array], batch: tuple[int, ...]
 ) -> dict[str, Array]:
     found = {
         TOLD + entry.name: np.broadcast_to(getattr(told, entry.source), (*batch, *entry.shape))

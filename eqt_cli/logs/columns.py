@@ -13,7 +13,7 @@ from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.logs.mapping import LogMapping, MappingError
 from eqt_cli.logs.table import LOOKS_LIKE, QUATERNION, Sheet, Table
-from eqt_cli.written.poses import QUATERNION_TOLERANCE
+from eqt_cli.notation.poses import QUATERNION_TOLERANCE
 
 EULER = ("yaw", "pitch", "roll")
 """Angles about z, y and x."""

@@ -19,7 +19,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.core.files import text_of
 from eqt_cli.core.regular_files import content_of
-from eqt_cli.written.poses import QUATERNION_TOLERANCE
+from eqt_cli.notation.poses import QUATERNION_TOLERANCE
 
 SUFFIX = ".ulg"
 """How files of this format end."""

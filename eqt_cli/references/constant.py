@@ -10,8 +10,8 @@ from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.motions import Pieces
+from eqt_cli.notation.poses import pose_from, vector
 from eqt_cli.references.base import PiecewiseReference
-from eqt_cli.written.poses import pose_from, vector
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.logs.columns import coordinate_names
 from eqt_cli.mechanics.motions import Factor, motion_along, screws
+from eqt_cli.notation.poses import pose_from, vector
 from eqt_cli.references.base import ClosedReference, instants_of
-from eqt_cli.written.poses import pose_from, vector
 
 
 @dataclass(frozen=True)

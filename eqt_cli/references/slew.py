@@ -7,8 +7,8 @@ from eqt_cli.core.option_types import Positive, Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.motions import Pieces, eased
+from eqt_cli.notation.poses import pose_from
 from eqt_cli.references.base import PiecewiseReference
-from eqt_cli.written.poses import pose_from
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from eqt_cli.logs.in_file import InFile
 from eqt_cli.logs.mapping import MAPPING, LogMapping, TrajectoryFormat
 from eqt_cli.mechanics.motions import Pieces, spline
 from eqt_cli.mechanics.smoothing import Smoothed, smoothed
+from eqt_cli.notation.poses import pose_from
 from eqt_cli.references.base import PiecewiseReference
-from eqt_cli.written.poses import pose_from
 
 LATEST, CLOSEST = 1e9, 1e-9
 """s: bounds of the times, and of the time between two; beyond them, a rate overflows."""

@@ -18,7 +18,7 @@ from eqt_cli.results.result import Result
 
 
 @dataclass(frozen=True)
-class Given:
+class StatedValue:
     """A part of the configuration.
 
     Attributes
@@ -97,7 +97,7 @@ def _law(label: str, title: str, kind: str, own: str) -> Law:
     return Law(title, label, kind, says, weights, damping, own)
 
 
-def given(result: Result) -> list[Given]:
+def given(result: Result) -> list[StatedValue]:
     """The parts of the stored configuration, in the order of a paper's section on an experiment."""
     config = _stored(result)
     return list(_parts(config, result)) if config else []
@@ -111,7 +111,7 @@ def _stored(result: Result) -> Mapping[str, Any]:
         return {}
 
 
-def _parts(config: Mapping[str, Any], result: Result) -> Iterator[Given]:
+def _parts(config: Mapping[str, Any], result: Result) -> Iterator[StatedValue]:
     group = result.group
     yield _words("Group", "", f"{result.group_name}: {summary(type(group))}" if group else "")
     yield _quantity("Inertia", "𝕀", config.get("inertia"))
@@ -144,18 +144,18 @@ def _used(solver: Mapping[str, Any]) -> Mapping[str, Any]:
     return {key: value for key, value in solver.items() if key in known}
 
 
-def _quantity(name: str, symbol: str, value: Any) -> Given:
+def _quantity(name: str, symbol: str, value: Any) -> StatedValue:
     """A tensor: a number stands for so many times the identity, a list for a diagonal."""
     if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
-        return Given(name, symbol, "", [[told(entry) for entry in row] for row in value])
+        return StatedValue(name, symbol, "", [[told(entry) for entry in row] for row in value])
     if isinstance(value, list):
-        return Given(name, symbol, f"diag{told(value)}", [])
+        return StatedValue(name, symbol, f"diag{told(value)}", [])
     words = told(value)
-    return Given(name, symbol, f"{words} · I" if _is_number(value) else words, [])
+    return StatedValue(name, symbol, f"{words} · I" if _is_number(value) else words, [])
 
 
-def _words(name: str, symbol: str, value: Any) -> Given:
-    return Given(name, symbol, told(value), [])
+def _words(name: str, symbol: str, value: Any) -> StatedValue:
+    return StatedValue(name, symbol, told(value), [])
 
 
 def told(value: Any) -> str:

@@ -45,7 +45,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class InlineFigure:
     """A figure as it stands in the page.
 
     Attributes
@@ -130,9 +130,9 @@ def inline_figures(
     result: Result,
     wanted: Sequence[Wanted],
     certificates: Sequence[Row] = (),
-) -> tuple[list[Drawn], list[str]]:
+) -> tuple[list[InlineFigure], list[str]]:
     """The figures that can be drawn of a result, and remarks on the others."""
-    drawn: list[Drawn] = []
+    drawn: list[InlineFigure] = []
     remarks = []
     due = [
         figure
@@ -173,7 +173,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     return [known.get(name, Wanted(name)) for name in names]
 
 
-def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> Drawn:
+def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> InlineFigure:
     figure = figure_from(wanted.name, wanted.options)
     text = encode(figure.draw([result], "page", alongside=Alongside(certificates)), "svg")
     caption = wanted.caption or description(type(figure))
@@ -183,7 +183,7 @@ def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row])
             f"figure '{wanted.name}' has too many curves for a page; "
             f"`eqt plot {result.path.parent} --figure {wanted.name}` draws it"
         )
-    return Drawn(key, svg, caption)
+    return InlineFigure(key, svg, caption)
 
 
 def inlined(svg: bytes, key: str, label: str) -> str:

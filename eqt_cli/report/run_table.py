@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.results.quantity import FLOAT, Per
+from eqt_cli.results.quantity import FLOAT, ValuePer
 from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import Result
 from eqt_cli.results.stored_runs import meaning_of
@@ -16,7 +16,7 @@ MOST_ROWS = 8000
 COLUMNS = tuple(
     quantity.name
     for quantity in QUANTITIES.values()
-    if quantity.per is Per.RUN and quantity.stored and quantity.dtype is FLOAT
+    if quantity.per is ValuePer.RUN and quantity.stored and quantity.dtype is FLOAT
     if not quantity.diagnostic
 )
 """The numbers that are shown of a run, in the order of the table of quantities; `eqt show --table`

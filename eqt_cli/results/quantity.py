@@ -37,7 +37,7 @@ _IN_PLAIN = (
 """The mathematics of symbols and formulas, and the characters that stand for it."""
 
 
-class Per(Enum):
+class ValuePer(Enum):
     """What a quantity has one value for, before its own dimensions."""
 
     TRAJECTORY = auto()
@@ -110,7 +110,7 @@ class Quantity:
 
     name: str
     long_name: str
-    per: Per = Per.RUN
+    per: ValuePer = ValuePer.RUN
     units: str = "{}"
     signals: tuple[str, ...] = ()
     own_symbol: str = ""
@@ -155,12 +155,12 @@ class Quantity:
     @property
     def parted(self) -> bool:
         """Whether it has values for the parts of a norm, such as rotation and translation."""
-        return self._of_norm and (self.windowed or self.per is Per.TRAJECTORY)
+        return self._of_norm and (self.windowed or self.per is ValuePer.TRAJECTORY)
 
     @property
     def stored_by_part(self) -> bool:
         """Whether a result file holds it for the parts of a norm that have units of their own."""
-        is_number = self.per is Per.RUN and self.of is not None and not self.settings
+        is_number = self.per is ValuePer.RUN and self.of is not None and not self.settings
         return is_number and self.stored and self._of_norm
 
     @property
@@ -222,7 +222,7 @@ class Quantity:
             long_name=f"{self.long_name}, {name} part",
             signals=(f"{self.signals[0]}_{name}", *self.signals[1:]),
             label=inside if "{}" in self.label else f"{self.label} {words}",
-            stored=self.per is Per.TRAJECTORY,
+            stored=self.per is ValuePer.TRAJECTORY,
             chosen=partial(self._chosen_of_part, name),
         )
 

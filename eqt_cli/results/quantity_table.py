@@ -12,7 +12,7 @@ from eqt_cli.engines import Status
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.results.metrics import METRICS, by_thresholds_of_parts, energy_residual
-from eqt_cli.results.quantity import Per, Quantity
+from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.store.table import Variable
 from eqt_cli.vehicle import Vehicle
 
@@ -27,7 +27,7 @@ _OVER_TIME = tuple(
     Quantity(
         signal.name,
         signal.long_name,
-        Per.TRAJECTORY,
+        ValuePer.TRAJECTORY,
         signals=(signal.name,),
         label="{}",
         dims=("time", *signal.dims),
@@ -40,7 +40,7 @@ _DESIRED = tuple(
     Quantity(
         name,
         name.replace("_", " ") + ", from a solve of its own",
-        Per.DESIRED,
+        ValuePer.DESIRED,
         signals=(like,),
         own_symbol=_SIGNALS[like].symbol + "_d",
         label="{}",
@@ -53,14 +53,14 @@ _INITIAL = (
     Quantity(
         "initial_pose",
         "pose at the start, same for all controllers",
-        Per.INITIAL,
+        ValuePer.INITIAL,
         signals=("pose",),
         dims=("row", "col"),
     ),
     Quantity(
         "initial_velocity",
         "body velocity at the start",
-        Per.INITIAL,
+        ValuePer.INITIAL,
         signals=("velocity",),
         dims=("axis",),
     ),
@@ -122,7 +122,7 @@ QUANTITIES = {
 }
 """All of them by name, those that are stored in the order of a result file."""
 
-MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and q.stored)
+MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.of and q.stored)
 """What is computed from the signals of a run and stored."""
 
 
@@ -157,7 +157,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         signal = _SIGNALS.get(quantity.signals[0]) if quantity.signals else None
         units = quantity.unit(signal.units(group) if signal else "")
         found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
-        if signal and (quantity.per is Per.TRAJECTORY or quantity.stored_by_part):
+        if signal and (quantity.per is ValuePer.TRAJECTORY or quantity.stored_by_part):
             found += [
                 replace(quantity.part(part.name), units=quantity.unit(signal.unit_in(part)))
                 for part in _parts_of_their_own(quantity, signal, group)
@@ -169,7 +169,7 @@ def _parts_of_their_own(
     quantity: Quantity, signal: Signal, group: MatrixLieGroup
 ) -> tuple[Part, ...]:
     """The parts that are stored beside a norm: of numbers, where the units of parts differ."""
-    mixes = quantity.per is Per.TRAJECTORY or signal.units(group) == MIXED
+    mixes = quantity.per is ValuePer.TRAJECTORY or signal.units(group) == MIXED
     return signal.parts(group) if mixes else ()
 
 

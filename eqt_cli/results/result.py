@@ -14,7 +14,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.over_time import Samples
 from eqt_cli.results.metrics import METRICS
-from eqt_cli.results.quantity import Per, Quantity
+from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.results.quantity_table import QUANTITIES, quantity_of
 from eqt_cli.results.stored_runs import StoredRuns, lacks
 from eqt_cli.results.time_windows import WHOLE, Window
@@ -323,7 +323,7 @@ class Result(StoredRuns):
         if name in self.comparable:
             return self.comparable[name]
         known = QUANTITIES.get(name)
-        if known is not None and known.per is Per.RUN and known.of is not None:
+        if known is not None and known.per is ValuePer.RUN and known.of is not None:
             raise self._not_stored(known)
         hint = suggestion(name, self.comparable)
         raise EqtError(

@@ -11,7 +11,7 @@ from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.core.errors import ConfigError, InputError, suggestion
 from eqt_cli.core.file_names import file_name
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
-from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.ensemble.designs.base import overlap
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
@@ -47,7 +47,7 @@ class LawSearch:
     label: str
     slug: str
     source: ConfigSource
-    axes: dict[str, Drawn]
+    axes: dict[str, DrawnRange]
     given: tuple[str, ...]
     index: int
     start: tuple[float, ...] | None
@@ -110,12 +110,12 @@ def coordinate_of(key: str) -> str:
     return entries_of(key)[0].replace("[", ".").replace("]", "")
 
 
-def range_of(given: TunedAxis, problems: Problems) -> Drawn | None:
+def range_of(given: TunedAxis, problems: Problems) -> DrawnRange | None:
     """The range that was given for a key, or None after noting what is wrong with it."""
     if isinstance(given, list):
-        axis = Drawn(low=given[0], high=given[1])
+        axis = DrawnRange(low=given[0], high=given[1])
     elif isinstance(given, LogRange):
-        axis = Drawn(low=given.log[0], high=given.log[1], scale="log")
+        axis = DrawnRange(low=given.log[0], high=given.log[1], scale="log")
     else:
         axis = given
     found = Problems()
@@ -134,7 +134,7 @@ def require_metric(name: str, base: Experiment) -> None:
         raise InputError(f"no metric '{name}' is stored of every run{hint}")
 
 
-def laws_of(base: Experiment, ranges: dict[str, Drawn]) -> tuple[LawSearch, ...]:
+def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch, ...]:
     """One search for each law, over the keys that are its own and those of all."""
     found: list[LawSearch] = []
     shared = base.resolved["gains"]
@@ -172,7 +172,7 @@ def _slug(label: str, taken: Sequence[str]) -> str:
     return f"{slug}-{same + 1}" if slug in taken else slug
 
 
-def _start(data: dict[str, Any], axes: dict[str, Drawn]) -> tuple[float, ...] | None:
+def _start(data: dict[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ...] | None:
     """Where the starting values are in the unit cube; None where one is not in its range."""
     shares = []
     for key, axis in axes.items():

@@ -10,7 +10,7 @@ from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.core.errors import ConfigError, InputError
 from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import shown
-from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.ensemble.designs.cases import Cases
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import section_of
@@ -150,7 +150,7 @@ class Search(Searches[TuneSection]):
         return f"best so far: {self.objectives[0]} {cost:.4g} at {values}{front}"
 
     @classmethod
-    def _axis(cls, key: str, axis: Drawn | None, base: Experiment) -> Drawn | None:
+    def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
         """Of a key that is a law's to choose."""
         path = parse_key(entries_of(key)[0])
         if path[0] == "gains" and len(path) > 1:

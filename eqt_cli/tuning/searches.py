@@ -13,7 +13,7 @@ from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems
-from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.tuning.evolution import Population
@@ -80,7 +80,7 @@ class Searches(ABC, Generic[S]):
         section = getattr(base.config, name)
         problems = Problems(source.place)
         here = problems.at(name)
-        ranges: dict[str, Drawn] = {}
+        ranges: dict[str, DrawnRange] = {}
         for key, given in section.over.items():
             at_key = here.at("over", key)
             axis = range_of(given, at_key)
@@ -107,7 +107,7 @@ class Searches(ABC, Generic[S]):
 
     @classmethod
     @abstractmethod
-    def _axis(cls, key: str, axis: Drawn | None, base: Experiment) -> Drawn | None:
+    def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
         """The range of a key, if it was understood; raises an `InputError` if it may not vary."""
 
     @classmethod

@@ -8,7 +8,7 @@ from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import shown
-from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import require_sweepable
 from eqt_cli.results.quantity_table import QUANTITIES
@@ -113,7 +113,7 @@ class WorstSearch(Searches[WorstSection]):
         return f"worst so far: {self.objective} {cost:.4g} at {values}"
 
     @classmethod
-    def _axis(cls, key: str, axis: Drawn | None, base: Experiment) -> Drawn | None:
+    def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
         """Of a key that holds a number and that a sweep may vary."""
         whole = _is_whole(key, base)
         return _as_whole(axis, key) if whole and axis is not None else axis
@@ -129,7 +129,7 @@ class WorstSearch(Searches[WorstSection]):
                 )
 
 
-def _along(axis: Drawn, count: int) -> list[float]:
+def _along(axis: DrawnRange, count: int) -> list[float]:
     return [axis.at(k / (count - 1)) for k in range(count)]
 
 
@@ -143,7 +143,7 @@ def _is_whole(key: str, base: Experiment) -> bool:
     return isinstance(held, int)
 
 
-def _as_whole(axis: Drawn, key: str) -> Drawn:
+def _as_whole(axis: DrawnRange, key: str) -> DrawnRange:
     """The range with whole numbers only."""
     if not (float(axis.low).is_integer() and float(axis.high).is_integer()):
         raise InputError(

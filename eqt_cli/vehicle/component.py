@@ -10,8 +10,8 @@ from eqt_cli.core.component import Component
 from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.notation.poses import square, vector
 from eqt_cli.vehicle.numbers import Numbers, check_numbers, drawn, is_drawn, lowest
-from eqt_cli.written.poses import square, vector
 
 
 @dataclass(frozen=True)

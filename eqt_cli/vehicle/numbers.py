@@ -13,7 +13,7 @@ from eqt_cli.core.validation import one_of
 
 
 @dataclass(frozen=True)
-class Drawn:
+class Distribution:
     """A distribution of one number; each run draws its own."""
 
     # Not strict: a strict model takes no mapping for a dataclass. Numbers are strict by themselves.
@@ -34,7 +34,7 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Uniform(Drawn):
+class Uniform(Distribution):
     """Any number between two, each as likely.
 
     Attributes
@@ -68,7 +68,7 @@ class Uniform(Drawn):
 
 
 @dataclass(frozen=True)
-class Normal(Drawn):
+class Normal(Distribution):
     """A normal distribution; where numbers must be greater than 0, of those that are.
 
     Attributes
@@ -101,7 +101,7 @@ class Normal(Drawn):
 
 
 def _kind(value: Any) -> str | None:
-    if isinstance(value, dict | Drawn):
+    if isinstance(value, dict | Distribution):
         keys = value if isinstance(value, dict) else vars(value)
         return next((name for name in ("uniform", "normal") if name in keys), None)
     return None if isinstance(value, bool | list) else "number"
@@ -161,14 +161,14 @@ def is_drawn(value: Any) -> bool:
     """Whether a value is a distribution, or holds one."""
     if isinstance(value, list):
         return any(map(is_drawn, value))
-    return isinstance(value, Drawn)
+    return isinstance(value, Distribution)
 
 
 def drawn(value: Any, random: np.random.Generator | None, positive: bool = False) -> Any:
     """The value with a number for every distribution in it; the means without a generator."""
     if isinstance(value, list):
         return [drawn(entry, random, positive) for entry in value]
-    if not isinstance(value, Drawn):
+    if not isinstance(value, Distribution):
         return value
     if random is None:
         return value.mean
@@ -178,7 +178,7 @@ def drawn(value: Any, random: np.random.Generator | None, positive: bool = False
     return number
 
 
-def lowest(value: float | Drawn) -> float:
+def lowest(value: float | Distribution) -> float:
     """A number, the least of a uniform distribution, or the mean of a normal one."""
     return value.uniform[0] if isinstance(value, Uniform) else float(drawn(value, None))
 
@@ -188,7 +188,7 @@ def check_numbers(value: Any, problems: Problems, positive: bool = False) -> Non
     if isinstance(value, list):
         for index, entry in enumerate(value):
             check_numbers(entry, problems.at(index), positive)
-    elif isinstance(value, Drawn):
+    elif isinstance(value, Distribution):
         value.check(problems, positive)
     elif positive and value <= 0:
         problems.add(f"expected a number greater than 0, got {value:g}")

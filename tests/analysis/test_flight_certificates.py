@@ -16,7 +16,7 @@ from eqt_cli.analysis.certificates.flight import (
 )
 from eqt_cli.analysis.certificates.vehicle import ActuatorsAgain, CommandArrives, PlantMoves
 from eqt_cli.analysis.evidence import second_actuators, second_forces, second_sensors
-from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.evidence.flight import VehicleRuns
 from eqt_cli.config.source import read_config
 from eqt_cli.execution.batches import batches
 from eqt_cli.experiment.read_study import study
@@ -48,7 +48,7 @@ def flight(tmp_path_factory):
     found = study(read_config(path))
     [batch] = batches(found, "eqt", np.arange(4))
     solution = batch.engine.solve(batch.problem)
-    return Flight(batch.problem, solution.states, 4, np.arange(4))
+    return VehicleRuns(batch.problem, solution.states, 4, np.arange(4))
 
 
 def verdicts(flight):

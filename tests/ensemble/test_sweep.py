@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from eqt_cli.core.problems import Problems, dotted
-from eqt_cli.ensemble.axes import Choices, Drawn, Spaced
+from eqt_cli.ensemble.axes import Choices, DrawnRange, Spaced
 from eqt_cli.ensemble.sweep import Sweep
 
 
@@ -281,13 +281,13 @@ def test_what_is_wrong_is_said_at_its_place(blocks, path, message):
 @pytest.mark.parametrize("scale", ["linear", "log"])
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.6, 1.0])
 def test_a_drawn_value_knows_how_far_along_its_way_it_is(scale, share):
-    axis = Drawn(low=2.0, high=50.0, scale=scale)
+    axis = DrawnRange(low=2.0, high=50.0, scale=scale)
     assert axis.share(axis.at(share)) == pytest.approx(share, abs=1e-12)
 
 
 @pytest.mark.parametrize("value", [2, 3, 7])
 def test_a_whole_number_is_in_the_middle_of_its_part(value):
-    axis = Drawn(low=2.0, high=7.0, integer=True)
+    axis = DrawnRange(low=2.0, high=7.0, integer=True)
     assert axis.share(value) == pytest.approx((value + 0.5 - 2) / 6)
     assert axis.at(axis.share(value)) == value
 
@@ -299,7 +299,7 @@ def test_choices_have_equal_parts_of_the_way_and_the_end_belongs_to_the_last(sha
     assert Choices(["p", "q", "r"]).at(share) == value
 
 
-@pytest.mark.parametrize("axis", [Spaced, Drawn])
+@pytest.mark.parametrize("axis", [Spaced, DrawnRange])
 def test_an_editor_is_told_that_a_logarithm_takes_positive_numbers(axis):
     [narrower, *_] = TypeAdapter(axis).json_schema()["allOf"]
     assert narrower["if"] == {"properties": {"scale": {"const": "log"}}, "required": ["scale"]}

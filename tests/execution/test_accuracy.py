@@ -9,7 +9,7 @@ from eqt_cli.execution.cross_check import chosen_entries, distance
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantity import Per
+from eqt_cli.results.quantity import ValuePer
 
 TAYLOR = "{engine: taylor, rtol: 1.0e-6, tol: 1.0e-6, cross_check: 0}"
 
@@ -23,7 +23,11 @@ def simulate(experiment):
         compute_part(study, study.plan.part(number), shared, TaskContext())
         for number in range(len(study.plan))
     ]
-    kept = [entry for entry in Layout(study).quantities if entry.per in (Per.RUN, Per.TRAJECTORY)]
+    kept = [
+        entry
+        for entry in Layout(study).quantities
+        if entry.per in (ValuePer.RUN, ValuePer.TRAJECTORY)
+    ]
     found = [read_part(_Read(table), kept) for table in tables]
     start = {name: tables[0].variables[name].data for name in ("initial_pose", "initial_velocity")}
     return start | {name: np.array([one[name] for one in found]) for name in found[0]}

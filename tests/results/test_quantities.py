@@ -5,7 +5,7 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.experiment.build import build
 from eqt_cli.results.metrics import METRICS
-from eqt_cli.results.quantity import Per, plain
+from eqt_cli.results.quantity import ValuePer, plain
 from eqt_cli.results.quantity_table import QUANTITIES, quantities, quantity_of
 
 
@@ -22,7 +22,7 @@ def test_a_label_with_a_place_for_a_symbol_has_one(quantity):
 @pytest.mark.parametrize("metric", METRICS, ids=lambda metric: metric.name)
 def test_metrics_take_signals_and_say_what_is_better(metric):
     assert metric.signals and metric.of and metric.better != "neither"
-    assert all(QUANTITIES[name].per is Per.TRAJECTORY for name in metric.signals)
+    assert all(QUANTITIES[name].per is ValuePer.TRAJECTORY for name in metric.signals)
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
-from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.evidence.flight import VehicleRuns
 from eqt_cli.analysis.evidence.runs import STATES_PER_RTOL, Runs
-from eqt_cli.closed_loop.told import Told
+from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.core.arrays import Array
 from eqt_cli.vehicle.sensors.channels import Errors
 
@@ -32,7 +32,7 @@ class FlightCheck(TrajectoryCheck):
         flight = runs.flight
         return flight is not None and np.isfinite(flight.period) and self.is_about(flight)
 
-    def is_about(self, flight: Flight) -> bool:
+    def is_about(self, flight: VehicleRuns) -> bool:
         """Whether the loop has what this is about."""
         return True
 
@@ -48,7 +48,7 @@ class FlightCheck(TrajectoryCheck):
         return self.compared(float(measured), float(bound), runs.remark, runs.label)
 
     @abstractmethod
-    def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
+    def measured(self, flight: VehicleRuns, rtol: float) -> list[tuple[float, float]]:
         """Numbers, each with what it must not exceed."""
 
 
@@ -59,7 +59,7 @@ class Hold(FlightCheck):
     statement: ClassVar[str] = "zero-order hold"
     section: ClassVar[float] = 9.1
 
-    def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
+    def measured(self, flight: VehicleRuns, rtol: float) -> list[tuple[float, float]]:
         """The largest difference to the law, and between samples of one period."""
         loop, times = flight.loop, flight.problem.times
         s = loop.tracking(times, flight.states)
@@ -74,19 +74,19 @@ class Hold(FlightCheck):
         return [(measured, ROUNDING * max(1.0, float(np.abs(command).max())))]
 
 
-def _at_instants(flight: Flight) -> Array:
+def _at_instants(flight: VehicleRuns) -> Array:
     off = np.abs(flight.problem.times - flight.periods * flight.period)
     return np.flatnonzero(off[:-1] <= 1e-9 * flight.period)
 
 
-def _asked(flight: Flight) -> Array:
+def _asked(flight: VehicleRuns) -> Array:
     """What the law asks at every sample, told with the errors of its period."""
     loop = flight.loop
     s = told_at_samples(flight).tracking(loop.group, loop.inertia, loop.gains, {})
     return loop.controller.torque(s) + 0.0 * s.P
 
 
-def told_at_samples(flight: Flight) -> Told:
+def told_at_samples(flight: VehicleRuns) -> LawInput:
     """What the law would be told at every sample, with the errors of its period."""
     problem, errors = flight.problem, flight.problem.errors
     if errors is not None:
@@ -102,12 +102,12 @@ class ActuatorsInClosedForm(FlightCheck):
     statement: ClassVar[str] = "lag: u + (x − u) e^(−t/T)"
     section: ClassVar[float] = 9.2
 
-    def is_about(self, flight: Flight) -> bool:
+    def is_about(self, flight: VehicleRuns) -> bool:
         """Where the first actuator that moves has a closed form, and samples lie in one period."""
         first = flight.problem.loop.vehicle.first_moving
         return first is not None and first.has_closed_form and bool(len(flight.within))
 
-    def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
+    def measured(self, flight: VehicleRuns, rtol: float) -> list[tuple[float, float]]:
         """The largest difference."""
         loop, times = flight.loop, flight.problem.times
         start = flight.within
@@ -127,11 +127,11 @@ class NoiseCovariance(FlightCheck):
     statement: ClassVar[str] = "mean of n nᵀ over runs and instants"
     section: ClassVar[float] = 9.3
 
-    def is_about(self, flight: Flight) -> bool:
+    def is_about(self, flight: VehicleRuns) -> bool:
         """Where a sensor tells white noise."""
         return any(True for _ in flight.white_noise())
 
-    def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
+    def measured(self, flight: VehicleRuns, rtol: float) -> list[tuple[float, float]]:
         """The entries of covariance − I, of noise divided by its configured deviation."""
         return [
             pair
@@ -164,12 +164,12 @@ class StreamsApart(FlightCheck):
     statement: ClassVar[str] = "of sensors, and of neighbouring runs"
     section: ClassVar[float] = 9.4
 
-    def is_about(self, flight: Flight) -> bool:
+    def is_about(self, flight: VehicleRuns) -> bool:
         """Where there are two of them."""
         found = list(flight.white_noise())
         return len(found) > 1 or (bool(found) and len(found[0]) > 1)
 
-    def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
+    def measured(self, flight: VehicleRuns, rtol: float) -> list[tuple[float, float]]:
         """The largest correlation of the same axis at the same instant."""
         found = list(flight.white_noise())
         pairs = [(values[1:], values[:-1]) for values in found if len(values) > 1]

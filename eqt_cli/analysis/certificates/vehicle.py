@@ -12,7 +12,7 @@ import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
 from eqt_cli.analysis.certificates.flight import ROUNDING, told_at_samples
-from eqt_cli.analysis.evidence.flight import SLACK, Flight
+from eqt_cli.analysis.evidence.flight import SLACK, VehicleRuns
 from eqt_cli.analysis.evidence.plain_algebra import ad_matrix, applied, exponential
 from eqt_cli.analysis.evidence.runs import Runs
 from eqt_cli.analysis.evidence.second_vehicle import SecondVehicle, second_vehicles
@@ -66,7 +66,7 @@ class VehicleCheck(TrajectoryCheck):
         yield from ()
 
     @abstractmethod
-    def differences(self, flight: Flight) -> Iterator[Difference]:
+    def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
         """All of them."""
 
 
@@ -85,7 +85,7 @@ class ForcesAgain(VehicleCheck):
         """The forces of plugins."""
         yield from _unknown_forces(again)
 
-    def differences(self, flight: Flight) -> Iterator[Difference]:
+    def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
         """Force by force, and run by run."""
         few = _few(flight)
         loop, times = few.loop, few.problem.times
@@ -114,7 +114,7 @@ class PlantMoves(VehicleCheck):
         yield from _unknown_forces(again)
         yield from _unknown_actuators(again)
 
-    def differences(self, flight: Flight) -> Iterator[Difference]:
+    def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
         """Run by run."""
         few = _few(flight)
         loop, times = few.loop, few.problem.times
@@ -155,7 +155,7 @@ class ActuatorsAgain(VehicleCheck):
         """The actuators of plugins."""
         yield from _unknown_actuators(again)
 
-    def differences(self, flight: Flight) -> Iterator[Difference]:
+    def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
         """Of what they give, of what moves, of the states after an instant, and of the limits."""
         loop, random = flight.loop, np.random.default_rng(flight.seed)
         G, vehicle, runs = loop.group, loop.vehicle, len(flight.states)
@@ -220,7 +220,7 @@ class CommandArrives(VehicleCheck):
         """The actuators of plugins."""
         yield from _unknown_actuators(again)
 
-    def differences(self, flight: Flight) -> Iterator[Difference]:
+    def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
         """Period by period."""
         loop, times = flight.loop, flight.problem.times
         control, m = flight.problem.loop.vehicle.control, loop.group.dimension
@@ -272,7 +272,7 @@ class TruthAndErrors(VehicleCheck):
         if again.told() is None:
             yield "a sensor has no second form"
 
-    def differences(self, flight: Flight) -> Iterator[Difference]:
+    def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
         """Run by run."""
         errors, G = flight.problem.errors, flight.loop.group
         if errors is None:
@@ -305,7 +305,7 @@ class MeasurementsArrive(VehicleCheck):
         if again.told() is None:
             yield "a sensor has no second form"
 
-    def differences(self, flight: Flight) -> Iterator[Difference]:
+    def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
         """Of every part that is held, sample by sample."""
         times, G, periods = flight.problem.times, flight.loop.group, flight.periods
         s, read = flight.loop.tracking(times, flight.states), told_at_samples(flight)
@@ -345,7 +345,7 @@ def _unknown_actuators(again: SecondVehicle) -> Iterator[str]:
             yield f"{actuator.name} has no second form"
 
 
-def _few(flight: Flight) -> Flight:
+def _few(flight: VehicleRuns) -> VehicleRuns:
     """The same runs at a few of their samples, the last of which is before its instant."""
     return flight.at_samples(
         np.unique(np.linspace(0, len(flight.problem.times) - 2, SAMPLES, dtype=int))

@@ -10,7 +10,7 @@ import numpy as np
 
 from eqt_cli.analysis.evidence.code_question import Question
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.told import Told
+from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.controllers import Controller
 from eqt_cli.controllers.family import Family, Frame
 from eqt_cli.core.arrays import Array
@@ -32,8 +32,8 @@ class Assumption(NamedTuple):
 
     words: str
     question: Question
-    pose: Told
-    rest: Told
+    pose: LawInput
+    rest: LawInput
 
 
 def assumptions(question: Question) -> Iterator[Assumption]:
@@ -80,7 +80,7 @@ def _of_frames(question: Question) -> Iterator[Assumption]:
             yield Assumption(f"{alone}; {words}", question, told, rest)
 
 
-def _carried(question: Question, told: Told, by: Array) -> Told:
+def _carried(question: Question, told: LawInput, by: Array) -> LawInput:
     """The desired velocity and acceleration in another frame."""
     G = question.loop.group
     return told._replace(
@@ -89,7 +89,7 @@ def _carried(question: Question, told: Told, by: Array) -> Told:
     )
 
 
-def _everywhere(question: Question) -> dict[str, Told]:
+def _everywhere(question: Question) -> dict[str, LawInput]:
     """What is read wrongly wherever it occurs."""
     G, told = question.loop.group, question.told
     Q, Qd, V = told.pose, told.desired_pose, told.velocity

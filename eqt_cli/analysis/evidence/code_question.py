@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.told import Told
+from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.controllers import Controller
 from eqt_cli.controllers.family import Frame
 from eqt_cli.core.arrays import Array
@@ -29,14 +29,14 @@ class Question:
     """
 
     loop: ClosedLoop
-    told: Told
+    told: LawInput
     memory: Mapping[str, Array]
 
     def torque(
         self,
         *,
         law: Controller | None = None,
-        told: Told | None = None,
+        told: LawInput | None = None,
         K: float = 1.0,
         K_d: float = 1.0,
         memory: Mapping[str, Array] | None = None,

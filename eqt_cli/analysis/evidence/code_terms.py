@@ -14,7 +14,7 @@ import numpy as np
 
 from eqt_cli.analysis.evidence.code_assumptions import assumptions
 from eqt_cli.analysis.evidence.code_question import Question
-from eqt_cli.closed_loop.told import Told
+from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import Array, apply_matrix
 
@@ -62,7 +62,7 @@ class Parts:
         return sum(abs(value) > CHANGED["double"] for value in self.expected.values())
 
 
-def parts_of(question: Question, pose: Told, rest: Told) -> list[Parts]:
+def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[Parts]:
     """The parts of a law in the two ways of writing what is quadratic in velocities.
 
     Parameters
@@ -75,7 +75,7 @@ def parts_of(question: Question, pose: Told, rest: Told) -> list[Parts]:
     return [_fitted(whole, own, moving) for moving in _quadratic(question, rest)]
 
 
-def _own_parts(question: Question, pose: Told, rest: Told) -> dict[str, Array]:
+def _own_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str, Array]:
     """Those of gains, accelerations and memory."""
     ask = question.torque
     still = rest._replace(
@@ -98,17 +98,17 @@ def _own_parts(question: Question, pose: Told, rest: Told) -> dict[str, Array]:
     return found
 
 
-def _quadratic(question: Question, told: Told) -> list[dict[str, Array]]:
+def _quadratic(question: Question, told: LawInput) -> list[dict[str, Array]]:
     """What is quadratic in velocities, by the weights of the family, in two ways of writing it."""
     unpushed = told._replace(desired_acceleration=0 * told.desired_acceleration)
     nothing = question.forgetful
 
-    def family(at: Told, **weights: float) -> Array:
+    def family(at: LawInput, **weights: float) -> Array:
         weighted = {"gyroscopic": 0.0, "transport": 0.0, **weights}
         law = Family(**weighted, error=question.frame)  # type: ignore[arg-type]  # floats only
         return question.torque(law=law, told=at, K=0.0, K_d=0.0, memory=nothing)
 
-    def weighed(name: str, at: Told = unpushed) -> Array:
+    def weighed(name: str, at: LawInput = unpushed) -> Array:
         return family(at, **{name: 1.0}) - family(at)
 
     of_reference = weighed("quadratic", unpushed._replace(velocity=0 * told.velocity))
@@ -256,7 +256,7 @@ def explained(question: Question, torque: Array, real: str) -> Explanation:
     usable = np.flatnonzero(finite)[:ENOUGH]
     few = Question(
         question.loop,
-        Told(*(np.asarray(part)[usable] for part in question.told)),
+        LawInput(*(np.asarray(part)[usable] for part in question.told)),
         {name: values[usable] for name, values in question.memory.items()},
     )
     found: list[Explanation] = []

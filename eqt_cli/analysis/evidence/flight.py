@@ -17,7 +17,7 @@ SLACK = 1e-9
 
 
 @dataclass(frozen=True)
-class Flight:
+class VehicleRuns:
     """Good runs of one law.
 
     Attributes
@@ -41,7 +41,7 @@ class Flight:
         """With the numbers of every run, for states ``(runs, samples, n)``."""
         return self.problem.batched_loop(extra_axes=1)
 
-    def at_samples(self, samples: Array) -> "Flight":
+    def at_samples(self, samples: Array) -> "VehicleRuns":
         """The same at some of the samples."""
         problem = replace(self.problem, times=self.problem.times[samples])
         return replace(self, problem=problem, states=self.states[:, samples])

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.evidence.flight import VehicleRuns
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
@@ -69,7 +69,7 @@ class Runs:
     error_system: float | None
     failed: int = 0
     departures: str = ""
-    flight: Flight | None = None
+    flight: VehicleRuns | None = None
     energy: str = Controller.energy
     theorem: str = Controller.theorem
     pose_error: Array | None = None

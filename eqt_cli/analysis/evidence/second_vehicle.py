@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.evidence import second_actuators, second_forces
-from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.evidence.flight import VehicleRuns
 from eqt_cli.analysis.evidence.numbers import floats, rate_of, with_rate
 from eqt_cli.analysis.evidence.redrawn import number, tensor
 from eqt_cli.analysis.evidence.running_error import lifted
@@ -33,7 +33,7 @@ class SecondVehicle:
         Which of them it is, from 0.
     """
 
-    flight: Flight
+    flight: VehicleRuns
     index: int
 
     @property
@@ -186,7 +186,7 @@ class SecondVehicle:
         return None if n is None or b is None else (n, b)
 
 
-def second_vehicles(flight: Flight) -> list[SecondVehicle]:
+def second_vehicles(flight: VehicleRuns) -> list[SecondVehicle]:
     """That of every run."""
     return [SecondVehicle(flight, index) for index in range(len(flight.states))]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.closed_loop.told import Told
+from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.native import library
@@ -98,7 +98,7 @@ class Lanes(Integrator):
             return found["torque"], found.get("memory", none), found.get("state", states)
         found = self._evaluated(around.told, runs, given)
         states = found.pop("state", states)
-        told = Told(**found)._replace(t=t)
+        told = LawInput(**found)._replace(t=t)
         torque, memory = self.loop.answer(told, self.loop.memory(states), self._period)
         return torque, np.concatenate([none, *memory.values()], axis=1), states
 

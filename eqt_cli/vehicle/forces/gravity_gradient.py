@@ -11,9 +11,9 @@ from eqt_cli.core.option_types import Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.notation.poses import square
 from eqt_cli.vehicle.forces.base import Force
 from eqt_cli.vehicle.numbers import Matrix, Number, check_numbers, drawn
-from eqt_cli.written.poses import square
 
 
 @dataclass(frozen=True)

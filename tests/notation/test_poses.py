@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import group_named
-from eqt_cli.written.poses import pose_from
+from eqt_cli.notation.poses import pose_from
 
 QUARTER = Rotation.from_rotvec([0, 0, np.pi / 2]).as_matrix()
 

@@ -14,7 +14,7 @@ from eqt_cli.mechanics.inertia import InertiaLaw
 from eqt_cli.mechanics.tracking import Gains, Tracking
 
 
-class Told(NamedTuple):
+class LawInput(NamedTuple):
     """What a law is told, body frame.
 
     Attributes
@@ -35,7 +35,7 @@ class Told(NamedTuple):
     desired_acceleration: Array
 
     @classmethod
-    def of(cls, s: Tracking) -> Told:
+    def of(cls, s: Tracking) -> LawInput:
         """What of a motion a law is told."""
         return cls(s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot)
 
