@@ -117,9 +117,9 @@ class StopWatch:
             except (ImportError, AttributeError):
                 self.missing.append(place)
         self.watch_engines()
-        from eqt_cli.execution import pack, run_study, steps
+        from eqt_cli.execution import pack, run_study, wall_time
 
-        own = steps.timed
+        own = wall_time.timed
 
         @contextmanager
         def timed(seconds: dict[str, float], name: str) -> Iterator[None]:

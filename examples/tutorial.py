@@ -13,7 +13,7 @@ experiment = eqt_cli.load_experiment(
     {"name": "tutorial", "ensemble.runs": 40, "solver.rtol": 1e-6, "solver.atol": 1e-9},
 )
 print(experiment)
-print("damping", experiment.config["gains"]["kd"])
+print("damping", experiment.resolved["gains"]["kd"])
 
 # %% Run it. The result is a folder, results/tutorial; running the same again finds it there.
 result = eqt_cli.run(experiment)
@@ -53,7 +53,7 @@ for claim in comparison.judgements:
 # %% Configurations are plain data, so a study is a loop; each experiment has a folder of its own.
 for kd in (0.25, 1.0):
     damped = eqt_cli.load_experiment(
-        experiment.config, {"name": f"tutorial-kd{kd:g}", "gains.kd": kd, "ensemble.runs": 10}
+        experiment.resolved, {"name": f"tutorial-kd{kd:g}", "gains.kd": kd, "ensemble.runs": 10}
     )
     with eqt_cli.open_results(eqt_cli.run(damped), "arrays") as results:
         error = results.read("final_pose_error", controller=0).mean()
