@@ -63,7 +63,6 @@ class _Step(Reporter):
 
     def __init__(self, to: Reporter, what: str, counts: bool) -> None:
         self.to, self.what, self.counts = to, what, counts
-        self.note, self.busy, self.remark = to.note, to.busy, to.remark  # type: ignore[method-assign]  # they are no affair of a step
 
     def advance(self, amount: float) -> None:
         if self.counts:
@@ -72,6 +71,15 @@ class _Step(Reporter):
     def skip(self, amount: float) -> None:
         if self.counts:
             self.to.skip(amount)
+
+    def note(self, about: str, words: str) -> None:
+        self.to.note(about, words)
+
+    def busy(self, words: str) -> AbstractContextManager[None]:
+        return self.to.busy(words)
+
+    def remark(self, warning: EqtWarning) -> None:
+        self.to.remark(warning)
 
 
 _current: ContextVar[Reporter | None] = ContextVar("reporter", default=None)

@@ -18,14 +18,14 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.core.files import text_of
-from eqt_cli.core.regular_files import content_of
+from eqt_cli.core.regular_files import TooLargeError, content_of
 from eqt_cli.notation.poses import QUATERNION_TOLERANCE
 
 SUFFIX = ".ulg"
 """How files of this format end."""
 
 MOST_BYTES = 400_000_000
-"""Of a file; the table that is made of it is much smaller."""
+"""Of a file; the table that is made of it has a bound of its own."""
 
 SMALLER = "log fewer topics, or a part of the flight"
 """What to do about a larger one."""
@@ -146,8 +146,11 @@ def recording_text(path: Path, missing: str, kind: type[EqtError], most: int, sm
     if path.suffix.lower() != SUFFIX:
         return text_of(path, missing, kind, most=most, smaller=smaller)
 
-    def read(path: Path, most: int) -> str:
-        return table_of(content_of(path, most), str(path))
+    def read(path: Path, most_of_file: int) -> str:
+        table = table_of(content_of(path, most_of_file), str(path))
+        if len(table) > most:
+            raise TooLargeError(most, len(table))
+        return table
 
     return text_of(path, missing, kind, most=MOST_BYTES, smaller=SMALLER, read=read)
 

@@ -15,7 +15,7 @@ from eqt_cli.logs import ulog
 from eqt_cli.logs.check import check_text
 from eqt_cli.logs.mapping import LogMapping
 from eqt_cli.logs.reading import read_log
-from eqt_cli.logs.ulog import DAMAGED, table_of
+from eqt_cli.logs.ulog import DAMAGED, recording_text, table_of
 
 needs_pyulog = pytest.mark.skipif(find_spec("pyulog") is None, reason="pyulog is not installed")
 START = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)
@@ -252,3 +252,16 @@ def test_a_configuration_takes_a_flight_and_keeps_its_table(tmp_path, content):
     )
     experiment = eqt_cli.load_experiment(tmp_path / "c.yaml")
     assert experiment.source.files["f.ulg"].startswith("vehicle_local_position.timestamp_sample")
+
+
+@needs_pyulog
+def test_the_table_of_a_flight_is_no_larger_than_other_files_may_be(tmp_path, content):
+    (tmp_path / "f.ulg").write_bytes(content)
+    size = len(table_of(content, "f.ulg"))
+    assert len(recording_text(tmp_path / "f.ulg", "", EqtError, size, "cut it")) == size
+    with pytest.raises(EqtError) as caught:
+        recording_text(tmp_path / "f.ulg", "", EqtError, size - 1, "cut it")
+    assert str(caught.value) == (
+        f"{tmp_path / 'f.ulg'}: cannot be read: expected at most {size - 1:,} bytes, got {size:,}; "
+        "log fewer topics, or a part of the flight"
+    )
