@@ -13,7 +13,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper figures figures-check test test-all test-lowest faults fuzz mutants oracles bench check format reference docs clean
+.PHONY: help paper figures figures-check sheets test test-all test-lowest faults fuzz mutants oracles bench check format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -28,6 +28,9 @@ figures: $(VENV)/.stamp-base ## draw every figure of the documentation anew, in 
 
 figures-check: $(VENV)/.stamp-base ## compare the numbers behind the figures with those in docs/figures
 	EQT=$(BIN)/eqt PYTHON=$(BIN)/python docs/figures/draw.sh check
+
+sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colour, grey, two colour blindnesses
+	$(BIN)/python docs/figures/sheets.py build/sheets $(ARGS)
 
 test: $(VENV)/.stamp-dev ## run the tests but the slow ones
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow' $(ARGS)

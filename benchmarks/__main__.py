@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 RESULTS = Path(__file__).with_name("results")
 
-PARTS = ("cases", "sampled", "commands", "profile", "growth", "machinery")
+PARTS = ("cases", "sampled", "estimates", "commands", "profile", "growth", "machinery")
 
 
 def main() -> None:
@@ -76,6 +76,7 @@ def _stages(options: argparse.Namespace) -> Iterator[Results]:
     parts = {
         "cases": _cases,
         "sampled": _sample,
+        "estimates": _estimate,
         "commands": _command,
         "profile": _profile,
         "growth": _grow,
@@ -133,6 +134,16 @@ def _sample(options: argparse.Namespace, results: Results) -> Iterator[None]:
     for found in sampled():
         results.sampled.append(found)
         _say(f"every {found.period:g} s  {found.way:22} {found.cpu:9.3f} s")
+    yield
+
+
+def _estimate(options: argparse.Namespace, results: Results) -> Iterator[None]:
+    """Laws that read an estimate."""
+    from benchmarks.estimates import estimator_times
+
+    for found in estimator_times():
+        results.estimates.append(found)
+        _say(f"{found.case}  {found.engine}  {found.kind:14} {1e3 * found.cpu:8.3f} ms a run")
     yield
 
 

@@ -5,12 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.table import TITLES, Results
 from eqt_cli.plots import save
-from eqt_cli.plots.drawing.layout import freeze
-from eqt_cli.plots.drawing.style import WIDTHS, house_style, line_style
+from eqt_cli.plots.drawing.labels import in_words
+from eqt_cli.plots.drawing.layout import add_legend, freeze
+from eqt_cli.plots.drawing.point_labels import name_points
+from eqt_cli.plots.drawing.style import WIDTHS, house_style, ink, line_style
 
 CASE = "paper"
 """The runs of which the figure of rates tells."""
@@ -66,10 +70,25 @@ def work_precision(results: Results) -> Figure:
         panel.set_yscale("log")
         panel.margins(0.06)
         panel.set_title(TITLES.get(case, case))
-        panel.set_xlabel(f"time for {results.of(case)[0].runs} runs / s")
+        panel.set_xlabel(in_words(f"time for {results.of(case)[0].runs} runs", "s"))
+        better: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": "small"}
+        panel.annotate("better ↙", (0.03, 0.04), color=ink(0.6), **better)
     panels[0].set_ylabel("error: largest (lines), median (dots)")
-    drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    _name(max(panels, key=lambda panel: len(panel.lines)), drawing)
     return drawing
+
+
+def _name(panel: Axes, drawing: Figure) -> None:
+    """Name the curves at their slow ends; those without room there, in a legend."""
+    lines = [line for line in panel.lines if not str(line.get_label()).startswith("_")]
+    curves = [np.column_stack(line.get_data()) for line in lines]
+    ends = np.array([curve[np.argmax(curve[:, 0])] for curve in curves])
+    names, colours = zip(*((str(x.get_label()), str(x.get_color())) for x in lines), strict=True)
+    name_points(panel, ends, names, colours, np.concatenate(curves))
+    written = {text.get_text() for text in panel.texts}
+    left = [line for line, name in zip(lines, names, strict=True) if name not in written]
+    if left:
+        add_legend(drawing, left, [str(line.get_label()) for line in left])
 
 
 def rates(results: Results) -> dict[str, dict[str, float]]:
@@ -100,9 +119,11 @@ def runs_per_second(results: Results) -> Figure:
         panel.plot(
             list(own.values()), heights, "o^sD"[index], color=color, markersize=4, label=kind
         )
+        top = max(heights)
         for rate, height in zip(own.values(), heights, strict=True):
+            number = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
             panel.annotate(
-                f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}",
+                f"{number}  {kind}" if height == top else number,
                 (rate, height),
                 (5, 0),
                 textcoords="offset points",
@@ -111,11 +132,10 @@ def runs_per_second(results: Results) -> Figure:
                 fontsize="small",
             )
     panel.set_xscale("log")
-    panel.margins(x=0.08)
+    panel.margins(x=0.2)
     panel.set_ylim(-0.5, len(ordered) - 0.5)
     panel.set_yticks(range(len(ordered)), ordered)
-    panel.set_xlabel("runs of 20 s per second of CPU time")
-    drawing.legend(loc="outside upper center", ncols=len(found))
+    panel.set_xlabel("runs of 20 s per second of CPU time (better →)")
     return drawing
 
 

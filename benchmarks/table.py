@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from benchmarks.estimates import EstimatorTime
 from benchmarks.growth import Growth
 from benchmarks.laws import LawTime, per_run_and_state, ratio
 from benchmarks.machinery import Machinery
@@ -42,6 +43,7 @@ class Results:
     measurements: list[Measurement] = field(default_factory=list)
     laws: list[LawTime] = field(default_factory=list)
     sampled: list[Sampled] = field(default_factory=list)
+    estimates: list[EstimatorTime] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     profiles: list[Profile] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
@@ -68,6 +70,8 @@ def as_markdown(results: Results) -> str:
         parts += ["## The laws of other papers, taylor", _laws(results.laws)]
     if results.sampled:
         parts += ["## A sampled law, the paper's runs, one thread", _sampled(results.sampled)]
+    if results.estimates:
+        parts += ["## Estimators, one thread", _estimates(results.estimates)]
     if results.commands:
         parts += ["## Whole commands", _commands(results.commands)]
     if results.profiles:
@@ -213,6 +217,23 @@ def _sampled(found: list[Sampled]) -> str:
             if each.period in plain
         ),
     )
+
+
+def _estimates(found: list[EstimatorTime]) -> str:
+    """CPU time of a run and of one of its instants."""
+    head = ["configuration", "engine", "estimator", "ms per run", "µs per instant", "timed runs"]
+    rows = (
+        [
+            each.case,
+            each.engine,
+            each.kind,
+            f"{1e3 * each.cpu:.3g}",
+            f"{each.microseconds:.3g}",
+            f"{each.runs}",
+        ]
+        for each in found
+    )
+    return _table(head, rows)
 
 
 def _commands(commands: list[Command]) -> str:

@@ -15,12 +15,12 @@ In notebooks and scripts::
 
 from functools import partial
 
-from eqt_cli.core.offered_names import asked, places
+from eqt_cli.core.offered_names import imported, places
 
 _PLACES = places(__name__)
 
 __all__ = sorted(_PLACES)
-__getattr__ = partial(asked, __name__, _PLACES)
+__getattr__ = partial(imported, __name__, _PLACES)
 
 
 def __dir__() -> list[str]:

@@ -7,13 +7,13 @@ file, which is called as the component is: ``from eqt_cli.controllers.eqt import
 
 from functools import partial
 
-from eqt_cli.core.offered_names import asked, places
+from eqt_cli.core.offered_names import imported, places
 
 PLACES = places(__name__)
 """The modules of the names."""
 
 __all__ = sorted(PLACES)
-__getattr__ = partial(asked, __name__, PLACES)
+__getattr__ = partial(imported, __name__, PLACES)
 
 
 def __dir__() -> list[str]:

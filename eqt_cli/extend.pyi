@@ -118,6 +118,12 @@ from eqt_cli.results.result import mean_over_runs as mean_over_runs
 from eqt_cli.results.time_windows import Window as Window
 from eqt_cli.vehicle.actuators.base import Actuator as Actuator
 from eqt_cli.vehicle.actuators.base import PassThrough as PassThrough
+from eqt_cli.vehicle.estimators.base import Deviations as Deviations
+from eqt_cli.vehicle.estimators.base import Estimate as Estimate
+from eqt_cli.vehicle.estimators.base import Estimator as Estimator
+from eqt_cli.vehicle.estimators.base import Fix as Fix
+from eqt_cli.vehicle.estimators.error_state import ErrorStateFilter as ErrorStateFilter
+from eqt_cli.vehicle.estimators.schedule import Schedule as Schedule
 from eqt_cli.vehicle.forces.base import Force as Force
 from eqt_cli.vehicle.numbers import Matrix as Matrix
 from eqt_cli.vehicle.numbers import Number as Number

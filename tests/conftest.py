@@ -48,6 +48,9 @@ from eqt_cli.store.writer import write
 
 pytest_plugins = ["pytester"]
 
+# Tables obey it, and workers of the tests have one of their own.
+os.environ.pop("COLUMNS", None)
+
 # A deadline would time the machine, which runs tests side by side, and not the code. Samples are
 # the same in every run, so that a change is judged by what it changes; the nightly run draws new
 # ones.

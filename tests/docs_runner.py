@@ -157,11 +157,12 @@ def read_command(line):
         return
     accept(words[1:])
     sets = tuple(f"--set={change}" for flag, change in pairwise(words) if flag == "--set")
-    own = words[2].endswith(".yaml") and not words[2].startswith("configs/")
-    made = words[2].startswith("results/")  # by a command before it, which was not carried out
+    target = "".join(words[2:3])
+    own = target.endswith(".yaml") and not target.startswith("configs/")
+    made = target.startswith("results/")  # by a command before it, which was not carried out
     computing = words[1] in ("run", "sweep", "tune", "worst") and not made
     if expected == 0 and computing and (own or sets):
-        check(words[2], sets)
+        check(target, sets)
 
 
 def check(file, changes):
@@ -185,7 +186,7 @@ def accept(words):
 
     command, context = typer.main.get_command(app), None
     while True:
-        context = command.make_context(words[0], list(words), parent=context)
+        context = command.make_context("eqt", list(words), parent=context)
         rest = [*context._protected_args, *context.args]  # of a group, what its command is given
         if not hasattr(command, "resolve_command"):
             return

@@ -11,7 +11,16 @@ pytestmark = [
     pytest.mark.slow("a browser draws the pages"),
 ]
 
-PAGES = ["index", "gallery", "reference/commands", "experiments/flies", "explanation/theory"]
+PAGES = [
+    "index",
+    "gallery",
+    "reference/api/index",
+    "reference/commands",
+    "experiments/flies",
+    "explanation/glossary",
+    "explanation/theory",
+    "howto/index",
+]
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(375, "light"), (1280, "dark")])

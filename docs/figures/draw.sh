@@ -48,8 +48,8 @@ numbers() {
 # show a change as well as many.
 numbers_of_paper() {
 	numbers paper distributions
-	numbers torque --option bands=quantiles
-	name=${name}_feedback numbers torque --option share=feedback
+	numbers torque --option bands=quantiles --option share=total
+	name=${name}_feedback numbers torque
 	numbers phase sphere --option runs=5
 }
 
@@ -61,15 +61,14 @@ picture() {
 	fi
 }
 
-# shrunk FILE COPY: a copy for the screen, at most 1400 pixels wide and of 256 colours. Without the
-# k-means, the rare colours of a colour bar are lost.
+# shrunk FILE COPY: a copy for the screen, at most 1400 pixels wide, with all its colours.
 shrunk() {
 	"$python" - "$@" <<-'END'
 		import sys
 		from PIL import Image
 		picture = Image.open(sys.argv[1]).convert("RGB")
 		picture.thumbnail((1400, picture.height), Image.Resampling.LANCZOS)
-		picture.quantize(256, kmeans=4, dither=Image.Dither.NONE).save(sys.argv[2], optimize=True)
+		picture.save(sys.argv[2], optimize=True)
 	END
 }
 
@@ -98,8 +97,8 @@ paper() {
 	experiment paper configs/paper.yaml
 	numbers_of_paper
 	picture paper paper
-	picture torque torque --width page
-	picture torque_feedback torque --option share=feedback
+	picture torque torque --width page --option share=total
+	picture torque_feedback torque
 	picture single_runs runs
 	picture distributions distributions
 	picture phase phase
@@ -136,6 +135,13 @@ se3_bluerov2_thrusters() {
 		--set solver.error_estimate=false --set solver.cross_check=0
 	numbers paper
 	picture se3_bluerov2_thrusters paper --option log=true --width page
+}
+
+se3_bluerov2_estimated() {
+	experiment se3_bluerov2_estimated configs/se3_bluerov2_estimated.yaml --engine native \
+		--set ensemble.runs=20 --set solver.cross_check=0
+	numbers estimate --option 'controllers=[eqt, lee2010]'
+	picture se3_bluerov2_estimated estimate --option 'controllers=[eqt, lee2010]' --width page
 }
 
 satellite_folding() {
@@ -212,7 +218,7 @@ fi
 # The longest first.
 all=(paper references)
 if "$python" -c 'import heyoka' 2>/dev/null; then
-	all=(se3_bluerov2_thrusters paper paper_by_taylor references se3 se3_bluerov2 sweep_region
+	all=(se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_taylor references se3 se3_bluerov2 sweep_region
 		satellite_breaks se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
 		attitude_manifold sweep_lag satellite_wheels sweep_family)
 elif [ $# = 0 ]; then

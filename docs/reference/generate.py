@@ -481,6 +481,47 @@ def extend() -> Iterator[str]:
     yield from table(["names", "what they are about"], rows)
 
 
+@part
+def summaries(page: str) -> Iterator[str]:
+    """The names of a page of the Python API, which a forge can show: with arguments and meaning."""
+    text = (DOCS / "reference" / "api" / f"{page}.md").read_text(encoding="utf-8")
+    rows = []
+    for kind, path, options in re.findall(DIRECTIVE, text, re.M):
+        module, _, function = path.rpartition(".") if kind == "function" else (path, "", "")
+        found = import_module(module)
+        members = re.search(r":members: *(\S.*)", options)
+        names = members[1].split(", ") if members else [function] if function else _public(found)
+        rows += [
+            [code(f"{name}{_arguments(getattr(found, name))}"), _summary(getattr(found, name))]
+            for name in names
+        ]
+    yield from table(["name", "what it is"], rows)
+
+
+DIRECTIVE = r"^\.\. auto(module|function):: (\S+)\n((?: +:.*\n)*)"
+
+
+def _public(module: Any) -> list[str]:
+    """The functions and classes that a module defines, in their order."""
+    return [
+        name
+        for name, value in vars(module).items()
+        if not name.startswith("_") and getattr(value, "__module__", "") == module.__name__
+        if inspect.isfunction(value) or inspect.isclass(value)
+    ]
+
+
+def _arguments(value: Any) -> str:
+    """The names of the arguments of a function; of a class, nothing."""
+    if inspect.isclass(value):
+        return ""
+    return f"({', '.join(inspect.signature(value).parameters)})"
+
+
+def _summary(value: Any) -> str:
+    return escaped((inspect.getdoc(value) or "").partition("\n")[0])
+
+
 def _first_sentence(module: Any) -> str:
     return re.split(r"[;.]", (module.__doc__ or "").strip())[0]
 

@@ -1,1 +1,1 @@
-"""What follows from results: certificates of the theory, and comparisons of controllers."""
+"""Analyses of experiments and results: certificates, margins, comparisons, recordings."""

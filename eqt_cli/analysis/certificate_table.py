@@ -1,4 +1,4 @@
-"""Certificates as a table of text; it must not know how they were found."""
+"""Lays out certificates as a text table. Does not know how they were found."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -28,28 +28,28 @@ _LEGEND = {
     Verdict.VIOLATED: "the theorems do not cover this experiment",
     Verdict.UNKNOWN: "the program cannot decide this",
 }
-"""What the verdicts mean other than holds and FAILS."""
+"""Explanations of the verdicts, except for holds and FAILS."""
 
 _HEADER = ["statement", "what", "law", "measured", "bound", "verdict", "remark"]
 _SPARE = ("bound", "measured", "statement")
 
 _LISTED = (Verdict.UNCLAIMED, Verdict.NOT_COVERED)
-"""Verdicts that say nothing of the experiment: a short table names their rows in one line."""
+"""Verdicts that do not concern the experiment; a brief table lists their rows in one note."""
 
 
 def titled(rows: Sequence[Row], titles: Mapping[str, str]) -> list[Row]:
-    """Rows with the controllers as tables write them."""
+    """Return the rows with the display names of the controllers."""
     return [replace(row, controller=titles.get(row.controller, row.controller)) for row in rows]
 
 
 def certificate_table(rows: Sequence[Row], *, brief: bool = False) -> TextTable | None:
-    """A block per kind, in the order of the rows; None if there are none.
+    """Return a table with a block for each kind of row; None if it would be empty.
 
     Parameters
     ----------
     brief
-        Only the rows that do not hold, or that could not be proved; those that are not claimed or
-        not covered in the notes.
+        Whether to show only rows that do not hold or could not be proved. Rows that are not claimed
+        or not covered are then listed in the notes.
     """
     expected = (_HOLDS, _PROVED, *_LISTED)
     shown = [row for row in rows if row.verdict not in expected or row.not_proved]
@@ -75,7 +75,7 @@ def certificate_table(rows: Sequence[Row], *, brief: bool = False) -> TextTable 
 
 
 def _notes(rows: Sequence[Row], *, brief: bool) -> list[str]:
-    """What the verdicts mean that occur, and in a short table which rows have them."""
+    """Explain the verdicts that occur; a brief table also lists rows here."""
     notes = []
     for verdict, meaning in _LEGEND.items():
         if having := [row for row in rows if row.verdict is verdict]:
@@ -85,7 +85,7 @@ def _notes(rows: Sequence[Row], *, brief: bool) -> list[str]:
 
 
 def _named(rows: Sequence[Row]) -> str:
-    """Rows by name, with the laws that they are about: ``decrease of L (lee2010, lee2012)``."""
+    """List rows by name with their laws: ``decrease of L (lee2010, lee2012)``."""
     laws: dict[str, list[str]] = {}
     for row in rows:
         laws.setdefault(row.name, []).extend([row.controller] if row.controller else [])
@@ -93,14 +93,14 @@ def _named(rows: Sequence[Row]) -> str:
 
 
 def tally(rows: Sequence[Row]) -> str:
-    """How many identities and trajectory rows end how: ``41 hold, 2 undecided, 0 fail``."""
+    """Count the verdicts of all rows but hypotheses: ``41 hold, 2 undecided, 0 fail``."""
     counts = Counter(row.verdict for row in rows if row.kind != "hypothesis")
     others = [f"{count} {v}" for v, count in counts.items() if v not in (_HOLDS, _FAILS)]
     return ", ".join([f"{counts[_HOLDS]} hold", *sorted(others), f"{counts[_FAILS]} fail"])
 
 
 def doubtful(rows: Sequence[Row]) -> list[str]:
-    """The hypotheses that are violated or seem to be: ``growing: Q_d is bounded``."""
+    """List the hypotheses that are violated or in doubt: ``growing: Q_d is bounded``."""
     return [
         f"{row.verdict}: {row.name}{f' ({row.controller})' if row.controller else ''}"
         for row in rows

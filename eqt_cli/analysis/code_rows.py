@@ -1,4 +1,4 @@
-"""Code in C against the law that it claims to be: rows for `eqt verify`."""
+"""Compares laws in C with the laws that they claim to be: rows for `eqt verify`."""
 
 from __future__ import annotations
 
@@ -14,41 +14,41 @@ from eqt_cli.analysis.evidence.code_terms import explained, sum_of
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.law_input import LawInput
-from eqt_cli.controllers import Controller, controllers
+from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.core.problems import Problems
 
 STATES = 200
-"""Random states, at which a torque is explained."""
+"""Number of random states."""
 
 BOUNDED = 24
-"""Of them, at which it is compared by the bound of rounding errors, which takes long."""
+"""Number of states at which the bound of rounding errors is computed, which takes long."""
 
 ARRANGED = 8.0
-"""Times the bound of eqt's own formula: another arrangement of it rounds otherwise."""
+"""Factor of the bound of eqt's formula, because the code may arrange the formula differently."""
 
 MEMORY_ROUNDINGS = 1e3
-"""Of the largest entry of a memory, that a period may add."""
+"""Rounding errors of the largest entry of a memory that a period may add."""
 
 ROUNDOFF = {"double": UNIT, "float": 2.0**-24}
-"""Of one operation, relative."""
+"""Relative rounding error of one operation."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A law in code, at states of which some are those of runs.
+    """A law in code, and the states at which it is evaluated.
 
     Attributes
     ----------
     label
-        Of the law.
+        Label of the law.
     loop
-        With the code.
+        The loop with the code.
     random
-        States that are drawn.
+        Random states.
     along
-        States of runs; None where no run is good.
+        States of runs; None if no run is good.
     """
 
     label: str
@@ -64,7 +64,7 @@ def code_rows(
     random: np.random.Generator,
     flown: tuple[Array, Array] | None,
 ) -> list[Row]:
-    """What is found of a law that is code; no row of a law that is a formula.
+    """Check a law that is code; a law that is a formula has no rows.
 
     Parameters
     ----------
@@ -74,15 +74,15 @@ def code_rows(
     if loop.controller.code is None:
         return []
     drawn = random_states(loop, horizon, random)
-    along = None if flown is None else _states_of(loop, *flown, random)
+    along = None if flown is None else _states_of_runs(loop, *flown, random)
     found = Judged(label, loop, drawn, along)
-    return [*_finite(found), *_repeats(found), *_compared(found)]
+    return [*_finite(found), *_repeatable(found), *_compared(found)]
 
 
 def random_states(
     loop: ClosedLoop, horizon: float, random: np.random.Generator
 ) -> tuple[LawInput, dict[str, Array]]:
-    """Random states and memory, with a reference that moves."""
+    """Draw random states and memory, with a moving reference."""
     G, m = loop.group, loop.group.dimension
     Q, Qd = G.exp(random.standard_normal((2, STATES, m)))
     V, Vd, Vd_dot = random.standard_normal((3, STATES, m))
@@ -94,10 +94,10 @@ def random_states(
     return LawInput(t, Q, V, Qd, Vd, Vd_dot), memory
 
 
-def _states_of(
+def _states_of_runs(
     loop: ClosedLoop, times: Array, states: Array, random: np.random.Generator
 ) -> tuple[LawInput, dict[str, Array]] | None:
-    """Some of the states of runs."""
+    """Draw states from runs."""
     runs, samples, _ = states.shape
     if not runs:
         return None
@@ -107,26 +107,24 @@ def _states_of(
     return loop.told(t, flat), loop.memory(flat)
 
 
-# Finite, and nothing but what it is told ----------------------------------------------------------
+# Finite torques that depend only on the inputs ----------------------------------------------------
 
 
 def _finite(judged: Judged) -> Iterator[Row]:
-    """Whether the torque is finite without an error and at half turns."""
+    """Check that the torque is finite at half turns and without an error."""
     loop, G = judged.loop, judged.loop.group
     m = G.dimension
     turned = np.concatenate([G.exp(np.pi * np.eye(m)), G.exp(np.zeros((1, m)))])
     rest, still = np.broadcast_to(G.identity, turned.shape), np.zeros((m + 1, m))
-    told = LawInput(np.zeros(m + 1), turned, still, rest, still, still)
+    inputs = LawInput(np.zeros(m + 1), turned, still, rest, still, still)
     memory = {name: np.zeros((m + 1, n)) for name, n in loop.controller.memory(G).items()}
-    torque, _ = loop.answer(told, memory, _period(loop))
+    torque, _ = loop.answer(inputs, memory, _period(loop))
     bad = ~np.isfinite(torque).all(axis=1)
     law = loop.controller.formula
-    own = torque
+    known: Any = np.ones_like(bad)
     if law is not None:
-        own = Question(replace(loop, controller=law), told, memory).torque()
-    known: Any = np.isfinite(own).all(axis=1)
-    if law is None:
-        known = np.ones_like(known)
+        formula = Question(replace(loop, controller=law), inputs, memory)
+        known = np.isfinite(formula.torque()).all(axis=1)
     where = ["half turn", "no error"]
     words = [
         f"{where[int(k == m)]}{f' about axis {k + 1}' if k < m else ''}: {torque[k].tolist()}"
@@ -139,12 +137,12 @@ def _finite(judged: Judged) -> Iterator[Row]:
     yield _row(judged, "finite torque at half turns and without an error", verdict, words)
 
 
-def _repeats(judged: Judged) -> Iterator[Row]:
-    """Whether the same inputs give the same torque, whatever was asked before."""
-    told, memory = judged.random
+def _repeatable(judged: Judged) -> Iterator[Row]:
+    """Check that equal inputs give equal torques, whatever was computed before."""
+    inputs, memory = judged.random
     period = _period(judged.loop)
-    first, kept = judged.loop.answer(told, memory, period)
-    turned = LawInput(*(np.asarray(part)[::-1] for part in told))
+    first, kept = judged.loop.answer(inputs, memory, period)
+    turned = LawInput(*(np.asarray(part)[::-1] for part in inputs))
     backwards = {name: values[::-1] for name, values in memory.items()}
     second, again = judged.loop.answer(turned, backwards, period)
     same = np.array_equal(first, second[::-1], equal_nan=True) and all(
@@ -164,7 +162,7 @@ NO_NUMBER = (
 
 
 def _compared(judged: Judged) -> Iterator[Row]:
-    """The torque, and what becomes of memory, against the law that the code claims to be."""
+    """Compare the torque and the memory with those of the law that the code claims to be."""
     loop, law = judged.loop, judged.loop.controller.formula
     if law is None:
         words = ["name the law that it claims to be with `as`"]
@@ -177,18 +175,18 @@ def _compared(judged: Judged) -> Iterator[Row]:
     for place, states in (("at random states", judged.random), ("along runs", judged.along)):
         if states is None:
             continue
-        told, memory = states
-        torque, kept = loop.answer(told, memory, _period(loop))
-        question = Question(formula, told, memory)
+        inputs, memory = states
+        torque, kept = loop.answer(inputs, memory, _period(loop))
+        question = Question(formula, inputs, memory)
         measured, bound, by_float = _worst(question, torque, code.real)
         words = []
         if not measured <= bound and not known:  # runs show less of a law than random states
-            words, known = _said(question, torque, code.real, by_float), True
+            words, known = _description(question, torque, code.real, by_float), True
         name = f"torque of {law.title}, {code.real}, {place}"
         verdict = Verdict.HOLDS if measured <= bound else Verdict.FAILS
         yield _row(judged, name, verdict, words, measured, bound)
         if memory and place == "at random states" and loop.vehicle.control is not None:
-            yield _remembers(judged, question, kept, code.real)
+            yield _memory_row(judged, question, kept, code.real)
 
 
 def _worst(question: Question, torque: Array, real: str) -> tuple[float, float, bool]:
@@ -216,16 +214,16 @@ def _rounding(question: Question) -> Array:
         return lifted(values, UNIT * np.abs(values))
 
     bounded = with_leaves(loop, {path: given(values) for path, values in leaves(loop).items()})
-    told = LawInput(*(given(np.asarray(part)[:BOUNDED]) for part in question.told))
+    inputs = LawInput(*(given(np.asarray(part)[:BOUNDED]) for part in question.inputs))
     memory = {name: given(values[:BOUNDED]) for name, values in question.memory.items()}
-    s = told.tracking(loop.group, bounded.inertia, bounded.gains, memory)
+    s = inputs.tracking(loop.group, bounded.inertia, bounded.gains, memory)
     with np.errstate(all="ignore"):
-        _, errors = value_of(bounded.controller.torque(s) + 0.0 * told.velocity)
+        _, errors = value_of(bounded.controller.torque(s) + 0.0 * inputs.velocity)
     return errors
 
 
-def _said(question: Question, torque: Array, real: str, by_float: bool) -> list[str]:
-    """What the difference is, in words."""
+def _description(question: Question, torque: Array, real: str, by_float: bool) -> list[str]:
+    """Describe the difference in words."""
     if not (np.isfinite(torque) & np.isfinite(question.torque())).all(axis=1).any():
         return [NO_NUMBER]
     if by_float and real == "double":
@@ -236,38 +234,32 @@ def _said(question: Question, torque: Array, real: str, by_float: bool) -> list[
 
 
 def _other_law(question: Question, torque: Array, real: str) -> str:
-    """The registered law that asks for these torques; "" where none does."""
+    """Return the title of the registered law with these torques; "" if there is none."""
     scale = np.abs(torque).max() or 1.0
-    limit = (1e-10 if real == "double" else 1e-5) * scale
+    limit, G = (1e-10 if real == "double" else 1e-5) * scale, question.loop.group
     for kind in controllers.all():
-        if kind.name == question.loop.controller.name:
+        if kind.name == question.loop.controller.name or not kind.tasks:
             continue
-        if not kind.tasks or set(question.memory) != set(_memory_of(kind, question)):
-            continue
-        law = kind()
-        problems = Problems()
-        law.check(question.loop.group, problems)
-        if problems or law == question.loop.controller:
+        law, problems = kind(), Problems()
+        law.check(G, problems)
+        other_memory = set(question.memory) != set(law.memory(G))
+        if problems or other_memory or law == question.loop.controller:
             continue
         if np.abs(question.torque(law=law) - torque).max() <= limit:
             return str(law.title)
     return ""
 
 
-def _memory_of(kind: type[Controller], question: Question) -> dict[str, int]:
-    return dict(kind().memory(question.loop.group))
-
-
-def _remembers(judged: Judged, question: Question, kept: dict[str, Array], real: str) -> Row:
-    """Whether memory goes on as that of the law does."""
+def _memory_row(judged: Judged, question: Question, kept: dict[str, Array], real: str) -> Row:
+    """Check that the memory changes over a period as that of the law."""
     loop, period = question.loop, _period(judged.loop)
-    s = question.told.tracking(loop.group, loop.inertia, loop.gains, question.memory)
+    s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
     rates = loop.controller.memory_rate(s)
-    told = question.told
-    still = told._replace(
-        velocity=0 * told.velocity,
-        desired_velocity=0 * told.desired_velocity,
-        desired_acceleration=0 * told.desired_acceleration,
+    inputs = question.inputs
+    still = inputs._replace(
+        velocity=0 * inputs.velocity,
+        desired_velocity=0 * inputs.desired_velocity,
+        desired_acceleration=0 * inputs.desired_acceleration,
     )
     at_rest = loop.controller.memory_rate(
         still.tracking(loop.group, loop.inertia, loop.gains, question.memory)

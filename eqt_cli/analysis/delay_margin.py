@@ -1,4 +1,4 @@
-"""How much more delay a linear loop takes before it is unstable; it knows no law and no vehicle."""
+"""Delay margins of linear loops. Does not know laws and vehicles."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 
 PER_DECADE = 60
-"""Frequencies at which the gain of a loop is looked at, beside those near its poles."""
+"""Frequencies per decade at which the gain is evaluated, besides those near poles."""
 
 NEAR_A_POLE = np.array([-30, -10, -3, -1, -0.3, 0.0, 0.3, 1, 3, 10, 30])
-"""In units of its decay: so far from the frequency of a pole the gain is looked at, too."""
+"""Offsets from the frequency of a pole, in units of its decay rate, for more frequencies."""
 
 SLOWEST = 1e-4
-"""Of the slowest pole that is not at rest: slower crossings are not looked for."""
+"""Lowest searched frequency, as a share of the slowest pole that is not at the origin."""
 
 BISECTIONS = 45
-"""Of the interval between two frequencies, which then is as small as rounding."""
+"""Number of bisections of a frequency interval, down to rounding."""
 
 SAME = 1e-7
-"""Moduli and whole numbers that differ by less are equal."""
+"""Tolerance for equal moduli and for whole numbers of periods."""
 
 
 class CutLoop(NamedTuple):
-    """A loop, cut: ẋ = A x + B u, or x one period later, with y = C x; u = y closes it.
+    """An open loop ẋ = A x + B u, y = C x, or its map over one period; u = y closes the loop.
 
     Attributes
     ----------
     period
-        s; None of a continuous loop.
+        Period of a sampled loop, s; None for a continuous loop.
     """
 
     A: Array
@@ -40,14 +40,14 @@ class CutLoop(NamedTuple):
     period: float | None
 
     def gain(self, frequency: Array) -> Array:
-        """G = C (p − A)⁻¹ B with p = iω, or e^(iωT) of a sampled loop, ``(k, m, m)``."""
+        """Return G = C (p − A)⁻¹ B, p = iω, or e^(iωT) for a sampled loop, ``(k, m, m)``."""
         p = 1j * frequency if self.period is None else np.exp(1j * frequency * self.period)
         identity = np.eye(len(self.A))
         found: Array = self.C @ np.linalg.solve(p[:, None, None] * identity - self.A, self.B)
         return found
 
     def delayed(self, periods: int) -> Array:
-        """The map of one period of a sampled loop with more delay, its commands in a queue."""
+        """Return the map over one period of a sampled loop whose commands wait so many periods."""
         n, m = self.B.shape
         if not periods:
             return self.A + self.B @ self.C
@@ -58,15 +58,15 @@ class CutLoop(NamedTuple):
 
 
 def delay_margin(loop: CutLoop) -> float:
-    """The least further delay with which a stable loop is not stable, s; infinite if there is none.
+    """Return the smallest added delay that makes a stable loop unstable, s; infinite if none does.
 
-    A delay τ of the command leaves a root at p = iω, or e^(iωT), where an eigenvalue λ of the gain
-    G is e^(iωτ): |λ| = 1 and τ = arg λ / ω. The least of these over all frequencies is the margin:
-    a frequency sweep, and of one command the phase margin over the crossover frequency. The page
-    on margins derives it.
+    A delay τ of the command puts a root at p = iω, or e^(iωT), if an eigenvalue λ of the gain G is
+    e^(iωτ), that is |λ| = 1 and τ = arg λ / ω. The margin is the smallest such τ over all
+    frequencies. For a single command it is the phase margin divided by the crossover frequency. The
+    documentation page on margins derives this.
 
-    Of a sampled loop it is a whole number of periods, the last one with which the loop is stable:
-    the eigenvalues with this number and with the next are computed.
+    For a sampled loop the margin is the largest whole number of periods with which the loop is
+    stable. The eigenvalues with this number and with the next one are computed to confirm it.
     """
     found = sorted(_delays(loop))
     if loop.period is None:
@@ -90,7 +90,7 @@ def _is_stable(loop: CutLoop, periods: int) -> bool:
 
 
 def _delays(loop: CutLoop) -> Iterator[float]:
-    """Every delay that leaves a root on the boundary."""
+    """Yield all delays that put a root on the stability boundary."""
     frequencies = _frequencies(loop)
     above = _moduli(loop, frequencies) > 1.0
     index, place = np.nonzero(above[:-1] != above[1:])
@@ -105,12 +105,12 @@ def _delays(loop: CutLoop) -> Iterator[float]:
 
 
 def _moduli(loop: CutLoop, frequencies: Array) -> Array:
-    """Of the eigenvalues of the gain, in order, ``(k, m)``; continuous in the frequency."""
+    """Return the sorted moduli of the eigenvalues of the gain, ``(k, m)``."""
     return np.sort(np.abs(np.linalg.eigvals(loop.gain(frequencies))), axis=-1)
 
 
 def _frequencies(loop: CutLoop) -> Array:
-    """From far below the slowest pole to where the gain is less than 1, and dense near poles."""
+    """Return frequencies from below the slowest pole to a gain below 1, dense near poles."""
     closed = loop.A + loop.B @ loop.C
     poles = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(closed)])
     if loop.period is not None:

@@ -1,6 +1,6 @@
-"""What differs between two results: configuration, provenance and numbers, bit by bit.
+"""Finds the differences between two results: configuration, provenance and numbers, bit by bit.
 
-It must not know what the numbers mean.
+Does not know what the numbers mean.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import KeyPath, dotted
 from eqt_cli.results.origin import KnownResult
 
-MOST = 2**22
-"""Entries of a dataset that are read at once."""
+BLOCK_ENTRIES = 2**22
+"""Number of entries of a dataset that are read at once."""
 
 _APART = ("config", "provenance", "digest")
-"""Attributes that are compared by their keys, or follow from others."""
+"""Attributes that are compared key by key, or that follow from others."""
 
 
 class Absent(Enum):
@@ -34,7 +34,7 @@ class Absent(Enum):
 
 @dataclass(frozen=True)
 class Change:
-    """A key with another value in each result; `Absent.ABSENT` where there is none."""
+    """A key whose values differ; `Absent.ABSENT` marks a missing value."""
 
     key: str
     first: Any
@@ -43,25 +43,25 @@ class Change:
 
 @dataclass(frozen=True)
 class Dataset:
-    """A dataset that is not the same in both results.
+    """A dataset that differs between two results.
 
     Attributes
     ----------
     name
-        Of the variable or coordinate; in a sweep whose points differ in shape, after its point.
+        Name of the variable or coordinate; preceded by the point if points differ in shape.
     shapes, types
-        In both results; None where it is not there. Numbers are compared where shapes are equal.
+        Shapes and types in both results; None if missing. Numbers are compared if shapes are equal.
     different
-        How many entries do not have the same bits.
+        Number of entries with different bits.
     nan_bits
-        How many of them are NaN in both results.
+        Number of these that are NaN in both results.
     largest
-        The largest difference of two entries; inf where one is finite and the other is not. None
-        for text, and where shapes differ.
+        Largest difference of two entries; inf if only one of them is finite. None for text and for
+        different shapes.
     relative
-        The largest difference over the larger entry.
+        Largest difference divided by the larger entry.
     place
-        The position of the largest difference, or of the first one for text.
+        Position of the largest difference, or of the first one for text.
     """
 
     name: str
@@ -76,17 +76,17 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Differences:
-    """What differs between two results.
+    """The differences between two results.
 
     Attributes
     ----------
     configuration, attributes, provenance
-        Keys of the configuration, what else the files say of themselves, and versions, machine,
-        time and command.
+        Changes in keys of the configuration, in other attributes of the files, and in versions,
+        machine, time and command.
     datasets
-        Those that differ.
+        Datasets that differ.
     compared
-        How many datasets were compared.
+        Number of compared datasets.
     """
 
     configuration: list[Change]
@@ -97,12 +97,12 @@ class Differences:
 
     @property
     def equal(self) -> bool:
-        """Whether the results are equal, whatever made them."""
+        """Whether the results are equal; their provenance may differ."""
         return not (self.configuration or self.attributes or self.datasets)
 
 
 def differences(first: KnownResult, second: KnownResult) -> Differences:
-    """Compare two open results, all of their datasets entry by entry."""
+    """Compare two open results, entry by entry."""
     both = first, second
     arrays = [_datasets(each) for each in both]
     names = list(dict.fromkeys(chain(*arrays)))
@@ -128,7 +128,7 @@ def _others(result: KnownResult) -> list[str]:
 
 
 def _leaves(data: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
-    """The values of nested mappings and lists, by their keys as users write them."""
+    """Yield the values of nested mappings and lists with their dotted keys."""
     inner: Any = None
     if isinstance(data, dict):
         inner = data.items()
@@ -150,7 +150,7 @@ def _changes(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[Change
 # Datasets -----------------------------------------------------------------------------------------
 
 Place = tuple[KnownResult, str]
-"""A dataset of a result, or of a point of one."""
+"""A dataset of a result or of one of its points."""
 
 
 def _datasets(result: KnownResult) -> dict[str, Place]:
@@ -163,7 +163,7 @@ def _datasets(result: KnownResult) -> dict[str, Place]:
 
 
 def _compared(name: str, first: Place | None, second: Place | None) -> Dataset | None:
-    """How a dataset differs; None where it does not."""
+    """Compare a dataset; None if it is equal in both."""
     shapes, types = (_shape(first), _shape(second)), (_type(first), _type(second))
     if first is None or second is None or shapes[0] is None or shapes[0] != shapes[1]:
         return Dataset(name, shapes, types)
@@ -196,20 +196,20 @@ def _read(place: Place, block: tuple[slice, ...]) -> Array:
 
 
 def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
-    """Parts of an array that fit the memory, as slices of its first axes."""
-    if prod(shape) <= MOST:
+    """Yield blocks of an array that fit into memory, as slices of its first axes."""
+    if prod(shape) <= BLOCK_ENTRIES:
         yield ()
         return
     inner = prod(shape[1:])
-    step = max(1, MOST // inner)
+    step = max(1, BLOCK_ENTRIES // inner)
     for start in range(0, shape[0], step):
         part = slice(start, start + step)
-        for rest in _blocks(shape[1:]) if inner > MOST else [()]:
+        for rest in _blocks(shape[1:]) if inner > BLOCK_ENTRIES else [()]:
             yield part, *rest
 
 
 class _Tally:
-    """Counts differences over the parts of two arrays."""
+    """Accumulates differences over the blocks of two arrays."""
 
     def __init__(self) -> None:
         self.different = self.nan_bits = 0
@@ -218,7 +218,7 @@ class _Tally:
         self.place: tuple[int, ...] | None = None
 
     def add(self, first: Array, second: Array, start: list[int]) -> None:
-        """Take in a part that begins at `start` along the first axes."""
+        """Add a block that starts at `start` along the first axes."""
         text = first.dtype == object or second.dtype == object
         floats = first.dtype.kind == second.dtype.kind == "f"
         differ = _bits(first) != _bits(second) if floats else first != second
@@ -249,5 +249,5 @@ class _Tally:
 
 
 def _bits(array: Array) -> Array:
-    """The bits of numbers, so that NaN and zeros of either sign can be told apart."""
+    """Return the bits of numbers, which distinguish NaNs and the signs of zeros."""
     return np.asarray(array, dtype=float, order="C").view(np.uint64)

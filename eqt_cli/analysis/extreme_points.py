@@ -1,27 +1,27 @@
-"""At which points of a sweep the mean over runs is best and worst."""
+"""Finds the points of a sweep with the best and the worst means over runs."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.notation import Plain, significant
 from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.result import Result
 
 METRICS = ("mean_pose_error", "early_torque", "effort", "peak_torque")
-"""Metrics whose least and largest means are looked for."""
+"""Metrics whose smallest and largest means are shown."""
 
 
 def extreme_points(result: Result, metrics: Sequence[str] = METRICS) -> TextTable:
-    """For each controller and metric, the points where the mean over runs is least and largest."""
+    """Return the points with the smallest and largest means for each controller and metric."""
     blocks = []
     known = [metric for metric in metrics if result.has(metric)]
     for name in (each for metric in known for each in result.in_parts(metric)):
         means = result.means(name)
         rows = [
-            [title, end, *_at(result, point), f"{column[point]:.4g}"]
+            [title, end, *_at(result, point), significant(column[point])]
             for title, column in zip(result.titles, means.T, strict=True)
             if np.isfinite(column).any()
             for end, point in (("best", np.nanargmin(column)), ("worst", np.nanargmax(column)))
@@ -40,7 +40,7 @@ def extreme_points(result: Result, metrics: Sequence[str] = METRICS) -> TextTabl
 
 
 def _settled(result: Result) -> list[list[str]]:
-    """For each controller, the points where most and fewest runs settle."""
+    """Return the points where most and fewest runs settle, for each controller."""
     rows = []
     for title, column in zip(
         result.titles, np.moveaxis(shares(result.metric("settled")), 1, 0), strict=True
@@ -54,6 +54,6 @@ def _settled(result: Result) -> list[list[str]]:
 
 
 def _at(result: Result, point: np.intp) -> list[str]:
-    """A point, and the values of its keys."""
-    values = [key.value(int(point)) for key in result.swept_keys]
+    """Return the number of a point and the values of its keys."""
+    values = [key.named(int(point)) for key in result.swept_keys]
     return [str(point), *(value if isinstance(value, str) else f"{value:.4g}" for value in values)]

@@ -1,4 +1,4 @@
-"""How far loops are from instability, to first order: their eigenvalues, delay and gain margins."""
+"""Stability margins of linearised loops: eigenvalues, delay margins and gain margins."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.horizon import along_reference, check_reference, reference_over_horizon
 from eqt_cli.experiment.local_stability import Along, Growth, growth, left_out, size_of
 
-MOST = 128.0
-"""Gains are multiplied by factors up to this, and divided by as much."""
+LARGEST_FACTOR = 128.0
+"""Largest factor by which gains are multiplied or divided."""
 
-STEP = 2.0
-"""Between factors at which it is looked whether the loop is stable."""
+FACTOR_STEP = 2.0
+"""Ratio of successive factors at which stability is tested."""
 
 GAINS = {"kp": ("kp",), "kd": ("kd",), "both": ("kp", "kd")}
-"""Which gains are multiplied at once."""
+"""Gains that are multiplied together, by the name of the margin."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class GainMargin:
     Attributes
     ----------
     lower, upper
-        None where it is stable down to 1/`MOST`, or up to `MOST`.
+        None if the loop is stable down to 1/`LARGEST_FACTOR`, or up to `LARGEST_FACTOR`.
     """
 
     lower: float | None
@@ -46,30 +46,29 @@ class GainMargin:
 
 @dataclass(frozen=True)
 class LawMargins:
-    """How far the loop of one law is from instability.
+    """The stability margins of the loop of one law.
 
     Attributes
     ----------
     label
-        Of the law.
+        Label of the law.
     growth
-        Of small errors, at the worst of the times.
+        Growth of small errors at the worst time.
     size
-        The real part of its largest eigenvalue, 1/s; of a sampled law its modulus.
+        Real part of the largest eigenvalue, 1/s; for a sampled law its modulus.
     is_indicative
-        Whether the loop, to first order, depends on the time: then eigenvalues decide nothing.
+        Whether the linearised loop depends on time. Eigenvalues then prove nothing.
     offset : (m,)
-        Where the loop stays beside its reference, ε with Q = Q_d exp(ε); 0 of one that depends on
-        the time.
+        Steady-state error ε with Q = Q_d exp(ε); 0 for a loop that depends on time.
     delay
-        The delay margin, s: further delay of the command; of a sampled law the longest in whole
-        periods with which the loop is stable. Infinite if none makes it unstable; None where it is
-        not stable without.
+        Delay margin, s: added delay of the command. For a sampled law, the largest whole number of
+        periods with which the loop is stable. Infinite if no delay makes the loop unstable; None
+        if the loop is unstable without added delay.
     delay_periods
-        The same in periods of a sampled law.
+        Delay margin of a sampled law in periods.
     gains
-        Those of `GAINS`; without those that the law does not use, and none where the loop is not
-        stable.
+        Gain margins by the names in `GAINS`, for gains that the law uses; empty if the loop is
+        unstable.
     """
 
     label: str
@@ -83,24 +82,24 @@ class LawMargins:
 
     @property
     def is_unstable(self) -> bool:
-        """Whether the loop is unstable, without doubt."""
+        """Whether the loop is certainly unstable."""
         return self.growth.is_stable is False and not self.is_indicative
 
 
 @dataclass(frozen=True)
 class Margins:
-    """How far the loops of an experiment are from instability.
+    """The stability margins of the loops of an experiment.
 
     Attributes
     ----------
     experiment
-        With its laws.
+        The experiment.
     laws
-        In their order.
+        Margins of its laws, in their order.
     period
-        Of control, s; None where the laws act continuously.
+        Control period, s; None if the laws act continuously.
     left_out
-        What is not part of the linear loops, by its place in the configuration.
+        Places in the configuration of parts that the linear loops leave out.
     """
 
     experiment: Experiment
@@ -111,23 +110,23 @@ class Margins:
 
 @blamed()
 def margins_of(experiment: Experiment) -> Margins:
-    """The margins of every law of an experiment.
+    """Compute the margins of every law of an experiment.
 
     Raises
     ------
     ConfigError
-        If the reference leaves the real numbers.
+        If the reference is not finite.
     InputError
         If a loop has no derivative about its reference.
     ComponentError
-        If a component of the user's own fails.
+        If a plugin fails.
     """
     shown, problems = reference_over_horizon(experiment), Problems(experiment.source.place)
     check_reference(shown, None, problems.at("reference"))
     problems.raise_if_any()
     along = along_reference(experiment, shown)
     laws = []
-    # One thread: for small matrices, several take ten times as long.
+    # One BLAS thread: with several, small matrices take ten times as long.
     with threadpool_limits(1), step("laws", len(experiment.loops)):
         for label, loop in experiment.loops.items():
             laws.append(_of_law(label, loop, along))
@@ -142,8 +141,8 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
     found = linearised(loop, *along)
     if not np.isfinite(found.closed).all():
         raise InputError(
-            f"the loop of '{label}' has no derivative where all errors are 0, as of a law that "
-            "jumps there; leave this law out"
+            f"the loop of '{label}' has no derivative where all errors are 0, for example because "
+            "its law jumps there; leave this law out"
         )
     largest = growth(found, along.times)
     delay, gains = None, dict[str, GainMargin]()
@@ -167,29 +166,29 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
 
 
 def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
-    """Those of the gains that the law uses."""
+    """Return the margins of the gains that the law uses."""
     times, found = np.zeros(len(loop.A)), {}
     for which, names in GAINS.items():
 
         def rate(factor: float, names: tuple[str, ...] = names) -> float:
             return growth(loop.with_gains(dict.fromkeys(names, factor)), times).rate
 
-        changed = loop.with_gains(dict.fromkeys(names, STEP))
+        changed = loop.with_gains(dict.fromkeys(names, FACTOR_STEP))
         if not np.array_equal(changed.closed, loop.closed):
-            ends = (_first_unstable(rate, step) for step in (1 / STEP, STEP))
+            ends = (_first_unstable(rate, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
             found[which] = GainMargin(*ends)
     return found
 
 
 def _first_unstable(rate: Callable[[float], float], step: float) -> float | None:
-    """The factor nearest to 1 on one side at which the largest rate is 0; None if there is none."""
+    """Return the factor nearest to 1 on one side at which the loop becomes unstable, or None."""
     from scipy.optimize import brentq  # slow to import
 
     def rate_at(logarithm: float) -> float:
         return rate(float(np.exp(logarithm)))
 
     known, end = 0.0, np.log(step)
-    while abs(end) <= np.log(MOST) * (1 + 1e-12):
+    while abs(end) <= np.log(LARGEST_FACTOR) * (1 + 1e-12):
         if not rate_at(end) <= 0.0:
             return float(np.exp(brentq(rate_at, known, end, xtol=1e-5)))
         known, end = end, end + np.log(step)

@@ -1,6 +1,7 @@
-"""Tables of text: blocks of rows under a header; it knows neither contents nor output formats."""
+"""Text tables: blocks of rows under a header, independent of contents and output formats."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 
 @dataclass(frozen=True)
@@ -18,19 +19,19 @@ class TextTable:
     Attributes
     ----------
     name
-        What it is called.
+        Name of the table, for options and files.
     caption
-        What it shows, in a sentence.
+        Sentence that describes the content.
     header
-        One heading per column.
+        Headings of the columns.
     blocks
-        The rows.
+        Blocks of rows.
     notes
-        What a reader must know to read it.
+        Notes below the table.
     spare
-        Headings of the columns that a narrow display leaves out, the least important first.
+        Headings of columns that a narrow display may leave out, the least important first.
     keys
-        How many of the first columns say what a row is about.
+        Number of leading columns that identify a row.
     """
 
     name: str
@@ -41,7 +42,31 @@ class TextTable:
     spare: tuple[str, ...] = ()
     keys: int = 1
 
+    def of_columns(self, columns: Sequence[int]) -> "TextTable":
+        """Some of its columns, by position."""
+
+        def those(row: Sequence[str]) -> list[str]:
+            return [row[k] for k in columns]
+
+        blocks = [Block(block.title, list(map(those, block.rows))) for block in self.blocks]
+        return replace(self, header=those(self.header), blocks=blocks)
+
+    def narrow(self, most: int) -> "list[TextTable]":
+        """It in tables of so many columns at most.
+
+        What is `spare` is left out first. Tables beside each other repeat the first columns.
+        """
+        kept = list(range(len(self.header)))
+        for heading in self.spare:
+            if len(kept) > most and heading in self.header:
+                kept.remove(self.header.index(heading))
+        keys, others = kept[: self.keys], kept[self.keys :]
+        room = max(1, most - len(keys))
+        parts = [others[k : k + room] for k in range(0, len(others), room)] or [[]]
+        made = [self.of_columns([*keys, *part]) for part in parts]
+        return [replace(table, notes=[]) for table in made[:-1]] + made[-1:]
+
     @property
     def rows(self) -> list[list[str]]:
-        """Those of all blocks."""
+        """Rows of all blocks."""
         return [row for block in self.blocks for row in block.rows]

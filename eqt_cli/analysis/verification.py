@@ -1,4 +1,4 @@
-"""Certificates of an experiment: of a configuration by a few runs, of a result by what it holds."""
+"""Checks the certificates of a configuration, by a few runs, or of a result, by its content."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -33,33 +33,42 @@ from eqt_cli.mechanics.settling import as_distance
 from eqt_cli.results.result import Result
 
 RUNS = 20
-"""Runs per controller that a configuration is judged by, unless it has fewer."""
+"""Number of runs per controller that check a configuration, unless it has fewer."""
 
 ERROR_SYSTEM_RUNS = 3
-"""Runs per controller whose error system is integrated by itself."""
+"""Number of runs per controller whose error system is integrated from its own dynamics."""
 
 JUDGED = ("energy_residual", "group_drift", "final_pose_error", "final_velocity_error")
-"""The numbers per run that certificates look at, as a result has them."""
+"""Metrics of a result that certificates use."""
 
 SHOWN = ("lyapunov", "pose_error", "velocity_error")
-"""The signals that certificates look at, where a result has them."""
+"""Signals of a result that certificates use if it has them."""
+
+OF_ESTIMATE = (
+    "nees",
+    "nees_dof",
+    "innovations",
+    "innovation_square",
+    "innovation_correlation",
+)
+"""Those of a law that reads the estimate of a filter with a covariance."""
 
 INTEGRATED = "runs integrated again"
-"""What is counted where states are needed that a result does not hold."""
+"""Title of the step that computes states which a result does not hold."""
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What was found.
+    """The outcome of a verification.
 
     Attributes
     ----------
     rows
         Identities, trajectories, hypotheses, each in the paper's order.
     runs, failed_runs
-        Over all controllers.
+        Numbers of runs over all controllers.
     experiment
-        What was verified.
+        The verified experiment.
     """
 
     rows: list[Row]
@@ -158,32 +167,40 @@ class _Verifier:
         """The runs of the study."""
         batch, solution = self._solved(label)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            found = measured(batch, solution, reference, (*JUDGED, *self._by_parts, *SHOWN))
+            names = (*JUDGED, *self._by_parts, *SHOWN, *self._of_estimate)
+            found = measured(batch, solution, reference, names)
         return self._runs(batch, solution, label, found | {"status": solution.status}, reference)
 
     def of_stored_runs(self, label: str, results: Result, reference: Desired) -> Runs:
         """The runs of a result; states, which it does not hold, are those of the study."""
         batch, solution = self._solved(label)
         index = list(self.experiment.loops).index(label)
-        names = [*JUDGED, *self._by_parts, *(name for name in SHOWN if results.has(name)), "status"]
+        shown = [name for name in (*SHOWN, *self._of_estimate) if results.has(name)]
+        names = [*JUDGED, *self._by_parts, *shown, "status"]
         kept = {name: results.read(name, controller=index) for name in names}
         kept["time"] = results["time"]
         return self._runs(batch, solution, label, kept, reference)
 
     @property
     def _by_parts(self) -> tuple[str, ...]:
-        """What else is looked at where settling is judged part by part."""
+        """Additional metrics if settling has thresholds by part."""
         return ("settling_time",) if self._thresholds else ()
 
     @property
+    def _of_estimate(self) -> tuple[str, ...]:
+        """The signals of a filter with a covariance, where the laws read its estimate."""
+        vehicle = next(iter(self.experiment.loops.values())).vehicle
+        return OF_ESTIMATE if vehicle.knows_covariance else ()
+
+    @property
     def _thresholds(self) -> Mapping[str, float]:
-        """The settling thresholds of parts; none where there is one for the pose error."""
+        """Settling thresholds by part; empty if there is one threshold for the pose error."""
         given = self.experiment.config.settling_threshold
         return given if isinstance(given, dict) else {}
 
     @property
     def _threshold(self) -> float:
-        """Of the pose error: as it is given, or the norm of those of parts."""
+        """Threshold of the pose error: as configured, or the norm of the thresholds by part."""
         given = self.experiment.config.settling_threshold
         if not isinstance(given, dict):
             return given
@@ -204,7 +221,10 @@ class _Verifier:
     ) -> Runs:
         self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
         good = found["status"] == 0
-        kept = {name: found[name][good[: len(found[name])]] for name in SHOWN if name in found}
+        kept, estimate = (
+            {name: found[name][good[: len(found[name])]] for name in names if name in found}
+            for names in (SHOWN, self._of_estimate)
+        )
         return Runs(
             label=label,
             claims_decrease=batch.problem.loop.claims_decrease,
@@ -220,6 +240,7 @@ class _Verifier:
             flight=self._flight(batch, solution),
             energy=batch.problem.loop.controller.energy,
             theorem=batch.problem.loop.controller.theorem,
+            estimate=estimate if self._of_estimate else None,
             desired_speed=float(np.nanmax(norm(reference["desired_velocity"]))),
         )
 
@@ -269,14 +290,14 @@ class _Verifier:
         return Verification(rows, count, failed, self.experiment)
 
     def _of_code(self) -> Iterator[Row]:
-        """What laws that are code do, beside what they claim to be."""
+        """Rows that compare laws in code with the laws that they claim to be."""
         horizon = float(self.experiment.times[-1])
         for index, (label, loop) in enumerate(self.experiment.loops.items(), start=1):
             random = _random(self.experiment, index, Stream.CODE)
             yield from code_rows(label, loop, horizon, random, self.flown.get(label))
 
     def _of_oracles(self) -> Iterator[Row]:
-        """What other programs say."""
+        """Rows that compare the experiment with another program."""
         for index, oracle in enumerate(self.oracles, start=len(self.experiment.loops) + 1):
             yield from oracle_rows(oracle, self.experiment, _random(self.experiment, index))
 
@@ -309,5 +330,5 @@ def identities_of(experiment: Experiment, *, exact: bool = False) -> list[Row]:
 def _random(
     experiment: Experiment, index: int, stream: Stream = Stream.CERTIFICATES
 ) -> np.random.Generator:
-    """What a law's states are drawn from, or an oracle's; 0 is of no law."""
+    """Return the generator of the states of a law or an oracle; 0 belongs to no law."""
     return generator(experiment.config.ensemble.seed, stream, index)

@@ -1,12 +1,12 @@
-"""What `eqt_cli.api` offers and in which of its modules that is."""
+"""The names of `eqt_cli.api` and the modules that define them."""
 
 from eqt_cli.api.animating import animate as animate
 from eqt_cli.api.checking_logs import check_log as check_log
+from eqt_cli.api.citing import cite as cite
 from eqt_cli.api.comparing import compare as compare
 from eqt_cli.api.comparing import compare_measured as compare_measured
 from eqt_cli.api.comparing import compare_sweep as compare_sweep
 from eqt_cli.api.differing import diff as diff
-from eqt_cli.api.drawing import Note as Note
 from eqt_cli.api.drawing import Shown as Shown
 from eqt_cli.api.drawing import check_figures as check_figures
 from eqt_cli.api.drawing import plot as plot

@@ -1,4 +1,4 @@
-"""Shows a run of a result as a moving picture."""
+"""Animates a run of a result."""
 
 from __future__ import annotations
 
@@ -25,36 +25,36 @@ def animate(
     point: int | None = None,
     trust_plugins: bool = False,
 ) -> list[Path]:
-    """Show one run as a moving picture: bodies against the reference frame, error and torque.
+    """Animate a run: the bodies in the frame of the reference, the error and the torque.
 
     Parameters
     ----------
     result
         The result folder, or the file in it.
     run
-        Its number, counted from 0.
+        Number of the run, counted from 0.
     controllers
-        Labels of those to show; all if empty.
+        Labels of the controllers to show; all if empty.
     out
-        The folder; ``figures`` in that of the result if not given.
+        Output folder. Default: ``figures`` in the result folder.
     formats
         ``gif``, or ``html`` for a page.
     seconds
-        How long the GIF lasts.
+        Duration of the GIF, s.
     point
-        Of a sweep, counted from 0.
+        Point of a sweep, counted from 0.
     trust_plugins
-        Execute plugin sources that are stored in the result.
+        Whether to execute plugin sources that are stored in the result.
 
     Returns
     -------
     list of Path
-        The files, one per format.
+        The written files, one per format.
 
     Raises
     ------
     EqtError
-        If there is no such result, run or controller, or no body can be shown.
+        If the result, the run or a controller does not exist, or the group has no body to show.
 
     Examples
     --------
@@ -71,7 +71,7 @@ def animate(
         if trust_plugins:
             load_stored_plugins(opened)
         try:
-            motion(opened, run, controllers)  # what cannot be shown is said before all else
+            motion(opened, run, controllers)  # checks first that the run can be shown
         except ComponentError as error:
             if trust_plugins or not source_of(opened).stored_plugins:
                 raise

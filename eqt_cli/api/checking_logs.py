@@ -1,4 +1,4 @@
-"""Says what a recording holds."""
+"""Reads and checks recordings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from eqt_cli.logs.ulog import recording_text
 Found = TypeVar("Found")
 
 LOG_BYTES = 400_000_000
-"""Of a recording; a million rows of 20 numbers have as many."""
+"""Largest size of a recording, bytes: a million rows of 20 numbers."""
 
 
 def check_log(
@@ -32,31 +32,31 @@ def check_log(
     format: str = "csv",
     group: str | None = None,
 ) -> LogCheck:
-    r"""Read a recording and say what it holds: columns, units, times, and what is odd in it.
+    r"""Read a recording and report its columns, units, times and irregularities.
 
     Parameters
     ----------
     path
-        The file; one that ends in ``.ulg`` is a flight of PX4.
+        The recording; a file name that ends in ``.ulg`` is a PX4 flight log.
     mapping
-        What the file does not say of itself, as a YAML file or a mapping with the keys of
-        ``reference.mapping``.
+        Information that the file does not contain (columns, units, frames, times), as a YAML file
+        or a mapping with the keys of ``reference.mapping``.
     format
         ``csv`` with a header that names the columns, ``tum`` or ``euroc``.
     group
-        The group of its poses; if not given, the one that fits its columns.
+        Group of the poses. Default: the group that fits the columns.
 
     Returns
     -------
     LogCheck
-        Its ``problems`` are empty where the recording can be used as waypoints.
+        The report. Its ``problems`` are empty if the recording can be used as waypoints.
 
     Raises
     ------
     EqtError
-        If there is no such file, or it holds no poses.
+        If the file does not exist or holds no poses.
     ConfigError
-        For a mapping that is wrong, or does not fit the file, at its place.
+        If the mapping is wrong or does not fit the file, with the place of each problem.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def check_log(
         path,
         mapping,
         format,
-        lambda text, name, kind, said: check_text(text, name, kind, said, G),
+        lambda text, name, kind, columns: check_text(text, name, kind, columns, G),
     )
 
 
@@ -82,12 +82,12 @@ def read_measured(
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     format: str = "csv",
 ) -> Recording:
-    """A recording as a motion on a group; arguments and errors as of `check_log`."""
+    """Read a recording as a motion on a group; arguments and errors as for `check_log`."""
     return _read(
         path,
         mapping,
         format,
-        lambda text, name, kind, said: read_recording(text, name, kind, G, said),
+        lambda text, name, kind, columns: read_recording(text, name, kind, G, columns),
     )
 
 
@@ -97,14 +97,14 @@ def _read(
     format: str,
     use: Callable[[str, str, TrajectoryFormat, LogMapping], Found],
 ) -> Found:
-    """What is made of a file by its mapping."""
+    """Read a file by its mapping, and note a problem of the mapping at its place."""
     kind, file = trajectory_format(format), path_from("path", path)
-    said, problems = _mapping(mapping)
+    parsed, problems = _mapping(mapping)
     problems.raise_if_any()
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
     text = recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
     try:
-        return use(text, str(file), kind, said)
+        return use(text, str(file), kind, parsed)
     except MappingError as error:
         problems.at(*error.path).add(str(error))
         problems.raise_if_any()
@@ -114,7 +114,7 @@ def _read(
 def _mapping(
     given: str | os.PathLike[str] | Mapping[str, Any] | None,
 ) -> tuple[LogMapping, Problems]:
-    """A mapping, and the problems of its places."""
+    """Parse a mapping; return it with its problems."""
     if given is None:
         return LogMapping(), Problems()
     if isinstance(given, Mapping):
@@ -123,14 +123,14 @@ def _mapping(
         path = path_from("mapping", given, "a path or a mapping")
         source = yaml_source.load(text_of(path, "check the path"), str(path))
     problems = Problems(source.key_place)
-    said = validated(LogMapping, source.data, problems)
-    if said is not None:
-        said.check(problems)
-    return said or LogMapping(), problems
+    parsed = validated(LogMapping, source.data, problems)
+    if parsed is not None:
+        parsed.check(problems)
+    return parsed or LogMapping(), problems
 
 
 def _flow(value: Mapping[str, Any]) -> str:
-    """A mapping as YAML on one line; JSON is YAML."""
+    """Return a mapping as YAML on one line; JSON is valid YAML."""
     try:
         return json.dumps(value, default=dict)
     except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Compares the controllers of a result, and at each point of a sweep."""
+"""Compares the controllers of a result, at each point of a sweep, and with a recording."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from eqt_cli.analysis.measured.run import measured_runs
 from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.paths import ResultPath, path_from
 from eqt_cli.core.errors import EqtError
-from eqt_cli.results.result import open_result
+from eqt_cli.results.result import Result, open_result
+from eqt_cli.tuning.folder import TUNE
 
 
 def compare(
@@ -23,6 +24,8 @@ def compare(
     metrics: Sequence[str] = (),
     windows: Sequence[str | Window] = (),
     *,
+    controllers: Sequence[str] = (),
+    without_start: bool = False,
     point: int | None = None,
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
@@ -35,13 +38,17 @@ def compare(
     result
         The result folder, or the file in it.
     metrics
-        Names of what to compare, as ``eqt compare RESULT --list`` shows them; a choice if empty.
+        Names of metrics, as ``eqt compare RESULT --list`` shows them; a default selection if empty.
     windows
-        Over which seconds, as ``"0:5"``.
+        Time windows in seconds, as ``"0:5"``.
+    controllers
+        Labels or titles of the controllers to compare; all if empty.
+    without_start
+        Whether to leave out the starting gains of a tuning.
     point
-        Of a sweep, counted from 0.
+        Point of a sweep, counted from 0.
     confidence, resamples, seed
-        Of the bootstrap.
+        Settings of the bootstrap.
 
     Returns
     -------
@@ -51,7 +58,7 @@ def compare(
     Raises
     ------
     EqtError
-        If the result has no such metric or window.
+        If the result does not have a metric or a window.
 
     Examples
     --------
@@ -66,7 +73,30 @@ def compare(
     parsed = [_window(window) for window in windows]
     with open_result(path_from("result", result), point) as results:
         how = Resampling(confidence, resamples, seed)
-        return compare_results(results, metrics=metrics, windows=parsed, how=how)
+        labels = chosen_labels(results, controllers, without_start=without_start)
+        return compare_results(results, metrics=metrics, windows=parsed, labels=labels, how=how)
+
+
+def chosen_labels(
+    result: Result, controllers: Sequence[str], *, without_start: bool = False
+) -> list[str]:
+    """The labels of controllers of a result, in its order; all if none is named.
+
+    Raises
+    ------
+    EqtError
+        If there is no such controller, or no start to leave out.
+    """
+    wanted = [result.labels[result.position_of(name)] for name in controllers]
+    starts = []
+    if without_start:
+        record = TUNE.beside(result)
+        if record is None:
+            raise result.error("is not the result of a tuning, so it has no starting gains")
+        starts = [law["start"] for law in record["laws"]]
+    return [
+        label for label in result.labels if label not in starts and (not wanted or label in wanted)
+    ]
 
 
 def compare_measured(
@@ -79,31 +109,31 @@ def compare_measured(
     controllers: Sequence[str] = (),
     point: int | None = None,
 ) -> list[Explanation]:
-    """Say how much of a measured tracking error the runs of a result explain.
+    """Compute how much of a measured tracking error the runs of a result explain.
 
     Parameters
     ----------
     result
         The result folder, or the file in it.
     measured, mapping, format
-        A recording, as of `check_log`. Without ``time.offset`` in the mapping, its clock is aligned
-        with that of the runs.
+        A recording, as for `check_log`. Without ``time.offset`` in the mapping, its clock is
+        aligned with that of the runs.
     run
-        Its number, counted from 0.
+        Number of the run, counted from 0.
     controllers
-        Labels of those to compare with; all if empty.
+        Labels of the controllers to compare with; all if empty.
     point
-        Of a sweep, counted from 0.
+        Point of a sweep, counted from 0.
 
     Returns
     -------
     list of Explanation
-        One for each controller.
+        The explained shares of the error, for each controller.
 
     Raises
     ------
     EqtError
-        If there is no such run or controller, or the recording does not fit it.
+        If the run or a controller does not exist, or the recording does not fit the run.
 
     Examples
     --------
@@ -130,30 +160,33 @@ def compare_sweep(
     result: ResultPath,
     metrics: Sequence[str],
     *,
+    controllers: Sequence[str] = (),
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
 ) -> list[Map]:
-    """Compare the controllers at each point of a sweep: which of them wins where.
+    """Compare the controllers at each point of a sweep, and find the points that each wins.
 
     Parameters
     ----------
     result
         The result folder, or the file in it.
     metrics
-        Names of stored numbers per run; one map each.
+        Names of stored metrics; each gives a map.
+    controllers
+        Labels or titles of the controllers to compare; all if empty.
     confidence, resamples, seed
-        As of `compare`.
+        As for `compare`.
 
     Returns
     -------
     list of Map
-        Which law is better at each point, one for each metric.
+        The comparison of the laws at each point, for each metric.
 
     Raises
     ------
     EqtError
-        If the result is no sweep, or has no such metric.
+        If the result is not a sweep, or does not have a metric.
 
     Examples
     --------
@@ -163,9 +196,10 @@ def compare_sweep(
     """
     with open_result(path_from("result", result)) as results:
         if not results.is_sweep:
-            raise results.error("is a single experiment; `eqt compare` without more compares it")
+            raise results.error("is a single experiment; compare its controllers with `compare`")
         how = Resampling(confidence, resamples, seed)
-        return [compare_map(results, name, how) for name in metrics]
+        chosen = [results.labels.index(label) for label in chosen_labels(results, controllers)]
+        return [compare_map(results, name, how, chosen) for name in metrics]
 
 
 def _window(given: Any) -> Window:

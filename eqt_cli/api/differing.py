@@ -1,4 +1,4 @@
-"""Says what differs between two results."""
+"""Finds the differences between two results."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def diff(first: ResultPath, second: ResultPath) -> Differences:
     Returns
     -------
     Differences
-        What differs; `equal` where nothing does but the provenance.
+        The differences; ``equal`` is true if only the provenance differs.
 
     Raises
     ------
     EqtError
-        If there is no such result, or one is damaged.
+        If a result does not exist or is damaged.
 
     Examples
     --------

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eqt_cli.api.checking_logs import read_measured
-from eqt_cli.api.loading import at_point, load_experiment
+from eqt_cli.api.loading import experiment_at
 from eqt_cli.api.paths import ResultPath
-from eqt_cli.core.errors import EqtError, EqtWarning
+from eqt_cli.config.plugins import load_stored_plugins
+from eqt_cli.core.errors import EqtError, EqtWarning, suggestion
 from eqt_cli.core.files import YAML
 from eqt_cli.core.reporting import reporter, step
 from eqt_cli.execution.folder import FIGURES
@@ -24,11 +25,8 @@ if TYPE_CHECKING:
     from eqt_cli.analysis.certificates.base import Row
     from eqt_cli.plots.kept_numbers import Check
 
-Note = Callable[[str], None]
-
-
 Shown = ResultPath | Study
-"""What figures are drawn of: a result, or an experiment as a YAML file or loaded."""
+"""A result to draw, or an experiment, loaded or as a YAML file."""
 
 
 def plot(
@@ -39,6 +37,8 @@ def plot(
     formats: Sequence[str] = ("pdf", "svg", "png"),
     width: str = "column",
     options: Mapping[str, Any] | None = None,
+    titles: Mapping[str, str] | None = None,
+    caption: bool = False,
     style: Sequence[str] = (),
     tex: bool = False,
     point: int | Sequence[int] | None = None,
@@ -48,47 +48,53 @@ def plot(
     trust_plugins: bool = False,
     workers: int = 1,
 ) -> list[Path]:
-    """Draw a figure of a result, or one of several, and write it as files.
+    """Draw one or several figures of one or several results, and write them to files.
 
     Parameters
     ----------
     result
-        The result folder, or the file in it; several to draw them in one figure. Or a YAML
-        configuration or a `Study`, of which the figures that need no run are drawn.
+        The result folder, or the file in it; several results share one figure. A YAML configuration
+        or a `Study` works for figures that need no runs.
     figure
-        Its name, as ``eqt list figures`` shows them; or several, with the options of each. If not
-        given, ``paper``, of a configuration ``reference``, and with a recording ``measured``.
+        Name of the figure, as ``eqt list figures`` shows it, or a mapping from names to options.
+        Default: ``paper``; ``reference`` for a configuration; ``measured`` with a recording.
     out
-        The folder; ``figures`` in that of the first result if not given, and ``figures/<name>`` for
-        a configuration.
+        Output folder. Default: ``figures`` in the folder of the first result, or ``figures/<name>``
+        for a configuration.
     formats
         ``pdf``, ``svg``, ``png``, or ``json`` for the numbers.
     width
-        ``column`` (3.5 in) or ``page`` (7.16 in).
+        ``column`` (3.5 in), ``page`` (7.16 in) or ``slide`` (13.3 in, 18 pt).
     options
-        Of the figure, as ``{"log": True}``.
+        Options of the figure, as ``{"controllers": ["eqt", "gt"], "start": 0, "end": 5}``.
+    titles
+        Names of laws and quantities in the figure, by label and name, as
+        ``{"eqt": "ours", "mean_pose_error": "tracking error"}``.
+    caption
+        Whether to write the remarks below the panels to ``<figure>-caption.tex`` instead.
     style
-        Matplotlib style sheets to lay over eqt's own.
+        Matplotlib style sheets, applied after eqt's style.
     tex
-        Let LaTeX set the text.
+        Whether LaTeX typesets the text.
     point
-        Of a sweep, counted from 0; several to draw them in one figure.
+        Point of a sweep, counted from 0; several points share one figure.
     measured, mapping, log_format
-        A recording to show beside a run, as of `check_log`.
+        A recording to show with a run, as for `check_log`.
     trust_plugins
-        Execute plugin sources that are stored in the result, where the figure shows certificates.
+        Whether to execute plugin sources that are stored in a result. They may define figures, and
+        certificates that a figure shows.
     workers
-        Cores to use, where the figure shows certificates.
+        Number of cores to use for certificates.
 
     Returns
     -------
     list of Path
-        The files, one per figure and format.
+        The written files, one per figure and format, and the captions.
 
     Raises
     ------
     EqtError
-        If there is no such result, figure or option, or the result lacks what it shows.
+        If a result, figure or option does not exist, or the result lacks data for the figure.
 
     Examples
     --------
@@ -98,11 +104,16 @@ def plot(
     from eqt_cli.plots.base import Alongside, OfCertificates
     from eqt_cli.plots.drawing.style import Style
     from eqt_cli.plots.figures import figures
-    from eqt_cli.plots.render import DRAWN, render
+    from eqt_cli.plots.render import DRAWN, caption_name, render
     from eqt_cli.plots.save import check_targets
 
     with _opened(result, point) as opened:
+        _rename(opened, titles or {})
         first = opened[0]
+        if trust_plugins:
+            for one in opened:
+                if isinstance(one, Result):
+                    load_stored_plugins(one)
         figure = figure or (
             "measured" if measured else "paper" if isinstance(first, Result) else "reference"
         )
@@ -115,6 +126,7 @@ def plot(
         else:
             home = folder = Path(FIGURES, first.name)
         targets = [folder / f"{name}.{format}" for name in wanted for format in formats]
+        targets += [folder / caption_name(name) for name in wanted if caption]
         check_targets(targets, home)
         beside = (
             None if measured is None else _recording(first, wanted, measured, mapping, log_format)
@@ -138,6 +150,7 @@ def plot(
                     given,
                     style=look,
                     alongside=Alongside(rows, beside),
+                    caption=caption,
                 )
                 reporter().advance(1)
         return files
@@ -153,26 +166,26 @@ def check_figures(
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     log_format: str = "csv",
 ) -> dict[str, Check]:
-    """Compare the numbers behind figures with those that `plot` has written as ``json``.
+    """Compare the numbers behind figures with those that `plot` wrote as ``json``.
 
     Parameters
     ----------
     result, point, measured, mapping, log_format
-        As of `plot`.
+        As for `plot`.
     figures
-        Their names, with the options of each.
+        Names of the figures, with the options of each.
     folder
-        Where the numbers are.
+        Folder of the stored numbers.
 
     Returns
     -------
     dict of str to Check
-        What differs, by figure.
+        The differences, by figure.
 
     Raises
     ------
     EqtError
-        If there is no such result, figure, option or file.
+        If a result, figure, option or file does not exist.
 
     Examples
     --------
@@ -196,6 +209,23 @@ def check_figures(
         }
 
 
+def _rename(shown: Sequence[Result | Experiment], titles: Mapping[str, str]) -> None:
+    """Call laws and quantities otherwise in figures.
+
+    Raises
+    ------
+    EqtError
+        If none of the results has a law or quantity of some name.
+    """
+    results = [one for one in shown if isinstance(one, Result)]
+    unknown = [set(one.rename(titles)) for one in results] or [set(titles)]
+    for name in titles:
+        if all(name in each for each in unknown):
+            known = [label for one in results for label in one.labels]
+            hint = suggestion(name, known) or f"; there are: {', '.join(dict.fromkeys(known))}"
+            raise EqtError(f"titles: '{name}' is neither a controller nor a metric{hint}")
+
+
 def _recording(
     shown: Result | Experiment,
     wanted: Iterable[str],
@@ -203,7 +233,7 @@ def _recording(
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
     kind: str,
 ) -> Recording:
-    """A recording on the group of what is shown, for a figure that shows one."""
+    """Read the recording of a figure, on the group of the result or experiment."""
     from eqt_cli.plots.base import OfMeasured, figures
 
     if not any(issubclass(figures.get(name), OfMeasured) for name in wanted):
@@ -220,7 +250,7 @@ def _recording(
 def _opened(
     result: Shown | Sequence[Shown], point: int | Sequence[int] | None
 ) -> Iterator[list[Result | Experiment]]:
-    """All chosen points of all results, or of configurations that have not been run."""
+    """Open the chosen points of all results, or build those of configurations."""
     given: list[Shown]
     given = [result] if isinstance(result, str | os.PathLike | Study) else list(result)
     if not given:
@@ -231,11 +261,9 @@ def _opened(
 
 
 def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | Experiment:
-    if not isinstance(one, Study):
-        if Path(one).suffix not in YAML:
-            return stack.enter_context(open_result(Path(one), point))
-        one = load_experiment(one)
-    return at_point(one, point)
+    if not isinstance(one, Study) and Path(one).suffix not in YAML:
+        return stack.enter_context(open_result(Path(one), point))
+    return experiment_at(one, point)
 
 
 def _points(point: int | Sequence[int] | None) -> list[Any]:

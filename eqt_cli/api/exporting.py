@@ -1,4 +1,4 @@
-"""Writes laws as C, with what is known of them, into a folder."""
+"""Exports laws as C files into a folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from eqt_cli.analysis.evidence.program_error import ARITHMETICS
-from eqt_cli.api.loading import Configuration, at_point, load_experiment
+from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.study import Study
 from eqt_cli.exporting.files import files
@@ -23,17 +23,19 @@ from eqt_cli.exporting.readme import NAME, readme
 
 @dataclass(frozen=True)
 class ExportedFiles:
-    """What was written.
+    """The files of an export.
 
     Attributes
     ----------
     folder
+        Output folder.
     files
-        Their names.
+        Names of the files.
     laws
-        One record per law: ``label``, ``name``, ``real``, ``operations``, ``states``, ``bound`` of
-        each torque, ``singular`` states and the ``singular_bound`` of each torque there, and bytes
-        of ``flash`` and ``stack`` on a Cortex-M4, None where no compiler was found.
+        A record for each law: ``label``, ``name``, ``real``, number of ``operations``, number of
+        checked ``states``, error ``bound`` of each torque, number of ``singular`` states and the
+        ``singular_bound`` of each torque there, and bytes of ``flash`` and ``stack`` on a
+        Cortex-M4, which are None if no compiler was found.
     """
 
     folder: Path
@@ -52,36 +54,36 @@ def export(
     trust_plugins: bool = False,
     workers: int = 1,
 ) -> ExportedFiles:
-    """Write control laws as C for a vehicle: header, source, a check of them, and a README.
+    """Export control laws as C code for a vehicle: header, source, a test program and a README.
 
     Parameters
     ----------
     target
-        From `load_experiment`, or what that takes.
+        A `Study` from `load_experiment`, or a configuration as `load_experiment` takes it.
     out
-        The folder; ``exported/NAME`` if not given.
+        Output folder. Default: ``exported/NAME``.
     controllers
         Labels of the laws; all if empty.
     real
-        The type of all numbers.
+        Type of all numbers in C.
     reference
-        Also write the reference, which must be in closed form.
+        Whether to export the reference too, which must be in closed form.
     point
-        Of a sweep, counted from 0; the first if not given.
+        Point of a sweep, counted from 0. Default: the first.
     trust_plugins
-        Execute plugin sources that are stored in a result file.
+        Whether to execute plugin sources that are stored in a result file.
     workers
-        Cores to use for the runs at whose states the laws are checked.
+        Number of cores for the runs that provide states for the checks.
 
     Returns
     -------
     ExportedFiles
-        What was written, and what is known of it.
+        The written files, with operation counts, error bounds and sizes.
 
     Raises
     ------
     EqtError
-        If a law cannot be written as C, or the folder cannot be written to.
+        If a law cannot be written as C, or the folder is not writable.
 
     Examples
     --------
@@ -91,9 +93,7 @@ def export(
     """
     if real not in ARITHMETICS:
         raise EqtError(f"real: expected {' or '.join(ARITHMETICS)}, got {real!r}")
-    if not isinstance(target, Study):
-        target = load_experiment(target, trust_plugins=trust_plugins)
-    experiment = at_point(target, point)
+    experiment = experiment_at(target, point, trust_plugins=trust_plugins)
     folder = Path(out) if out is not None else Path("exported", experiment.name)
     check_folder(folder)
     labels = [controllers] if isinstance(controllers, str) else controllers

@@ -1,4 +1,4 @@
-"""Compares a model with a recording, by its recorded wrench, and fits the model to it."""
+"""Compares a model driven by a recorded wrench with the recording, and fits the model."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from eqt_cli.fitting.written import check_folder, write_fitted
 from eqt_cli.tuning.law_search import without_search
 
 WINDOWS, OF_FIT = 10, 20
-"""Of the length of a recording: the windows that are predicted, and those of a fit."""
+"""Length of a recording divided by the default length of a window, for `replay` and for `fit`."""
 
 MOST_WINDOWS = 50
-"""That are predicted, unless told otherwise."""
+"""Default largest number of predicted windows."""
 
 
 def replay(
@@ -42,62 +42,55 @@ def replay(
     out: str | os.PathLike[str] | None = None,
     trust_plugins: bool = False,
 ) -> Growth:
-    r"""How the error of a model grows with the horizon, where the recorded wrench drives it.
+    """Predict a recording from many of its rows, and measure the growth of the error.
 
-    From many rows of a recording, the plant of a configuration starts in the recorded state. Its
-    laws, its clock and its sensors take no part.
+    The plant of a configuration starts in the recorded states, and the recorded wrench drives it.
+    Control laws, control clock and sensors of the configuration are not used.
 
     Parameters
     ----------
     config
-        A configuration, as of `load_experiment`: its group, inertia, plant, actuators and solver.
+        A configuration as for `load_experiment`. Its group, inertia, plant, actuators and solver
+        are used.
     measured
-        The recording: poses, wrenches, and perhaps velocities.
+        The recording, with poses, wrenches and possibly velocities.
     mapping, format
-        As of `check_log`.
+        As for `check_log`.
     hold
-        How the wrench goes on behind a row: ``zero`` holds it, ``linear`` interpolates.
+        Wrench between two rows: ``zero`` holds the first one, ``linear`` interpolates.
     horizon
-        The longest that is predicted, s; if not given, a tenth of the recording.
+        Longest prediction, s. Default: a tenth of the recording.
     windows
-        At most so many rows to start from, spread over the recording.
+        Largest number of start rows, which are spread over the recording.
     out
-        A folder for the figure ``replay``, as PDF, SVG and PNG.
+        Output folder for the figure ``replay`` as PDF, SVG and PNG. Default: no figure.
     trust_plugins
-        Execute plugin sources that are stored in a result.
+        Whether to execute plugin sources that are stored in a result.
 
     Returns
     -------
     Growth
-        The error of each part at up to ten horizons: median, quantiles, and what noise alone gives.
+        The error of each part at up to ten horizons: median, quantiles, and the error due to noise.
 
     Raises
     ------
     ConfigError
-        With every problem of the configuration, or of the mapping.
+        With all problems of the configuration or of the mapping.
     EqtError
-        If the file has no wrench, no stretch as long as the horizon without a gap, or the plant
-        has parts whose state no recording tells.
+        If the recording has no wrench or no section of this length without a gap, or if a part of
+        the plant has a state that recordings do not contain.
 
     Examples
     --------
-    A wheel of 2 kg m² under 1 N m, where the model has 1 kg m²:
+    The recording of a wheel of 2 kg m² under 1 N m. The model has 0.4 kg m²:
 
-    >>> from pathlib import Path
-    >>> rows = [f"{t},{t * t / 4},{t / 2},1" for t in (k / 10 for k in range(41))]
-    >>> _ = Path("wheel.csv").write_text("\n".join(["t,angle,wz,tz", *rows]))
-    >>> config = {
-    ...     "group": "SO2",
-    ...     "inertia": 1.0,
-    ...     "gains": {"kp": 1.0, "kd": 1.0},
-    ...     "reference": {"kind": "constant"},
-    ...     "controllers": ["eqt"],
-    ...     "plant": {"inertia": {"relative": 0.0}},
-    ...     "time": {"duration": 1.0},
-    ... }
-    >>> found = eqt_cli.replay(config, "wheel.csv", horizon=1.0, windows=5)
-    >>> float(found.median[0, -1].round(6))  # ½ (1 − ½) rad/s² · 1 s²
-    0.25
+    >>> import numpy as np
+    >>> t = np.linspace(0, 4, 41)
+    >>> rows = np.stack([t, t**2 / 4, t / 2, 0 * t + 1], axis=1)
+    >>> np.savetxt("wheel.csv", rows, delimiter=",", header="t,angle,wz,tz", comments="")
+    >>> found = eqt_cli.replay("configs/so2.yaml", "wheel.csv", horizon=1.0)
+    >>> float(found.median[0, -1].round(6))  # ½ (1/0.4 − 1/2) rad/s² · (1 s)²
+    1.0
     """
     base, cut, plant = _opened(
         config, measured, mapping, format, hold, horizon, WINDOWS, trust_plugins
@@ -125,53 +118,45 @@ def fit(
     out: str | os.PathLike[str] | None = None,
     trust_plugins: bool = False,
 ) -> PlantFit:
-    r"""Find the numbers of a plant with which it predicts a recording best.
+    """Fit numbers of a plant so that it predicts a recording best.
 
-    Least squares of the errors of replayed windows, each divided by the noise of the recording. The
-    configuration with the numbers is written as ``fitted.yaml``.
+    The fit minimises the sum of the squared errors of replayed windows, each divided by the noise
+    of the recording. The fitted configuration is written as ``fitted.yaml``.
 
     Parameters
     ----------
     config, measured, mapping, format, hold, trust_plugins
-        As of `replay`. The search starts at the numbers of the configuration.
+        As for `replay`. The search starts at the numbers of the configuration.
     over
         Keys of numbers in `inertia`, `plant` and `actuators`; ``linear[0:3]`` is one number for
         three entries.
     horizon
-        The length of a window, s; if not given, a twentieth of the recording.
+        Length of a window, s. Default: a twentieth of the recording.
     out
-        The folder; ``results/<name>-fitted`` if not given.
+        Output folder. Default: ``results/<name>-fitted``.
 
     Returns
     -------
     PlantFit
-        The numbers with their intervals, and the errors before and after.
+        The numbers with their intervals, and the errors before and after the fit.
 
     Raises
     ------
     ConfigError, EqtError
-        As of `replay`; and for keys that are no numbers of the plant, or that the recording does
-        not tell.
+        As for `replay`. Also if a key is not a number of the plant, or the recording does not
+        determine it.
 
     Examples
     --------
-    A wheel of 2 kg m² under 1 N m, where the model has 1 kg m² to start with:
+    The recording of a wheel of 2 kg m² under 1 N m. The search starts at 0.4 kg m²:
 
-    >>> from pathlib import Path
-    >>> rows = [f"{t},{t * t / 4},{t / 2},1" for t in (k / 10 for k in range(41))]
-    >>> _ = Path("wheel.csv").write_text("\n".join(["t,angle,wz,tz", *rows]))
-    >>> config = {
-    ...     "group": "SO2",
-    ...     "inertia": 1.0,
-    ...     "gains": {"kp": 1.0, "kd": 1.0},
-    ...     "reference": {"kind": "constant"},
-    ...     "controllers": ["eqt"],
-    ...     "plant": {"inertia": {"relative": 0.0}},
-    ...     "time": {"duration": 1.0},
-    ... }
-    >>> found = eqt_cli.fit(config, "wheel.csv", ["plant.inertia.relative"], horizon=0.5)
+    >>> import numpy as np
+    >>> t = np.linspace(0, 4, 41)
+    >>> rows = np.stack([t, t**2 / 4, t / 2, 0 * t + 1], axis=1)
+    >>> np.savetxt("wheel.csv", rows, delimiter=",", header="t,angle,wz,tz", comments="")
+    >>> found = eqt_cli.fit("configs/so2.yaml", "wheel.csv", ["inertia"], horizon=0.5)
     >>> round(found.numbers[0].value, 4)
-    1.0
+    2.0
     """
     base, cut, plant = _opened(
         config, measured, mapping, format, hold, horizon, OF_FIT, trust_plugins
@@ -193,7 +178,7 @@ def _opened(
     parts: int,
     trust_plugins: bool,
 ) -> tuple[Experiment, Windows, Callable[[Experiment], ClosedLoop]]:
-    """An experiment, the recording in windows, and what makes of an experiment the driven plant."""
+    """Return the experiment, the windows of the recording, and a function that drives its plant."""
     source = config if isinstance(config, ConfigSource) else source_from(config, {})
     data = without_search(source.data)
     base = build(replace(source, data=data), trust_plugins=trust_plugins)
@@ -203,7 +188,7 @@ def _opened(
         horizon = float(recording.times[-1] - recording.times[0]) / parts
     if not horizon > 0:
         raise EqtError(f"horizon: expected a time greater than 0 s, got {horizon:g}")
-    law = Replay(file=recording.name, hold=hold_named(hold)).holds(recording)
+    law = Replay(file=recording.name, hold=hold_named(hold)).with_recording(recording)
     return base, Windows(recording, horizon), lambda one: driven(one, law)
 
 

@@ -1,9 +1,9 @@
-"""Computes how far the loops of an experiment are from instability."""
+"""Computes the stability margins of the loops of an experiment."""
 
 from __future__ import annotations
 
 from eqt_cli.analysis.margins import Margins, margins_of
-from eqt_cli.api.loading import Configuration, at_point, load_experiment
+from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.experiment.study import Study
 
 
@@ -16,29 +16,29 @@ def margins(
     """Compute eigenvalues, delay margin and gain margins of the loop of every law.
 
     Loops are linearised about their reference, with the hold, the delay and the linear parts of the
-    actuators. Limits, steps and noise are left out. Nothing is run.
+    actuators. Limits, quantisation and noise are left out. No run is simulated.
 
     Parameters
     ----------
     target
-        From `load_experiment`, or what that takes.
+        A `Study` from `load_experiment`, or a configuration as `load_experiment` takes it.
     point
-        Of a sweep, counted from 0; the first if not given.
+        Point of a sweep, counted from 0. Default: the first.
     trust_plugins
-        Execute plugin sources that are stored in a result file.
+        Whether to execute plugin sources that are stored in a result file.
 
     Returns
     -------
     Margins
-        Its ``laws`` have a `growth`, a `delay` and `gains` each, and ``is_indicative``: whether the
-        loop, to first order, depends on the time, so that these numbers decide nothing.
+        Each of its ``laws`` has ``growth``, ``delay``, ``gains`` and ``is_indicative``: whether the
+        linearised loop depends on time, so that these numbers prove nothing.
 
     Raises
     ------
     ConfigError
-        With every problem of the configuration, each at its place.
+        With all problems of the configuration and their places.
     EqtError
-        If there is no such file, or a loop cannot be differentiated.
+        If the file does not exist, or a loop cannot be differentiated.
 
     Examples
     --------
@@ -55,6 +55,4 @@ def margins(
     >>> law.growth.is_stable, round(law.delay, 4)
     (True, 0.3043)
     """
-    if not isinstance(target, Study):
-        target = load_experiment(target, trust_plugins=trust_plugins)
-    return margins_of(at_point(target, point))
+    return margins_of(experiment_at(target, point, trust_plugins=trust_plugins))

@@ -1,4 +1,4 @@
-"""From a configuration, in a file, a result or a mapping, to a checked experiment."""
+"""Loads experiments from configurations in files, results or mappings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
 
 Configuration = str | os.PathLike[str] | Mapping[str, Any]
-"""A YAML file, a result whose configuration to use, or the configuration itself."""
+"""A YAML file, a result whose stored configuration is used, or the configuration as a mapping."""
 
 
 def load_experiment(
@@ -34,21 +34,21 @@ def load_experiment(
         A YAML file, a result folder or file (its stored configuration), or the configuration as a
         mapping.
     overrides
-        Values by key, as ``{"gains.kp": 2, "ensemble.runs": 50}``; NumPy arrays are taken as lists.
+        Values by key, as ``{"gains.kp": 2, "ensemble.runs": 50}``. NumPy arrays count as lists.
     trust_plugins
-        Execute plugin sources that are stored in a result file.
+        Whether to execute plugin sources that are stored in a result file.
 
     Returns
     -------
     Study
-        To be given to `run`.
+        The checked experiment, for `run` and the other functions.
 
     Raises
     ------
     ConfigError
-        With every problem, each at its place.
+        With all problems and their places.
     EqtError
-        If there is no such file.
+        If the file does not exist.
 
     Examples
     --------
@@ -63,18 +63,22 @@ def load_experiment(
     return study(source_from(config, given), trust_plugins=trust_plugins)
 
 
-def at_point(loaded: Study, point: int | None) -> Experiment:
-    """The experiment at a point of a sweep, at the first if none is chosen."""
-    if not 0 <= (point or 0) < len(loaded):
-        raise EqtError(f"point: expected one of 0 to {len(loaded) - 1}, got {point}")
-    return loaded.experiment(point or 0)
+def experiment_at(
+    target: Study | Configuration, point: int | None, *, trust_plugins: bool = False
+) -> Experiment:
+    """Return the experiment at a point of a sweep, loading a configuration. Default: the first."""
+    if not isinstance(target, Study):
+        target = load_experiment(target, trust_plugins=trust_plugins)
+    if not 0 <= (point or 0) < len(target):
+        raise EqtError(f"point: expected one of 0 to {len(target) - 1}, got {point}")
+    return target.experiment(point or 0)
 
 
 def source_from(config: Configuration, overrides: Mapping[str, str]) -> ConfigSource:
-    """The text of a configuration with its overrides, not yet checked."""
+    """Return a configuration with its overrides, not yet checked."""
     if not isinstance(config, Mapping):
         return read_config(path_from("config", config, "a path or a mapping"), overrides)
-    # By way of its text, so that a configuration out of Python is judged like any other.
+    # A mapping is converted to text first, so that it is checked like any other configuration.
     text = yaml_source.dump(
         json.loads(_flow({**config, "name": config.get("name") or "experiment"}))
     )
@@ -83,7 +87,7 @@ def source_from(config: Configuration, overrides: Mapping[str, str]) -> ConfigSo
 
 
 def _flow(value: Any) -> str:
-    """A value as YAML on one line; JSON is YAML."""
+    """Return a value as YAML on one line; JSON is valid YAML."""
     try:
         return json.dumps(value, default=_listed)
     except TypeError as error:

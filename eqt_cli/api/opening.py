@@ -1,4 +1,4 @@
-"""Opens a result for its numbers, in eqt's own reader or in xarray."""
+"""Opens a result with eqt's reader or with xarray."""
 
 from __future__ import annotations
 
@@ -41,23 +41,24 @@ def open_results(
     path
         The result folder, or the file in it.
     kind
-        ``"xarray"`` for an `xarray.Dataset`, ``"arrays"`` for eqt's own reader, which needs nothing
-        installed; if not given, the first where xarray is installed, and else the second.
+        ``"xarray"`` for an `xarray.Dataset`, ``"arrays"`` for eqt's reader, which needs no other
+        package. Default: ``"xarray"`` if xarray is installed, else ``"arrays"``.
     point
-        Of a sweep, counted from 0: that one as the result of a single experiment. Without it, an
-        `xarray.Dataset` of a sweep whose points differ in shape holds what they have in common.
+        Point of a sweep, counted from 0, to open as the result of a single experiment. Without a
+        point, an `xarray.Dataset` of a sweep whose points differ in shape holds only the metrics
+        that all points have.
 
     Returns
     -------
     xarray.Dataset or Result
-        Both read values when they are asked for, and are closed by a ``with`` block.
+        Both read values from the file only when you use them. Use a ``with`` block to close them.
 
     Raises
     ------
     ResultError
-        If there is no such result or point, or its file is damaged or not safe.
+        If the result or the point does not exist, or the file is damaged or unsafe.
     EqtError
-        If an `xarray.Dataset` is asked for and the extra ``xarray`` is not installed.
+        If ``kind`` is ``"xarray"`` and the extra ``xarray`` is not installed.
 
     Examples
     --------

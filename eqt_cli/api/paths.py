@@ -1,4 +1,4 @@
-"""Paths as calls take them, and the message for what is none."""
+"""Paths as arguments of API functions."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 from eqt_cli.core.errors import EqtError
 
 ResultPath = str | os.PathLike[str]
-"""A result folder, or the file in it; a `StoredResult` is one."""
+"""A result folder, or the file in it. A `StoredResult` is a path, too."""
 
 
 def path_from(name: str, given: Any, expected: str = "a path") -> Path:
-    """What was given for a parameter, as a path."""
+    """Convert an argument to a path."""
     try:
         return Path(given)
     except TypeError:

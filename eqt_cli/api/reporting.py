@@ -1,4 +1,4 @@
-"""Writes the page of a result, with its figures, comparison and certificates."""
+"""Writes the report of a result: figures, comparison and certificates on one page."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.verification import verify_stored
 from eqt_cli.api.paths import ResultPath
+from eqt_cli.config.plugins import load_stored_plugins
 from eqt_cli.core.errors import EqtError, EqtWarning
 from eqt_cli.core.reporting import reporter
 from eqt_cli.execution.folder import REPORT
@@ -22,39 +23,43 @@ def write_report(
     figures: Sequence[str] = (),
     author: str = "",
     notes: str = "",
+    title: str = "",
+    date: str = "",
     point: int | None = None,
     trust_plugins: bool = False,
     workers: int = 1,
 ) -> Path:
-    """Write a result as one HTML page that needs no network: figures, comparison, certificates.
+    """Write the report of a result: one HTML page with figures, comparison and certificates.
 
     Parameters
     ----------
     result
         The result folder, or the file in it.
     out
-        The page; ``report.html`` in the result folder if not given.
+        The page. Default: ``report.html`` in the result folder.
     figures
-        Names of those to show; a choice if empty.
+        Names of the figures to show; a default selection if empty.
     author, notes
-        Shown at the top of the page; blank lines in the notes part paragraphs.
+        Texts at the top of the page. Blank lines separate paragraphs of the notes.
+    title, date
+        Title and date of the page. Default: the name of the experiment and the day of its run.
     point
-        Of a sweep, counted from 0.
+        Point of a sweep, counted from 0.
     trust_plugins
-        Execute plugin sources that are stored in the result; without, a result with plugins gets a
-        page without certificates, which says so.
+        Whether to execute plugin sources that are stored in the result. Otherwise the page of a
+        result with plugins has no certificates, and says why.
     workers
-        Cores to use.
+        Number of cores to use.
 
     Returns
     -------
     Path
-        The page.
+        The written page, which needs no network.
 
     Raises
     ------
     EqtError
-        If there is no such result or figure, or the page cannot be written.
+        If the result or a figure does not exist, or the page cannot be written.
 
     Examples
     --------
@@ -69,7 +74,9 @@ def write_report(
         within = Path() if point is None else point_folder(point)
         home = opened.path.parent if out is None else Path(out).parent
         path = home / within / REPORT if out is None else Path(out)
-        check_targets([path], home)  # before the work, and not after it
+        check_targets([path], home)  # fails before the work, not after it
+        if trust_plugins:
+            load_stored_plugins(opened)
         wanted = named(figures) if figures else None
         rows: list[Row] = []
         reason = ""
@@ -81,6 +88,6 @@ def write_report(
                 why = "the page has no certificates; the result could not be verified: "
                 why += str(error.args[0])
                 reporter().remark(EqtWarning(why, *error.remedies, lines=error.lines))
-        page = report(opened, wanted, rows, reason, author, notes)
+        page = report(opened, wanted, rows, reason, author, notes, title, date)
     write({path: page.encode()}, home)
     return path

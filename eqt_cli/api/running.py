@@ -1,4 +1,4 @@
-"""Runs an experiment into its result folder, at once or in shares, and chooses who computes."""
+"""Runs experiments into their result folders, completely or in shards."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StoredResult(Execution, os.PathLike[str]):
-    """A result in its folder; it stands for its path wherever one is expected."""
+    """A result in its folder. It can be used wherever a path is expected."""
 
     @property
     def path(self) -> Path:
-        """The folder."""
+        """The result folder."""
         return self.folder.path
 
     def __fspath__(self) -> str:
@@ -51,7 +51,7 @@ class StoredResult(Execution, os.PathLike[str]):
 
     @cached_property
     def data(self) -> xarray.Dataset:
-        """The result as an xarray Dataset, which reads from the file when values are asked for."""
+        """The result as an xarray Dataset, which reads values from the file when you use them."""
         return open_results(self, "xarray")
 
     def __repr__(self) -> str:
@@ -69,37 +69,37 @@ def run(
     rerun_failed: bool = False,
     shard: Shard | None = None,
 ) -> StoredResult:
-    """Run an experiment, and keep its result in a folder.
+    """Run an experiment and store its result in a folder.
 
-    A folder that already holds the finished result of the same experiment is left as it is.
+    If the folder already holds the complete result of the same experiment, nothing is run.
 
     Parameters
     ----------
     experiment
-        From `load_experiment`, or what that takes.
+        A `Study` from `load_experiment`, or a configuration as `load_experiment` takes it.
     out
-        The result folder; ``results/<name>`` if not given.
+        Result folder. Default: ``results/<name>``.
     force
-        Start over, removing what eqt wrote there.
+        Whether to start over and remove what eqt wrote there.
     workers
-        Cores to use. More than one may start processes, for which a script needs the usual
-        ``if __name__ == "__main__":``.
+        Number of cores to use. With more than one, eqt may start processes; a script then needs the
+        usual ``if __name__ == "__main__":``.
     executor
-        Who computes; if not given, `choose_executor` chooses.
+        Executor of the runs. Default: that of `choose_executor`.
     rerun_failed
-        Compute those runs again that failed, each by itself.
+        Whether to compute failed runs again, each alone.
     shard
-        Compute only this share, beside other processes; `pack` joins the shares.
+        Share of the runs to compute while other processes compute the rest. `pack` joins them.
 
     Returns
     -------
     StoredResult
-        The folder, and how many runs failed. It stands for its path in other calls.
+        The result folder and the number of failed runs. It can be used as a path in other calls.
 
     Raises
     ------
     EqtError
-        If the folder holds another experiment, or cannot be written. Runs that fail do not raise:
+        If the folder holds another experiment, or is not writable. Failed runs raise no error:
         see `StoredResult.failed`.
 
     Examples
@@ -130,23 +130,25 @@ def choose_executor(
     scheduler: str | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Executor:
-    """Who computes an experiment.
+    """Choose the executor of an experiment.
 
     Parameters
     ----------
+    experiment
+        The experiment, whose engine determines default options.
     workers
-        Cores to use.
+        Number of cores to use.
     name
-        Of an executor. If not given: Dask for a scheduler, else `auto`.
+        Name of an executor. Default: ``dask`` with a scheduler, else ``auto``.
     scheduler
         Address of a running Dask scheduler.
     options
-        Of the executor, by name (`eqt list executors`).
+        Options of the executor by name (`eqt list executors`).
 
     Returns
     -------
     Executor
-        To be given to `run` or `tune`.
+        An executor for `run`, `tune` and `worst`.
 
     Examples
     --------
@@ -156,32 +158,32 @@ def choose_executor(
     kind = name or ("dask" if scheduler else "auto")
     address = {"scheduler": scheduler} if scheduler else {}
     problems = Problems(lambda path: "executor")
-    asked = {"kind": kind, "workers": workers} | address | dict(options or {})
-    found = component(executors, asked, problems)
+    section = {"kind": kind, "workers": workers} | address | dict(options or {})
+    found = component(executors, section, problems)
     problems.raise_if_any()
     assert found is not None
     return found.for_engine(experiment.base.engine)
 
 
 def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
-    """Join the shares of an experiment that several calls of `run` have computed.
+    """Join the shards of an experiment that several calls of `run` computed.
 
     Parameters
     ----------
     folder
-        The result folder that all of them wrote to.
+        The result folder of all shards.
     trust_plugins
-        Execute the plugins that the folder contains.
+        Whether to execute the plugins that the folder contains.
 
     Returns
     -------
     StoredResult
-        The whole result.
+        The complete result.
 
     Raises
     ------
     EqtError
-        If shares are missing.
+        If runs are missing.
 
     Examples
     --------

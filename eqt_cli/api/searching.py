@@ -1,4 +1,4 @@
-"""Starts the searches, for gains and for the worst run, from their configurations."""
+"""Starts searches for gains and for the worst run."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ def tune(
 ) -> Found:
     """Search for the best gains of each law, and compare the winners on held-out runs.
 
-    The folder becomes the result of the held-out runs, to be compared, drawn and reported like any
-    other; in ``tuned/`` are the complete configurations of the winners.
+    The folder becomes the result of the held-out runs, which you can compare, draw and report like
+    any other result. Its subfolder ``tuned/`` holds the complete configurations of the winners.
 
     Parameters
     ----------
     search
-        A configuration with a section ``tune``, or what `Search.read` has made of one.
+        A configuration with a section ``tune``, or a `Search` from `Search.read`.
     out
-        The folder; ``results/<name>-tuned`` if not given. Generations that it holds are not
-        computed again.
+        Output folder. Default: ``results/<name>-tuned``. Generations that it already holds are
+        reused.
     force, workers, executor
-        As of `run`.
+        As for `run`.
 
     Returns
     -------
     Found
-        What was found for each law, and the result of the held-out runs.
+        The winners of each law, and the result of the held-out runs.
 
     Raises
     ------
     ConfigError
-        With every problem of the configuration, each at its place.
+        With all problems of the configuration and their places.
     EqtError
-        If it tunes nothing, or the folder holds something else.
+        If the configuration has no section ``tune``, or the folder holds something else.
 
     Examples
     --------
@@ -63,8 +63,7 @@ def tune(
     ['stabilising']
     """
     read = search if isinstance(search, Search) else Search.read(source_from(search, {}))
-    on = executor or _executor(read, workers)
-    return _found(read, out, tuned, Computing(on), force)
+    return _found(read, out, tuned, executor, workers, force)
 
 
 def worst(
@@ -77,29 +76,30 @@ def worst(
 ) -> Found:
     """Search for the worst run of each law within ranges of keys.
 
-    The folder becomes the result of all laws along each key through the points that were found; in
-    ``worst/`` are the complete configurations that give the runs again.
+    The folder becomes the result of all laws along each key through the points that were found. Its
+    subfolder ``worst/`` holds the complete configurations that reproduce the worst runs.
 
     Parameters
     ----------
     search
-        A configuration with a section ``worst``, or what `WorstSearch.read` has made of one.
+        A configuration with a section ``worst``, or a `WorstSearch` from `WorstSearch.read`.
     out
-        The folder; ``results/<name>-worst`` if not given.
+        Output folder. Default: ``results/<name>-worst``. Generations that it already holds are
+        reused.
     force, workers, executor
-        As of `tune`.
+        As for `run`.
 
     Returns
     -------
     Found
-        What was found for each law, and the result along each key.
+        The worst run of each law, and the result along each key.
 
     Raises
     ------
     ConfigError
-        With every problem of the configuration, each at its place.
+        With all problems of the configuration and their places.
     EqtError
-        If it searches for no worst run, or the folder holds something else.
+        If the configuration has no section ``worst``, or the folder holds something else.
 
     Examples
     --------
@@ -125,20 +125,17 @@ def worst(
     ['gt']
     """
     read = search if isinstance(search, WorstSearch) else WorstSearch.read(source_from(search, {}))
-    on = executor or _executor(read, workers)
-    return _found(read, out, worst_runs, Computing(on), force)
-
-
-def _executor(search: Searches[Any], workers: int) -> Executor:
-    return choose_executor(Study(None, search.base), workers)
+    return _found(read, out, worst_runs, executor, workers, force)
 
 
 def _found(
     search: S,
     out: str | os.PathLike[str] | None,
     conclude: Conclude[S],
-    do: Computing,
+    executor: Executor | None,
+    workers: int,
     force: bool,
 ) -> Found:
     folder = search.folder if out is None else Path(out)
+    do = Computing(executor or choose_executor(Study(None, search.base), workers))
     return carry_out(search, folder, conclude, do, force=force)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from eqt_cli.analysis.oracles import oracle_named
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
-from eqt_cli.api.loading import Configuration, at_point, load_experiment
+from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import open_result
@@ -28,31 +28,31 @@ def verify(
     Parameters
     ----------
     target
-        From `load_experiment`, or what that takes. Of a result folder or file, the stored runs are
-        judged; of all else, new ones.
+        A result folder or file, whose stored runs are checked; or a `Study` or a configuration, of
+        which new runs are computed.
     runs
-        New runs per controller, at most those of the experiment; 20 if not given.
+        Number of new runs per controller, at most that of the experiment. Default: 20.
     point
-        Of a sweep, counted from 0; the first of an experiment if not given.
+        Point of a sweep, counted from 0. Default for an experiment: the first.
     trust_plugins
-        Execute plugin sources that are stored in a result file.
+        Whether to execute plugin sources that are stored in a result file.
     workers
-        Cores to use.
+        Number of cores to use.
     oracle
-        ``mujoco``, ``pinocchio`` or both: programs whose rigid bodies eqt's is compared with.
+        ``mujoco``, ``pinocchio`` or both: programs with whose rigid bodies eqt is compared.
     exact
-        Also prove identities, with exact numbers: those rows then have ``degree``, ``points`` and
+        Whether to prove identities with exact numbers. Proved rows have ``degree``, ``points`` and
         ``probability``.
 
     Returns
     -------
     Verification
-        Its ``rows`` have a verdict each; ``failures`` are those that refute a statement.
+        Each of its ``rows`` has a verdict; ``failures`` are the rows that refute a statement.
 
     Raises
     ------
     EqtError
-        If the target cannot be read, or is a sweep's result and no point is given.
+        If the target cannot be read, or is the result of a sweep and ``point`` is missing.
 
     Examples
     --------
@@ -74,8 +74,6 @@ def verify(
                     oracles=oracles,
                     exact=exact,
                 )
-    if not isinstance(target, Study):
-        target = load_experiment(target, trust_plugins=trust_plugins)
-    experiment = at_point(target, point)
+    experiment = experiment_at(target, point, trust_plugins=trust_plugins)
     count = min(runs or RUNS, experiment.config.ensemble.runs)
     return verify_experiment(experiment, count, workers, oracles, exact)

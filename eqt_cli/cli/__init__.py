@@ -81,7 +81,7 @@ def _tell(error: EqtError) -> None:
     from eqt_cli.cli.shared.output import option, print_error
     from eqt_cli.core.errors import ConfigError
 
-    text = error.told(option)
+    text = error.with_advice(option)
     heading = error.heading if isinstance(error, ConfigError) else ""
     _say(f"{heading}\n{text}" if heading else f"eqt: {text}")
     if "--json" in sys.argv:

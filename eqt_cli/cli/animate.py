@@ -22,10 +22,7 @@ def animate(
         int,
         options.valued("--run", "K", "Run, counted from 0.", SELECTION),
     ] = 0,
-    controller: Annotated[
-        list[str] | None,
-        options.valued("--controller", "LAW", "Show only this controller. Repeatable.", SELECTION),
-    ] = None,
+    controller: options.Controllers = None,
     format: Annotated[
         list[Format] | None,
         options.valued("--format", "NAME", "gif or html. Repeatable. Default: both.", RESULT),

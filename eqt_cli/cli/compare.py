@@ -17,7 +17,7 @@ from eqt_cli.cli.shared.output import (
     print_records,
     print_text,
     print_verbatim,
-    room,
+    room_of_tables,
     say,
 )
 from eqt_cli.cli.shared.table_formats import as_csv, as_latex
@@ -61,6 +61,13 @@ class Table(StrEnum):
     POINTS = "points"
 
 
+class Rows(StrEnum):
+    """What the table of means has rows of."""
+
+    MEASURES = "measures"
+    CONTROLLERS = "controllers"
+
+
 def compare(
     result: options.Result,
     more: options.MoreResults = None,
@@ -78,6 +85,20 @@ def compare(
             "Time window in seconds, such as 0:5, 5: or : for the whole run. Repeatable.",
             SELECTION,
             "-w",
+        ),
+    ] = None,
+    controller: options.Controllers = None,
+    without_start: Annotated[
+        bool,
+        options.flag("--without-start", "Of a tuning, leave out the starting gains.", SELECTION),
+    ] = False,
+    rows: Annotated[
+        Rows | None,
+        options.valued(
+            "--rows",
+            "NAME",
+            "Rows of the table of means: measures or controllers. Default: controllers in LaTeX.",
+            OUTPUT,
         ),
     ] = None,
     against: Annotated[
@@ -166,14 +187,26 @@ def compare(
     if found is None and robust:
         found = _robustness(result, share, confidence, write)
     elif found is None and point is None:
-        found = _of_whole(result, metric or (), table, bool(window or against), how, write)
+        narrow = bool(window or against or without_start)
+        found = _of_whole(result, metric or (), table, controller or (), narrow, how, write)
     if found is None:
         _require_table_of_experiment(table)
-        comparison = api.compare(result, metric or (), window or (), point=point, **vars(how))
+        comparison = api.compare(
+            result,
+            metric or (),
+            window or (),
+            controllers=controller or (),
+            without_start=without_start,
+            point=point,
+            **vars(how),
+        )
         against = _labels(comparison, against or ())
         chosen = metric or window or against or table or format is not Format.TEXT
         whole = None if chosen else verbose
-        found = _of_experiment(comparison, table, against, format, write, whole=whole)
+        as_rows = rows is Rows.CONTROLLERS or (rows is None and format is Format.LATEX)
+        found = _of_experiment(
+            comparison, table, against, format, write, whole=whole, laws_as_rows=as_rows
+        )
     if json:
         print_json({"path": str(result), **found.document})
     elif format is Format.CSV:
@@ -241,6 +274,7 @@ def _of_whole(
     path: Path,
     metrics: Sequence[str],
     table: Table | None,
+    laws: Sequence[str],
     narrowed: bool,
     how: Resampling,
     write: Plain,
@@ -249,16 +283,17 @@ def _of_whole(
     from eqt_cli import api
 
     with api.open_results(path, "arrays") as result:
-        plain = not metrics and not narrowed and table in (None, Table.FRONTS)
+        plain = not (metrics or laws or narrowed) and table in (None, Table.FRONTS)
         found = _of_fronts(result, how, write) if plain else None
         if found or not result.is_sweep:
             return found
         if narrowed or table not in (None, Table.WINNERS, Table.POINTS):
             raise EqtError(
-                "--window, --against and the tables of pairs and claims are of one experiment; "
-                "choose a point of the sweep with --point, or --table winners or points"
+                "--window, --against, --without-start and the tables of pairs and claims are of "
+                "one experiment; choose a point of the sweep with --point, or --table winners or "
+                "points"
             )
-        maps = api.compare_sweep(path, metrics or (MAPPED,), **vars(how))
+        maps = api.compare_sweep(path, metrics or (MAPPED,), controllers=laws, **vars(how))
         return _of_sweep(maps, result, table, write)
 
 
@@ -321,6 +356,7 @@ def _of_experiment(
     write: Plain,
     *,
     whole: bool | None,
+    laws_as_rows: bool = False,
 ) -> _Found:
     """What there is of one experiment.
 
@@ -332,7 +368,8 @@ def _of_experiment(
     rows = records(comparison)
     # A table of every pair of many controllers is long: without a wish, pairs with the first one.
     narrowed = whole is None and table is None and format is Format.TEXT
-    made = text_tables(comparison, write, against or (comparison.labels[:1] if narrowed else ()))
+    shown_pairs = against or (comparison.labels[:1] if narrowed else ())
+    made = text_tables(comparison, write, shown_pairs, laws_as_rows=laws_as_rows)
     briefly = whole is False
     wanted = [Table.CONTROLLERS] if briefly else [table] if table else list(made)
     shown = [made[name] for name in wanted if name in made]
@@ -389,7 +426,7 @@ def _findings(comparison: Comparison) -> list[str]:
 
 def _wrapped(line: str) -> str:
     indent = " " * (len(line) - len(line.lstrip()))
-    return folded(line, room() or PIPED, indent + "  ")
+    return folded(line, room_of_tables() or PIPED, indent + "  ")
 
 
 def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _Found:

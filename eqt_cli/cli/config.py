@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.help import EXPERIMENT, OUTPUT, Command, Group
+from eqt_cli.cli.shared.help import EXPERIMENT, OUTPUT, Command, Group, example
 from eqt_cli.cli.shared.output import (
     count_of,
     print_found,
@@ -33,10 +33,15 @@ if TYPE_CHECKING:
 MOST_CHECKED = 300
 """Points of a sweep, spread over all of them."""
 
-app = typer.Typer(cls=Group, help="Write, check and describe configurations.", no_args_is_help=True)
+app = typer.Typer(
+    cls=Group,
+    help="Write, check and describe configurations.",
+    epilog=example("eqt config", "keys gains.kp"),
+    no_args_is_help=True,
+)
 
 
-@app.command("new", cls=Command)
+@app.command("new", cls=Command, epilog=example("eqt config new", "mine.yaml --from paper"))
 def new(
     file: Annotated[
         Path | None,
@@ -66,7 +71,7 @@ def new(
     say(f"next: eqt run {file}")
 
 
-@app.command("check", cls=Command)
+@app.command("check", cls=Command, epilog=example("eqt config check", "mine.yaml --set gains.kp=2"))
 def check(
     config: Annotated[
         Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result.")
@@ -165,7 +170,7 @@ def _document(
     }
 
 
-@app.command("keys", cls=Command)
+@app.command("keys", cls=Command, epilog=example("eqt config keys", "gains.kp"))
 def keys(
     key: Annotated[
         str | None,
@@ -188,7 +193,7 @@ def keys(
     print_records(["key", "value", "default", "meaning"], rows, json=json)
 
 
-@app.command("schema", cls=Command)
+@app.command("schema", cls=Command, epilog=example("eqt config schema", "> eqt.schema.json"))
 def schema() -> None:
     """Print the JSON schema of configurations, which editors use for completion and checks."""
     from eqt_cli.config.json_schema import json_schema

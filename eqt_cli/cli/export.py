@@ -9,7 +9,7 @@ import typer
 
 from eqt_cli.cli.shared import completion, options
 from eqt_cli.cli.shared.help import OUTPUT, SELECTION
-from eqt_cli.cli.shared.output import number, print_found, say, table
+from eqt_cli.cli.shared.output import print_found, say, table
 from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
@@ -79,13 +79,15 @@ def export(
 
 
 def _report(found: ExportedFiles, *, json: bool) -> None:
+    from eqt_cli.analysis.comparison.notation import significant
+
     header = ["law", "file", "operations", "largest error", "apart", "flash", "stack"]
     rows = []
     for law in found.laws:
         cost = [f"{law[name]}" if law[name] is not None else "-" for name in ("flash", "stack")]
         bound = law["bound"]
         assert isinstance(bound, list)
-        largest = f"{number(max(bound), 2)}" if bound else "-"
+        largest = significant(max(bound), 2) if bound else "-"
         told = [law["label"], f"{law['name']}.c", law["operations"], largest, law["singular"]]
         rows.append([*map(str, told), *cost])
     document = {"folder": str(found.folder), "files": found.files, "laws": found.laws}

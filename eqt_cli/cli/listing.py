@@ -12,6 +12,9 @@ from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.registry import load_plugin, summary
 
+MOST_BESIDE = 24
+"""Characters of a name beside which a summary stands; below longer ones, where it can be folded."""
+
 
 def list_components(
     kind: Annotated[
@@ -28,7 +31,7 @@ def list_components(
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """List the components of each kind, with their options."""
+    """Count the components of each kind, and list them with their options."""
     kinds = [*KINDS, "configs"]
     if kind is not None and kind not in kinds:
         hint = suggestion(kind, kinds) or f"; known: {', '.join(kinds)}"
@@ -58,13 +61,22 @@ def _described(kind: str) -> list[dict[str, Any]]:
 
 
 def _text(listed: dict[str, list[dict[str, Any]]]) -> str:
-    blocks = []
+    blocks = [_counted(listed)] if len(listed) > 1 else []
     for kind, entries in listed.items():
         width = max((len(entry["name"]) for entry in entries), default=0)
         lines = [kind]
+        between = "  " if width <= MOST_BESIDE else "\n      "
+        width = width if width <= MOST_BESIDE else 0
         for entry in entries:
-            lines.append(f"  {entry['name']:<{width}}  {entry['summary']}".rstrip())
+            lines.append(f"  {entry['name']:<{width}}{between}{entry['summary']}".rstrip())
             if entry["options"]:
                 lines.append(f"  {'':<{width}}  options: {', '.join(entry['options'])}")
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks)
+
+
+def _counted(listed: dict[str, list[dict[str, Any]]]) -> str:
+    """The kinds, and how many components each has."""
+    width = max(map(len, listed))
+    lines = [f"  {kind:<{width}}  {len(entries):>3}" for kind, entries in listed.items()]
+    return "\n".join(["kinds, and how many of each; `eqt list KIND` shows one kind", *lines])

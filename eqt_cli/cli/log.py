@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.help import EXPERIMENT, Command, Group
+from eqt_cli.cli.shared.help import EXPERIMENT, Command, Group, example
 from eqt_cli.cli.shared.output import complain, print_json, print_text, table
 
 if TYPE_CHECKING:
@@ -18,7 +18,12 @@ if TYPE_CHECKING:
 MOST_GAPS = 5
 """That are listed; the others are counted."""
 
-app = typer.Typer(cls=Group, help="Look at recordings of a motion.", no_args_is_help=True)
+app = typer.Typer(
+    cls=Group,
+    help="Look at recordings of a motion.",
+    epilog=example("eqt log", "check flown.csv"),
+    no_args_is_help=True,
+)
 
 
 @app.callback()
@@ -26,7 +31,7 @@ def log() -> None:
     """Look at recordings of a motion."""
 
 
-@app.command("check", cls=Command)
+@app.command("check", cls=Command, epilog=example("eqt log check", "flown.csv"))
 def check(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="Recording: CSV, TUM, EuRoC or PX4 (.ulg).")

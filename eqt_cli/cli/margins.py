@@ -82,7 +82,7 @@ def _document(found: Margins, causes: list[str]) -> dict[str, Any]:
 
 def _pieces(found: Margins) -> Iterator[str | Text]:
     """What is printed: the table, and what must be known to read it."""
-    from eqt_cli.analysis.margins import GAINS, MOST
+    from eqt_cli.analysis.margins import GAINS, LARGEST_FACTOR
 
     titles, sampled = found.experiment.titles, found.period is not None
     eigenvalue = "largest |eigenvalue|" if sampled else "largest real part, 1/s"
@@ -93,7 +93,7 @@ def _pieces(found: Margins) -> Iterator[str | Text]:
     yield "delay margin: further delay of the command with which the loop is still stable"
     yield (
         "kp, kd, both: factors of these gains with which the loop is stable; "
-        f"any: at least from 1/{MOST:g} to {MOST:g}"
+        f"any: at least from 1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"
     )
     for law in found.laws:
         if beside := _beside(found, law):

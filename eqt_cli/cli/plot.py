@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +15,15 @@ from eqt_cli.cli.shared.output import print_found, say
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.files import YAML
 from eqt_cli.store.reserved_names import FILE_NAME
+
+_WITHOUT = {
+    "controllers": "{} shows no controllers",
+    "panels": "{} has no panels to choose from",
+    "start": "{} has no time axis",
+    "end": "{} has no time axis",
+    "degrees": "{} has no angles to show in degrees",
+}
+"""What figures lack that have no such option."""
 
 if TYPE_CHECKING:
     from eqt_cli.api import Shown
@@ -62,11 +71,41 @@ def plot(
         str,
         options.named(
             "--width",
-            completion.words("column", "page"),
-            "column (3.5 in) or page (7.16 in).",
+            completion.words("column", "page", "slide"),
+            "column (3.5 in), page (7.16 in) or slide (13.3 in, 18 pt).",
             LOOKS,
         ),
     ] = "column",
+    controller: options.Controllers = None,
+    panel: Annotated[
+        list[str] | None,
+        options.valued(
+            "--panel", "NAME", "Draw only this panel, such as pose_error. Repeatable.", SELECTION
+        ),
+    ] = None,
+    start: Annotated[
+        float | None,
+        options.valued("--from", "S", "Start of the time axis in seconds.", SELECTION),
+    ] = None,
+    end: Annotated[
+        float | None,
+        options.valued("--to", "S", "End of the time axis in seconds.", SELECTION),
+    ] = None,
+    title: Annotated[
+        list[str] | None,
+        options.valued(
+            "--title",
+            "NAME=TEXT",
+            "Name of a controller or metric in the figure, such as eqt=ours. Repeatable.",
+            LOOKS,
+        ),
+    ] = None,
+    caption: Annotated[
+        bool,
+        options.flag(
+            "--caption", "Write the remarks below the panels to FIGURE-caption.tex instead.", LOOKS
+        ),
+    ] = False,
     degrees: Annotated[
         bool,
         options.flag("--degrees", "Show attitudes and their errors in degrees.", LOOKS),
@@ -132,11 +171,21 @@ def plot(
         options.require_measured(mapping, log_format)
     default = ["measured"] if measured else None
     names = figure or default or _default(result[0], point, remark=not json)
-    shown = _with_overrides(result, set_)
-    figures = _options(names, option or (), degrees=degrees)
+    shown = [_ready(one, set_, trust_plugins) for one in result]
+    flags: dict[str, tuple[str, Any]] = {
+        "--controller": ("controllers", controller),
+        "--panel": ("panels", panel),
+        "--from": ("start", start),
+        "--to": ("end", end),
+        "--degrees": ("degrees", degrees or None),
+    }
+    figures = _options(names, option or (), flags)
     if check is not None:
-        if format_ or out or style or tex:
-            raise EqtError("--check draws nothing; leave --format, --style, --tex and --out out")
+        if format_ or out or style or tex or title or caption:
+            raise EqtError(
+                "--check draws nothing; leave --format, --style, --tex, --title, --caption and "
+                "--out out"
+            )
         _print_checks(
             api.check_figures(shown, figures, check, point=point, **recorded), result, json
         )
@@ -147,6 +196,8 @@ def plot(
         out,
         formats=format_ or FORMATS,
         width=width,
+        titles=options.pairs("--title", title),
+        caption=caption,
         style=style or (),
         tex=tex,
         point=point,
@@ -158,18 +209,24 @@ def plot(
     print_found({"figures": list(map(str, files))}, text, json=json)
 
 
-def _with_overrides(given: list[Path], set_: list[str] | None) -> list[Shown]:
-    """What is drawn; configurations with what ``--set`` changes of them."""
+def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
+    """What is drawn, after its plugins were loaded, because they may define the figure.
+
+    Of a configuration with what ``--set`` changes of it; of a result its path.
+    """
+    from eqt_cli.config.plugins import load_stored_plugins
     from eqt_cli.config.source import read_config
     from eqt_cli.experiment.read_study import study
+    from eqt_cli.results.result import open_result
 
-    if not set_:
-        return list(given)
-    for path in given:
-        if path.suffix not in YAML:
-            raise EqtError(f"--set changes configurations, and {path} is a result")
-    overrides = options.overrides(set_)
-    return [study(read_config(path, overrides)) for path in given]
+    if path.suffix in YAML:
+        return study(read_config(path, options.overrides(set_)))
+    if set_:
+        raise EqtError(f"--set changes configurations, and {path} is a result")
+    if trust_plugins:
+        with open_result(path) as result:
+            load_stored_plugins(result)
+    return path
 
 
 def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:
@@ -193,6 +250,7 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
 
 def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list[str]:
     """The figures to draw where none is asked for."""
+    from eqt_cli.plots.shown.sweep import are_choices
     from eqt_cli.results.result import open_result
     from eqt_cli.tuning.folder import WORST
     from eqt_cli.tuning.held_out import side_by_side
@@ -209,33 +267,41 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
         if side_by_side(results):
             return ["forest"]
         swept = results.swept_keys
+        choices = ["pareto"] if are_choices(swept) else []
     if 1 <= len(swept) <= 2:
-        return ["sweep", "pareto"]
+        return ["sweep", *choices]
+    if not choices:
+        keys = ", ".join(one.key for one in swept)
+        raise EqtError(
+            f"no figure shows {len(swept)} swept keys at once ({keys}); choose points with --point"
+        )
     if swept and remark:
         keys = ", ".join(one.key for one in swept)
         say(
             f"figure 'sweep' shows at most two swept keys, and this result has {len(swept)} "
             f"({keys}); drew 'pareto' instead; --point draws one point"
         )
-    return ["pareto"]
+    return choices
 
 
 def _options(
-    names: Sequence[str], given: Sequence[str], *, degrees: bool
+    names: Sequence[str], given: Sequence[str], flags: Mapping[str, tuple[str, Any]]
 ) -> dict[str, dict[str, Any]]:
-    """What ``KEY=VALUE`` and ``FIGURE.KEY=VALUE`` set of each figure."""
+    """What ``KEY=VALUE``, ``FIGURE.KEY=VALUE`` and `flags` set of each figure.
+
+    Each flag is an option, by its name and what it was given, of all figures that have it.
+    """
     from eqt_cli.config.yaml_source import parse_value
     from eqt_cli.plots.render import options_of
 
     known = {name: options_of(name) for name in names}
     found: dict[str, dict[str, Any]] = {name: {} for name in names}
-    if degrees:
-        angular = [name for name in known if "degrees" in known[name]]
-        if not angular:
-            raise EqtError(
-                f"--degrees: none of {', '.join(known)} shows angles in degrees on request"
-            )
-        found |= {name: {"degrees": True} for name in angular}
+    for flag, (key, wish) in flags.items():
+        takers = [name for name in known if key in known[name]]
+        if wish is not None and not takers:
+            raise EqtError(f"{flag}: {_WITHOUT[key].format(' and '.join(known))}")
+        for name in takers if wish is not None else ():
+            found[name][key] = wish
     for index, text in enumerate(given):
         place = f"--option[{index}]"
         left, equals, right = text.partition("=")

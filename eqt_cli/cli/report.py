@@ -16,9 +16,17 @@ def report(
         options.valued("--out", "FILE", "File to write. Default: RESULT/report.html.", RESULT),
     ] = None,
     figure: Annotated[list[str] | None, options.figure("Figure to show. Repeatable.")] = None,
+    title: Annotated[
+        str,
+        options.valued("--title", "TEXT", "Title. Default: that of the experiment.", RESULT),
+    ] = "",
     author: Annotated[
         str,
         options.valued("--author", "NAME", "Author, named at the top of the page.", RESULT),
+    ] = "",
+    date: Annotated[
+        str,
+        options.valued("--date", "TEXT", "Date. Default: the day of the run.", RESULT),
     ] = "",
     notes: Annotated[
         Path | None,
@@ -39,7 +47,9 @@ def report(
         result,
         out,
         figures=figure or (),
+        title=title,
         author=author,
+        date=date,
         notes=text,
         point=point,
         trust_plugins=trust_plugins,

@@ -112,6 +112,8 @@ def _unfinished(path: Path, found: Unfinished, json: bool) -> None:
 
 
 def _document(results: Result) -> dict[str, object]:
+    from eqt_cli.cli.shared.result_tables import outcome_record
+
     return {
         "path": str(results.path),
         "title": results.attributes["title"],
@@ -123,7 +125,7 @@ def _document(results: Result) -> dict[str, object]:
             name: {"dims": list(results.dims(name)), "units": results.units(name)}
             for name in results.names
         },
-        "controllers": results.headline(),
+        **outcome_record(results),
     }
 
 

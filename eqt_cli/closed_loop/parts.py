@@ -6,6 +6,7 @@ from eqt_cli.closed_loop.system import ClosedLoop
 from eqt_cli.core.problems import KeyPath, parse_key
 from eqt_cli.core.registry import is_foreign
 from eqt_cli.vehicle.actuators import Actuator
+from eqt_cli.vehicle.estimators import Estimator
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.sensors import Sensor
 
@@ -51,5 +52,7 @@ def vehicle_parts(loop: ClosedLoop) -> list[LoopPart]:
 
 
 def _name(part: Any, place: str) -> str:
-    kind = next((kind for kind in (Force, Actuator, Sensor) if isinstance(part, kind)), None)
+    kind = next(
+        (kind for kind in (Force, Actuator, Sensor, Estimator) if isinstance(part, kind)), None
+    )
     return f"'{place}'" if kind is None else f"{kind.__name__.lower()} '{part.name}'"

@@ -4,12 +4,14 @@ Each signal is computed from the same laws that were integrated; none has a form
 beyond a norm.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from eqt_cli.closed_loop import estimates
 from eqt_cli.closed_loop.system import ClosedLoop
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.groups import MatrixLieGroup, Part
@@ -68,6 +70,8 @@ class Signal:
         The same of one part of the coordinates, for a norm; None for all else.
     stored_of
         The vehicles of which it is stored; of others it says nothing that another does not.
+    only_there
+        Whether of others it is no number.
     """
 
     name: str
@@ -78,6 +82,7 @@ class Signal:
     of: Callable[[Tracking, LoopOutputs], Array]
     of_part: Callable[[Tracking, LoopOutputs, Part], Array] | None = None
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
+    only_there: bool = False
 
     def units(self, group: MatrixLieGroup) -> str:
         """Its unit on a group."""
@@ -88,6 +93,9 @@ class Signal:
         """The parts with a norm of their own: none where there is only one, or it is no norm."""
         return group.parts if self.of_part and len(group.parts) > 1 else ()
 
+
+_estimate = partial(Signal, stored_of=lambda vehicle: vehicle.estimates, only_there=True)
+_filtered = partial(Signal, stored_of=lambda vehicle: vehicle.knows_covariance, only_there=True)
 
 SIGNALS = (
     Signal(
@@ -171,6 +179,120 @@ SIGNALS = (
         lambda s, given: given.thrust,
         stored_of=lambda vehicle: bool(vehicle.thruster_names),
     ),
+    _estimate(
+        "estimated_pose",
+        ("row", "col"),
+        r"\hat{Q}",
+        "estimated pose, at the last control instant",
+        lambda part: part.pose_unit,
+        lambda s, given: estimates.pose(s),
+    ),
+    _estimate(
+        "estimated_velocity",
+        ("axis",),
+        r"\hat{V}",
+        "estimated body velocity, at the last control instant",
+        lambda part: part.velocity_unit,
+        lambda s, given: estimates.velocity(s),
+    ),
+    _estimate(
+        "estimated_bias",
+        ("axis",),
+        r"\hat{b}",
+        "estimated bias of the measured velocity",
+        lambda part: part.velocity_unit,
+        lambda s, given: estimates.bias(s),
+    ),
+    _estimate(
+        "estimate_error",
+        (),
+        r"\|I - \hat{Q}^{-1} Q\|_{\mathrm{F}}",
+        "error of the estimated pose ||I - Qhat^-1 Q||_F, at the last control instant",
+        lambda part: part.pose_unit,
+        lambda s, given: estimates.distance(s),
+        lambda s, given, part: estimates.distance(s, part),
+    ),
+    _estimate(
+        "bias_error",
+        (),
+        r"\|b - \hat{b}\|",
+        "error of the estimated bias ||b - bhat||, at the last control instant",
+        lambda part: part.velocity_unit,
+        lambda s, given: estimates.bias_norm(s),
+        lambda s, given, part: estimates.bias_norm(s, part),
+    ),
+    _estimate(
+        "pose_estimate_error",
+        ("axis",),
+        r"\varepsilon",
+        "log(Qhat^-1 Q), at the last control instant",
+        estimates.length_unit,
+        lambda s, given: estimates.of_pose(s),
+    ),
+    _estimate(
+        "bias_estimate_error",
+        ("axis",),
+        r"\tilde{b}",
+        "b - bhat, at the last control instant",
+        lambda part: part.velocity_unit,
+        lambda s, given: estimates.of_bias(s),
+    ),
+    _filtered(
+        "pose_estimate_std",
+        ("axis",),
+        r"\sigma_\varepsilon",
+        "standard deviation of log(Qhat^-1 Q) by the filter",
+        estimates.length_unit,
+        lambda s, given: estimates.deviations(s)[..., : s.G.dimension],
+    ),
+    _filtered(
+        "bias_estimate_std",
+        ("axis",),
+        r"\sigma_b",
+        "standard deviation of b - bhat by the filter",
+        lambda part: part.velocity_unit,
+        lambda s, given: estimates.deviations(s)[..., s.G.dimension :],
+    ),
+    _filtered(
+        "nees",
+        (),
+        r"\mathrm{NEES}",
+        "squared error of the estimate, normalised by its covariance",
+        lambda part: "1",
+        lambda s, given: estimates.consistency(s)[0],
+    ),
+    _filtered(
+        "nees_dof",
+        (),
+        r"n",
+        "degrees of freedom of the normalised error",
+        lambda part: "1",
+        lambda s, given: estimates.consistency(s)[1],
+    ),
+    _filtered(
+        "innovations",
+        (),
+        r"N",
+        "number of normalised innovations so far",
+        lambda part: "1",
+        lambda s, given: estimates.innovations(s)[0],
+    ),
+    _filtered(
+        "innovation_square",
+        (),
+        r"\nu^2",
+        "mean square of the normalised innovations so far",
+        lambda part: "1",
+        lambda s, given: estimates.innovations(s)[1],
+    ),
+    _filtered(
+        "innovation_correlation",
+        (),
+        r"\rho_1",
+        "correlation of successive normalised innovations so far",
+        lambda part: "1",
+        lambda s, given: estimates.innovations(s)[2],
+    ),
 )
 """Every signal, in the order of `compute`."""
 
@@ -209,16 +331,31 @@ def knows_energy(loop: ClosedLoop, times: Array, states: Array) -> bool:
     return loop.dissipation(loop.tracking(times[:1], states[:, :1])) is not None
 
 
-def at_state(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, Array]]:
-    """Every signal and L + W, by name, of floats or symbols."""
+def at_state(
+    loop: ClosedLoop, s: Tracking, work: Array, asked: Collection[str] = ()
+) -> Iterator[tuple[str, Array]]:
+    """Every signal and L + W, by name, of floats or symbols.
+
+    Parameters
+    ----------
+    asked
+        The signals of estimates that are asked for, which are NaN where there is no estimate; all
+        that there are if empty.
+    """
     command = loop.command(s)
     torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
     given = LoopOutputs(torque, command, loop.at_limit(s), loop.thrust(s), loop.lyapunov(s))
     for signal in SIGNALS:
         if THRUSTER in signal.dims and not loop.vehicle.thruster_names:
             continue
-        yield signal.name, signal.of(s, given)
+        exists = not signal.only_there or signal.stored_of(loop.vehicle)
+        always = not signal.only_there or (exists and not asked)
+        found = [(signal.name, partial(signal.of, s, given))]
         for part in signal.parts(loop.group):
             assert signal.of_part is not None
-            yield f"{signal.name}_{part.name}", signal.of_part(s, given, part)
+            found.append((f"{signal.name}_{part.name}", partial(signal.of_part, s, given, part)))
+        for name, of in found:
+            if always or name in asked:
+                # A compiled choice between numbers does not hand on what is none.
+                yield name, of() if exists else of() + np.nan
     yield "energy_balance", given.lyapunov + work

@@ -27,6 +27,7 @@ from eqt_cli.references import Reference
 from eqt_cli.references.base import Desired
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.sensors.channels import Errors
+from eqt_cli.vehicle.vehicle import LOST
 
 _STRETCH = {"pose": "desired_pose", "velocity": "desired_momentum"}
 DESIRED = tuple(_STRETCH.values())
@@ -226,6 +227,14 @@ class ClosedLoop:
         """The number of entries of a flat state."""
         return self.layout.length
 
+    @cached_property
+    def moving_length(self) -> int:
+        """How many of its first entries an engine integrates; the vector field knows no others.
+
+        The rest are those of an estimator.
+        """
+        return self.state_length - sum(self.vehicle.estimator_lengths(self.group).values())
+
     def initial_state(self, Q: Array, V: Array, Qd: Array, Vd: Array, t: Any = 0.0) -> Array:
         """The flat state at time t; poses ``(..., d, d)``, velocities ``(..., m)``, W = 0."""
         inertia = self.inertia.at(t)
@@ -320,13 +329,16 @@ class ClosedLoop:
 
     def measured(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
         """A flat state behind the measurements of time t, which sensors may hold for the law."""
-        if errors is None or not self.vehicle.holding(self.group):
+        if errors is None or not self.changes_by_measuring:
             return state
         s = self.tracking(t, state)
-        states = self.vehicle.after_measuring(
-            self.group, s.Q @ errors.pose, s.V + errors.velocity, errors.arrived, s.vehicle
-        )
+        states = self.vehicle.after_measuring(self.group, s.Q, s.V, errors, s.vehicle)
         return self.layout.join(self.layout.split(state) | _named(VEHICLE, states), state)
+
+    @property
+    def changes_by_measuring(self) -> bool:
+        """Whether a measurement changes a flat state, for sensors that hold, or an estimator."""
+        return bool(self.vehicle.holding(self.group)) or self.vehicle.estimator is not None
 
     def told(self, t: Any, state: Array, errors: Errors | None = None) -> LawInput:
         """What the law is told at time t and a flat state, which is `measured`.
@@ -340,6 +352,9 @@ class ClosedLoop:
         told = LawInput.of(s)
         if errors is None:
             return told
+        if self.vehicle.estimator is not None:
+            Q, V = self.vehicle.estimated(self.group, s.vehicle)
+            return told._replace(pose=Q, velocity=V)
         Q, V = told.pose @ errors.pose, told.velocity + errors.velocity
         Q, V = self.vehicle.as_arrived(self.group, Q, V, s.vehicle)
         return told._replace(pose=Q, velocity=V)
@@ -391,6 +406,11 @@ class ClosedLoop:
         told, memory = self.told(t, state, errors), self.memory(state)
         torque, memory = self.answer(told, memory, self.vehicle.control.period)
         return self.answered(t, state, torque, memory)
+
+    def estimate_lost(self, state: Array) -> Array:
+        """Where the covariance of an estimate is no longer definite, in flat states."""
+        where = self.layout.slices.get(f"{VEHICLE}{LOST}")
+        return np.zeros(0) if where is None else state[..., where.start]
 
     def memory(self, state: Array) -> dict[str, Array]:
         """The memory of the law in a flat state, by name."""

@@ -1,4 +1,4 @@
-"""Every kind of component by the name that `eqt list` gives it; importing this costs nothing."""
+"""Every kind of component by its name in `eqt list`; importing this module is fast."""
 
 from importlib import import_module
 from typing import Any
@@ -12,6 +12,7 @@ KINDS = {
     "forces": "eqt_cli.vehicle.forces",
     "actuators": "eqt_cli.vehicle.actuators",
     "sensors": "eqt_cli.vehicle.sensors",
+    "estimators": "eqt_cli.vehicle.estimators",
     "engines": "eqt_cli.engines",
     "poses": "eqt_cli.ensemble.poses",
     "velocities": "eqt_cli.ensemble.velocities",
@@ -25,13 +26,13 @@ KINDS = {
 
 
 def registry(kind: str) -> Registry[Any]:
-    """The registry of a kind."""
+    """Return the registry of a kind."""
     import_module(KINDS[kind])
     return registry_of(KINDS[kind])
 
 
 def options(component: type) -> dict[str, Any]:
-    """The options of a component as a JSON schema of an object; without any, no `properties`."""
+    """Return the JSON schema of a component's options; without options, it is empty."""
     from dataclasses import is_dataclass
 
     from pydantic import TypeAdapter

@@ -1,4 +1,4 @@
-"""Files with data that a configuration names: read once, and kept with it as text."""
+"""Reads data files that a configuration names, once, and keeps their texts with it."""
 
 from pathlib import Path
 from typing import TypeVar
@@ -16,19 +16,19 @@ from eqt_cli.store.reserved_names import FILE_NAME
 
 P = TypeVar("P", bound=GivenOverTime)
 
-MOST_BYTES = 64_000_000
-"""Of a file; it is kept in memory, and in every result."""
+DATA_BYTES = 64_000_000
+"""Largest size of a file, bytes, because it is kept in memory and in every result."""
 
 
 def data_file(source: ConfigSource, name: str) -> str:
-    """The text of a file, whose name is relative to the configuration.
+    """Return the text of a file, whose name is relative to the configuration.
 
-    A result, as a file or a folder, becomes a table of the initial states of its runs.
+    A result file or folder gives a table of the initial states of its runs.
 
     Raises
     ------
     InputError
-        If it cannot be had.
+        If the file cannot be read.
     """
     if name not in source.files:
         if source.holds_files:
@@ -43,7 +43,7 @@ def data_file(source: ConfigSource, name: str) -> str:
 
 
 def with_data(part: P, source: ConfigSource, problems: Problems) -> tuple[P, dict[str, str]]:
-    """A component with the contents of its files, and these; what cannot be had is noted."""
+    """Return a component with the contents of its files, and the contents; note read errors."""
     texts = {}
     for option, name in part.files.items():
         with problems.catching(option):
@@ -54,7 +54,7 @@ def with_data(part: P, source: ConfigSource, problems: Problems) -> tuple[P, dic
 def _text(path: Path) -> str:
     relative = "paths are relative to the configuration's folder"
     smaller = "keep the rows and columns that the configuration needs"
-    return recording_text(path, relative, InputError, MOST_BYTES, smaller)
+    return recording_text(path, relative, InputError, DATA_BYTES, smaller)
 
 
 def _starts_of(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""One JSON schema of configurations, for editors: the models, and every registered component."""
+"""The JSON schema of configurations, for editors, with every registered component."""
 
 from collections.abc import Callable
 from functools import cache
@@ -8,9 +8,9 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
-from eqt_cli.config.key_descriptions import keys_of
+from eqt_cli.config.key_descriptions import choices, keys_of
+from eqt_cli.config.option_scales import COMPONENTS
 from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement, OwnGainsSection
-from eqt_cli.controllers import controllers
 from eqt_cli.core.component import option_of_field
 from eqt_cli.core.problems import parse_key
 from eqt_cli.core.registry import Registry, meanings, summary
@@ -19,41 +19,37 @@ from eqt_cli.engines import engines
 from eqt_cli.ensemble.designs import designs
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.sweep import BLOCK
-from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.groups import groups
 from eqt_cli.references import references
-from eqt_cli.vehicle.actuators import actuators
-from eqt_cli.vehicle.forces import forces
-from eqt_cli.vehicle.sensors import sensors
 
 Axes: TypeAlias = Callable[[dict[str, Any]], dict[str, Any]]
-"""Makes the schema of one axis that of a mapping from keys to such axes."""
+"""Returns the schema of a mapping from keys to axes, from that of one axis."""
 
-KIND = "Which component it is; the others of its keys are options of this one."
+KIND = "The component; the other keys are its options."
 LABEL = {"type": "string", "description": "The name of the law in tables and figures; its kind."}
-GAINS = "Gains of this law, where they are others than those of the section `gains`."
+GAINS = "Gains of this law, where they differ from the section `gains`."
 
 
 def json_schema() -> dict[str, Any]:
-    """The schema of a configuration file, JSON Schema draft 2020-12."""
+    """Return the schema of a configuration file, JSON Schema draft 2020-12."""
     schema = Config.model_json_schema(schema_generator=_Generator)
     shared: dict[str, Any] = schema["$defs"]
     top = schema["properties"]
     top["group"]["examples"] = [name for kind in groups.all() for name in kind.examples()]
     own_gains = OwnGainsSection.model_json_schema(schema_generator=_Generator)
     shared |= own_gains.pop("$defs", {}) | {"OwnGainsSection": own_gains}
-    own = {"$ref": "#/$defs/OwnGainsSection", "description": GAINS}
-    top["controllers"]["items"] = _any_of(controllers, shared, {"label": LABEL, "gains": own})
-    initial = shared["InitialSection"]["properties"]
+    gains = {"$ref": "#/$defs/OwnGainsSection", "description": GAINS}
+    for place, registry in COMPONENTS.items():
+        if place not in ("reference", "initial.pose", "solver"):
+            key = _key_at(place, schema)
+            lists = [kind for kind in key.get("anyOf", [key]) if kind.get("type") == "array"]
+            component = lists[0]["items"] if lists else key
+            laws_only = {"label": LABEL, "gains": gains} if place == "controllers" else {}
+            component |= _any_of(registry, shared, laws_only)
     shared["PoseDistribution"] = _any_of(pose_distributions, shared)
     one = {"$ref": "#/$defs/PoseDistribution"}
-    initial["pose"] |= {"anyOf": [one, {"type": "array", "items": one}]}
-    initial["velocity"] |= _any_of(velocity_distributions, shared)
+    _key_at("initial.pose", schema)["anyOf"] = [one, {"type": "array", "items": one}]
     top["reference"] = _reference(top["reference"], shared)
-    _listed(shared["PlantSection"]["properties"]["forces"], forces, shared)
-    _listed(top["actuators"], actuators, shared)
-    for key in shared["SensorsSection"]["properties"].values():
-        _listed(key, sensors, shared)
     top["solver"] = _solver(top["solver"], shared)
     shared["SweepBlock"] = _sweep_block(schema)
     top["sweep"]["anyOf"][0]["items"] = {"$ref": "#/$defs/SweepBlock"}
@@ -64,43 +60,47 @@ def json_schema() -> dict[str, Any]:
     }
 
 
-def _listed(key: dict[str, Any], registry: Registry[Any], shared: dict[str, Any]) -> None:
-    """Say which components the list at a key takes."""
-    next(kind for kind in key["anyOf"] if kind.get("type") == "array")["items"] = _any_of(
-        registry, shared
-    )
+def _key_at(place: str, schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a key, such as ``plant.forces``, to be changed in place."""
+    section = schema
+    *names, key = place.split(".")
+    for name in names:
+        found = choices(section["properties"][name], schema)
+        section = next(each for each in found if "properties" in each)
+    entry: dict[str, Any] = section["properties"][key]
+    return entry
 
 
 class _Generator(GenerateJsonSchema):
-    """As pydantic, with what docstrings say of options, and unions of which several may fit."""
+    """Pydantic's generator, with meanings from docstrings, and with `anyOf` for unions."""
 
     def dataclass_schema(self, schema: core_schema.DataclassSchema) -> dict[str, Any]:
-        """The options, each with its meaning."""
+        """Return the options, each with its meaning."""
         return _with_meanings(super().dataclass_schema(schema), schema["cls"])
 
     def model_schema(self, schema: core_schema.ModelSchema) -> dict[str, Any]:
-        """The keys of a section, each with its meaning."""
-        found = _with_meanings(super().model_schema(schema), schema["cls"])
-        return found | {"description": summary(schema["cls"])}
+        """Return the keys of a section, each with its meaning."""
+        section = _with_meanings(super().model_schema(schema), schema["cls"])
+        return section | {"description": summary(schema["cls"])}
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> dict[str, Any]:
-        """`anyOf` for `oneOf`: a list of numbers fits several members of our unions."""
+        """Return `anyOf` for `oneOf`, because a list of numbers may fit several members."""
         return {"anyOf": super().tagged_union_schema(schema)["oneOf"]}
 
 
-def _with_meanings(found: dict[str, Any], kind: type) -> dict[str, Any]:
-    """The schema of a class, with what its docstring says of each key."""
-    said = {option_of_field(name): text for name, text in meanings(kind).items()}
-    for name, option in found["properties"].items():
-        if name in said:
-            found["properties"][name] = {"description": said[name]} | option
-    return found
+def _with_meanings(schema: dict[str, Any], kind: type) -> dict[str, Any]:
+    """Add the meanings in a class's docstring to the keys of its schema."""
+    texts = {option_of_field(name): text for name, text in meanings(kind).items()}
+    for name, option in schema["properties"].items():
+        if name in texts:
+            schema["properties"][name] = {"description": texts[name]} | option
+    return schema
 
 
 def _any_of(
     registry: Registry[Any], shared: dict[str, Any], extra: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """A component of a registry: its name, or a mapping with `kind` and its options."""
+    """Return the schema of a component: a name, or a mapping with `kind` and options."""
     names = {"enum": registry.names(), "type": "string"}
     mappings = [_mapping(component, shared, extra or {}) for component in registry.all()]
     return {"anyOf": [names, *mappings]}
@@ -121,12 +121,12 @@ def _mapping(component: type, shared: dict[str, Any], extra: dict[str, Any]) -> 
 
 @cache
 def _generated(component: type) -> dict[str, Any]:
-    """The schema of a component alone, which takes pydantic milliseconds."""
+    """Return the schema of a component; cached, because pydantic takes milliseconds."""
     return TypeAdapter(component).json_schema(schema_generator=_Generator)
 
 
 def _options(component: type, shared: dict[str, Any]) -> dict[str, Any]:
-    """The object schema of a component's options; what it refers to goes to `shared`."""
+    """Return the object schema of a component's options; add definitions to `shared`."""
     schema = _generated(component)
     shared |= schema.get("$defs", {})
     properties = {name: schema["properties"][name] for name in option_names(component)}
@@ -146,7 +146,7 @@ def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any
         for component in references.all()
     ]
     for kind in kinds:
-        if kind["properties"]["kind"]["const"] == "torque":  # what a section without `kind` is
+        if kind["properties"]["kind"]["const"] == "torque":  # the default of `kind`
             kind["required"].remove("kind")
     return {"description": section["description"], "anyOf": kinds}
 
@@ -154,7 +154,7 @@ def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any
 def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
     properties: dict[str, Any] = {
         "engine": {
-            "description": "What integrates the equations (`eqt list engines`).",
+            "description": "The engine that integrates the equations (`eqt list engines`).",
             "enum": engines.names(),
             "type": "string",
             "default": DEFAULT_ENGINE,
@@ -175,21 +175,21 @@ def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
 
 
 def _of_engines(options: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """A key that some engines have, with what each of them means by it, and its default there."""
-    found = dict(next(iter(options.values())))
+    """Return a key of some engines, with its meaning and its default for each of them."""
+    key = dict(next(iter(options.values())))
     differing = len({str(option.get("default")) for option in options.values()}) > 1
     if differing:
-        del found["default"]
+        del key["default"]
     texts = [
         f"{engine}: {option.get('description', '')}"
         + (f" Default: {option['default']}." if differing and "default" in option else "")
         for engine, option in options.items()
     ]
-    return found | {"description": " ".join(texts)}
+    return key | {"description": " ".join(texts)}
 
 
 def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
-    """One block of a sweep: a design by name, over keys of the configuration."""
+    """Return the schema of a block of a sweep: a design by name, over keys of the configuration."""
     swept = {
         each.key: {"description": each.meaning}
         for each in keys_of(schema)
@@ -214,7 +214,7 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
     }
     return {
         "type": "object",
-        "description": "One block; blocks multiply, the first one changing slowest.",
+        "description": "One block; blocks multiply, and the first one changes slowest.",
         "properties": kinds,
         "minProperties": 1,
         "maxProperties": 1,
@@ -223,7 +223,7 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _design(design: Any, axes: Axes, shared: dict[str, Any]) -> dict[str, Any]:
-    """The schema of the section of a design."""
+    """Return the schema of the section of a design."""
     options = _options(design, shared)
     if design.whole_section:
         option = options["properties"][design.whole_section]
@@ -233,7 +233,7 @@ def _design(design: Any, axes: Axes, shared: dict[str, Any]) -> dict[str, Any]:
 
 
 def _around(schema: Any, axes: Axes) -> Any:
-    """The same with keys of this configuration in mappings with any keys, and with its blocks."""
+    """Return the schema of a design with keys of the configuration in its mappings, and blocks."""
     if isinstance(schema, list):
         return [_around(entry, axes) for entry in schema]
     if not isinstance(schema, dict):
@@ -241,7 +241,8 @@ def _around(schema: Any, axes: Axes) -> Any:
     if schema == BLOCK:
         return {"$ref": "#/$defs/SweepBlock"}
     inner = schema.get("additionalProperties")
-    if isinstance(inner, dict) and "additionalProperties" in inner:  # mappings by names, of keys
+    # The keys are one level deeper in mappings by name.
+    if isinstance(inner, dict) and "additionalProperties" in inner:
         return schema | {"additionalProperties": _around(inner, axes)}
     if isinstance(inner, dict) or inner is True:
         return schema | axes(inner if isinstance(inner, dict) else {})

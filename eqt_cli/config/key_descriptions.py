@@ -1,4 +1,4 @@
-"""The keys of a configuration with what they take, read off its JSON schema; it knows no key."""
+"""Lists the keys of a configuration with their values and meanings, from its JSON schema."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -19,13 +19,13 @@ class Key:
     Attributes
     ----------
     key
-        As overrides take it: ``gains.kp``, ``controllers[0].label``.
+        The key as in overrides: ``gains.kp``, ``controllers[0].label``.
     value
-        What it may be, in words; code is between backticks.
+        Its possible values in words; code is between backticks.
     default
         ``required``, ``optional``, or the value between backticks.
     meaning
-        In a sentence; empty where there is no more to say.
+        A sentence; may be empty.
     """
 
     key: str
@@ -35,31 +35,31 @@ class Key:
 
 
 def keys_of(schema: Schema) -> list[Key]:
-    """Every key, sections before what is in them."""
-    found: dict[str, list[tuple[Schema, list[str]]]] = {}
+    """Return every key, sections before their keys."""
+    entries: dict[str, list[tuple[Schema, list[str]]]] = {}
 
-    def below(place: Schema, prefix: str) -> None:
+    def visit(place: Schema, prefix: str) -> None:
         for choice in choices(place, schema):
             for name, entry in choice.get("properties", {}).items():
                 key = f"{prefix}.{name}" if prefix else name
-                found.setdefault(key, []).append((entry, choice.get("required", [])))
-                below(entry, key)
+                entries.setdefault(key, []).append((entry, choice.get("required", [])))
+                visit(entry, key)
         if place.get("type") == "array":
-            below(place["items"], f"{prefix}[0]")
+            visit(place["items"], f"{prefix}[0]")
 
-    below(schema, "")
-    return [_joined(key, entries, schema) for key, entries in found.items()]
+    visit(schema, "")
+    return [_joined(key, alternatives, schema) for key, alternatives in entries.items()]
 
 
-def within(keys: Sequence[Key], asked: str) -> list[Key]:
-    """A key and those in it; every entry of a list has the keys of the first.
+def within(keys: Sequence[Key], requested: str) -> list[Key]:
+    """Return a key and the keys in it; every entry of a list has the keys of the first.
 
     Raises
     ------
     EqtError
         If there is no such key.
     """
-    plain = re.sub(r"\[\d+\]", "[0]", asked)
+    plain = re.sub(r"\[\d+\]", "[0]", requested)
     found = [
         each
         for each in keys
@@ -71,12 +71,12 @@ def within(keys: Sequence[Key], asked: str) -> list[Key]:
         hint = f"; did you mean '{last[0]}'?" if last else suggestion(plain, names)
         top = [name for name in names if not re.search(r"[.\[]", name)]
         known = hint or f"; known are: {', '.join(top)}"
-        raise EqtError(f"no key '{asked}' in a configuration{known}")
+        raise EqtError(f"no key '{requested}' in a configuration{known}")
     return found
 
 
 def _joined(key: str, entries: list[tuple[Schema, list[str]]], schema: Schema) -> Key:
-    """One key that several alternatives may have, such as `kind`."""
+    """Return a key that several alternatives may have, such as `kind`."""
     name = key.rpartition(".")[2]
     together = {"anyOf": [entry for entry, _ in entries]}
     meanings = dict.fromkeys(described(entry, schema) for entry, _ in entries)
@@ -86,15 +86,15 @@ def _joined(key: str, entries: list[tuple[Schema, list[str]]], schema: Schema) -
 
 
 def dereferenced(entry: Schema, schema: Schema) -> Schema:
-    """What a reference refers to; any other entry as it is."""
+    """Return the target of a reference, and any other entry unchanged."""
     name = entry.get("$ref", "").rpartition("/")[2]
     return schema["$defs"][name] if name else entry
 
 
 def choices(entry: Schema, schema: Schema) -> list[Schema]:
-    """The alternatives at a place of a schema."""
+    """Return the alternatives at a place of a schema."""
     entry = dereferenced(entry, schema)
-    # Where a reference has a description beside it, pydantic 2.8 wraps it into an `allOf`.
+    # pydantic 2.8 wraps a reference with a description into an `allOf`.
     several = entry.get("anyOf") or entry.get("allOf")
     if not several or "properties" in entry:
         return [entry]
@@ -102,13 +102,13 @@ def choices(entry: Schema, schema: Schema) -> list[Schema]:
 
 
 def described(entry: Schema, schema: Schema) -> str:
-    """The first paragraph of what is said of an entry."""
+    """Return the first paragraph of the description of an entry."""
     text = entry.get("description") or dereferenced(entry, schema).get("description", "")
     return str(text).partition("\n\n")[0]
 
 
 def default_of(key: str, entry: Schema, required: list[str]) -> str:
-    """``required``, ``optional``, or the default as code."""
+    """Return ``required``, ``optional``, or the default as code."""
     if key in required:
         return "required"
     default = entry.get("default")
@@ -120,7 +120,7 @@ def _plain(value: Any) -> str:
 
 
 def value_of(entry: Schema, schema: Schema) -> str:
-    """What a value may be, in words."""
+    """Return the possible values in words."""
     words = dict.fromkeys(word for each in choices(entry, schema) for word in _words(each, schema))
     words.pop("null", None)
     if "number" in words:

@@ -1,4 +1,4 @@
-"""What a key of a configuration is along an axis: what its option says of itself."""
+"""The scale of a configuration's key on an axis, from the annotation of its option."""
 
 from typing import Any, get_type_hints
 
@@ -14,6 +14,7 @@ from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.references import references
 from eqt_cli.vehicle.actuators import actuators
+from eqt_cli.vehicle.estimators import estimators
 from eqt_cli.vehicle.forces import forces
 from eqt_cli.vehicle.sensors import sensors
 
@@ -23,18 +24,19 @@ COMPONENTS: dict[str, Registry[Any]] = {
     "actuators": actuators,
     "sensors.pose": sensors,
     "sensors.velocity": sensors,
+    "estimator": estimators,
     "reference": references,
     "initial.pose": pose_distributions,
     "initial.velocity": velocity_distributions,
     "solver": engines,
 }
-"""Where a configuration names components, or lists of them."""
+"""The registry of each place where a configuration names components, or lists of them."""
 
 
 def scale_of(config: Any, key: str) -> Scale | None:
-    """The scale of a key in a configuration with every default; None where it has none.
+    """Return the scale of a key in a configuration with every default; None where it has none.
 
-    So has an option of a plugin that is not loaded.
+    An option of a plugin that is not loaded has none.
     """
     *steps, option = parse_key(key)
     kind: Any = Config
@@ -59,9 +61,9 @@ def _within(config: Any, step: str | int) -> Any:
 
 
 def _hints(kind: Any) -> dict[Any, Any]:
-    """The types of the options of all classes that a type is made of, by name."""
-    found: dict[Any, Any] = {}
-    for owner in owners(kind):
-        hints = get_type_hints(owner, include_extras=True)
-        found |= {option_of_field(name): hint for name, hint in hints.items()}
-    return found
+    """Return the types of the options of all classes in a type, by name."""
+    return {
+        option_of_field(name): hint
+        for owner in owners(kind)
+        for name, hint in get_type_hints(owner, include_extras=True).items()
+    }

@@ -1,7 +1,7 @@
 """Loads the plugins that a configuration names or a result stores.
 
-A YAML configuration that a user names is the user's own, and so are its plugins. Those of a result,
-which is a file or a folder, are a colleague's: no command executes them unasked.
+The plugins of a YAML configuration are the user's own. Those of a result file or folder may be
+somebody else's, so no command executes them without permission.
 """
 
 from eqt_cli.config.source import ConfigSource, source_of
@@ -14,9 +14,9 @@ from eqt_cli.store.reader import ResultFile
 
 
 def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dict[str, str]:
-    """Load every plugin; returns their sources by path as written in the configuration.
+    """Load every plugin, and return the sources by their paths in the configuration.
 
-    Those of a result, or of a result folder, are executed only if they are `trusted`.
+    Plugins of a result file or folder are executed only if they are `trusted`.
     """
     paths = source.data.get("plugins", [])
     if not isinstance(paths, list):
@@ -32,19 +32,19 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
             sources[path] = text
             for component in added:
                 if component in owners:
-                    taken = f"{owners[component]} already defines {component}; rename one of them"
-                    problems.at("plugins", index).add(taken)
+                    message = f"{owners[component]} already defines {component}; rename one of them"
+                    problems.at("plugins", index).add(message)
                 owners[component] = path
     return sources
 
 
 def load_stored_plugins(results: ResultFile) -> None:
-    """Execute the plugins that a result holds; for results that are trusted.
+    """Execute the plugins in a trusted result.
 
     Raises
     ------
     ConfigError
-        If one cannot be loaded.
+        If a plugin cannot be loaded.
     """
     source = source_of(results)
     problems = Problems(source.place)
@@ -53,12 +53,12 @@ def load_stored_plugins(results: ResultFile) -> None:
 
 
 def trusted_text(source: ConfigSource, path: object, trusted: bool, subject: str = "plugin") -> str:
-    """The text of one plugin, or of other code that is executed.
+    """Return the text of a plugin, or of other code that is executed.
 
     Raises
     ------
     ComponentError
-        If it cannot be had, or may not be executed.
+        If the file cannot be read, or may not be executed.
     """
     if not isinstance(path, str):
         raise ComponentError(f"expected the path of a Python file, got {shown(path)}")

@@ -541,6 +541,8 @@ class Config(Section):
         The clock of the laws: `period`, and `delay`.
     sensors
         Errors of what the laws are told, at the instants of `control`.
+    estimator
+        What makes an estimate of the measurements, which the laws are told (`eqt list estimators`).
     initial
         Where the runs start.
     ensemble
@@ -585,6 +587,7 @@ class Config(Section):
     actuators: list[Any] | None = None
     control: ControlSection | None = None
     sensors: SensorsSection | None = None
+    estimator: Any = None
     initial: InitialSection = Field(default_factory=InitialSection)
     ensemble: EnsembleSection = Field(default_factory=EnsembleSection)
     time: TimeSection = Field(examples=["{duration: 20}"])

@@ -1,4 +1,4 @@
-"""The configurations that come with eqt, found from a wheel and from a checkout alike."""
+"""Finds the configurations that are shipped with eqt, in a wheel or in a checkout."""
 
 from pathlib import Path
 
@@ -6,19 +6,19 @@ from eqt_cli.core.errors import EqtError, suggestion
 
 
 def folder() -> Path:
-    """Where the shipped configurations lie."""
+    """Return the folder of the shipped configurations."""
     package = Path(__file__).parents[1]
-    inside = package / "configs"  # in a wheel
-    return inside if inside.is_dir() else package.parent / "configs"
+    in_wheel = package / "configs"
+    return in_wheel if in_wheel.is_dir() else package.parent / "configs"
 
 
 def names() -> list[str]:
-    """The names of the shipped configurations."""
+    """Return the names of the shipped configurations."""
     return sorted(path.stem for path in folder().glob("*.yaml"))
 
 
 def text(name: str) -> str:
-    """The text of a shipped configuration."""
+    """Return the text of a shipped configuration."""
     if name not in names():
         hint = suggestion(name, names()) or f"; shipped are: {', '.join(names())}"
         raise EqtError(f"unknown configuration '{name}'{hint}")

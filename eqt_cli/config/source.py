@@ -1,4 +1,4 @@
-"""A configuration as a user gives it: a YAML file, or a result, with overrides."""
+"""Reads a configuration from a YAML file or a result, and applies overrides."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -18,16 +18,16 @@ from eqt_cli.core.validation import shown
 from eqt_cli.store.reader import ResultFile, open_results
 from eqt_cli.store.reserved_names import FILE_NAME
 
-_MOST_FILES = 5
-"""Named in a message."""
+_MAX_LISTED = 5
+"""Largest number of files that a message lists."""
 
 _STORED = "[config]"
-"""Behind the name of a result file: the place is in the configuration that it holds."""
+"""Suffix of the name of a result file in places within the configuration that it holds."""
 
 
 @dataclass
 class ConfigSource:
-    """Plain data, where each part of it was written, and what plugin paths are relative to."""
+    """Plain data, the place of each part, and the folder to which paths are relative."""
 
     source: Source
     data: dict[str, Any]
@@ -35,20 +35,19 @@ class ConfigSource:
     overrides: dict[KeyPath, str] = field(default_factory=dict)
     stored_plugins: dict[str, str] | None = None
     files: dict[str, str] = field(default_factory=dict)
-    """Contents of files with data, by their names in the configuration, as they are read."""
+    """Contents of data files that were read, by their names in the configuration."""
     holds_files: bool = False
-    """Whether they come from a result, so that no other is read."""
+    """Whether `files` comes from a result, so that no other file is read."""
     of_folder: bool = False
-    """Whether a result folder was given that holds it: its plugins are not the user's own, and no
-    file outside is read."""
+    """Whether it is in a result folder: plugins need trust, and no file outside is read."""
 
     @property
     def path(self) -> str:
-        """The file, as a command takes it."""
+        """The file as in commands."""
         return self.source.name.removesuffix(_STORED)
 
     def place(self, path: KeyPath) -> str:
-        """``file:line:column``, or where an override was given."""
+        """Return ``file:line:column`` of a path, or the place of the override."""
         for depth in range(len(path), 0, -1):
             if path[:depth] in self.overrides:
                 return self.overrides[path[:depth]]
@@ -61,15 +60,15 @@ def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -
     Parameters
     ----------
     overrides
-        ``KEY=VALUE``; by the place that messages name, which is ``overrides[0]`` of a sequence.
+        ``KEY=VALUE``, by the place for messages; in a sequence, the places are ``overrides[0]``, ….
 
     Raises
     ------
     ConfigError
-        For what cannot be read as YAML, and for overrides that do not parse.
+        If the file is not valid YAML, or an override does not parse.
     """
-    if path.is_dir() and not (path / FILE_NAME).exists() and (there := sorted(path.glob("*.yaml"))):
-        listed = ", ".join(map(str, there[:_MOST_FILES])) + (", …" if there[_MOST_FILES:] else "")
+    if path.is_dir() and not (path / FILE_NAME).exists() and (files := sorted(path.glob("*.yaml"))):
+        listed = ", ".join(map(str, files[:_MAX_LISTED])) + (", …" if files[_MAX_LISTED:] else "")
         raise EqtError(f"{path}: is a folder without a result; give one of its files: {listed}")
     if path.suffix == ".h5" or path.is_dir():
         with open_results(path) as results:
@@ -84,19 +83,19 @@ def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -
 
 
 def config_in(folder: Path, name: str) -> ConfigSource:
-    """The configuration that a result folder holds beside its parts; raises as `read_config`."""
+    """Return the configuration in a result folder with parts; raises as `read_config` does."""
     source = read_config(folder / name)
     source.of_folder = True
     return source
 
 
 def overridden(config: ConfigSource, overrides: Sequence[str] | Mapping[str, str]) -> ConfigSource:
-    """The configuration itself, after overrides as of `read_config` have been applied.
+    """Apply overrides as in `read_config`, and return the configuration itself.
 
     Raises
     ------
     ConfigError
-        For overrides that do not parse.
+        If overrides do not parse.
     """
     problems: list[InputProblem] = []
     if not isinstance(overrides, Mapping):
@@ -122,12 +121,12 @@ def _text(path: Path) -> bytes:
 
 
 def _name(path: Path) -> str:
-    """The file's stem as a name: what a name must not have becomes a hyphen."""
+    """Return the file's stem as a name, with hyphens for invalid characters."""
     return file_name(path.stem, "experiment")
 
 
 def source_of(results: ResultFile) -> ConfigSource:
-    """The configuration inside an open result, with the plugins that it was run with."""
+    """Return the configuration inside an open result, with the plugins of its run."""
     text = str(results.attributes["config"])
     plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
     files = _json(str(results.attributes.get("files", "{}")))
@@ -146,7 +145,7 @@ def source_of(results: ResultFile) -> ConfigSource:
 
 
 def _json(text: str) -> Any:
-    """What a text in JSON says; None where it is none."""
+    """Return the data of a text in JSON; None if it is invalid."""
     with suppress(ValueError, RecursionError):
         return json.loads(text)
     return None
@@ -158,7 +157,7 @@ def _apply(config: ConfigSource, override: str, place: str) -> None:
     Raises
     ------
     ConfigError
-        If it does not parse, or leads nowhere.
+        If it does not parse, or its path does not exist.
     """
     problems = Problems(lambda path: place)
     with problems.catching():
@@ -173,25 +172,25 @@ def _apply(config: ConfigSource, override: str, place: str) -> None:
 
 
 def changed_at(config: ConfigSource, path: KeyPath, value: Any, place: str) -> ConfigSource:
-    """The same with a value that was given elsewhere; with it, what had to be made to hold it.
+    """Return the configuration with a new value, whose place is that of the override.
 
     Raises
     ------
     ConfigError
-        If it leads nowhere.
+        If the path does not exist.
     """
     data = with_value(config.data, path, value, place)
-    kept = {at: it for at, it in config.overrides.items() if at[: len(path)] != path}
-    held: Any = config.data
+    overrides = {at: it for at, it in config.overrides.items() if at[: len(path)] != path}
+    old: Any = config.data
     for depth, step in enumerate(path, start=1):
-        held = held[step] if isinstance(step, int) else (held or {}).get(step)
-        if held is None or depth == len(path):
-            kept[path[:depth]] = place
-    return replace(config, data=data, overrides=kept)
+        old = old[step] if isinstance(step, int) else (old or {}).get(step)
+        if old is None or depth == len(path):  # sections that the override creates, too
+            overrides[path[:depth]] = place
+    return replace(config, data=data, overrides=overrides)
 
 
 def _unfit(container: Any, path: KeyPath, step: str | int) -> str | None:
-    """Why the value at `path` has no place for `step`, if it has none."""
+    """Return why the value at `path` cannot hold `step`; None if it can."""
     name = dotted(path)
     if isinstance(step, str):
         if isinstance(container, dict):
@@ -211,14 +210,14 @@ def _kind(value: Any) -> str:
 
 
 def with_value(data: Any, path: KeyPath, value: Any, place: str = "") -> Any:
-    """A copy of `data` with the value at `path` replaced; what did not change is shared.
+    """Return a copy of `data` with the value at `path` replaced; unchanged parts are shared.
 
-    Mappings on the way that do not exist yet are made.
+    Missing mappings on the path are created.
 
     Raises
     ------
     ConfigError
-        If the path leads through something that is no mapping, or beyond the end of a list.
+        If the path leads through a value that is no mapping, or beyond the end of a list.
     """
     problems = Problems(lambda path: place)
     with problems.catching(*path):
@@ -231,9 +230,9 @@ def _replaced(data: Any, path: KeyPath, value: Any, depth: int = 0) -> Any:
     if depth == len(path):
         return value
     step = path[depth]
-    wrong = None if data is None and isinstance(step, str) else _unfit(data, path[:depth], step)
-    if wrong:
-        raise InputError(wrong)
+    error = None if data is None and isinstance(step, str) else _unfit(data, path[:depth], step)
+    if error:
+        raise InputError(error)
     if isinstance(step, int):
         return [*data[:step], _replaced(data[step], path, value, depth + 1), *data[step + 1 :]]
     known = data or {}

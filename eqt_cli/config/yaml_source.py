@@ -1,9 +1,9 @@
-"""YAML text as plain data that remembers its places; it knows nothing of what a config may hold.
+"""Reads YAML text as plain data and records the place of every value; also writes YAML.
 
 The dialect is YAML 1.2's core schema: ``on``, ``no``, ``12:30`` and ``1_000`` are text, ``1e-9`` is
-a number. What a config does not need and what can surprise or harm is refused: tags (``!!python``
-and even ``!!str``), merge keys, duplicate keys, keys that are not text, integers with a leading
-zero, numbers that overflow, several documents, and sizes that only an attack has.
+a number. Features that a configuration does not need and that can surprise or harm are refused:
+tags (``!!python`` and even ``!!str``), merge keys, duplicate keys, keys that are not text, integers
+with a leading zero, numbers that overflow, several documents, and excessive sizes.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from typing import Any, Final, NoReturn, TypeAlias
 import yaml
 
 from eqt_cli.core.errors import ConfigError, InputProblem
-from eqt_cli.core.problems import MOST_PROBLEMS, KeyPath, dotted
+from eqt_cli.core.problems import MAX_PROBLEMS, KeyPath, dotted
 
 MAX_BYTES: Final = 4_000_000
-"""The largest text, in bytes of UTF-8."""
+"""Largest text, bytes of UTF-8."""
 
 MAX_DEPTH: Final = 64
-"""The deepest nesting of mappings and lists, aliases followed."""
+"""Deepest nesting of mappings and lists, aliases followed."""
 
 MAX_VALUES: Final = 100_000
-"""The most keys and values of a document, aliases followed."""
+"""Largest number of keys and values in a document, aliases followed."""
 
 _Position: TypeAlias = tuple[int, int]  # line and column, from 1
 _Scalar: TypeAlias = str | int | float | bool | None
@@ -39,12 +39,12 @@ _PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 @dataclass(frozen=True)
 class Source:
-    """Data read from YAML, and where each part of it was written.
+    """Data read from YAML, with the place of each part.
 
     Attributes
     ----------
     name : str
-        The name of the file, as its places show it.
+        The name of the file in places.
     data : dict
         Dicts with text keys, lists, str, int, float, bool and None; no two parts are shared.
     """
@@ -54,18 +54,18 @@ class Source:
     _root: _Node = field(repr=False)
 
     def place(self, path: KeyPath) -> str:
-        """``name:line:column`` of the value at `path`, or of its nearest ancestor that exists."""
+        """Return ``name:line:column`` of the value at `path`, or of its nearest ancestor."""
         return _place(self.name, self._nearest(path)[0].position)
 
     def key_place(self, path: KeyPath) -> str:
-        """``name:line:column`` of the key that ends `path`, or what `place` gives if it is none."""
+        """Return ``name:line:column`` of the last key of `path`; without a key, as `place`."""
         parent, rest = self._nearest(path[:-1])
         if not rest and path and path[-1] in parent.keys:
             return _place(self.name, parent.keys[path[-1]])
         return self.place(path)
 
     def _nearest(self, path: KeyPath) -> tuple[_Node, KeyPath]:
-        """The deepest node along `path`, and what of the path is left there."""
+        """Return the deepest existing node along `path`, and the rest of the path."""
         node = self._root
         for depth, step in enumerate(path):
             if node.children is None or step not in node.children:
@@ -80,12 +80,12 @@ def load(text: str | bytes, name: str) -> Source:
     Raises
     ------
     ConfigError
-        With every problem that was found; reading goes on after those that leave the rest legible.
+        With every error; reading continues after errors that leave the rest readable.
     """
     reader = _Reader(name, located=True)
     root = reader.read(text) or _Node((1, 1), children={})
     if not root.is_mapping:
-        # The file may be no configuration at all: nothing of it is shown.
+        # The file may not be a configuration, so the message must not quote it.
         is_value = root.children is None and not isinstance(root.value, str)
         got = "a single value" if is_value else root.kind
         reader.stop((), f"expected lines of 'key: value', got {got}", root.position)
@@ -93,12 +93,12 @@ def load(text: str | bytes, name: str) -> Source:
 
 
 def parse_value(text: str, name: str, path: KeyPath = ()) -> Any:
-    """Read one value of any kind, such as an override gives the key at `path`; no text is null.
+    """Read one value of any kind, such as that of an override at `path`; an empty text is null.
 
     Raises
     ------
     ConfigError
-        With every problem that was found, each at the place `name`.
+        With every error, each at the place `name`.
     """
     root = _Reader(name, located=False, below=path).read(text)
     return None if root is None else root.plain()
@@ -109,7 +109,7 @@ def parse_value(text: str, name: str, path: KeyPath = ()) -> Any:
 
 @dataclass
 class _Node:
-    """A value with its place; a scalar has no `children`, a list has them by index."""
+    """A value with its place; scalars have no `children`, lists have them by index."""
 
     position: _Position
     value: _Scalar = None
@@ -117,7 +117,7 @@ class _Node:
     keys: dict[Any, _Position] = field(default_factory=dict)
     is_mapping: bool = True
     size: int = 1  # keys and values, this one included, aliases followed
-    height: int = 0  # containers on top of each other, this one included
+    height: int = 0  # levels of containers, this one included
 
     def __post_init__(self) -> None:
         if self.children is None:
@@ -151,7 +151,7 @@ class _Reader:
         self._size = 0
 
     def read(self, source: str | bytes) -> _Node | None:
-        """The root of the only document, or None if it is empty."""
+        """Return the root of the only document, or None if it is empty."""
         text = self._characters(source)
         root = self._document(self._events(text))
         if self._problems:
@@ -159,15 +159,15 @@ class _Reader:
         return root
 
     def stop(self, path: KeyPath, message: str, position: _Position | None) -> NoReturn:
-        """Report a problem after which nothing can be read."""
+        """Report an error after which reading cannot continue."""
         self._report(path, message, position)
         raise ConfigError(self._problems)
 
     def _report(self, path: KeyPath, message: str, position: _Position | None) -> None:
         whole = dotted((*self._below, *path))
         self._problems.append(InputProblem(whole, message, self._place(position)))
-        if len(self._problems) == MOST_PROBLEMS:
-            more = InputProblem("", f"and perhaps more; only the first {MOST_PROBLEMS} are shown")
+        if len(self._problems) == MAX_PROBLEMS:
+            more = InputProblem("", f"and perhaps more; only the first {MAX_PROBLEMS} are shown")
             raise ConfigError([*self._problems, more])
 
     def _place(self, position: _Position | None) -> str:
@@ -222,7 +222,7 @@ class _Reader:
         return root
 
     def _node(self, event: Any, events: Iterator[Any], path: KeyPath, depth: int) -> _Node:
-        """The node that starts with `event`, inside `depth` containers."""
+        """Return the node that starts with `event`, inside `depth` containers."""
         self._size += 1
         if isinstance(event, yaml.AliasEvent):
             node = self._alias(event, path)
@@ -238,7 +238,7 @@ class _Reader:
         return node
 
     def _alias(self, event: Any, path: KeyPath) -> _Node:
-        """What the alias refers to, at the place of the alias; parts of it keep their own place."""
+        """Return the target of an alias at the alias's place; its parts keep their own places."""
         position = _mark(event.start_mark)
         target = self._anchors.get(event.anchor)
         if target is not None:
@@ -312,7 +312,7 @@ class _Reader:
         return _Node(position, children=children, keys=keys)
 
     def _key(self, event: Any, events: Iterator[Any], path: KeyPath, depth: int) -> str | None:
-        """The text of a key, or None if it is none, which is then reported."""
+        """Return the text of a key, or None after reporting that it is not text."""
         position = _mark(event.start_mark)
         if not isinstance(event, yaml.ScalarEvent):
             kind = self._node(event, events, path, depth).kind
@@ -335,7 +335,7 @@ class _Reader:
     # Syntax
 
     def _stop_at_syntax(self, error: yaml.MarkedYAMLError, text: str) -> NoReturn:
-        """Report what the parser could not read, in words of our own."""
+        """Report an error of the parser in our own words."""
         problem, context = str(error.problem), str(error.context)
         here = error.problem_mark or error.context_mark
         start = error.context_mark or here
@@ -371,7 +371,7 @@ class _Reader:
         start: _Position,
         since: str,
     ) -> None:
-        """Report what is wrong within a list or mapping in brackets, if it is known."""
+        """Report an error within a list or mapping in brackets, if it is a known one."""
         if not after.strip():
             if opening in ("[", "{"):
                 self.stop((), f"the '{opening}' is never closed", start)
@@ -385,21 +385,21 @@ class _Reader:
             self.stop((), f"expected ',' or '{closing}' in the {collection}{since}", here)
 
 
-_LONGEST_KEY: Final = 200  # a search for the start of one takes the square of the length
+_LONGEST_KEY: Final = 200  # the search takes time quadratic in this
 _KEY_START: Final = re.compile(r"[^\s,:\"'\[\]{}]+$")
 _KEY_REST: Final = re.compile(r"((?:\[[^\s,\[\]{}]*\][^\s,:\[\]{}]*)+)\s*:")
 
 
 def _bracketed_key(before: str, after: str) -> str | None:
-    """The key around a bracket that the parser takes for the start of a list."""
+    """Return the key around a bracket that the parser takes for the start of a list."""
     start, rest = _KEY_START.search(before[-_LONGEST_KEY:]), _KEY_REST.match(after[:_LONGEST_KEY])
     return start[0] + rest[1] if start and rest else None
 
 
 _QUOTE: Final = "; quote text that starts with it"
 
-# What the parsers say, Python's and C's: a part of the context, a part of the problem, whether the
-# place is where the context starts, and what we say instead. The first row that fits is taken.
+# Errors of both parsers: a part of the context, a part of the problem, whether the place is the
+# start of the context, and our message. The first row that matches is used.
 _SYNTAX: Final = (
     ("quoted scalar", "unexpected", True, "the quote {opening} is never closed"),
     ("quoted scalar", "", True, "unknown escape in this text; use single quotes, or \\\\ for \\"),
@@ -428,7 +428,7 @@ _INVALID: Final = re.compile(
     "[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 )
 _SURROGATE: Final = re.compile("[\ud800-\udfff]")
-_LINE_BREAK: Final = re.compile("\r\n|[\n\r\x85\u2028\u2029]")  # those that the parsers count
+_LINE_BREAK: Final = re.compile("\r\n|[\n\r\x85\u2028\u2029]")  # as the parsers count them
 
 
 def _position(text: str, offset: int) -> _Position:
@@ -437,7 +437,7 @@ def _position(text: str, offset: int) -> _Position:
 
 
 def _split(text: str, mark: Any) -> tuple[str, str]:
-    """What stands before `mark` on its line, and all that follows."""
+    """Return the text before `mark` on its line, and the rest of the text."""
     starts = [0, *(match.end() for match in _LINE_BREAK.finditer(text)), len(text)]
     line = starts[min(mark.line, len(starts) - 1)]
     return text[line : line + mark.column], text[line + mark.column :]
@@ -474,12 +474,12 @@ _MAX_DIGITS: Final = 4000  # Python refuses to convert more than 4300
 
 
 def _resolved(text: str) -> _Scalar:
-    """The value of a plain scalar in YAML 1.2's core schema.
+    """Return the value of a plain scalar in YAML 1.2's core schema.
 
     Raises
     ------
     ValueError
-        If it looks like a number and is none that is safe to take; the message is for users.
+        If it looks like a number but is ambiguous or too large; the message is for users.
     """
     if text in _WORDS:
         return _WORDS[text]
@@ -514,15 +514,15 @@ def _integer(text: str) -> int:
 
 # Writing --------------------------------------------------------------------------------------
 
-_WIDTH: Final = 200  # of a row of a 9×9 matrix at full precision
+_WIDTH: Final = 200  # fits a row of a 9×9 matrix at full precision
 _SHORT_WIDTH: Final = 80
 
 
 def dump(data: dict[str, Any]) -> str:
-    """YAML that `load` reads back as equal `data`, written for people.
+    """Return readable YAML, which `load` reads back as equal `data`.
 
-    Keys keep their order; lists of numbers and short lists of scalars stand on one line, matrices
-    one row to a line. Text that YAML 1.1 or 1.2 would read as something else is quoted.
+    Keys keep their order. Lists of numbers and short lists of scalars are on one line, matrices one
+    row per line. Text that YAML 1.1 or 1.2 would read as another type is quoted.
     """
     return yaml.dump(
         data,
@@ -536,7 +536,7 @@ def dump(data: dict[str, Any]) -> str:
 
 class _Dumper(yaml.SafeDumper):
     def ignore_aliases(self, data: Any) -> bool:
-        return True  # a value that occurs twice is written twice
+        return True  # repeated values are written out
 
     def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
         super().increase_indent(flow, False)  # lists are indented below their key
@@ -551,14 +551,14 @@ def _represent_list(dumper: _Dumper, items: Sequence[Any]) -> yaml.Node:
 
 
 def _represent_text(dumper: _Dumper, text: str) -> yaml.Node:
-    # Other quotes would fold NEL and its like, which YAML 1.1 takes for line breaks.
+    # Other quotes would fold NEL and similar characters, which are line breaks in YAML 1.1.
     style = None if text.isprintable() else '"'
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
 
 _Dumper.add_representer(list, _represent_list)
 _Dumper.add_representer(str, _represent_text)
-# A tag that no representer uses: plain text that would be a number to `load` must be quoted.
+# No representer uses this tag, so plain text that `load` would read as a number is quoted.
 _Dumper.add_implicit_resolver(
     "!number", re.compile(rf"(?:{_NUMBER.pattern})\Z"), list("-+.0123456789")
 )

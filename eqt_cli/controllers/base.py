@@ -1,4 +1,4 @@
-"""What a control law is; it knows no engine and no particular group."""
+"""Base class of control laws."""
 
 from abc import abstractmethod
 from collections.abc import Hashable, Mapping
@@ -16,16 +16,16 @@ from eqt_cli.mechanics.tracking import Gains, Tracking
 
 @dataclass(frozen=True)
 class RunsCode:
-    """The C function that a law runs, by the names that a configuration gives.
+    """The C function that a law runs, as a configuration names it.
 
     Attributes
     ----------
     file
-        In which it is defined, relative to the configuration.
+        The file that defines it, relative to the configuration.
     prefix
         X of ``X_torque``, ``X_numbers``, ``X_memory`` and ``X_input``.
     numbers
-        The fields of ``X_numbers`` that are given, and how many numbers each has.
+        The fields of ``X_numbers`` that are given, with their lengths.
     memory
         The fields of ``X_memory``.
     real
@@ -44,43 +44,43 @@ class Controller(GivenOverTime, Component):
     """A control law: a frozen dataclass whose fields are its options in a configuration.
 
     Every field that is a float is a leaf: an engine may replace it by an array ``(runs, 1)`` or by
-    a symbol, so a law uses it with operators only. It goes into a contraction, not before one:
-    ``dot(self.k * z, z)``. What `dot` and `norm` return has no such last axis.
+    a symbol, so a law uses it with operators only. Multiply inside a contraction,
+    ``dot(self.k * z, z)``, because the results of `dot` and `norm` have no last axis.
 
     Attributes
     ----------
     name
-        As written in a configuration: ``eqt``.
+        The name in a configuration: ``eqt``.
     title
-        As written in figures: ``EqT``. Default: the name.
+        The name in figures: ``EqT``. Default: the name.
     tasks
-        The tasks of a configuration that it is for; none of code, which is for any.
+        The tasks of a configuration that the law is for; empty for code, which may do any task.
     energy
         Its Lyapunov function, as text: ``½⟨P̃, Ṽ⟩ + Υ(Q_E)``.
     theorem
-        Where that function is shown to fall; "" where nothing is claimed.
+        The source that shows that this function decreases; "" if nothing is claimed.
+    bibtex
+        The BibTeX entry of the publication that the law is after; "" of the paper's own laws.
     matched
         Whether its stiffness and damping for small errors are the Hessian of Υ and K_d, as those
         of the paper's laws are, so that equal gains make a fair comparison. None: not known.
     claims_decrease
-        Whether L is claimed to fall along every trajectory; None where the law does not say.
+        Whether L is claimed to decrease along every trajectory; None: not known.
     departs
-        In what a loop with it departs from those that theorems are about, in a few words.
+        How a loop with this law departs from the assumptions of the theorems, in a few words.
     """
 
     title: ClassVar[str]
     tasks: ClassVar[tuple[str, ...]] = ("track",)
     energy: ClassVar[str] = "½⟨P̃, Ṽ⟩ + Υ(Q_E)"
     theorem: ClassVar[str] = "Theorems 3.2, 6.2"
+    bibtex: ClassVar[str] = ""
     matched: ClassVar[bool | None] = None
     claims_decrease: ClassVar[bool | None] = None
     departs: ClassVar[str] = ""
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """A class with a torque of its own claims only what it says itself, not what it extends.
-
-        And one with a name of its own has no title of another.
-        """
+        """Drop the inherited claims of a class with a torque, and the title of one with a name."""
         super().__init_subclass__(**options)
         if "name" in vars(cls) and "title" not in vars(cls):
             cls.title = cls.name
@@ -92,59 +92,59 @@ class Controller(GivenOverTime, Component):
 
     @property
     def structure(self) -> Hashable:
-        """What of the law is no number; laws of equal structure can be solved together."""
+        """The law without its numbers; laws of equal structure can be solved together."""
         return structure(self)
 
     def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
-        """As `claims_decrease`, with these gains."""
+        """Return whether L is claimed to decrease with these gains, as `claims_decrease`."""
         return self.claims_decrease
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note what of the law or its options does not fit the group."""
+        """Note where the law or its options do not fit the group."""
 
     @abstractmethod
     def torque(self, s: Tracking) -> Array:
         """τ, body frame, ``(..., m)``."""
 
     def feedforward_torque(self, s: Tracking) -> Array | None:
-        """The part of the torque without gains, body frame; None where the law does not say."""
+        """Return the part of the torque without gains, body frame; None where it is not known."""
         return None
 
     def lyapunov(self, s: Tracking) -> Array:
-        """L, the function that the law claims to fall, ``(...)``: its own, as `energy` says."""
+        """Return L, ``(...)``, the function of `energy`, which the law claims to decrease."""
         return s.lyapunov
 
     def velocity_error(self, s: Tracking) -> Array:
-        """y, the velocity at which a torque δ beside the law's raises L by ⟨δ, y⟩, ``(..., m)``."""
+        """Return y, where an additional torque δ raises L at the rate ⟨δ, y⟩, ``(..., m)``."""
         return s.V_tilde
 
     def dissipation(self, s: Tracking) -> Array | None:
-        """The power −dL/dt that the law takes out of L, ``(...)``; None where it is not known.
+        """Return the power −dL/dt that the law dissipates, ``(...)``; None where it is not known.
 
-        It is integrated along with every run, so that L(t) + ∫dissipation = L(0) can be checked.
+        Every run integrates it, so that L(t) + ∫dissipation = L(0) can be checked.
         """
         return None
 
-    # A law that is no formula, but code of the user's own.
+    # A law that is not a formula but code of the user.
 
     @property
     def code(self) -> RunsCode | None:
-        """The code that it runs; None where it is a formula."""
+        """The code that the law runs; None for a formula."""
         return None
 
     def running(self, function: Any, G: MatrixLieGroup) -> Self:
-        """The same law with its code as a function that can be called."""
+        """Return the law with its code as a function that can be called."""
         raise NotImplementedError(f"{self.name} runs no code")
 
     @property
     def formula(self) -> "Controller | None":
-        """The law whose formulas hold of it: itself, or what its code claims to be."""
+        """The law whose formulas apply: this one, or the one that its code claims to be."""
         return self
 
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
-        """The torque that it asks for at a control instant, and its memory a period later.
+        """Return the commanded torque at a control instant, and the memory one period later.
 
-        A memory z goes on by ż for a period.
+        The memory z is advanced by an Euler step.
         """
         torque, rates = self.torque(s), self.memory_rate(s)
         return torque, {name: z + period * rates[name] for name, z in s.memory.items()}
@@ -152,23 +152,23 @@ class Controller(GivenOverTime, Component):
     # A law with memory, such as an integral of the error, has states that are integrated too.
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
-        """The law's own states: how many numbers each has, by name."""
+        """Return the lengths of the law's own states by name."""
         return {}
 
     def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
-        """The states at the start of a run, ``(..., length)`` each; all 0 unless given here.
+        """Return the states at the start of a run, ``(..., length)`` each; 0 for those left out.
 
-        In `s` every one of them is 0.
+        In `s`, all states of the law are 0.
         """
         return {}
 
     def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
-        """The time derivative of every one of the states, which are in `s.memory`."""
+        """Return the time derivatives of all states, which are in `s.memory`."""
         return {}
 
     def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
-        """∂L/∂z of every one of the states z; None where it is not known.
+        """Return ∂L/∂z of all states z; None where it is not known.
 
-        With it the energy balance also holds where the states change at instants only.
+        With it, the energy balance also holds where the states change only at instants.
         """
         return None

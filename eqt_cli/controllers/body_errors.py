@@ -1,4 +1,4 @@
-"""What laws share that shape an energy of the body error and cancel all other forces."""
+"""Base class of laws that shape an energy of the body error and cancel all other forces."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ class CancellingLaw(Controller):
     """τ = 𝕀ξ̇ + 𝕀̇ξ − ad*_V 𝕀V − K_d e − force, and + Ṡ*S⁻* 𝕀e where the inertia varies.
 
     Here ξ = Ad_{Q_L⁻¹}V_d, e = V − ξ and Q_L = Q_d⁻¹Q. It leaves d(𝕀e)/dt = −K_d e − force, and
-    where the force is the gradient of an energy U, L = ½⟨𝕀e, e⟩ + U falls at ⟨K_d e, e⟩.
+    where the force is the gradient of an energy U, L = ½⟨𝕀e, e⟩ + U falls at the rate ⟨K_d e, e⟩.
     """
 
     matched: ClassVar[bool | None] = True
@@ -39,8 +39,8 @@ class CancellingLaw(Controller):
 
     @abstractmethod
     def force(self, r: Tracking) -> Array:
-        """The force of the pose error, body frame; `r` holds the errors of the body frame."""
+        """Return the force of the pose error, body frame; `r` has the errors of the body frame."""
 
     @abstractmethod
     def potential(self, r: Tracking) -> Array:
-        """The energy U of the pose error."""
+        """Return the energy U of the pose error."""

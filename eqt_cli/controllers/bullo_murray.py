@@ -18,5 +18,15 @@ class BulloMurray(Member):
     name: ClassVar[str] = "bullo_murray"
     title: ClassVar[str] = "Bullo–Murray"
     theorem: ClassVar[str] = "after Bullo, Murray (1999)"
+    bibtex: ClassVar[str] = """\
+@article{bullo1999tracking,
+  author  = {Bullo, Francesco and Murray, Richard M.},
+  title   = {Tracking for Fully Actuated Mechanical Systems: A Geometric Framework},
+  journal = {Automatica},
+  volume  = {35},
+  number  = {1},
+  pages   = {17--34},
+  year    = {1999}
+}"""
     weights: ClassVar[tuple[float, float, float, float]] = (0.5, 0.5, 0.5, 0.0)
     frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")

@@ -1,4 +1,4 @@
-"""A law that is a C function of the user's own; it knows no compiler."""
+"""A law that runs a C function of the user."""
 
 import dataclasses
 import re
@@ -20,7 +20,7 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Gains, Tracking
 
 TORQUE = "_torque"
-"""How the names of functions end."""
+"""Suffix of the function's name."""
 
 
 @dataclass(frozen=True)
@@ -29,20 +29,21 @@ class Code(Controller):
 
     The file defines the types ``X_input``, ``X_numbers`` and ``X_memory`` and the function
     ``X_torque`` as `eqt export` writes them. If it defines ``X_start``, eqt calls that at the start
-    of a run; else the memory starts at 0. Numbers that are not given are those of ``X_defaults`` if
-    the file defines it, else 0; a field ``period`` is set to the period of control.
+    of a run; otherwise the memory starts at 0. Numbers that are not given are those of
+    ``X_defaults`` if the file defines it, otherwise 0. A field ``period`` is set to the period of
+    control.
 
-    Nothing is claimed of it unless `as` names a law: then it claims what that law claims, and
-    `eqt verify` compares the two.
+    It claims nothing unless `as` names a law. Then it claims what that law claims, and `eqt verify`
+    compares the two.
 
     Attributes
     ----------
     file
-        The C file, relative to the configuration; files in quotes that it includes belong to it.
+        The C file, relative to the configuration; files that it includes in quotes belong to it.
     function
         Its function, ``X_torque``. Default: the name of the file gives X.
     as_
-        The law that it claims to be: a kind, or a mapping with `kind` and options.
+        The law that it claims to implement: a kind, or a mapping with `kind` and options.
     numbers
         Values of fields of ``X_numbers``: a number, or a list.
     memory_
@@ -75,7 +76,7 @@ class Code(Controller):
         return type(self), self.code, repr(self.claimed), self.called
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note names that C does not know, and what is wrong with the law that is claimed."""
+        """Note invalid C names, and errors of the law that it claims to be."""
         for name in self.numbers:
             _check_name(name, problems.at("numbers", name))
         for index, name in enumerate(self.memory_):
@@ -92,7 +93,7 @@ class Code(Controller):
                 f"{self.file} gives no name in C; name the function with the key `function`"
             )
         if self.as_ is not None:
-            from eqt_cli.controllers import controllers  # which finds this file
+            from eqt_cli.controllers import controllers  # the registry imports this file
 
             claimed = component(controllers, self.as_, problems.at("as"), group=G)
             if claimed is not None and claimed.code is not None:
@@ -108,27 +109,27 @@ class Code(Controller):
 
     @property
     def code(self) -> RunsCode:
-        """What it needs of the file."""
+        """The function, and its numbers and memory."""
         counts = ((n, len(v) if isinstance(v, list) else 1) for n, v in self.numbers.items())
         return RunsCode(self.file, self.prefix, tuple(counts), tuple(self.memory_), self.real)
 
     def running(self, function: Any, G: MatrixLieGroup) -> Self:
-        """With the compiled function.
+        """Return the law with the compiled function.
 
         Raises
         ------
         InputError
-            If it does not keep as much memory as the law that it claims to be.
+            If its memory has another size than that of the law that it claims to be.
         """
-        # By its name, so that it is found under whatever name the file is kept.
+        # The function's name must not depend on the file's name, which a result changes.
         copy = dataclasses.replace(self, function=self.prefix + TORQUE)
         object.__setattr__(copy, "claimed", self.claimed)
         object.__setattr__(copy, "called", function)
-        kept, claimed = sum(function.lengths.values()), self.claimed
-        expected = sum(claimed.memory(G).values()) if claimed else kept
-        if kept != expected:
+        length, claimed = sum(function.lengths.values()), self.claimed
+        expected = sum(claimed.memory(G).values()) if claimed else length
+        if length != expected:
             raise InputError(
-                f"{self.prefix}_memory in {self.file} has {kept} numbers that are named in "
+                f"{self.prefix}_memory in {self.file} has {length} numbers that are named in "
                 f"`memory`, and {claimed.name} keeps {expected}: "
                 f"{', '.join(f'{name} ({n})' for name, n in claimed.memory(G).items()) or 'none'}"
             )
@@ -137,31 +138,31 @@ class Code(Controller):
     @property
     def formula(self) -> Controller | None:
         """The law that it claims to be."""
-        found: Controller | None = self.claimed
-        return found
+        claimed: Controller | None = self.claimed
+        return claimed
 
     def torque(self, s: Tracking) -> Array:
-        """What the function returns."""
+        """Return the torque of one call of the function."""
         return self.answer(s, 0.0)[0]
 
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
-        """One call of the function a run, which moves the memory on by itself."""
+        """Call the function once per run; the function updates the memory."""
         inputs, numbers, memory = self._rows(s)
-        torque, kept = self.called.torque(numbers, float(period), memory, inputs)
-        return torque.reshape(s.P.shape), self._named(kept, s)
+        torque, updated = self.called.torque(numbers, float(period), memory, inputs)
+        return torque.reshape(s.P.shape), self._named(updated, s)
 
     def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
-        """What ``X_start`` sets, where there is one; else 0."""
+        """Return the memory that ``X_start`` sets, if there is one, otherwise 0."""
         inputs, numbers, _ = self._rows(s)
         return self._named(self.called.started(numbers, 0.0, inputs), s)
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
-        """That of the law which it claims to be, or the fields by their own names."""
+        """Return the memory of the law that it claims to be, or the fields by their names."""
         lengths: Mapping[str, int] = self.claimed.memory(G) if self.claimed else {}
         return lengths or dict(self.called.lengths)
 
     def _rows(self, s: Tracking) -> tuple[Array, Array, Array]:
-        """Inputs, numbers and memory of all runs and samples, a row each."""
+        """Return inputs, numbers and memory, with a row for each run and sample."""
         batch = s.P.shape[:-1]
         parts = [
             np.asarray(s.t)[..., None],
@@ -176,23 +177,23 @@ class Code(Controller):
                 f"{self.file} is code, which is called and not compiled into the loop",
                 Remedy("set control.period, or use engine solve_ivp"),
             )
-        # Before a run has begun, there is none.
+        # There is no memory before a run begins.
         memory = [s.memory.get(name, np.zeros(n)) for name, n in self.memory(s.G).items()]
-        inputs, numbers, kept = (
+        inputs, numbers, values = (
             np.concatenate([np.broadcast_to(p, (*batch, p.shape[-1])) for p in group], axis=-1)
             for group in (parts, [np.asarray(self.values)], [np.empty(0), *memory])
         )
         rows = int(np.prod(batch, dtype=int))
-        return inputs.reshape(rows, -1), numbers.reshape(rows, -1), kept.reshape(rows, -1)
+        return inputs.reshape(rows, -1), numbers.reshape(rows, -1), values.reshape(rows, -1)
 
-    def _named(self, kept: Array, s: Tracking) -> dict[str, Array]:
-        """The memory of all runs by the names of its parts."""
+    def _named(self, memory: Array, s: Tracking) -> dict[str, Array]:
+        """Return the memory of all runs by the names of its parts."""
         lengths = self.memory(s.G)
-        parts = np.split(kept, np.cumsum(list(lengths.values()))[:-1], axis=-1) if lengths else []
+        parts = np.split(memory, np.cumsum(list(lengths.values()))[:-1], axis=-1) if lengths else []
         batch = s.P.shape[:-1]
         return {name: part.reshape(*batch, -1) for name, part in zip(lengths, parts, strict=True)}
 
-    # What it claims.
+    # The claims.
 
     @property
     def energy(self) -> str:  # type: ignore[override]  # a constant of all other laws
@@ -201,25 +202,25 @@ class Code(Controller):
 
     @property
     def theorem(self) -> str:  # type: ignore[override]  # a constant of all other laws
-        """Of the law that it claims to be."""
+        """As for the law that it claims to be."""
         return self.claimed.theorem if self.claimed else ""
 
     @property
     def matched(self) -> bool | None:  # type: ignore[override]  # a constant of all other laws
-        """As the law that it claims to be."""
+        """As for the law that it claims to be."""
         return self.claimed.matched if self.claimed else None
 
     @property
     def claims_decrease(self) -> bool | None:  # type: ignore[override]  # a constant of others
-        """As the law that it claims to be."""
+        """As for the law that it claims to be."""
         return self.claimed.claims_decrease if self.claimed else None
 
     def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
-        """As the law that it claims to be."""
+        """As for the law that it claims to be."""
         return self.claimed.claims(G, gains) if self.claimed else None
 
     def feedforward_torque(self, s: Tracking) -> Array | None:
-        """That of the law that it claims to be."""
+        """As for the law that it claims to be."""
         return self.claimed.feedforward_torque(s) if self.claimed else None
 
     def lyapunov(self, s: Tracking) -> Array:
@@ -227,19 +228,19 @@ class Code(Controller):
         return self.claimed.lyapunov(s) if self.claimed else s.lyapunov
 
     def velocity_error(self, s: Tracking) -> Array:
-        """Of the law that it claims to be."""
+        """As for the law that it claims to be."""
         return self.claimed.velocity_error(s) if self.claimed else s.V_tilde
 
     def dissipation(self, s: Tracking) -> Array | None:
-        """Of the law that it claims to be."""
+        """As for the law that it claims to be."""
         return self.claimed.dissipation(s) if self.claimed else None
 
     def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
-        """Of the law that it claims to be."""
+        """As for the law that it claims to be."""
         return self.claimed.memory_rate(s) if self.claimed else {}
 
     def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
-        """Of the law that it claims to be."""
+        """As for the law that it claims to be."""
         return self.claimed.memory_gradient(s) if self.claimed else None
 
 
@@ -254,5 +255,5 @@ def is_name(text: str) -> bool:
 
 
 def _flat(G: MatrixLieGroup, pose: Array) -> Array:
-    """The entries of poses, row by row."""
+    """Return the entries of poses, row by row."""
     return pose.reshape(*pose.shape[:-2], G.size**2)

@@ -1,4 +1,4 @@
-"""The family of stabilising tracking laws τ(g, c, n, q), written once for every group."""
+"""The family of stabilising tracking laws τ(g, c, n, q), for every group."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
@@ -22,15 +22,15 @@ class Family(Controller):
     τ = τ_d − g·ad*_Ṽ 𝕀V_d − c·ad*_{V_d} 𝕀Ṽ + n·𝕀 ad_V V_d − q·ad*_Ṽ 𝕀Ṽ − damping
     − Ad*_{Q_d} L*_{Q_E}dΥ(Q_E)
 
-    and, where the inertia varies by itself, + Ṡ*S⁻* 𝕀Ṽ (Theorem 3.2); with damping
+    and, where the inertia varies, + Ṡ*S⁻* 𝕀Ṽ (Theorem 3.2); with damping
     Ad*_{Q_d} K_d Ad_{Q_d} Ṽ (spatial) or K_d Ṽ (body). All members with c + n = 1 change
     L = ½⟨𝕀Ṽ, Ṽ⟩ + Υ(Q_E) at the same rate, −⟨K_d V_E, V_E⟩ or −⟨K_d Ṽ, Ṽ⟩: the g- and q-terms
     are gyroscopic, and the c- and n-terms have the same power on every group. Generalises Hampsey
     et al. (2025), eq. (22), (23), (24) and the two laws after them.
 
-    With the error in the body frame the same formula holds for ξ = Ad_{Q_L⁻¹}V_d in the place of
-    V_d, e = V − ξ in that of Ṽ, τ_ξ = 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ in that of τ_d, and the force
-    −L*_{Q_L}dΥ(Q_L) of Q_L = Q_d⁻¹Q; its damping is K_d e.
+    With the error in the body frame, the same formula holds with V_d replaced by ξ = Ad_{Q_L⁻¹}V_d,
+    Ṽ by e = V − ξ, τ_d by τ_ξ = 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ, and the force by −L*_{Q_L}dΥ(Q_L) of
+    Q_L = Q_d⁻¹Q; its damping is K_d e.
 
     Attributes
     ----------
@@ -71,15 +71,15 @@ class Family(Controller):
 
     @property
     def structure(self) -> Hashable:
-        """The same for all members in one frame; a law built on one has its own."""
-        own = type(self)
+        """The same for all members in one frame; a law that overrides a method has another."""
+        kind = type(self)
         methods = ("torque", "dissipation", "memory", "initial_memory", "memory_rate")
-        inherited = all(getattr(own, name) is getattr(Family, name) for name in methods)
+        inherited = all(getattr(kind, name) is getattr(Family, name) for name in methods)
         return (Family, self.error, self.has_quadratic) if inherited else super().structure
 
     @property
     def claims_decrease(self) -> bool | None:  # type: ignore[override]  # by its options
-        """On the plane c + n = 1, where the two terms make up for the moving reference."""
+        """True on the plane c + n = 1, where both terms compensate the moving reference."""
         return abs(self.transport + self.connection - 1) <= 1e-12  # rounding of 0.1 + 0.9
 
     @property
@@ -89,7 +89,7 @@ class Family(Controller):
 
     def torque(self, s: Tracking) -> Array:
         """τ(g, c, n, q), body frame."""
-        s = self._seen(s)
+        s = self._in_error_frame(s)
         feedforward = self._feedforward(s)
         if self.error == "body":  # the desired pose is I, and damping has one frame
             return feedforward - s.body_damping - s.gradient
@@ -99,19 +99,19 @@ class Family(Controller):
 
     def feedforward_torque(self, s: Tracking) -> Array:
         """τ_d and the terms with g, c, n and q."""
-        return self._feedforward(self._seen(s))
+        return self._feedforward(self._in_error_frame(s))
 
     def lyapunov(self, s: Tracking) -> Array:
         """½⟨𝕀Ṽ, Ṽ⟩ + Υ(Q_E)."""
-        return self._seen(s).lyapunov
+        return self._in_error_frame(s).lyapunov
 
     def velocity_error(self, s: Tracking) -> Array:
         """Ṽ, or e."""
-        return self._seen(s).V_tilde
+        return self._in_error_frame(s).V_tilde
 
     def dissipation(self, s: Tracking) -> Array | None:
-        """⟨K_d V_E, V_E⟩ or ⟨K_d Ṽ, Ṽ⟩, and off the plane c + n = 1 also what its terms add."""
-        s = self._seen(s)
+        """⟨K_d V_E, V_E⟩ or ⟨K_d Ṽ, Ṽ⟩, and off the plane c + n = 1 the power of these terms."""
+        s = self._in_error_frame(s)
         off_plane = 1 - self.transport - self.connection
         added = dot(off_plane * s.P_tilde, s.G.ad(s.V, s.Vd))
         if self.error == "body":
@@ -130,23 +130,23 @@ class Family(Controller):
             self.quadratic if self.has_quadratic else None,
         )
 
-    def _seen(self, s: Tracking) -> Tracking:
-        """The motion in the frame of the errors."""
+    def _in_error_frame(self, s: Tracking) -> Tracking:
+        """Return the motion with the errors in their frame."""
         return s.relative if self.error == "body" else s
 
 
 @dataclass(frozen=True)
 class Member(Family):
-    """A point of the family with a name of its own, of which nothing is an option.
+    """A named point of the family, without options.
 
-    A class that extends a member may fix other numbers.
+    A derived class may set other numbers.
 
     Attributes
     ----------
     weights
         (g, c, n, q).
     frames
-        Of the error and of the damping.
+        The frames of the error and of the damping.
     """
 
     weights: ClassVar[tuple[float, float, float, float]]
@@ -161,8 +161,8 @@ class Member(Family):
 
     def __post_init__(self) -> None:
         names = ("gyroscopic", "transport", "connection", "quadratic", "error", "damping")
-        above = type(self).__mro__
-        fixed = {name for kind in above[: above.index(Member)] for name in vars(kind)}
+        bases = type(self).__mro__
+        fixed = {name for kind in bases[: bases.index(Member)] for name in vars(kind)}
         for name, value in zip(names, (*self.weights, *self.frames), strict=True):
             if name not in fixed:
                 object.__setattr__(self, name, value)

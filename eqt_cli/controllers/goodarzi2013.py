@@ -19,15 +19,15 @@ class Goodarzi2013(Controller):
     On SO(3): −k_R e_R − k_Ω e_Ω − k_I e_I + (RᵀR_dΩ_d) × J(RᵀR_dΩ_d) + JRᵀR_dΩ̇_d with
     K = (k_R/2) I and K_d = k_Ω I. There e_R = ½(R_dᵀR − RᵀR_d)^∨; on every group it is the
     projection of Q_L onto the algebra. Geometric nonlinear PID control of a quadrotor UAV on SE(3),
-    European Control Conference 2013; only the abstract could be read where this was written. The
-    smooth bound b is eqt's; without it, the integral enters as it is.
+    European Control Conference 2013, of which only the abstract was read. The smooth bound b is an
+    addition of eqt; without it, the integral is not bounded.
 
     The integral of e is the small error itself, so that k_I adds to the stiffness H of Υ: it is
     2.2 and not 2.0 N m/rad on SO(3) with K = I and k_I = 0.2. So gains are not matched.
 
-    L = ½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + k_I Σ b² log cosh(e_I/b), where there is no disturbance,
-    falls near the reference if c₂ is small enough. The paper's bound on c₂ could not be read, and
-    none is computed: nothing is claimed, whatever c₂.
+    Without disturbances, L = ½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + k_I Σ b² log cosh(e_I/b) falls near
+    the reference if c₂ is small enough. The paper's bound on c₂ was not available, and none is
+    computed, so nothing is claimed for any c₂.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Goodarzi2013(Controller):
     c2
         c₂, 1/s.
     bound
-        b, the largest integral that the torque sees, rad. Default: none.
+        b, the bound of the integral in the torque, rad. Default: none.
     """
 
     name: ClassVar[str] = "goodarzi2013"
@@ -44,13 +44,21 @@ class Goodarzi2013(Controller):
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + ½k_I|e_I|²"
     matched: ClassVar[bool | None] = False
     theorem: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
+    bibtex: ClassVar[str] = """\
+@inproceedings{goodarzi2013geometric,
+  author    = {Goodarzi, Farhad and Lee, Daewon and Lee, Taeyoung},
+  title     = {Geometric Nonlinear {PID} Control of a Quadrotor {UAV} on {SE(3)}},
+  booktitle = {European Control Conference},
+  pages     = {3845--3850},
+  year      = {2013}
+}"""
 
     ki: Positive = 0.2
     c2: Real = 0.5
     bound: Positive | None = None
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
-        """The integral e_I."""
+        """Return the length of the integral e_I."""
         return {"integral": G.dimension}
 
     def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
@@ -61,11 +69,11 @@ class Goodarzi2013(Controller):
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""
         r = s.relative
-        shaping = r.gradient + self.ki * self._limited(s)
+        shaping = r.gradient + self.ki * self._bounded(s)
         return r.feedforward(0.0, 0.0, 1.0) - r.body_damping - shaping
 
     def lyapunov(self, s: Tracking) -> Array:
-        """The paper's function with no disturbance."""
+        """Return the paper's function without disturbances."""
         r = s.relative
         return r.lyapunov + dot(self.c2 * r.P_tilde, self._e_R(r)) + self._stored(s)
 
@@ -75,29 +83,29 @@ class Goodarzi2013(Controller):
         return r.V_tilde + self.c2 * self._e_R(r)
 
     def dissipation(self, s: Tracking) -> Array | None:
-        """−dL/dt: ⟨K_d e, e⟩ and what the mixed term c₂⟨𝕀e, e_R⟩ adds."""
+        """−dL/dt: ⟨K_d e, e⟩ and the rate of the mixed term c₂⟨𝕀e, e_R⟩."""
         r = s.relative
         G, e, P = r.G, r.V_tilde, r.P_tilde
         # d(𝕀e)/dt = Ṗ − d(𝕀ξ)/dt.
         force = G.ad_star(r.V, r.P) + self.torque(s) - G.ad_star(r.Vd, r.Pd) - r.tau_d
-        without_integral = force + self.ki * self._limited(s)
+        without_integral = force + self.ki * self._bounded(s)
         moved = dot(self.c2 * without_integral, self._e_R(r))
         return dot(r.body_damping, e) - moved - dot(self.c2 * P, G.vee(r.Q @ G.hat(e)))
 
     def memory_gradient(self, s: Tracking) -> Mapping[str, Array]:
-        """∂L/∂e_I, which is what the torque sees of the integral, times k_I."""
-        return {"integral": self.ki * self._limited(s)}
+        """∂L/∂e_I, k_I times the bounded integral."""
+        return {"integral": self.ki * self._bounded(s)}
 
     def _e_R(self, r: Tracking) -> Array:
         return r.G.vee(r.Q)
 
-    def _limited(self, s: Tracking) -> Array:
-        """The integral as the torque sees it."""
+    def _bounded(self, s: Tracking) -> Array:
+        """Return the integral, bounded smoothly by b."""
         integral = s.memory["integral"]
         return integral if self.bound is None else self.bound * tanh(integral / self.bound)
 
     def _stored(self, s: Tracking) -> Array:
-        """The energy of the integral, of which k_I `_limited` is the gradient."""
+        """Return the energy of the integral, whose gradient is k_I `_bounded`."""
         integral = s.memory["integral"]
         if self.bound is None:
             return dot(self.ki * integral, integral) / 2

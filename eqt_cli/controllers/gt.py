@@ -12,5 +12,12 @@ class GT(Member):
 
     name: ClassVar[str] = "gt"
     title: ClassVar[str] = "GT"
+    bibtex: ClassVar[str] = """\
+@book{bullo2005geometric,
+  author    = {Bullo, Francesco and Lewis, Andrew D.},
+  title     = {Geometric Control of Mechanical Systems},
+  publisher = {Springer},
+  year      = {2005}
+}"""
     weights: ClassVar[tuple[float, float, float, float]] = (0.5, 0.5, 0.5, 0.0)
     frames: ClassVar[tuple[Frame, Frame]] = ("spatial", "body")

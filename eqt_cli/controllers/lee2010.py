@@ -18,5 +18,14 @@ class Lee2010(Member):
     name: ClassVar[str] = "lee2010"
     title: ClassVar[str] = "Lee 2010"
     theorem: ClassVar[str] = "Lee, Leok, McClamroch (2010), attitude part"
+    bibtex: ClassVar[str] = """\
+@inproceedings{lee2010geometric,
+  author    = {Lee, Taeyoung and Leok, Melvin and McClamroch, N. Harris},
+  title     = {Geometric Tracking Control of a Quadrotor {UAV} on {SE(3)}},
+  booktitle = {49th {IEEE} Conference on Decision and Control},
+  pages     = {5420--5425},
+  year      = {2010},
+  doi       = {10.1109/CDC.2010.5717652}
+}"""
     weights: ClassVar[tuple[float, float, float, float]] = (1.0, 1.0, 0.0, 1.0)
     frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")

@@ -19,5 +19,14 @@ class Lee2012(Member):
     name: ClassVar[str] = "lee2012"
     title: ClassVar[str] = "Lee 2012"
     theorem: ClassVar[str] = "after Lee, Leok, McClamroch (2012), attitude part"
+    bibtex: ClassVar[str] = """\
+@inproceedings{lee2012nonlinear,
+  author    = {Lee, Taeyoung and Leok, Melvin and McClamroch, N. Harris},
+  title     = {Nonlinear Robust Tracking Control of a Quadrotor {UAV} on {SE(3)}},
+  booktitle = {American Control Conference},
+  year      = {2012},
+  eprint    = {1109.4457},
+  archivePrefix = {arXiv}
+}"""
     weights: ClassVar[tuple[float, float, float, float]] = (0.0, 0.0, 1.0, 0.0)
     frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")

@@ -20,18 +20,27 @@ class Logarithmic(CancellingLaw):
     which gives it the stiffness of the other laws for small errors; the energy is ½⟨H x, x⟩. The
     paper, arXiv 2109.07025, was not read; the form is that of the design of eqt.
 
-    The torque does not vanish towards an error angle of π and changes its sign there: at π either
-    of two opposite turns may be taken. The energy is continuous there, so that L falls through it,
-    on rotations always, beside translations where H weighs those the same in every direction.
+    The torque does not vanish towards an error angle of π and changes its sign there, where both
+    opposite rotations are equally short. The energy is continuous there, so that L keeps falling:
+    always for rotations, and with translations if H weighs these equally in every direction.
     """
 
     name: ClassVar[str] = "logarithmic"
     title: ClassVar[str] = "logarithmic"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + ½⟨H log Q_L, log Q_L⟩"
     theorem: ClassVar[str] = "after Johnson, Beard (2021)"
+    bibtex: ClassVar[str] = """\
+@misc{johnson2021globally,
+  author = {Johnson, Jacob and Beard, Randal},
+  title  = {Globally-Attractive Logarithmic Geometric Control of a Quadrotor for Aggressive
+            Trajectory Tracking},
+  year   = {2021},
+  eprint = {2109.07025},
+  archivePrefix = {arXiv}
+}"""
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A group must give the derivative of its logarithm."""
+        """Note a group without the derivative of its logarithm."""
         super().check(G, problems)
         with problems.catching():
             G.log_force(np.zeros(G.dimension), np.zeros(G.dimension))

@@ -29,6 +29,17 @@ class Maithripala2006(Controller):
     name: ClassVar[str] = "maithripala2006"
     title: ClassVar[str] = "Maithripala 2006"
     theorem: ClassVar[str] = "after Maithripala, Berg, Dayawansa (2006)"
+    bibtex: ClassVar[str] = """\
+@article{maithripala2006almost,
+  author  = {Maithripala, D. H. S. and Berg, Jordan M. and Dayawansa, W. P.},
+  title   = {Almost-Global Tracking of Simple Mechanical Systems on a General Class of {Lie}
+             Groups},
+  journal = {{IEEE} Transactions on Automatic Control},
+  volume  = {51},
+  number  = {2},
+  pages   = {216--225},
+  year    = {2006}
+}"""
     matched: ClassVar[bool | None] = False
     claims_decrease: ClassVar[bool | None] = True
 

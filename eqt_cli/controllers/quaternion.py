@@ -18,12 +18,12 @@ class Quaternion(CancellingLaw):
     """Quaternion feedback after Wie, Weiss and Arapostathis (1989), on SO(3).
 
     force = 2 H q with q = sin(θ/2) u the vector part of the unit quaternion of Q_d⁻¹Q whose scalar
-    part is q₀ ≥ 0, and H the Hessian of Υ at I: the paper's D is K_d, its K is 2H. The paper turns
-    to a pose at rest and cancels ω × Jω; the feedforward here does so for a moving reference. J.
+    part is q₀ ≥ 0, and H the Hessian of Υ at I: the paper's D is K_d, its K is 2H. The paper has a
+    reference at rest and cancels ω × Jω; the feedforward here does so for a moving one. J.
     Guidance, Control, and Dynamics 12, 375-380, which was not read.
 
     With H = h I, L = ½⟨𝕀e, e⟩ + 4h(1 − q₀) falls. With another H the force has no potential, and
-    nothing is claimed. The choice q₀ ≥ 0 takes the shorter turn, so that nothing unwinds; the
+    nothing is claimed. The choice q₀ ≥ 0 takes the shorter rotation, without unwinding; the
     torque is largest at an error angle of π, where it changes its sign.
     """
 
@@ -31,15 +31,25 @@ class Quaternion(CancellingLaw):
     title: ClassVar[str] = "quaternion"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + 4h(1 − q₀)"
     theorem: ClassVar[str] = "after Wie, Weiss, Arapostathis (1989)"
+    bibtex: ClassVar[str] = """\
+@article{wie1989quaternion,
+  author  = {Wie, Bong and Weiss, H. and Arapostathis, Aristotle},
+  title   = {Quaternion Feedback Regulator for Spacecraft Eigenaxis Rotations},
+  journal = {Journal of Guidance, Control, and Dynamics},
+  volume  = {12},
+  number  = {3},
+  pages   = {375--380},
+  year    = {1989}
+}"""
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Only the rotations of space have quaternions."""
+        """Note groups other than the rotations of space."""
         super().check(G, problems)
         if not (G.compact and G.dimension == G.size == 3):
             problems.add(f"{self.name} is a law for SO3 only; this experiment has group {G.name}")
 
     def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
-        """Where the stiffness is the same about every axis."""
+        """Return the claim, which needs the same stiffness about every axis."""
         H = hessian_at_identity(G, gains.K)
         homogeneous = np.abs(H - H[0, 0] * np.eye(len(H))).max() <= 1e-12 * np.abs(H).max()
         return self.claims_decrease if homogeneous else None
@@ -55,7 +65,7 @@ class Quaternion(CancellingLaw):
         return (4 * (1 - stack([scalar])) * self._mean(r))[..., 0]
 
     def dissipation(self, s: Tracking) -> Array | None:
-        """⟨K_d e, e⟩, and where the stiffness is not the same about every axis, what that adds."""
+        """⟨K_d e, e⟩, plus the power of stiffness that differs between axes."""
         r = s.relative
         _, twice_q = r.G.half_turn(r.Q)
         uneven = r.linear_gradient(twice_q) - self._mean(r) * twice_q

@@ -1,7 +1,7 @@
-"""No law, but a recorded wrench: what a model makes of it is the honest test of the model."""
+"""Applies a recorded wrench in open loop, to test the model of a plant."""
 
 from collections.abc import Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -9,11 +9,9 @@ import numpy as np
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, as_array
 from eqt_cli.core.errors import InputError, Remedy, TraceError
-from eqt_cli.core.leaves import STRUCTURE
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.logs.in_file import InFile
-from eqt_cli.logs.mapping import LogMapping, TrajectoryFormat
+from eqt_cli.logs.in_file import RecordingInFile
 from eqt_cli.mechanics.motions import SAME_TIME
 from eqt_cli.mechanics.tracking import Tracking
 
@@ -21,7 +19,7 @@ Hold: TypeAlias = Literal["zero", "linear"]
 
 
 def hold_named(text: str) -> Hold:
-    """The way of this name; raises an `InputError` if there is none."""
+    """Return the hold of this name, or raise an `InputError` if there is none."""
     known: tuple[Hold, ...] = get_args(Hold)
     for name in known:
         if text == name:
@@ -30,24 +28,18 @@ def hold_named(text: str) -> Hold:
 
 
 @dataclass(frozen=True)
-class Replay(InFile, Controller):
-    """The wrench of a recording, applied again in open loop: no law, and nothing is claimed of it.
+class Replay(RecordingInFile, Controller):
+    """The wrench of a recording, applied again in open loop, without any claim.
 
     With the reference `log` of the same file, the errors of a run are those of the prediction. The
-    wrench goes through the actuators of the configuration, if there are any. A run over a gap of
-    the recording is refused, because nobody knows the wrench there.
+    wrench passes through the actuators of the configuration, if there are any. A run over a gap of
+    the recording is refused, because the wrench is not known there.
 
     Attributes
     ----------
-    file
-        The recording, relative to the configuration.
-    format
-        Its format: ``csv`` with a header that names the columns, ``tum`` or ``euroc``.
-    mapping
-        What the file does not say of itself: columns, units, order of quaternions, frames, times.
     hold
-        How the wrench goes on behind a row: ``zero`` holds it until the next row, as an autopilot
-        holds its command; ``linear`` interpolates, for a wrench that was measured.
+        The wrench between two rows: ``zero`` holds it until the next row, as an autopilot holds its
+        command; ``linear`` interpolates, for a wrench that was measured.
     """
 
     name: ClassVar[str] = "replay"
@@ -56,15 +48,7 @@ class Replay(InFile, Controller):
     theorem: ClassVar[str] = ""
     departs: ClassVar[str] = "no feedback, but a recorded wrench"
 
-    file: str
-    format: TrajectoryFormat = "csv"
-    mapping: LogMapping | None = None
     hold: Hold = "zero"
-    text: str | None = field(default=None, init=False, repr=False)
-    digest: str = field(default="", init=False)
-    kept: Any = field(
-        default_factory=dict, init=False, repr=False, compare=False, metadata=STRUCTURE
-    )
 
     @property
     def structure(self) -> Hashable:
@@ -73,23 +57,23 @@ class Replay(InFile, Controller):
 
     @property
     def formula(self) -> None:
-        """None: it is no law."""
+        """None, because it is no law."""
         return None
 
     def torque(self, s: Tracking) -> Array:
-        """The recorded wrench at the time of a state."""
+        """Return the recorded wrench at the time of a state."""
         return self.held(s.G, s.t).torque(s)
 
     def instants(self, G: MatrixLieGroup) -> Array:
-        """The times of the rows."""
+        """Return the times of the rows."""
         return self.recording(G).times
 
     def held(self, G: MatrixLieGroup, t: Any) -> "HeldWrench":
-        """The wrench of the row before a time, and how it goes on."""
+        """Return the wrench from a time to the next row."""
         if np.asarray(t).dtype == object:
             raise TraceError(
-                "replay is no law that is compiled by itself: it applies a recorded wrench between "
-                "its rows",
+                "replay cannot be compiled by itself, because its wrench changes at the rows of a "
+                "recording",
                 Remedy("remove `control`, use engine solve_ivp, or export another law"),
             )
         times, wrenches = self.recording(G).times, self.recording(G).wrenches
@@ -102,29 +86,21 @@ class Replay(InFile, Controller):
         slope = (wrenches[row + 1] - wrenches[row]) / step
         return HeldWrench(wrenches[row], slope, np.asarray(times[row]))
 
-    def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
-        """The times of the first and the last row."""
-        return self.recorded_between(G)
-
-    def gaps(self, G: MatrixLieGroup) -> list[tuple[float, float]]:
-        """Those of the recording."""
-        return self.recorded_gaps(G)
-
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A file or a mapping that will not do, or a file without a wrench."""
+        """Note an invalid file or mapping, and a file without a wrench."""
         self.check_file(problems, lambda: self.recording(G).require_wrenches())
 
 
 @dataclass(frozen=True)
 class HeldWrench:
-    """The wrench behind a row of a recording, or behind one for each of some times.
+    """The wrench from a row of a recording to the next, or an array of these for some times.
 
     Attributes
     ----------
     wrench : (..., m)
-        Of the row.
+        The wrench at the row.
     slope : (..., m)
-        How it goes on, per s; None where it is held.
+        Its rate, per s; None where it is held.
     since
         The time of the row, s.
     """
@@ -134,8 +110,8 @@ class HeldWrench:
     since: Array | None = None
 
     def torque(self, s: Tracking) -> Array:
-        """The wrench at the time of a state."""
+        """Return the wrench at the time of a state."""
         wrench = self.wrench
         if self.slope is not None:
             wrench = wrench + as_array(s.t - self.since)[..., None] * self.slope
-        return wrench + 0.0 * s.P  # for every run
+        return wrench + 0.0 * s.P  # broadcast to all runs

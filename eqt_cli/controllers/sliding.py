@@ -14,7 +14,7 @@ class Sliding(SlidingVariable):
     """Sliding mode with a smooth boundary layer; uses its own gains (not matched).
 
     reaching = gain · tanh(s / layer), coordinate by coordinate: after Slotine and Li (1991), sec.
-    7.2, with tanh for their saturation, which has its slope at 0 and its bounds, and no corners.
+    7.2, with tanh in place of their saturation: the same slope at 0 and bounds, without corners.
     The book was not read. `gains.kd` is not used.
 
     Attributes
@@ -28,6 +28,13 @@ class Sliding(SlidingVariable):
     name: ClassVar[str] = "sliding"
     title: ClassVar[str] = "sliding mode"
     theorem: ClassVar[str] = "after Slotine, Li (1991), section 7.2"
+    bibtex: ClassVar[str] = """\
+@book{slotine1991applied,
+  author    = {Slotine, Jean-Jacques E. and Li, Weiping},
+  title     = {Applied Nonlinear Control},
+  publisher = {Prentice Hall},
+  year      = {1991}
+}"""
 
     gain: Positive = 0.5
     layer: Positive = 0.5

@@ -1,4 +1,4 @@
-"""What laws share that drive the variable s = V − V_r to zero, with a reference of their own."""
+"""Base class of laws that drive the variable s = V − V_r to zero, with their own V_r."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class SlidingVariable(Controller):
     Attributes
     ----------
     slope
-        Λ, the velocity that the law asks for per unit of force of Υ: rad/s per N m.
+        Λ, the commanded velocity per unit of force of Υ: rad/s per N m.
     """
 
     energy: ClassVar[str] = "½⟨𝕀s, s⟩"
@@ -52,10 +52,10 @@ class SlidingVariable(Controller):
 
     @abstractmethod
     def reaching(self, r: Tracking) -> Array:
-        """The force against s, which is `r.V_tilde`."""
+        """Return the force against s, which is `r.V_tilde`."""
 
     def _sliding(self, s: Tracking) -> Tracking:
-        """The motion with V_r for the velocity of its reference."""
+        """Return the motion with V_r as the velocity of its reference."""
         r = s.relative
         Vr = r.Vd - self.slope * r.gradient
         return r.following(Vr, r.Vd_dot - self.slope * r.gradient_rate)

@@ -19,6 +19,16 @@ class SlotineLi(SlidingVariable):
     name: ClassVar[str] = "slotine_li"
     title: ClassVar[str] = "Slotine–Li"
     theorem: ClassVar[str] = "after Slotine, Li (1987)"
+    bibtex: ClassVar[str] = """\
+@article{slotine1987adaptive,
+  author  = {Slotine, Jean-Jacques E. and Li, Weiping},
+  title   = {On the Adaptive Control of Robot Manipulators},
+  journal = {The International Journal of Robotics Research},
+  volume  = {6},
+  number  = {3},
+  pages   = {49--59},
+  year    = {1987}
+}"""
 
     def reaching(self, r: Tracking) -> Array:
         """K_d s."""

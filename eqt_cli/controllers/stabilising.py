@@ -34,7 +34,7 @@ class Stabilising(Controller):
 
     @property
     def claims_decrease(self) -> bool | None:  # type: ignore[override]  # by its options
-        """With the feedforward: without it, a changing inertia may raise L."""
+        """True with the feedforward; without it, a changing inertia may raise L."""
         return self.feedforward
 
     def torque(self, s: Tracking) -> Array:

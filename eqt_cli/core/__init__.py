@@ -1,1 +1,1 @@
-"""What every layer stands on: errors, the component registry, array functions, expressions."""
+"""Foundations of all layers: errors, the component registry, array functions, expressions."""

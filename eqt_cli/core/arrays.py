@@ -1,9 +1,9 @@
-"""The array functions that a law may call; it knows no engine and no law.
+"""The array functions that a law may call.
 
 Laws are written with operators, ``@``, slicing, ``reshape``, ``swapaxes`` and the functions of this
-module. Each function looks at what it is given: float arrays go to NumPy, object arrays go,
-element by element, to the function table that the owner of the symbol type has registered with
-`register_symbols`. That is what lets one law run on floats and be traced by a compiler.
+module. Each function acts by the type of its arguments: float arrays go to NumPy; object arrays go,
+element by element, to the function table that was registered for the symbol type with
+`register_symbols`. So the same law runs on floats and is traced by a compiler.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,22 +31,22 @@ _symbol_tables: dict[type, Mapping[str, Callable[..., Any]]] = {}
 
 
 def register_symbols(symbol: type, table: Mapping[str, Callable[..., Any]]) -> None:
-    """Say how the functions of this module act on one `symbol` type held in object arrays.
+    """Register how the functions of this module act on a `symbol` type in object arrays.
 
-    The table holds any of `FUNCTIONS`, ``less(a, b)``, ``where(condition, a, b)``, ``smooth_less(a,
-    b)`` where that is not the same as ``less(a, b)``, ``positive(x)`` of a sum of squares where it
-    is not ``less(0, x)``, and ``inverse(matrix)`` of arrays ``(..., m, m)`` where symbols have a
-    better one than elimination.
+    The table may hold any of `FUNCTIONS`, ``less(a, b)`` and ``where(condition, a, b)``. Optional
+    entries are ``smooth_less(a, b)`` if it differs from ``less(a, b)``, ``positive(x)`` of a sum of
+    squares if it differs from ``less(0, x)``, and ``inverse(matrix)`` of arrays ``(..., m, m)`` if
+    there is a better way than elimination.
     """
-    same = {}
+    defaults = {}
     if "less" in table:
         less = table["less"]
-        same = {"smooth_less": less, "positive": lambda x: less(0.0, x)}
-    _symbol_tables[symbol] = same | dict(table)
+        defaults = {"smooth_less": less, "positive": lambda x: less(0.0, x)}
+    _symbol_tables[symbol] = defaults | dict(table)
 
 
 def as_array(x: Any) -> Any:
-    """An array; what stands for one, by NumPy's protocols, as it is."""
+    """Return an array; an object with NumPy's array protocol is returned unchanged."""
     return x if hasattr(x, "__array_function__") else np.asarray(x)
 
 
@@ -116,14 +116,14 @@ def absolute(x: Any) -> Any:
 
 
 def less(a: Any, b: Any) -> Any:
-    """a < b, elementwise: a condition for `where`, and for nothing else."""
+    """a < b, elementwise: a condition, only for `where`."""
     return apply("less", a, b)
 
 
 def smooth_less(a: Any, b: Any) -> Any:
     """a < b, elementwise, for a `where` that chooses between two forms of one smooth function.
 
-    As `less`, but an engine need not end a step where it changes: either form holds there.
+    As `less`, but an engine need not end a step where it changes, because both forms hold there.
     """
     return apply("smooth_less", a, b)
 
@@ -144,9 +144,9 @@ def maximum(a: Any, b: Any) -> Any:
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:
-    """x, but no less than low and no more than high, elementwise.
+    """x limited to the range from low to high, elementwise.
 
-    Engines step to each kink and on from there; `tanh` saturates without any.
+    Engines end a step at each kink; `tanh` saturates without kinks.
     """
     return minimum(maximum(x, low), high)
 
@@ -164,27 +164,27 @@ def frobenius(x: Array) -> Any:
 
 
 _NEARLY_ZERO = 1e-100
-"""The least norm of symbols, by which one can divide; to a greater one it adds nothing."""
+"""Smallest norm of symbols, to allow division; it does not change larger norms."""
 
 
 def _root(squares: Any) -> Any:
-    """The root of a sum of squares."""
+    """Return the root of a sum of squares."""
     root = sqrt(squares)
     if as_array(root).dtype != object:
         return root
-    return where(apply("positive", squares), root, _NEARLY_ZERO)  # at 0 a root itself has no series
+    return where(apply("positive", squares), root, _NEARLY_ZERO)  # a root has no series at 0
 
 
 def apply_matrix(matrix: Array, vector: Array) -> Array:
     """Matrix times vector, ``(..., k, m) · (..., m) -> (..., k)``."""
-    if matrix.ndim == 2:  # one matrix for all vectors: eight times as fast
+    if matrix.ndim == 2:  # eight times as fast for one matrix and many vectors
         return vector @ matrix.T
     return (matrix @ vector[..., None])[..., 0]
 
 
 def times(stack: Array, matrix: Array) -> Array:
     """A stack of matrices times one matrix, or times a stack, ``(..., k, m) · (..., m, n)``."""
-    # One product of two matrices instead of many; what stands for an array does better by itself.
+    # One product of two matrices is faster than many; other array types have faster ways.
     if matrix.ndim == 2 and stack.ndim > 2 and isinstance(stack, np.ndarray):
         rows = stack.reshape(-1, matrix.shape[0])
         return (rows @ matrix).reshape(*stack.shape[:-1], matrix.shape[-1])
@@ -197,7 +197,7 @@ def dot(p: Array, v: Array) -> Any:
 
 
 def stack(entries: Sequence[Any]) -> Array:
-    """Scalars or arrays, numbers or symbols, as the entries of a new last axis."""
+    """Join scalars or arrays, of numbers or symbols, along a new last axis."""
     arrays = [as_array(entry) for entry in entries]
     dtype = object if any(array.dtype == object for array in arrays) else float
     shape = np.broadcast_shapes(*(array.shape for array in arrays))
@@ -218,16 +218,15 @@ def cross(a: Array, b: Array) -> Array:
 def inverse_spd(matrix: Array) -> Array:
     """The inverse of a symmetric positive definite matrix, ``(..., m, m)``.
 
-    LAPACK's for floats. For symbols their own, or Gauss-Jordan elimination without pivoting or
-    branches, which definiteness makes stable (Golub and Van Loan, Matrix Computations, 4.2).
+    LAPACK's for floats. For symbols that of their table, or Gauss-Jordan elimination without
+    pivoting or branches, stable by definiteness (Golub and Van Loan, Matrix Computations, 4.2).
     """
     if matrix.dtype != object:
         return np.linalg.inv(matrix)
     tables = (_symbol_tables.get(type(entry), {}) for entry in matrix.flat)
-    if (
-        own := next((table["inverse"] for table in tables if "inverse" in table), None)
-    ) is not None:
-        return own(matrix)
+    for table in tables:
+        if "inverse" in table:
+            return table["inverse"](matrix)
     n = matrix.shape[-1]
     work = np.concatenate([matrix, np.broadcast_to(np.eye(n), matrix.shape)], axis=-1)
     for k in range(n):

@@ -1,19 +1,19 @@
-"""What all components that a configuration names have in common; it knows no kind of them."""
+"""Base class of all components that a configuration can name."""
 
 from abc import ABC
 from typing import Any, ClassVar
 
 
 def option_of_field(name: str) -> str:
-    """The option that a field stands for: `from` for ``from_``, which Python reserves."""
+    """Return the option of a field: `from` for ``from_``, because Python reserves the former."""
     return name.removesuffix("_")
 
 
 class Component(ABC):
     """A dataclass whose fields are its options in a configuration, ``from_`` for `from`.
 
-    A kind of component says in `check` what of its options will not do: it notes that in the
-    problems of its place, ``problems.at("std").add("expected …")``.
+    A component checks its options in `check`, and notes errors in the problems of its place:
+    ``problems.at("std").add("expected …")``.
     """
 
     name: ClassVar[str]

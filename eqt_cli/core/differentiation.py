@@ -1,8 +1,7 @@
-"""Exact derivatives of expressions, carried along while they are evaluated.
+"""Exact derivatives of expressions by dual numbers (forward mode).
 
-The variable is a number that knows its derivative (forward mode), on floats, arrays and symbols
-alike. A derivative that is zero by structure is None, so that it costs nothing and ``0 · inf``
-cannot arise.
+A dual number is a value with its derivative, each a float, an array or a symbol. A derivative that
+is zero by structure is None, so that it costs nothing and ``0 · inf`` cannot occur.
 """
 
 from __future__ import annotations
@@ -35,13 +34,13 @@ _SLOPES: dict[str, Callable[[Any], Any]] = {
     "sqrt": lambda x: 0.5 / _of("sqrt", x),
     "abs": lambda x: _unwrapped(where(less(x, 0.0), -1.0, 1.0)),
 }
-"""The derivative of every function of the grammar; that of abs at 0 is taken to be 1."""
+"""The derivative of every function of the grammar; that of abs at 0 is set to 1."""
 
 
 def value_and_derivative(
     expression: Expression, values: Mapping[str, Any], name: str = "t"
 ) -> tuple[Any, Any]:
-    """The value of an expression and its derivative with respect to one variable.
+    """Return the value of an expression and its derivative with respect to one variable.
 
     Parameters
     ----------
@@ -53,21 +52,21 @@ def value_and_derivative(
     Returns
     -------
     value, derivative
-        As `Expression.evaluate` gives the value; the derivative is 0.0 where it does not depend
-        on the variable.
+        The value of `Expression.evaluate`; the derivative is 0.0 if the expression does not
+        depend on the variable.
     """
     t = values[name]
-    # Python's floats raise where IEEE has inf and nan.
-    moving = Dual(np.float64(t) if isinstance(t, float | int) else t, 1.0)
+    # Python's floats raise where IEEE gives inf or nan.
+    variable = Dual(np.float64(t) if isinstance(t, float | int) else t, 1.0)
     with np.errstate(all="ignore"):
-        found = _dual(expression.evaluate({**values, name: moving}))
-    parts = found.value, 0.0 if found.rate is None else found.rate
+        result = _dual(expression.evaluate({**values, name: variable}))
+    parts = result.value, 0.0 if result.rate is None else result.rate
     value, derivative = (float(part) if isinstance(part, float) else part for part in parts)
     return value, derivative
 
 
 def value_and_derivatives(expression: Expression, t: Any) -> tuple[Any, Any, Any]:
-    """The value of an expression in ``t``, and its first and second derivative by it."""
+    """Return the value of an expression in ``t``, and its first and second derivative."""
     t = np.float64(t) if isinstance(t, float | int) else t
     with np.errstate(all="ignore"):
         value, rate = map(_dual, value_and_derivative(expression, {"t": Dual(t, 1.0)}))
@@ -75,10 +74,9 @@ def value_and_derivatives(expression: Expression, t: Any) -> tuple[Any, Any, Any
 
 
 class Dual:
-    """A value and its derivative, each a number, an array or a symbol, or both such numbers again.
+    """A value and its derivative: numbers, arrays, symbols, or dual numbers for second derivatives.
 
-    A derivative of None is zero by structure. Differentiating in these numbers gives second
-    derivatives.
+    A derivative of None is zero by structure.
     """
 
     __slots__ = ("rate", "value")
@@ -112,7 +110,7 @@ class Dual:
         value = power(u, v)
         by_base = by_exponent = None
         if self.rate is not None:
-            # x**0 is 1 also where x is a symbol or 0, so that the derivative of x**1 is exact.
+            # x**0 must be 1 also for a symbol or 0, so that the derivative of x**1 is exact.
             is_one = isinstance(v, float) and v == 1
             by_base = v * (1.0 if is_one else power(u, v - 1)) * self.rate
         if exponent.rate is not None:
@@ -136,7 +134,7 @@ class Dual:
 
 
 def _dual(x: Any) -> Dual:
-    x = _unwrapped(x)  # functions of one dual number give an array of one
+    x = _unwrapped(x)  # functions return a dual number in an array of no dimensions
     return x if isinstance(x, Dual) else Dual(np.float64(x) if isinstance(x, float) else x, None)
 
 
@@ -176,7 +174,7 @@ register_symbols(
 
 
 def slope(function: str, x: Any) -> Any:
-    """The derivative of a function of the grammar at x: a float, an array or a symbol."""
+    """Return the derivative of a function of the grammar at x: a float, an array or a symbol."""
     return _SLOPES[function](x)
 
 

@@ -1,4 +1,4 @@
-"""Finds the line of a plugin that an exception came from."""
+"""Finds the line of a plugin in which an exception was raised."""
 
 import traceback
 from collections.abc import Callable, Iterator
@@ -11,14 +11,14 @@ from eqt_cli.core.registry import is_foreign
 
 
 def place_of(error: BaseException, is_component: Callable[[str], bool] = is_foreign) -> str | None:
-    """``law.py:9: return 1 / 0``, the innermost line that is not eqt's, or None if there is none.
+    """Return the innermost line of a plugin, ``law.py:9: return 1 / 0``; None if there is none.
 
-    Libraries are not to blame for what they are given: only components are looked at.
+    Lines of libraries are skipped, because a library may fail by what a component passes to it.
 
     Parameters
     ----------
     is_component
-        Whether a module is one of those that are looked at.
+        Whether the lines of a module count.
     """
     found = None
     for frame, line in traceback.walk_tb(error.__traceback__):
@@ -30,25 +30,25 @@ def place_of(error: BaseException, is_component: Callable[[str], bool] = is_fore
 
 
 def place_of_function(function: object) -> str:
-    """``law.py:8``, where a function is defined."""
+    """Return where a function is defined, ``law.py:8``."""
     if not isinstance(function, FunctionType):
         return repr(function)
     return f"{Path(function.__code__.co_filename).name}:{function.__code__.co_firstlineno}"
 
 
 def described(error: BaseException) -> str:
-    """``ZeroDivisionError: division by zero``, on one line."""
+    """Return type and message of an error on one line, ``ZeroDivisionError: division by zero``."""
     return " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
 
 
 @contextmanager
 def blamed() -> Iterator[None]:
-    """Turns an exception out of a component that is not eqt's own into a message with its line.
+    """Turn an exception in a plugin into an error with its line.
 
     Raises
     ------
     ComponentError
-        Instead of the exception.
+        In place of the exception.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""The errors that eqt raises on purpose; it knows nothing of how a command prints them."""
+"""Errors and warnings of eqt, with advice to the user."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -8,24 +8,24 @@ from difflib import get_close_matches
 from eqt_cli.core.printable import printable
 
 Word = Callable[[str], str]
-"""How an argument is written: ``out=…`` in Python, ``--out`` in a command."""
+"""Returns how an argument is written: ``out=…`` in Python, ``--out`` in a command."""
 
 
 def keyword(argument: str) -> str:
-    """An argument as a Python function takes it."""
+    """Return an argument as it is passed to a Python function."""
     return f"{argument}={'True' if argument in ('force', 'trust_plugins') else '…'}"
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """What a user can do, perhaps by an argument of the function or command that was called.
+    """Advice to the user, perhaps to set an argument of the function or command.
 
     Attributes
     ----------
     advice
-        With ``{}`` where the argument stands: ``choose another folder with {}``.
+        The advice, with ``{}`` for the argument: ``choose another folder with {}``.
     argument
-        By its name in Python.
+        The argument's name in Python.
     """
 
     advice: str
@@ -37,19 +37,19 @@ START_OVER = Remedy("start over with {}", "force")
 
 
 def _advised(text: str, lines: Sequence[str], remedies: Sequence[Remedy], word: Word) -> str:
-    """A text, the lines below it, and what can be done about it; all of it can be shown."""
+    """Return a text, the lines below it and the advice, all safe to show."""
     advice = ", or ".join(one.advice.replace("{}", word(one.argument), 1) for one in remedies)
-    told = "\n".join(printable(line) for line in (text, *lines))
-    return told + ("\n" if lines else "; ") + printable(advice) if advice else told
+    message = "\n".join(printable(line) for line in (text, *lines))
+    return message + ("\n" if lines else "; ") + printable(advice) if advice else message
 
 
 class _Message(Exception):
-    """A text with remedies; the arguments in them are written as a Python function takes them.
+    """A message with remedies; `str` writes their arguments as in Python.
 
     Parameters
     ----------
     message
-        One line; it may hold what was found in a file, since it is escaped when it is told.
+        One line; it may quote a file, because it is escaped when it is shown.
     lines
         Further lines, such as those of a list.
     """
@@ -58,26 +58,26 @@ class _Message(Exception):
         super().__init__(message)
         self.remedies, self.lines = remedies, tuple(lines)
 
-    def told(self, word: Word) -> str:
-        """What is wrong, and what to do about it."""
+    def with_advice(self, word: Word) -> str:
+        """Return the error and the advice."""
         return _advised(str(self.args[0]), self.lines, self.remedies, word)
 
     def __str__(self) -> str:
-        return self.told(keyword)
+        return self.with_advice(keyword)
 
 
 class EqtError(_Message):
-    """Anything that a user can mend; commands print it and exit with `exit_code`."""
+    """An error that the user can correct; commands print it and exit with `exit_code`."""
 
     exit_code = 2
 
 
 class EqtWarning(_Message, UserWarning):
-    """What a user should know, and no error is."""
+    """A remark that the user should know, which is no error."""
 
 
 class InputError(EqtError):
-    """A value that will not do; `Problems.catching` notes it with its place in the input."""
+    """An invalid value; `Problems.catching` notes it with its place in the input."""
 
 
 class ExpressionError(InputError):
@@ -93,7 +93,7 @@ class ComponentError(InputError):
 
 
 class TraceError(EqtError):
-    """A law that an engine cannot compile: for an operation in it, or for lack of a compiler."""
+    """A law that an engine cannot compile: it has an unknown operation, or no compiler is found."""
 
 
 class ResultError(EqtError):
@@ -101,33 +101,33 @@ class ResultError(EqtError):
 
 
 class FullDiskError(ResultError):
-    """A file that the disk, or a quota, has no room for."""
+    """A file for which the disk or a quota has no space left."""
 
 
 @dataclass(frozen=True)
 class InputProblem:
-    """One thing wrong with a configuration: where (`path`, as `solver.method`) and what."""
+    """One error of a configuration: its key (`path`, as `solver.method`), message and place."""
 
     path: str
     message: str
     place: str = ""
     remedies: tuple[Remedy, ...] = ()
 
-    def told(self, word: Word) -> str:
-        """What is wrong, and what to do about it."""
+    def with_advice(self, word: Word) -> str:
+        """Return the error and the advice."""
         return _advised(self.message, (), self.remedies, word)
 
     def __str__(self) -> str:
         return self.located(keyword)
 
     def located(self, word: Word) -> str:
-        """As `told`, after the place and the path."""
+        """Return the place and the path, followed by the text of `with_advice`."""
         before = "".join(f"{part}: " for part in (self.place, self.path) if part)
-        return printable(before) + self.told(word)
+        return printable(before) + self.with_advice(word)
 
 
 class InterruptedRun(EqtError):
-    """A run that was told to stop, with the exit code that goes with what told it."""
+    """A run that was stopped, with the exit code that belongs to the signal."""
 
     def __init__(self, message: str, exit_code: int, lines: Sequence[str] = ()) -> None:
         super().__init__(message, lines=lines)
@@ -135,7 +135,7 @@ class InterruptedRun(EqtError):
 
 
 class ConfigError(EqtError):
-    """Every problem found in one configuration, together."""
+    """All errors found in one configuration."""
 
     def __init__(self, problems: Iterable[InputProblem]) -> None:
         self.problems = tuple(problems)
@@ -143,9 +143,9 @@ class ConfigError(EqtError):
 
     @property
     def heading(self) -> str:
-        """How many errors there are, and in what: ``7 errors in bad.yaml``.
+        """The number of errors and their files: ``7 errors in bad.yaml``.
 
-        Nothing for a single one that is in no file, as in an option.
+        Empty for a single error outside of a file, as in an option.
         """
         placed = [problem for problem in self.problems if problem.place or problem.path]
         place = re.compile(r"(:\d+){1,2}$|\[\d+\]$")
@@ -156,13 +156,13 @@ class ConfigError(EqtError):
         count = f"{len(placed)} error{'' if len(placed) == 1 else 's'}"
         return f"{more}{count}{' in ' if names else ''}{' and '.join(map(printable, names))}"
 
-    def told(self, word: Word) -> str:
-        """Every problem with its place, and what to do about it."""
+    def with_advice(self, word: Word) -> str:
+        """Return every error with its place and the advice."""
         return "\n".join(problem.located(word) for problem in self.problems)
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """`; did you mean 'x'?` for the known word closest to `word`, whatever its case, or nothing."""
+    """Return `; did you mean 'x'?` for the known word closest to `word`, or an empty text."""
     by_lower = {name.lower(): name for name in known}
     close = get_close_matches(word.lower(), list(by_lower), n=1, cutoff=0.6)
     return f"; did you mean '{by_lower[close[0]]}'?" if close else ""

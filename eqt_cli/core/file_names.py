@@ -1,9 +1,9 @@
-"""Names of files that every system takes."""
+"""File names that are valid on every operating system."""
 
 import re
 
 _DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE | re.ASCII)
-"""What Windows keeps for its devices, with any ending."""
+"""Names that Windows reserves for devices, with any suffix."""
 
 
 def is_device(name: str) -> bool:
@@ -12,12 +12,12 @@ def is_device(name: str) -> bool:
 
 
 def file_name(text: str, otherwise: str) -> str:
-    """A text as the name of a file: what it must not have becomes a hyphen.
+    """Return a text as a file name, with a hyphen for each run of invalid characters.
 
     Parameters
     ----------
     otherwise
-        The name where nothing is left of the text, and what begins that of a device.
+        The name where no valid character is left, and the prefix to the name of a device.
     """
     name = re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-._") or otherwise
     return f"{otherwise}-{name}" if is_device(name) else name

@@ -1,4 +1,4 @@
-"""Reads small files and records, and explains in words what the system refuses."""
+"""Reads small files and records, and turns errors of the system into messages."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -21,24 +21,24 @@ from eqt_cli.core.replacement import replace_file
 
 
 def write_record(path: Path, record: dict[str, Any]) -> None:
-    """Write what a folder says of itself, whole or not at all."""
+    """Write the record of a folder, completely or not at all."""
     text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
     replace_file(path, text.encode())
 
 
 def read_record(path: Path, *keys: str) -> dict[str, Any] | None:
-    """What `write_record` has written; None where there is none, or none with these keys."""
+    """Return a record of `write_record`; None where there is none, or where a key is missing."""
     try:
         with _named(path):
-            found = json.loads(content_of(path, RECORD_BYTES, follow=False))
+            record = json.loads(content_of(path, RECORD_BYTES, follow=False))
     except (FileNotFoundError, ValueError, RecursionError):
         return None
-    return found if isinstance(found, dict) and set(keys) <= set(found) else None
+    return record if isinstance(record, dict) and set(keys) <= set(record) else None
 
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Say which file it is, to somebody who was told of the folder only."""
+    """Add the name of the file to errors, because callers name only its folder."""
     try:
         yield
     except (NotRegularError, TooLargeError) as error:
@@ -47,51 +47,51 @@ def _named(path: Path) -> Iterator[None]:
 
 @contextmanager
 def refusals(
-    subject: object, done: str, remedy: Remedy | str = "", kind: type[EqtError] = EqtError
+    subject: object, action: str, remedy: Remedy | str = "", kind: type[EqtError] = EqtError
 ) -> Iterator[None]:
-    """Say what the system refuses: ``x.yaml: cannot be read: permission denied; check …``.
+    """Turn errors of the system into ``x.yaml: cannot be read: permission denied; check …``.
 
     Parameters
     ----------
-    done
-        What is done in the block: ``"read"``.
+    action
+        The participle of what the block does: ``"read"``.
     remedy
-        What the user can do about it.
+        Advice for the user.
     kind
-        The error to raise instead of the system's.
+        The error to raise in place of the system's.
     """
     try:
         yield
-    except (OSError, ValueError) as error:  # the latter of bytes, and of names with a null byte
-        said = "it is no text in UTF-8" if isinstance(error, UnicodeError) else str(error)
+    except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a name with a null byte
+        reason = "it is no text in UTF-8" if isinstance(error, UnicodeError) else str(error)
         if isinstance(error, OSError):
-            said = error.strerror or str(error)
+            reason = error.strerror or str(error)
         advice = Remedy(remedy) if isinstance(remedy, str) else remedy
-        said = said[:1].lower() + said[1:]
-        raise kind(f"{subject}: cannot be {done}: {said}", advice) from error
+        reason = reason[:1].lower() + reason[1:]
+        raise kind(f"{subject}: cannot be {action}: {reason}", advice) from error
 
 
 YAML = (".yaml", ".yml")
-"""How files of configurations end, where results could be meant as well."""
+"""Suffixes of configurations, to distinguish them from results."""
 
-MOST_LISTED = 1000
-"""Entries of a folder among which a name is looked for that is like a missing one."""
+MAX_LISTED = 1000
+"""Largest number of folder entries to compare with a missing name."""
 
 
 def near(path: Path, fits: Callable[[Path], bool]) -> str:
-    """`; did you mean 'results/sat'?` for the entry whose name is closest to a missing one.
+    """Return `; did you mean 'results/sat'?` for the entry whose name is closest to a missing one.
 
-    It is looked for in the folder where the path should be, and in ``results``.
+    The folder of the missing path and ``results`` are searched.
 
     Parameters
     ----------
     fits
-        Whether an entry may be meant.
+        Whether an entry may be suggested.
     """
     found: dict[str, Path] = {}
     for folder in dict.fromkeys((path.parent, Path("results"))):
         with suppress(OSError):
-            for entry in islice(folder.iterdir(), MOST_LISTED):
+            for entry in islice(folder.iterdir(), MAX_LISTED):
                 found.setdefault(entry.stem.lower(), entry)
     for name in get_close_matches(path.stem.lower(), list(found), n=3, cutoff=0.6):
         if fits(found[name]):
@@ -104,25 +104,25 @@ def text_of(
     missing: str,
     kind: type[EqtError] = EqtError,
     subject: object = None,
-    most: int = TEXT_BYTES,
+    limit: int = TEXT_BYTES,
     smaller: str = "",
     read: Callable[[Path, int], str] = text_in,
 ) -> str:
-    """The text of a file that a user names, of at most so many bytes.
+    """Return the text of a file that a user names, of at most `limit` bytes.
 
     Raises
     ------
     EqtError
-        Of this kind, where it cannot be read; `missing` is what to say where there is none, and
-        `smaller` what to do about one that is too large.
+        Of this kind, if the file cannot be read; `missing` is the advice for a missing file, and
+        `smaller` that for one that is too large.
     """
     with refusals(subject or path, "read", kind=kind):
         try:
-            return read(path, most)
+            return read(path, limit)
         except FileNotFoundError:
             raise kind(f"{path}: not found; {missing}") from None
         except TooLargeError as error:
             if not smaller:
                 raise
-            said = f"{subject or path}: cannot be read: {error.strerror}"
-            raise kind(f"{said}; {smaller}") from error
+            message = f"{subject or path}: cannot be read: {error.strerror}"
+            raise kind(f"{message}; {smaller}") from error

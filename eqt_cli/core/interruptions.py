@@ -1,7 +1,7 @@
-"""Being told to stop: Ctrl-C, and what clusters and closed terminals send, are one thing.
+"""Turns requests to stop into exceptions: Ctrl-C, and the signals of clusters and terminals.
 
-The signal becomes an exception at a moment when it can be one: not while a library is loaded or a
-process started, of which half would remain. It knows nothing of what is under way.
+A signal is deferred while a library is loaded or a process is started, so that neither remains
+half done.
 """
 
 import os
@@ -19,28 +19,28 @@ from typing import Any
 ASKED_BY = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
-"""Ctrl-C; the end of a job's time; a terminal that was closed."""
+"""Signals of Ctrl-C, of the end of a job's time, and of a closed terminal."""
 
 AGAIN_AFTER = 0.05
-"""s until a signal is looked at again that came when it could not be an exception."""
+"""Delay before a deferred signal is raised again, s."""
 
 ONE_MOMENT = 0.5
-"""s in which one request may come twice: `timeout` sends it to a process, and to its group."""
+"""Time in which two signals are one request, s: `timeout` signals a process and its group."""
 
 PATIENCE = 5.0
-"""s that an end may take; who asks again after them wants it at once."""
+"""Time for an orderly end, s; a later signal ends the process immediately."""
 
 
 class Interrupted(BaseException):
-    """Somebody asks this process to stop.
+    """A request to stop this process.
 
-    It is no `KeyboardInterrupt`, to which libraries have answers of their own: typer ends the
-    process without a word.
+    It is no `KeyboardInterrupt`, because libraries handle that themselves: typer ends the process
+    without a message.
 
     Attributes
     ----------
     exit_code
-        As shells have it: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
+        The exit code as in shells: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
     """
 
     def __init__(self, number: int) -> None:
@@ -50,23 +50,23 @@ class Interrupted(BaseException):
 
 @contextmanager
 def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
-    """Raise `Interrupted` on the first signal; on one much later, end without waiting for anything.
+    """Raise `Interrupted` on the first signal; on a much later one, end the process immediately.
 
-    Between them, what is under way is brought to its end. A second signal that is not of the same
-    moment gives all signals the system's own action back, so that the next one ends the process
-    also where no Python runs, as in a library that computes without end.
+    Until then, the current work can end in order. A second request restores the system's default
+    action for all signals. Then the next signal ends the process also where no Python code runs,
+    as in a library that computes without end.
 
-    A signal that whoever started us ignores, as `nohup` does, stays ignored. An exception that
-    somebody swallows, as finalisers and callbacks of libraries do, is raised again.
+    A signal that the parent process ignores, as under `nohup`, stays ignored. An exception that is
+    swallowed, as by finalisers and callbacks of libraries, is raised again.
 
     Parameters
     ----------
     at_once
-        Called before the process is ended by a later signal.
+        Called before a later signal ends the process.
     """
     handler = _Handler(at_once)
     earlier: dict[int, Any] = {}
-    if threading.current_thread() is threading.main_thread():  # others cannot say what they want
+    if threading.current_thread() is threading.main_thread():  # only it may set handlers
         for number in ASKED_BY:
             if signal.getsignal(number) != signal.SIG_IGN:
                 earlier[number] = signal.signal(number, handler.handle)
@@ -76,59 +76,59 @@ def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
     finally:
         handler.end()
         for number, before in earlier.items():
-            # What is left to end after an interruption shall not be interrupted itself.
-            signal.signal(number, before if handler.asked is None else signal.SIG_IGN)
+            # After an interruption, the rest of the work must not be interrupted again.
+            signal.signal(number, before if handler.requested_at is None else signal.SIG_IGN)
 
 
 class _Handler:
-    """Handles signals, and raises an interruption again that somebody swallowed.
+    """Handles signals, and raises a swallowed interruption again.
 
     Attributes
     ----------
-    asked
-        When somebody asked to stop, in s; None if nobody did, or if the exception was swallowed.
+    requested_at
+        Time of the request to stop, s; None without one, or if its exception was swallowed.
     """
 
     def __init__(self, at_once: Callable[[], None]) -> None:
-        self.asked: float | None = None
+        self.requested_at: float | None = None
         self._at_once = at_once
         self._loss: weakref.finalize[Any, Interrupted] | None = None
         self._again: threading.Timer | None = None
 
     def handle(self, number: int, frame: FrameType | None) -> None:
-        if _would_leave_half(frame):
+        if _must_not_interrupt(frame):
             self._raise_again(number)
-        elif self.asked is None:
-            self.asked = time.monotonic()
+        elif self.requested_at is None:
+            self.requested_at = time.monotonic()
             raise self._interruption(number)
-        elif time.monotonic() > self.asked + PATIENCE:
+        elif time.monotonic() > self.requested_at + PATIENCE:
             self._at_once()
             _end_now(number)
-        elif time.monotonic() > self.asked + ONE_MOMENT:
+        elif time.monotonic() > self.requested_at + ONE_MOMENT:
             for each in ASKED_BY:
                 if signal.getsignal(each) == self.handle:
                     signal.signal(each, signal.SIG_DFL)
 
     def _interruption(self, number: int) -> Interrupted:
-        """The exception; if it is released before `end`, somebody has swallowed it."""
+        """Return the exception; if it is released before `end`, it was swallowed."""
         error = Interrupted(number)
         self._loss = weakref.finalize(error, self._lost, number)
         return error
 
     def _lost(self, number: int) -> None:
-        self.asked = None
+        self.requested_at = None
         self._raise_again(number)
 
     def _raise_again(self, number: int) -> None:
-        """The signal once more, when what it must not interrupt may be over."""
+        """Send the signal again after a delay."""
         if self._again:
             self._again.cancel()
-        self._again = threading.Timer(AGAIN_AFTER, _tell_main_thread, [number])
+        self._again = threading.Timer(AGAIN_AFTER, _signal_main_thread, [number])
         self._again.daemon = True
         self._again.start()
 
     def end(self) -> None:
-        """Nothing is raised again from here on."""
+        """Raise nothing again from now on."""
         if self._loss:
             self._loss.detach()
         if self._again:
@@ -137,14 +137,14 @@ class _Handler:
 
 @contextmanager
 def _not_printed_where_ignored() -> Iterator[None]:
-    """Python prints exceptions that it ignores, as in finalisers; that of a signal comes again."""
+    """Do not let Python print an ignored `Interrupted`, as in a finaliser: it is raised again."""
     earlier = sys.unraisablehook
 
-    def notice(ignored: Any) -> None:
+    def hook(ignored: Any) -> None:
         if not isinstance(ignored.exc_value, Interrupted):
             earlier(ignored)
 
-    sys.unraisablehook = notice
+    sys.unraisablehook = hook
     try:
         yield
     finally:
@@ -152,15 +152,15 @@ def _not_printed_where_ignored() -> Iterator[None]:
 
 
 def _end_now(number: int) -> None:
-    """End this process and those that it has started, and wait for nothing."""
-    started = sys.modules.get("multiprocessing")  # loaded by those who start processes
-    for child in started.active_children() if started else ():
+    """End this process and its child processes immediately."""
+    library = sys.modules.get("multiprocessing")  # only loaded if processes were started
+    for child in library.active_children() if library else ():
         child.kill()
     os._exit(128 + number)
 
 
-def _tell_main_thread(number: int) -> None:
-    """Raise a signal there, so that it ends a wait; it would not if another thread received it."""
+def _signal_main_thread(number: int) -> None:
+    """Send a signal to the main thread; another thread's signal would not end its waits."""
     main_thread = threading.main_thread().ident
     if hasattr(signal, "pthread_kill") and main_thread is not None:
         signal.pthread_kill(main_thread, number)
@@ -168,8 +168,8 @@ def _tell_main_thread(number: int) -> None:
         signal.raise_signal(number)
 
 
-def _would_leave_half(frame: FrameType | None) -> bool:
-    """Whether a module is being imported, or a process started."""
+def _must_not_interrupt(frame: FrameType | None) -> bool:
+    """Whether a module is being imported or a process is being started."""
     while frame is not None:
         file, function = frame.f_code.co_filename, frame.f_code.co_name
         if file.startswith("<frozen importlib"):
@@ -185,9 +185,9 @@ _PROCESSES = str(Path("multiprocessing", "process.py"))
 
 @contextmanager
 def without_ctrl_c() -> Iterator[None]:
-    """Block Ctrl-C in the processes that are started, until `of_worker` ignores it.
+    """Block Ctrl-C in the processes that the block starts, until `of_worker` ignores it.
 
-    Python would answer it with a traceback; other signals end a process that starts without a word.
+    A starting Python would show a traceback on Ctrl-C; other signals end it without a message.
     """
     if not hasattr(signal, "pthread_sigmask"):  # on Windows
         yield
@@ -203,9 +203,9 @@ def without_ctrl_c() -> Iterator[None]:
 
 
 def of_worker() -> None:
-    """Leave to the parent what a signal means, which reaches a whole group, and end with it.
+    """Ignore signals, which reach the whole process group, because the parent handles them.
 
-    This process is killed when the one that started it ends, however that ends.
+    On Linux, this process is killed when its parent ends, however that ends.
     """
     for number in ASKED_BY:
         signal.signal(number, signal.SIG_IGN)
@@ -216,7 +216,7 @@ def of_worker() -> None:
 
         parent = os.getppid()
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != parent:  # it has ended meanwhile
+        if os.getppid() != parent:  # the parent has ended meanwhile
             os._exit(1)
 
 

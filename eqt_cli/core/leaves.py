@@ -1,8 +1,8 @@
-"""The numbers of a component by path, and the same component with other numbers.
+"""Lists the numbers of a component by path, and replaces them.
 
 A component is a frozen dataclass. Its numbers, the leaves, are the floats and arrays in its fields
 and in those of the components that it holds, alone or in a tuple: ``gains.K``,
-``vehicle.actuators[0].low``. All else is its structure. A leaf may be replaced by an array with a
+``vehicle.actuators[0].low``. The rest is its structure. A leaf may be replaced by an array with a
 leading axis of runs, or by symbols.
 """
 
@@ -19,27 +19,27 @@ from eqt_cli.core.arrays import Array
 T = TypeVar("T")
 
 STRUCTURE = {"is_structure": True}
-"""The metadata of a field in which nothing is a leaf."""
+"""The metadata of a field without leaves."""
 
 
 def leaves(component: Any) -> dict[str, Array]:
-    """The numbers of a component by path, in the order of its fields; floats as arrays ``(1,)``."""
-    found: dict[str, Array] = {}
+    """Return the numbers of a component by path, in the order of fields; floats as ``(1,)``."""
+    numbers: dict[str, Array] = {}
 
     def note(path: str, number: Array | float) -> None:
-        found[path] = np.atleast_1d(number) if isinstance(number, float) else number
+        numbers[path] = np.atleast_1d(number) if isinstance(number, float) else number
 
     _mapped(component, note)
-    return found
+    return numbers
 
 
 def with_leaves(component: T, values: Mapping[str, Array]) -> T:
-    """The same component with other numbers at some of its paths.
+    """Return the component with other numbers at some of its paths.
 
     Raises
     ------
     KeyError
-        If it has no leaf at a path.
+        If there is no leaf at a path.
     """
     if unknown := values.keys() - leaves(component).keys():
         raise KeyError(", ".join(sorted(unknown)))
@@ -47,22 +47,22 @@ def with_leaves(component: T, values: Mapping[str, Array]) -> T:
 
 
 def with_fields(component: T, **values: Any) -> T:
-    """The same component with other values of some of its fields, also of those that are no option.
+    """Return the component with other values of some fields, even of those that are no options.
 
-    What it has computed from the old ones is forgotten.
+    Values that it cached from the old fields are dropped.
     """
-    # Not dataclasses.replace: a field may be none for its initialiser.
+    # dataclasses.replace cannot set a field that the initialiser does not take.
     copy = object.__new__(type(component))
-    own = vars(component)
-    kept = {field.name: own[field.name] for field in _fields(component) if field.name in own}
+    old = vars(component)
+    kept = {field.name: old[field.name] for field in _fields(component) if field.name in old}
     vars(copy).update(kept | values)
     return copy
 
 
 def structure(component: Any) -> Hashable:
-    """What of a component is no number; components of equal structure differ in their leaves only.
+    """Return all of a component but its numbers, so that equal structures differ only in leaves.
 
-    A field that does not count in comparisons does not count here.
+    Fields that do not count in comparisons are left out.
     """
     return type(component), tuple(
         (field.name, _structure(field, getattr(component, field.name)))
@@ -72,7 +72,7 @@ def structure(component: Any) -> Hashable:
 
 
 def _mapped(component: T, new: Callable[[str, Any], Any], prefix: str = "") -> T:
-    """The same component with `new` in the place of each leaf, from its path and its number."""
+    """Return the component with each leaf replaced by `new` of its path and its number."""
 
     def mapped(value: Any, path: str) -> Any:
         if isinstance(value, float | np.ndarray):

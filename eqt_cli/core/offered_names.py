@@ -1,6 +1,6 @@
-"""Names that a module offers from elsewhere, imported when they are asked for; a stub lists them.
+"""Imports the names that a module re-exports only when they are used; a stub file lists them.
 
-Type checkers read the same stub, so that a name stands in one place.
+Type checkers read the same stub, so each name is written once.
 """
 
 import ast
@@ -11,7 +11,7 @@ from typing import Any
 
 
 def places(module: str) -> dict[str, str]:
-    """The modules of the names that the stub beside a module imports."""
+    """Return the module of each name that the stub beside a module imports."""
     stub = Path(str(sys.modules[module].__file__)).with_suffix(".pyi")
     return {
         alias.name: str(statement.module)
@@ -21,10 +21,10 @@ def places(module: str) -> dict[str, str]:
     }
 
 
-def asked(module: str, known: dict[str, str], name: str) -> Any:
-    """What a module offers by a name, imported only then: figures bring Matplotlib, for one."""
+def imported(module: str, known: dict[str, str], name: str) -> Any:
+    """Return the object of a name, and import its module, for example Matplotlib, only now."""
     if name not in known:
         raise AttributeError(f"module {module!r} has no attribute {name!r}")
-    found = getattr(import_module(known[name]), name)
-    setattr(sys.modules[module], name, found)
-    return found
+    value = getattr(import_module(known[name]), name)
+    setattr(sys.modules[module], name, value)
+    return value

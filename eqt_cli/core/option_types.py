@@ -1,7 +1,7 @@
-"""Annotated types for numbers in a configuration.
+"""Annotated types of numbers and names in a configuration.
 
-Components use them for their options; pydantic calls the hooks below when a configuration is
-validated. Wherever a real number is expected, a constant expression such as ``-pi/2`` will do.
+Components use them for their options; pydantic calls the hooks below when it validates a
+configuration. Every real number may be given as a constant expression such as ``-pi/2``.
 """
 
 import math
@@ -19,7 +19,7 @@ from eqt_cli.core.file_names import is_device
 
 
 def number_schema(above: float | None = None) -> dict[str, Any]:
-    """The JSON schema of a number, greater than `above`, or a constant expression."""
+    """Return the JSON schema of a number greater than `above`, or of a constant expression."""
     limit = {} if above is None else {"exclusiveMinimum": above}
     expression = {"type": "string", "description": "a constant expression such as -pi/2"}
     return {"anyOf": [{"type": "number", **limit}, expression]}
@@ -48,13 +48,12 @@ class _Angle(_FiniteReal):
     in_degrees: ClassVar[bool] = True
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-
         number = super().__get_pydantic_core_schema__(source, handler)
         return core_schema.no_info_before_validator_function(_in_radians, number)
 
 
 def written_in_degrees(value: Any) -> str | None:
-    """What stands before ``deg`` in a text such as ``90 deg``; None of all else."""
+    """Return what stands before ``deg`` in a text such as ``90 deg``; None for other values."""
     found = re.fullmatch(r"(.*\S)\s*\bdeg", value.strip()) if isinstance(value, str) else None
     return found[1] if found else None
 
@@ -63,7 +62,7 @@ _UNITS_OF_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
 def written_as_time(value: Any) -> float | None:
-    """The time of a text such as ``20 ms``, s; None of all else."""
+    """Return the time of a text such as ``20 ms``, s; None for other values."""
     found = (
         re.fullmatch(r"(.*[\d.)])\s*(s|ms|us)", value.strip()) if isinstance(value, str) else None
     )
@@ -93,27 +92,27 @@ def _evaluated(value: Any, *, in_degrees: bool = False) -> Any:
 _WITH_UNIT = re.compile(
     r"(?!0[xXbBoO])([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)(?: +|(?![eE]))(?!pi\b)([A-Za-z%][\w/*^² ]*)"
 )
-"""A number and a unit, as in ``20 s``, which people write where a key has its unit already.
+"""A number with a unit, such as ``20 s``, at a key whose unit is fixed.
 
-``2pi``, and what looks like the numbers ``0x10`` and ``1e``, have none.
+``2pi``, and texts that look like the numbers ``0x10`` and ``1e``, do not match.
 """
 
 TORQUE, DAMPING, TORQUE_RATE = "torque", "torque s", "torque/s"
-"""Units that are those of a torque on the group, with what else belongs to them."""
+"""Units made of that of a torque on the group."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What an option is along an axis of a figure: ``Annotated[Real, Scale("horizon", "s")]``.
+    """Label and unit of an option on an axis: ``Annotated[Real, Scale("horizon", "s")]``.
 
     Attributes
     ----------
     label
-        In words, or a symbol.
+        Words, or a symbol.
     unit
-        As figures write it, or one of a torque.
+        The unit as figures write it, or a unit of a torque.
     is_symbol
-        Whether it is a symbol.
+        Whether the label is a symbol.
     """
 
     label: str
@@ -134,7 +133,7 @@ Positive = Annotated[float, _FiniteReal(above=0.0)]
 """A finite number greater than 0; in a configuration also a constant expression."""
 
 SHORTEST = 1e-12
-"""Of a horizon, s: a billionth of it is still a time that an engine can step to."""
+"""Shortest horizon, s; an engine can still step to a billionth of it."""
 
 
 def _is_long_enough(duration: float) -> float:
@@ -154,27 +153,27 @@ def _is_no_device(name: str) -> str:
 
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$"), AfterValidator(_is_no_device)]
-"""What a file or folder can be called on every system."""
+"""A name that a file or folder can have on every system."""
 
 Count = Annotated[int, Field(strict=True, ge=1)]
 """A whole number of at least 1."""
 
-MOST_RUNS = 10**8
-"""Of a controller; a billion runs would take months, and their numbers alone 100 GB."""
+MAX_RUNS = 10**8
+"""Largest number of runs of a controller; a billion would take months and 100 GB."""
 
-MOST_POINTS = 10**7
-"""Of a sweep, each of which is checked before the first is run."""
+MAX_POINTS = 10**7
+"""Largest number of points of a sweep, because all are checked before the first one is run."""
 
-RunCount = Annotated[int, Field(strict=True, ge=1, le=MOST_RUNS)]
+RunCount = Annotated[int, Field(strict=True, ge=1, le=MAX_RUNS)]
 """A number of runs."""
 
-MOST_SAMPLES = 10**7
-"""Of a run: more than a day at 100 Hz, and 80 MB for each of its numbers."""
+MAX_SAMPLES = 10**7
+"""Largest number of samples of a run: a day at 100 Hz, and 80 MB for each quantity."""
 
-Samples = Annotated[int, Field(strict=True, ge=2, le=MOST_SAMPLES)]
+Samples = Annotated[int, Field(strict=True, ge=2, le=MAX_SAMPLES)]
 """A number of sample times, both ends included."""
 
-Points = Annotated[int, Field(strict=True, ge=1, le=MOST_POINTS)]
+Points = Annotated[int, Field(strict=True, ge=1, le=MAX_POINTS)]
 """A number of points of a sweep, or of values along one of its axes."""
 
 CountOrNone = Annotated[int, Field(strict=True, ge=0)]

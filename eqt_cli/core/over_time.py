@@ -1,7 +1,7 @@
-"""Numbers that follow from the samples of a run: sums, extremes, when something held last.
+"""Operations on the samples of a run: integrals, extremes, the last time of a condition.
 
-Formulas of metrics are written with them. They come from arrays of all samples here; a program that
-is given one sample after the other has them as well. A sum goes from sample to sample, in their
+Formulas of metrics are written with them. Here they act on arrays of all samples; a traced program,
+which gets one sample after the other, has the same operations. Sums go from sample to sample in
 order, so that both round alike.
 """
 
@@ -16,18 +16,18 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 
 Cut = Callable[[Array, Array], tuple[Array, Array]]
-"""Samples within a window, of times ``(samples,)`` and values ``(runs, samples, …)``."""
+"""Cuts times ``(samples,)`` and values ``(runs, samples, …)`` to a window."""
 
 
 class OverTime(ABC):
-    """The samples of runs, and what numbers can be made of values at them.
+    """The samples of runs, and the operations on values at them.
 
-    Values are ``(..., samples)``, or what stands for one sample of them.
+    Values are arrays ``(..., samples)``, or a symbol for one sample.
 
     Attributes
     ----------
     times : (samples,)
-        Of the samples, s.
+        Times of the samples, s.
     """
 
     def __init__(self, times: Array) -> None:
@@ -35,26 +35,26 @@ class OverTime(ABC):
 
     @property
     def duration(self) -> float:
-        """From the first sample to the last, s."""
+        """Time from the first sample to the last, s."""
         return float(self.times[-1] - self.times[0])
 
     def integral(self, values: Any) -> Any:
-        """∫x dt, by the trapezoidal rule."""
+        """Return ∫x dt, by the trapezoidal rule."""
         return self.weighted(trapezoidal_weights(self.times), values)
 
     def mean(self, values: Any) -> Any:
-        """The mean over time, by the trapezoidal rule."""
+        """Return the mean over time, by the trapezoidal rule."""
         return self.integral(values) / self.duration
 
     def closing_mean(self, values: Any, share: float) -> Any:
-        """The mean over the last part of the time, by the trapezoidal rule."""
+        """Return the mean over the last share of the time, by the trapezoidal rule."""
         late = self.times >= self.times[-1] - share * self.duration
         times, weights = self.times[late], np.zeros(len(self.times))
         weights[late] = trapezoidal_weights(times)
         return self.weighted(weights, values) / float(times[-1] - times[0])
 
     def simpson(self, values: Any) -> Any:
-        """∫x dt, by Simpson's rule."""
+        """Return ∫x dt, by Simpson's rule."""
         return self.weighted(simpson_weights(self.times), values)
 
     @property
@@ -64,35 +64,35 @@ class OverTime(ABC):
 
     @abstractmethod
     def within(self, cut: Cut, columns: Sequence[Any]) -> tuple[Self, list[Any]]:
-        """The samples in a window, and values at these."""
+        """Return the samples in a window, and values at them."""
 
     @abstractmethod
     def weighted(self, weights: Array, values: Any) -> Any:
-        """Σ w x over the samples, in their order; those without weight are not looked at."""
+        """Return Σ w x over the samples in order; samples of weight 0 are skipped."""
 
     @abstractmethod
     def largest(self, values: Any) -> Any:
-        """The largest value; NaN if one is."""
+        """Return the largest value; NaN if any value is NaN."""
 
     @abstractmethod
     def smallest(self, values: Any) -> Any:
-        """The smallest value; NaN if one is."""
+        """Return the smallest value; NaN if any value is NaN."""
 
     @abstractmethod
     def initial(self, values: Any) -> Any:
-        """The first value, which can be computed with at any sample."""
+        """Return the first value, for computations at any sample."""
 
     @abstractmethod
     def final(self, values: Any) -> Any:
-        """The last value."""
+        """Return the last value."""
 
     @abstractmethod
     def before(self, values: Any) -> Any:
-        """At each sample the value at the one before it, at the first its own."""
+        """Return at each sample the previous value, at the first sample its own."""
 
     @abstractmethod
     def latest(self, values: Any, condition: Any) -> Any:
-        """The value at the last sample at which a condition of `less` holds; 0 where none does."""
+        """Return the value at the last sample where a condition of `less` holds; 0 if none does."""
 
 
 class Samples(OverTime):
@@ -107,13 +107,13 @@ class Samples(OverTime):
         return Samples(found[0][0]), [values for _, values in found]
 
     def weighted(self, weights: Array, values: Array) -> Array:
-        some = np.flatnonzero(weights)
-        if not some.size:
+        used = np.flatnonzero(weights)
+        if not used.size:
             return np.zeros(values.shape[:-1])
-        # Not by `sum`, which adds in an order of its own.
-        products = weights[some] * (values if some.size == len(weights) else values[..., some])
-        found: Array = np.cumsum(products, axis=-1, out=products)[..., -1]
-        return found
+        # `sum` would add in another order.
+        products = weights[used] * (values if used.size == len(weights) else values[..., used])
+        sums: Array = np.cumsum(products, axis=-1, out=products)[..., -1]
+        return sums
 
     def largest(self, values: Array) -> Any:
         return values.max(axis=-1)
@@ -137,16 +137,16 @@ class Samples(OverTime):
 
 
 def trapezoidal_weights(times: Array) -> Array:
-    """Of each sample in an integral by the trapezoidal rule, s."""
+    """Return the weights of samples in an integral by the trapezoidal rule, s."""
     halves = np.diff(times) / 2
     return np.append(halves, 0.0) + np.append(0.0, halves)
 
 
 def simpson_weights(times: Array) -> Array:
-    """Of each sample in an integral by Simpson's rule, s, as SciPy's `simpson` has them.
+    """Return the weights of samples in an integral by Simpson's rule, s, as in SciPy's `simpson`.
 
-    A parabola through three samples gives each pair of intervals; of an odd number of intervals,
-    the last one is that of the parabola through the last three samples.
+    A parabola through three samples covers each pair of intervals. If the number of intervals is
+    odd, the last one is covered by the parabola through the last three samples.
     """
     steps, weights = np.diff(times), np.zeros(len(times))
     if len(steps) < 2:

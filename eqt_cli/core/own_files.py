@@ -1,7 +1,7 @@
-"""What eqt owns in a folder: regular files and folders of certain names, and never a link.
+"""Finds, checks and removes the files and folders that eqt writes; a link is never one of them.
 
-Everything else is somebody's, and stays as it is. Where an entry of such a name is no file, or no
-folder, eqt refuses to work there before it changes anything.
+All other entries of a folder stay as they are. If an entry has one of eqt's names but is of another
+kind, eqt refuses the folder before it changes anything.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from eqt_cli.core.replacement import name_to_be
 
 @dataclass(frozen=True)
 class OwnFile:
-    """Files that eqt writes.
+    """A pattern of files that eqt writes.
 
     Attributes
     ----------
     name
-        What they are called, as a regular expression.
+        Their names, as a regular expression.
     marked
-        Others use such names, too; eqt's hold its mark, as `is_eqts` finds it.
+        Whether others use such names, too, so that eqt's files are recognised by `is_eqts`.
     """
 
     name: str
@@ -39,16 +39,16 @@ class OwnFile:
 
 @dataclass(frozen=True)
 class OwnFolder:
-    """Folders in which eqt writes.
+    """A pattern of folders in which eqt writes.
 
     Attributes
     ----------
     name
-        What they are called, as a regular expression.
+        Their names, as a regular expression.
     entries
-        What is eqt's in them.
+        The files and folders of eqt within them.
     record
-        The file that says that such a folder is eqt's; without a name, each is.
+        The file that marks such a folder as eqt's; without one, every folder of this name is.
     """
 
     name: str
@@ -60,7 +60,7 @@ Own = OwnFile | OwnFolder
 
 
 def kind_of(path: Path) -> str | None:
-    """What an entry of a folder is by itself, in words; None where there is none."""
+    """Return the kind of an entry in words, where a link is a link; None if there is no entry."""
     try:
         return kind_in_words(path.lstat().st_mode)
     except (FileNotFoundError, NotADirectoryError):
@@ -68,12 +68,12 @@ def kind_of(path: Path) -> str | None:
 
 
 def check_kind(path: Path, expected: str) -> None:
-    """Refuse an entry that is there and no `FILE`, or no `FOLDER`, of its own.
+    """Refuse an existing entry that is not of the expected kind, `FILE` or `FOLDER`.
 
     Raises
     ------
     EqtError
-        With what it is, and what to do.
+        With the kind of the entry, and what to do.
     """
     found = kind_of(path)
     if found not in (None, expected):
@@ -81,7 +81,7 @@ def check_kind(path: Path, expected: str) -> None:
 
 
 def check_within(home: Path, path: Path) -> None:
-    """The same for a file in a folder, and for the folders between; `home` itself may be a link."""
+    """Check a file in a folder, and all folders between; `home` itself may be a link."""
     below = path.relative_to(home).parts
     for count in range(1, len(below)):
         check_kind(home.joinpath(*below[:count]), FOLDER)
@@ -89,9 +89,9 @@ def check_within(home: Path, path: Path) -> None:
 
 
 def check_entries(folder: Path, own: Sequence[Own]) -> None:
-    """Refuse a folder in which an entry has a name of eqt's and is no file, or no folder.
+    """Refuse a folder in which an entry has a name of eqt's but is of another kind.
 
-    Files that are told by their marks are left out: what is no file has no mark.
+    Names of marked files are skipped, because others may use them for anything.
     """
     for path, entry in _entries(folder, own):
         if isinstance(entry, OwnFolder):
@@ -102,7 +102,7 @@ def check_entries(folder: Path, own: Sequence[Own]) -> None:
 
 
 def foreign(path: Path, found: str, expected: str) -> EqtError:
-    """The refusal of an entry where eqt writes."""
+    """Return the error for an entry that is not eqt's at a place where eqt writes."""
     return EqtError(
         f"{path}: is {found}; expected {expected} that eqt wrote, or no such entry",
         Remedy("rename or remove it"),
@@ -110,9 +110,9 @@ def foreign(path: Path, found: str, expected: str) -> EqtError:
 
 
 def remove_own(path: Path, own: Own) -> list[Path]:
-    """Remove what eqt wrote, and nothing else; returns what is gone.
+    """Remove what eqt wrote, and nothing else; return the removed paths.
 
-    That is the path itself, or, where a folder holds something else too, what was removed of it.
+    If a folder also holds other entries, only eqt's entries in it are removed.
     """
     if isinstance(own, OwnFile):
         if kind_of(path) != FILE or (own.marked and not is_eqts(path)):
@@ -131,15 +131,15 @@ def remove_own(path: Path, own: Own) -> list[Path]:
 
 
 def remove_left_over(folder: Path, own: Sequence[Own]) -> list[Path]:
-    """Remove unfinished files that killed processes left of what is eqt's; returns them."""
+    """Remove unfinished files of eqt that killed processes left behind; return their paths."""
     files = [entry for entry in own if isinstance(entry, OwnFile)]
     left = list[Path]()
     for path in _listed(folder):
         name = name_to_be(path.name)
-        if name and _owner(name, files) and kind_of(path) == FILE:
+        if name and _pattern_of(name, files) and kind_of(path) == FILE:
             path.unlink()
             left.append(path)
-        entry = _owner(path.name, own)
+        entry = _pattern_of(path.name, own)
         if isinstance(entry, OwnFolder) and kind_of(path) == FOLDER:
             left += remove_left_over(path, entry.entries)
     return left
@@ -150,20 +150,20 @@ def _has_record(path: Path) -> bool:
 
 
 def _entries(folder: Path, own: Sequence[Own]) -> Iterator[tuple[Path, Own]]:
-    """The entries of a folder that have a name of eqt's, with what they are to be."""
+    """Yield the entries of a folder that have a name of eqt's, with the matching pattern."""
     for path in _listed(folder):
-        if entry := _owner(path.name, own):
+        if entry := _pattern_of(path.name, own):
             yield path, entry
 
 
-def _owner(name: str, own: Sequence[Own]) -> Own | None:
+def _pattern_of(name: str, own: Sequence[Own]) -> Own | None:
     return next((entry for entry in own if re.fullmatch(entry.name, name)), None)
 
 
 def _listed(folder: Path) -> list[Path]:
-    """The entries of a folder in their order; none of what is no folder."""
+    """Return the sorted entries of a folder; an empty list if there is no folder."""
     try:
-        names = sorted(os.listdir(folder))  # noqa: PTH208  # thousands, quickly
+        names = sorted(os.listdir(folder))  # noqa: PTH208  # faster for thousands of entries
         return [folder / name for name in names]
     except (FileNotFoundError, NotADirectoryError):
         return []
@@ -172,10 +172,11 @@ def _listed(folder: Path) -> list[Path]:
 # Marks -------------------------------------------------------------------------------------------
 
 FOUND_BY = "# found by eqt {}\n"
-"""The mark of a configuration, with the command that searched."""
+"""The mark of a configuration that a command found."""
 
 _HEAD = 4096
-"""Bytes at the start of a file in which its mark stands; in a PDF file it may stand anywhere."""
+"""Number of bytes at the start of a file that are searched for a mark; a PDF file is searched
+completely."""
 
 _MARKS = (
     re.compile(rb'<!DOCTYPE html>.*?<meta name="generator" content="eqt ', re.DOTALL),
@@ -183,6 +184,7 @@ _MARKS = (
     re.compile(rb"\x89PNG.*?Software\0eqt ", re.DOTALL),
     re.compile(rb"GIF8.*?!\xfe.eqt ", re.DOTALL),
     re.compile(rb'\[\n(\{"panel": |\n\])'),  # the numbers of a figure
+    re.compile(rb"% caption by eqt: "),
     re.compile(rb"# found by eqt (tune|worst|fit)\n"),
     re.compile(rb"(/\* E|<!-- e)xported by eqt "),
 )
@@ -190,7 +192,7 @@ _PDF, _PDF_MARK = b"%PDF", b"/Creator (eqt "
 
 
 def is_eqts(path: Path) -> bool:
-    """Whether a file is a picture, a page, the numbers of a figure or a law that eqt has written.
+    """Whether eqt wrote a picture, its numbers or caption, a page, a configuration or a law.
 
     Raises
     ------
@@ -207,7 +209,7 @@ def is_eqts(path: Path) -> bool:
 
 
 def _holds(stream: BinaryIO, read: bytes, mark: bytes) -> bool:
-    """Whether a mark is in what was read of a file, or in the rest of it."""
+    """Whether a mark is in the bytes that were read, or in the rest of the file."""
     while read:
         if mark in read:
             return True

@@ -1,4 +1,4 @@
-"""Collects what is wrong with an input, each with its place, so that all is reported together."""
+"""Collects the errors of an input with their places, so that all are reported together."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,23 +9,23 @@ from typing import Self, TypeAlias
 from eqt_cli.core.errors import ConfigError, InputError, InputProblem, Remedy
 
 KeyPath: TypeAlias = tuple[str | int, ...]
-"""Where in an input: ``("controllers", 0, "label")``."""
+"""A place in an input: ``("controllers", 0, "label")``."""
 
 
-MOST_PROBLEMS = 100
-"""Of an input; after so many the rest is not looked at, however long the input is."""
+MAX_PROBLEMS = 100
+"""Largest number of errors of an input; the check ends after it."""
 
 
 class Problems:
-    """What is wrong at a place of an input, and within it.
+    """The errors at a place of an input and within it.
 
-    Whoever checks an input is handed the problems of its place, and hands on those of the places
-    within: ``problems.at("reference", "torque")``. All of them fill one list.
+    A function that checks an input gets the problems of its place, and passes on those of inner
+    places: ``problems.at("reference", "torque")``. All of them share one list.
 
     Parameters
     ----------
     located
-        Gives ``file:line:column``, or where it was overridden, for a path.
+        Returns ``file:line:column`` of a path, or the place where it was overridden.
     """
 
     def __init__(self, located: Callable[[KeyPath], str] = lambda path: "") -> None:
@@ -34,30 +34,30 @@ class Problems:
         self._found: dict[InputProblem, KeyPath] = {}
 
     def at(self, *steps: str | int) -> Self:
-        """The problems of a place within this one."""
-        inner = copy(self)  # which shares the list
+        """Return the problems of a place within this one."""
+        inner = copy(self)  # the copy shares the list
         inner._path = (*self._path, *steps)
         return inner
 
     @property
     def path(self) -> str:
-        """The place, as users write it."""
+        """The place as users write it."""
         return dotted(self._path)
 
     def add(self, message: str, remedies: tuple[Remedy, ...] = ()) -> None:
-        """Note what is wrong at this place; the same is noted once."""
+        """Note an error at this place; the same error is noted once."""
         place = self._located(self._path)
         problem = InputProblem(self.path, message, place, remedies)
         self._found.setdefault(problem, self._path)
-        if len(self._found) > MOST_PROBLEMS:
-            first = sorted(list(self._found)[:MOST_PROBLEMS], key=_position)
+        if len(self._found) > MAX_PROBLEMS:
+            first = sorted(list(self._found)[:MAX_PROBLEMS], key=_position)
             raise ConfigError(
-                [*first, InputProblem("", f"and more; only the first {MOST_PROBLEMS} are shown")]
+                [*first, InputProblem("", f"and more; only the first {MAX_PROBLEMS} are shown")]
             )
 
     @contextmanager
     def catching(self, *steps: str | int) -> Iterator[None]:
-        """Note an `InputError` that is raised inside, at a place within this one, and go on."""
+        """Note an `InputError` from the block at a place within this one, and continue."""
         try:
             yield
         except InputError as error:
@@ -68,11 +68,11 @@ class Problems:
         return (problem for problem, path in self._found.items() if path[:depth] == self._path)
 
     def __bool__(self) -> bool:
-        """Whether anything is wrong at this place, or within it."""
+        """Whether there is an error at this place or within it."""
         return any(True for _ in self)
 
     def raise_if_any(self) -> None:
-        """Raise a `ConfigError` with everything that was noted, in the order of the file."""
+        """Raise a `ConfigError` with all errors, in the order of the file, if there are any."""
         if self:
             raise ConfigError(sorted(self, key=_position))
 
@@ -86,19 +86,19 @@ def _position(problem: InputProblem) -> tuple[str, int, int]:
 
 
 def dotted(path: KeyPath) -> str:
-    """A path as users write it, such as ``controllers[0].label``."""
+    """Return a path as users write it, such as ``controllers[0].label``."""
     steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
     return "".join(steps).removeprefix(".")
 
 
 @lru_cache(maxsize=256)
 def parse_key(text: str) -> KeyPath:
-    """``controllers[0].label`` as ``("controllers", 0, "label")``.
+    """Return the path of ``controllers[0].label``: ``("controllers", 0, "label")``.
 
     Raises
     ------
     InputError
-        If it is no key.
+        If the text is no key.
     """
     steps: list[str | int] = []
     for part in text.split("."):

@@ -1,7 +1,7 @@
-"""Finds components (groups, controllers, figures, …) by scanning; it knows none of them by name.
+"""Finds components (groups, controllers, figures, …) by scanning; none is named here.
 
-A component is a class with a `name`, derived from its registry's base class. It is found in a file
-of the registry's package, in an installed distribution's entry points, or in a plugin file.
+A component is a class with a `name`, derived from its registry's base class. Files of the
+registry's package, entry points of installed distributions, and plugin files are scanned.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from eqt_cli.core.regular_files import text_in
 T = TypeVar("T")
 
 _PLUGIN = "eqt_plugin_"
-"""How the names of the modules of plugins begin."""
+"""Prefix of the module names of plugins."""
 
 _registries: list[Registry] = []  # type: ignore[type-arg]  # registries of different bases
 _loaded_plugins: dict[str, ModuleType] = {}
@@ -40,13 +40,13 @@ class Registry(Generic[T]):
     Parameters
     ----------
     kind
-        What one component is called in messages: ``"controller"``.
+        The word for a component in messages: ``"controller"``.
     package
-        The package whose modules are scanned, once, when a name is first asked for.
+        The package whose modules are scanned, once, when a name is first requested.
     base
         The class that every component derives from.
     entry_point_group
-        Of third-party components; ``eqt.`` and the name of the package if not given.
+        The entry-point group of other distributions, by default ``eqt.`` and the package's name.
     """
 
     def __init__(self, kind: str, package: str, base: type[T], entry_point_group: str = "") -> None:
@@ -91,7 +91,7 @@ class Registry(Generic[T]):
                 yield member
 
     def _check_complete(self, component: type[T], where: str = "") -> None:
-        missing = sorted(getattr(component, "__abstractmethods__", ()))
+        missing = sorted({*getattr(component, "__abstractmethods__", ()), *_unset(component)})
         if missing:
             raise ComponentError(
                 f"{where}{self.kind} '{_name(component)}' does not define {', '.join(missing)}; "
@@ -99,16 +99,16 @@ class Registry(Generic[T]):
             )
 
     def names(self) -> list[str]:
-        """All names, built-in components first, each kind in alphabetical order."""
+        """Return all names, built-in and installed components first, plugins last, each sorted."""
         return sorted(self._found) + sorted(set(self._plugins) - set(self._found))
 
     def get(self, name: str) -> type[T]:
-        """The component called `name`.
+        """Return the component called `name`.
 
         Raises
         ------
         ComponentError
-            If there is none; the message names the closest, or else all there are.
+            If there is none; the message names the closest, or else all components.
         """
         component = self._found.get(name) or self._plugins.get(name)
         if component is None:
@@ -118,11 +118,11 @@ class Registry(Generic[T]):
         return component
 
     def all(self) -> list[type[T]]:
-        """Every component, in the order of `names`."""
+        """Return every component, in the order of `names`."""
         return [self.get(name) for name in self.names()]
 
     def add_from(self, module: ModuleType, source: str) -> list[str]:
-        """Register the components that a plugin module defines; returns their names."""
+        """Register the components that a plugin module defines, and return their names."""
         added = []
         for component in self._components(module):
             name = _name(component)
@@ -136,21 +136,29 @@ class Registry(Generic[T]):
         return added
 
 
+def _unset(component: type) -> Iterator[str]:
+    """Names of class variables that a base declares without a value, and that have none."""
+    for base in component.__mro__:
+        for name, kind in vars(base).get("__annotations__", {}).items():
+            if "ClassVar" in str(kind) and not hasattr(component, name):
+                yield name
+
+
 def registry_of(package: str) -> Registry[Any]:
-    """The registry of a package that is imported."""
+    """Return the registry of an imported package."""
     return next(registry for registry in _registries if registry.package == package)
 
 
 def load_plugin(path: Path, source: str | None = None) -> list[str]:
     """Execute a plugin file and register every component in it.
 
-    The same text is executed once; where its names were taken over by another text since, loading
-    it again takes them back. `source` replaces the file's text, for a plugin kept inside a result.
+    The same text is executed only once. If another text has taken over its names since, they are
+    registered again. `source` replaces the file's text, for a plugin kept inside a result.
 
     Returns
     -------
     list of str
-        What was registered, as ``controller 'mine'``.
+        The registered components, as ``controller 'mine'``.
 
     Raises
     ------
@@ -161,7 +169,7 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
         text = text_in(path) if source is None else source
     digest = sha256(text.encode()).hexdigest()
     module = _loaded_plugins.get(digest) or _executed(path, text, digest)
-    # Messages quote its lines, also where the text is not that of the file, or there is none.
+    # Messages quote lines of the text, even where the file is another one or does not exist.
     name = str(module.__file__)
     linecache.cache[name] = len(text), None, text.splitlines(keepends=True), name
     added = [
@@ -190,7 +198,7 @@ def _executed(path: Path, text: str, digest: str) -> ModuleType:
 
 
 def is_foreign(module: str) -> bool:
-    """Whether a module of this name is a plugin, or of a distribution that declares components."""
+    """Whether a module is a plugin, or belongs to a distribution that declares components."""
     return module.startswith(_PLUGIN) or module.partition(".")[0] in _foreign_packages()
 
 
@@ -202,7 +210,7 @@ def _foreign_packages() -> frozenset[str]:
 
 
 _entry_points = lru_cache(maxsize=1)(entry_points)
-"""All entry points; finding them takes some 10 ms, and every registry asks."""
+"""All entry points; cached, because finding them takes 10 ms and every registry needs them."""
 
 
 def _name(component: type) -> str:
@@ -210,18 +218,18 @@ def _name(component: type) -> str:
 
 
 def summary(component: type) -> str:
-    """The first line of a component's docstring, as `eqt list` shows it."""
+    """Return the first line of a component's docstring, as in `eqt list`."""
     return (inspect.getdoc(component) or "").partition("\n")[0]
 
 
 def description(component: type) -> str:
-    """What a component's docstring says before its attributes, as running text."""
-    said = (inspect.getdoc(component) or "").partition("\n\nAttributes\n")[0]
-    return " ".join(said.replace("`", "").split())
+    """Return a component's docstring before its attributes, as running text."""
+    text = (inspect.getdoc(component) or "").partition("\n\nAttributes\n")[0]
+    return " ".join(text.replace("`", "").split())
 
 
 def meanings(component: type) -> dict[str, str]:
-    """What the docstrings of a class and its bases say of each attribute."""
+    """Return the text on each attribute in the docstrings of a class and its bases."""
     found: dict[str, str] = {}
     for owner in reversed(component.__mro__):
         section = re.search(

@@ -1,7 +1,7 @@
-"""The one place that opens a file which a user, a configuration or a folder names.
+"""Opens the files that a user, a configuration or a folder names; all of eqt opens them here.
 
-Such a name can lead to a named pipe, which nobody writes to, to a device without an end, or to a
-file that does not fit the memory. It knows nothing of what a file holds.
+Such a name can lead to a named pipe without a writer, to an endless device, or to a file that is
+larger than the memory.
 """
 
 import errno
@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 RECORD_BYTES = 16 * 2**20
-"""The most of a record that eqt keeps in a folder, such as ``manifest.json``."""
+"""Largest record that eqt keeps in a folder, such as ``manifest.json``, bytes."""
 
 TEXT_BYTES = 4_000_000
-"""The most of a text that a user writes: a configuration, a plugin, a style sheet, notes."""
+"""Largest text that a user writes, bytes: a configuration, a plugin, a style sheet, notes."""
 
 FILE, FOLDER = "a file", "a folder"
 
@@ -36,30 +36,30 @@ _OPEN_FLAGS = (
 
 
 def kind_in_words(mode: int) -> str:
-    """What an entry of this mode is."""
+    """Return the kind of a folder entry of this mode."""
     return next((kind for matches, kind in _KINDS if matches(mode)), "a device")
 
 
 class NotRegularError(OSError):
-    """What is there is no regular file."""
+    """Raised where an entry is no regular file."""
 
 
 class TooLargeError(OSError):
-    """A file with more bytes than its kind may have.
+    """Raised for a file that is larger than its kind may be.
 
     Attributes
     ----------
     size
-        Its size, bytes; at least this where it does not say its size.
+        Size of the file, bytes; a lower bound where the system does not report the size.
     """
 
-    def __init__(self, most: int, size: int) -> None:
-        super().__init__(errno.EFBIG, f"expected at most {most:,} bytes, got {size:,}")
+    def __init__(self, limit: int, size: int) -> None:
+        super().__init__(errno.EFBIG, f"expected at most {limit:,} bytes, got {size:,}")
         self.size = size
 
 
 def open_regular(path: Path, *, follow: bool = True) -> BinaryIO:
-    """Open a regular file for reading, and nothing else.
+    """Open a file for reading, if it is a regular file.
 
     Parameters
     ----------
@@ -71,9 +71,10 @@ def open_regular(path: Path, *, follow: bool = True) -> BinaryIO:
     NotRegularError
         For a pipe, a device, a socket, and a link that is not followed.
     OSError
-        If it cannot be opened; a folder is one of these.
+        If it cannot be opened, as for a folder.
     """
-    _require_regular(path.stat() if follow else path.lstat())  # a device may act when it is opened
+    # Check first, because opening a device may start an action.
+    _require_regular(path.stat() if follow else path.lstat())
     handle = os.open(path, _OPEN_FLAGS | (0 if follow else getattr(os, "O_NOFOLLOW", 0)))
     try:
         _require_regular(os.fstat(handle))
@@ -83,42 +84,42 @@ def open_regular(path: Path, *, follow: bool = True) -> BinaryIO:
         raise
 
 
-def content_of(path: Path, most: int, *, follow: bool = True) -> bytes:
-    """The content of a regular file of at most so many bytes.
+def content_of(path: Path, limit: int, *, follow: bool = True) -> bytes:
+    """Return the content of a regular file of at most `limit` bytes.
 
     Raises
     ------
     TooLargeError
-        Before anything is read, if the file says that it is larger.
+        If the file is larger; where the system reports its size, before anything is read.
     OSError
-        As `open_regular`.
+        As by `open_regular`.
     """
     with open_regular(path, follow=follow) as stream:
         size = os.fstat(stream.fileno()).st_size
-        if size > most:
-            raise TooLargeError(most, size)
-        content = stream.read(most + 1)  # some files of the system say that they are empty
-    if len(content) > most:
-        raise TooLargeError(most, len(content))
+        if size > limit:
+            raise TooLargeError(limit, size)
+        content = stream.read(limit + 1)  # some system files report a size of 0
+    if len(content) > limit:
+        raise TooLargeError(limit, len(content))
     return content
 
 
-def text_in(path: Path, most: int = TEXT_BYTES) -> str:
-    """As `content_of`, decoded; line breaks are those of Python.
+def text_in(path: Path, limit: int = TEXT_BYTES) -> str:
+    """Return the text of a file, read by `content_of`, with line breaks as in Python.
 
     Raises
     ------
     UnicodeDecodeError
-        If it is no text in UTF-8.
+        If the file is not in UTF-8.
     """
-    text = content_of(path, most).decode("utf-8")
+    text = content_of(path, limit).decode("utf-8")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _require_regular(found: os.stat_result) -> None:
-    if stat.S_ISREG(found.st_mode):
+def _require_regular(status: os.stat_result) -> None:
+    if stat.S_ISREG(status.st_mode):
         return
-    if stat.S_ISDIR(found.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    kind = kind_in_words(found.st_mode)
+    kind = kind_in_words(status.st_mode)
     raise NotRegularError(errno.EINVAL, f"it is {kind}; expected a regular file")

@@ -1,4 +1,4 @@
-"""The one way in which eqt writes a file: whole or not at all, and through no link."""
+"""Writes files completely or not at all, and never through a link; all of eqt writes this way."""
 
 import errno
 import io
@@ -10,18 +10,18 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 NO_SPACE = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
-"""What a full disk, or a quota, answers."""
+"""Error numbers of a full disk or an exceeded quota."""
 
 _TEMPORARY = re.compile(r"(.+)\.[0-9a-f]{16}\.tmp")
-"""An unfinished file: its name to be, and what nobody can guess."""
+"""The name of an unfinished file: the final name, and a random part."""
 
 
 @contextmanager
 def replacement(path: Path) -> Iterator[io.FileIO]:
-    """A new file that takes the place of `path` when the block ends without an error.
+    """Open a new file that replaces `path` when the block ends without an error.
 
-    It is written beside its place, under a name that nobody can guess and that must not exist; so
-    no link can lead it elsewhere. Then it is brought to the disk and renamed.
+    The file is written in the same folder under a random name that must not exist yet, so that no
+    link can redirect it. Then it is flushed to the disk and renamed.
     """
     temporary = path.with_name(f"{path.name}.{secrets.token_hex(8)}.tmp")
     with io.FileIO(temporary, "x+") as file:
@@ -40,18 +40,18 @@ def replacement(path: Path) -> Iterator[io.FileIO]:
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all, whenever the process or the machine may stop."""
+    """Write a file completely or not at all, even if the process or the machine stops."""
     with replacement(path) as file:
         _write(file, content)
 
 
 def new_file(path: Path, content: bytes) -> None:
-    """Write a file that must not exist yet; an error leaves none.
+    """Write a file that must not exist yet; after an error, no file remains.
 
     Raises
     ------
     FileExistsError
-        If there is any entry of this name, also a link that leads nowhere.
+        If there is an entry of this name, even a broken link.
     """
     with io.FileIO(path, "x") as file:
         try:
@@ -64,23 +64,23 @@ def new_file(path: Path, content: bytes) -> None:
 
 
 def name_to_be(name: str) -> str | None:
-    """The name for which an unfinished file was meant; None of any other file."""
+    """Return the final name of an unfinished file; None for any other file."""
     match = _TEMPORARY.fullmatch(name)
     return match[1] if match else None
 
 
 def _write(file: io.FileIO, content: bytes) -> None:
-    """All of it: the system may take less at a time."""
+    """Write all of the content, in several calls where the system takes less at a time."""
     rest = memoryview(content)
     while rest:
         rest = rest[file.write(rest) :]
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make a rename last; not every system and disk can, and there the system's own habit holds."""
+    """Flush a rename to the disk, where the system and the disk support it."""
     if os.name != "posix":
         return
-    with suppress(PermissionError):  # of a folder that may be written to, but not be read
+    with suppress(PermissionError):  # a folder may be writable, but not readable
         handle = os.open(folder, os.O_RDONLY)
         try:
             os.fsync(handle)

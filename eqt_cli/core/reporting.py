@@ -1,4 +1,4 @@
-"""How far eqt is, and what a user should know; what computes does not know who shows it."""
+"""Reports progress and remarks, so that code which computes does not depend on who shows them."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from pathlib import Path
 from eqt_cli.core.errors import EqtWarning
 
 RUNS_DONE = "runs"
-"""What most steps count."""
+"""The usual unit of progress."""
 
 _PACKAGE = str(Path(__file__).parents[1])
 
 
 class Reporter:
-    """Hears of the work that eqt does; this one shows nothing, and passes remarks on as warnings.
+    """Receives progress and remarks of eqt; this one shows no progress, and remarks as warnings.
 
-    Override what you want to show, and put it in place with `reporting`.
+    Override the methods for what you want to show, and activate your class with `reporting`.
 
     Examples
     --------
@@ -35,31 +35,31 @@ class Reporter:
     """
 
     def begin(self, what: str, count: int) -> None:
-        """A step begins: what it counts, such as ``runs``, and how many there are."""
+        """Begin a step that counts something, such as ``runs``."""
 
     def advance(self, amount: float) -> None:
-        """So much more of the step is done, in fractions of what it counts."""
+        """Count progress of the step; fractions are possible."""
 
     def skip(self, amount: float) -> None:
-        """So much of the step was done by earlier sessions."""
+        """Count progress of the step that an earlier session made."""
 
     def end(self) -> None:
-        """The step ends, finished or not."""
+        """End the step, finished or not."""
 
     def note(self, about: str, words: str) -> None:
-        """What was found so far about something, such as a law that is tuned."""
+        """Show an intermediate result, for example of a law that is tuned."""
 
     def busy(self, words: str) -> AbstractContextManager[None]:
-        """What the block does cannot be counted, such as compiling."""
+        """Show work in the block that cannot be counted, such as compiling."""
         return nullcontext()
 
     def remark(self, warning: EqtWarning) -> None:
-        """Something is worth knowing and no error."""
+        """Show a remark, which is no error."""
         warnings.warn(warning, stacklevel=_frames_of_eqt())
 
 
 class _Step(Reporter):
-    """Passes on what is said within a step; of further steps only those that count the same."""
+    """Reporter within a step: passes on all but inner steps, which count only in the same unit."""
 
     def __init__(self, to: Reporter, what: str, counts: bool) -> None:
         self.to, self.what, self.counts = to, what, counts
@@ -87,23 +87,23 @@ _DEFAULT = Reporter()
 
 
 def reporter() -> Reporter:
-    """Who is to be told."""
+    """Return the active reporter."""
     return _current.get() or _DEFAULT
 
 
 @contextmanager
 def reporting(to: Reporter) -> Iterator[None]:
-    """Tell a reporter of all that eqt does in the block: how far it is, and what is worth knowing.
+    """Send the progress and the remarks of the block to a reporter.
 
     Parameters
     ----------
     to
-        Who is told, of a class derived from `Reporter`.
+        The reporter, of a class derived from `Reporter`.
 
     Returns
     -------
     context manager
-        For a ``with`` statement; blocks may be nested, and the innermost counts.
+        For a ``with`` statement; blocks may be nested, and the innermost is active.
 
     Examples
     --------
@@ -124,24 +124,24 @@ def reporting(to: Reporter) -> Iterator[None]:
 def step(what: str, count: int) -> Iterator[None]:
     """Count something in the block, by `reporter().advance`.
 
-    A step within another one is not told, or it counts towards that if it counts the same: the runs
-    of an experiment are among those of a search.
+    A step within another one is not reported. If it counts the same, it advances the outer step, as
+    the runs of an experiment do within a search.
     """
-    around = reporter()
-    if isinstance(around, _Step):
-        with reporting(_Step(around.to, around.what, around.counts and around.what == what)):
+    outer = reporter()
+    if isinstance(outer, _Step):
+        with reporting(_Step(outer.to, outer.what, outer.counts and outer.what == what)):
             yield
         return
-    around.begin(what, count)
+    outer.begin(what, count)
     try:
-        with reporting(_Step(around, what, counts=True)):
+        with reporting(_Step(outer, what, counts=True)):
             yield
     finally:
-        around.end()
+        outer.end()
 
 
 def _frames_of_eqt() -> int:
-    """How many frames of the stack are eqt's, so that a warning names the line that called it."""
+    """Return the number of frames of eqt on the stack, so that a warning names the user's line."""
     frame, count = inspect.currentframe(), 0
     while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
         frame, count = frame.f_back, count + 1

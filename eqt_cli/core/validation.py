@@ -1,4 +1,4 @@
-"""Validates plain data and says what is wrong with it, unknown keys included."""
+"""Validates plain data, and describes its errors, including unknown keys."""
 
 import dataclasses
 import json
@@ -39,24 +39,24 @@ _EXPECTED = {
     "literal_error": "{expected}",
     "string_pattern_mismatch": "letters, digits, '.', '_' and '-', with a letter or digit first",
 }
-"""pydantic's kinds of errors: what was expected."""
+"""What was expected, by pydantic's kind of error."""
 
 
 # Values -------------------------------------------------------------------------------------------
 
 
 def validated(kind: Any, data: Any, problems: Problems, common: tuple[str, ...] = ()) -> Any:
-    """The data as the type `kind`, or None after noting what is wrong with it.
+    """Return the data as the type `kind`, or None after noting its errors.
 
-    Keys that do not belong where they are are noted, and the rest is judged without them.
+    Unknown keys are noted, and the rest is validated without them.
 
     Parameters
     ----------
     common
-        Keys that `data` may have beside those of its type.
+        Keys that `data` may have in addition to those of its type.
     """
     try:
-        # As JSON, since strict validation takes a mapping for a dataclass only from there.
+        # As JSON, because strict validation accepts a mapping for a dataclass only in JSON.
         return _adapter(kind).validate_json(json.dumps(data, default=str))
     except ValidationError as error:
         unknown = _note_errors(error, data, kind, problems, common)
@@ -64,7 +64,7 @@ def validated(kind: Any, data: Any, problems: Problems, common: tuple[str, ...] 
 
 
 def fields_of(model: type[BaseModel], data: Any, problems: Problems) -> dict[str, Any]:
-    """The fields of a model by name, each judged by itself: those that are right, and defaults."""
+    """Return the valid fields of a model by name, and defaults; each is validated by itself."""
     found = {}
     for name, field in model.model_fields.items():
         if name in data:
@@ -80,7 +80,7 @@ def fields_of(model: type[BaseModel], data: Any, problems: Problems) -> dict[str
 
 
 def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[str, str]:
-    """The keys at a place within data of a type, with the meanings that models give them."""
+    """Return the keys at a place in data of a type, with their meanings."""
     for step in path:
         hints = [get_type_hints(owner) for owner in owners(kind)]
         kind = next((hint[str(step)] for hint in hints if str(step) in hint), kind)
@@ -91,61 +91,62 @@ def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[s
 
 
 def _meanings(owner: type) -> dict[str, str]:
-    """What the docstring of a model or component says of its keys, by their names as written."""
-    said = {option_of_field(name): text.removesuffix(".") for name, text in meanings(owner).items()}
+    """Return the meanings of the keys of a model or component, from its docstring."""
+    texts = {option_of_field(name): text for name, text in meanings(owner).items()}
     examples: dict[str, list[Any]] = (
         {name: field.examples or [] for name, field in owner.model_fields.items()}
         if issubclass(owner, BaseModel)
         else {name: [] for name in option_names(owner)}
     )
     return {
-        name: said.get(name, "") + "".join(f", for example {name}: {each}" for each in given)
+        name: texts.get(name, "").removesuffix(".")
+        + "".join(f", for example {name}: {each}" for each in given)
         for name, given in examples.items()
     }
 
 
 def owners(kind: Any) -> list[type]:
-    """The models and dataclasses that a value of a type may be, or contain."""
+    """Return the models and dataclasses that a value of a type may be or contain."""
     if isinstance(kind, type) and (dataclasses.is_dataclass(kind) or issubclass(kind, BaseModel)):
         return [kind]
     return [found for part in get_args(kind) for found in owners(part)]
 
 
 def one_of(kind: Callable[[Any], str | None], expected: str) -> Discriminator:
-    """Tells the members of a union apart; what is none of them is reported by `expected`."""
+    """Return a discriminator of a union, with `expected` for values that match no member."""
     return Discriminator(kind, custom_error_type="none_of", custom_error_message=expected)
 
 
 def _note_errors(
     error: ValidationError, data: Any, kind: Any, problems: Problems, common: tuple[str, ...]
 ) -> list[KeyPath]:
-    """Note what pydantic found in `data`, at the places that the user wrote.
+    """Note pydantic's errors at the places in `data` that the user wrote.
 
     Returns
     -------
     list of KeyPath
-        The keys that do not belong where they are.
+        The unknown keys.
     """
     unknown: dict[KeyPath, str] = {}
     messages: dict[KeyPath, str] = {}
     expected: dict[KeyPath, list[str]] = {}
     for detail in error.errors(include_url=False):
-        wrong, context = detail["type"], detail.get("ctx", {})
-        path = _written(detail["loc"], data, missing=wrong == "missing")
+        code, context = detail["type"], detail.get("ctx", {})
+        path = _written(detail["loc"], data, missing=code == "missing")
         known = known_keys(kind, path[:-1], common)
-        if wrong in ("extra_forbidden", "unexpected_keyword_argument"):
+        if code in ("extra_forbidden", "unexpected_keyword_argument"):
             unknown[path] = unknown_key(str(path[-1]), known)
-        elif wrong == "missing":
+        elif code == "missing":
             meaning = known.get(str(path[-1]))
             messages[path] = f"{_MISSING}: {meaning}" if meaning else _MISSING
-        elif wrong == "value_error":
+        elif code == "value_error":
             messages[path] = str(context["error"])
         else:
-            words = _EXPECTED[wrong].format(**context) if wrong in _EXPECTED else detail["msg"]
+            words = _EXPECTED[code].format(**context) if code in _EXPECTED else detail["msg"]
             expected.setdefault(path, []).append(words)
     noted = [*expected, *messages, *unknown]
     for path, alternatives in expected.items():
-        # The alternatives of a union fail one by one at the same place, or deeper in its value.
+        # Each member of a union fails at the same place, or deeper in its value.
         if not any(_below(other, path) for other in noted):
             words, value = _listed(list(dict.fromkeys(alternatives))), _at(path, data)
             alone = len(path) <= 1 and isinstance(value, str)
@@ -158,15 +159,15 @@ def _note_errors(
 
 
 def unknown_key(key: str, known: Iterable[str], deeper: str | None = None) -> str:
-    """What is said of a key that does not belong where it is, but may belong at `deeper`."""
+    """Return the message for an unknown key, which may belong at `deeper`."""
     if deeper:
         return f"{_UNKNOWN_KEY}; did you mean '{deeper}'?"
-    others = [name for name in known if name != key]  # of a union, `key` may be known elsewhere
+    others = [name for name in known if name != key]  # a union's other members may know `key`
     return _UNKNOWN_KEY + (suggestion(key, others) or f"; expected one of {', '.join(others)}")
 
 
 def shown(value: Any) -> str:
-    """A value as it would stand on one line of YAML, shortened."""
+    """Return a value as on one line of YAML, shortened."""
     text = _flow(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
@@ -184,13 +185,13 @@ def _flow(value: Any) -> str:
 
 
 def _listed(alternatives: list[str]) -> str:
-    """``a, b or c``; an alternative may itself be such a list."""
+    """Return ``a, b or c``; an alternative may itself be such a list."""
     *first, last = alternatives
     return f"{', '.join(first).replace(' or ', ', ')} or {last}" if first else last
 
 
 def _written(location: KeyPath, data: Any, *, missing: bool) -> KeyPath:
-    """The steps of a pydantic location that are in the data; the others name union members."""
+    """Return the steps of a pydantic location that are in the data, without union members."""
     path: list[str | int] = []
     for index, step in enumerate(location):
         inside = (isinstance(data, dict) and step in data) or (
@@ -234,10 +235,10 @@ def component(
     common: tuple[str, ...] = (),
     group: Any = None,
 ) -> T | None:
-    """The component that `value` asks for, or None after noting what is wrong with it.
+    """Return the component that `value` describes, or None after noting its errors.
 
-    `eqt`, or `{kind: family, gyroscopic: 0.5}`; `common` are the keys that a mapping takes beside
-    `kind` and the component's own; the `group` is what a component is checked against.
+    The value is a name, or a mapping such as `{kind: family, gyroscopic: 0.5}`. A mapping may have
+    the keys `common` in addition to `kind` and the options. The component is checked for `group`.
     """
     if not isinstance(value, str | Mapping):
         problems.add(f"expected text or a mapping, got {shown(value)}")
@@ -258,12 +259,12 @@ def component(
 
 
 def option_names(component: type) -> list[str]:
-    """The options that a component takes in a configuration."""
+    """Return the options that a component has in a configuration."""
     return [option_of_field(field.name) for field in dataclasses.fields(component) if field.init]
 
 
 def as_section(component: Any) -> dict[str, Any]:
-    """A component as a mapping with `kind` and every option, defaults included."""
+    """Return a component as a mapping with `kind` and every option, including defaults."""
     options = {
         option_of_field(field.name): value
         for field in dataclasses.fields(component)
@@ -277,7 +278,7 @@ def as_section(component: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Dataclasses, also within lists, as mappings."""
+    """Return dataclasses, also in lists, as mappings."""
     if isinstance(value, list):
         return [_plain(entry) for entry in value]
     return dataclasses.asdict(value) if hasattr(value, "__dataclass_fields__") else value

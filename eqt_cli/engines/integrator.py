@@ -107,7 +107,7 @@ class Integrator(ABC):
     def room(self, span: Span) -> Array:
         """For the samples of a span behind its start; what is written there need not be copied."""
         if self.samples is None:
-            return np.empty((len(self.runs), span.later, self.problem.states.shape[1]))
+            return np.empty((len(self.runs), span.later, self.problem.loop.moving_length))
         return self.samples[:, span.first : span.first + span.later]
 
     @abstractmethod

@@ -28,6 +28,7 @@ class Status(IntEnum):
     STEP_LIMIT = 3
     ACCURACY = 4
     WORKER_LOST = 5
+    ESTIMATE_LOST = 6
 
 
 @dataclass(frozen=True)
@@ -148,14 +149,14 @@ class Problem:
     def select(self, runs: slice | Array) -> Problem:
         """The same problem for some of its runs."""
         varying = {name: values[runs] for name, values in self.varying.items()}
-        errors = None if self.errors is None else Errors(*(part[runs] for part in self.errors))
+        errors = None if self.errors is None else self.errors.of(runs)
         return Problem(self.loop, self.states[runs], self.times, varying, errors)
 
     def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
         """What sensors do at a control instant, in these runs."""
         if self.errors is None:
             return None
-        return Errors(*(part[runs, tick] for part in self.errors))
+        return self.errors.of(runs, tick)
 
     @staticmethod
     def joined(problems: Sequence[Problem]) -> Problem:

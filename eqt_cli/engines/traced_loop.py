@@ -96,7 +96,7 @@ def trace(loop: ClosedLoop) -> LoopPrograms:
         return {"derivative": rates[0]}
 
     with _explained(loop):
-        found = traced(field, _inputs(loop, loop.state_length))
+        found = traced(field, _inputs(loop, loop.moving_length))
     if loop.vehicle.control is None:
         return LoopPrograms(found, None)
     instant = at_instants(loop)
@@ -202,7 +202,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         solved = given["solved"][None] if "solved" in given else None
         return {"state": symbolic.answered(t, state, given["torque"][None], memory, solved)[0]}
 
-    m, holds = loop.group.dimension, bool(loop.vehicle.holding(loop.group))
+    m, holds = loop.group.dimension, loop.changes_by_measuring
     inputs = _inputs(loop, loop.state_length)
     measured = inputs | ({"errors": sum(_lengths(loop))} if loop.vehicle.measures else {})
     remembered = sum(loop.controller.memory(loop.group).values())
@@ -357,14 +357,14 @@ def _errors(loop: ClosedLoop, given: Arrays) -> Errors | None:
     if "errors" not in given:
         return None
     d = loop.group.size
-    pose, velocity, arrived = np.split(given["errors"], np.cumsum(_lengths(loop))[:-1])
-    return Errors(pose.reshape(1, d, d), velocity[None], arrived[None])
+    pose, *others = np.split(given["errors"], np.cumsum(_lengths(loop))[:-1])
+    return Errors(pose.reshape(1, d, d), *(part[None] for part in others))
 
 
-def _lengths(loop: ClosedLoop) -> tuple[int, int, int]:
+def _lengths(loop: ClosedLoop) -> tuple[int, int, int, int]:
     """How many numbers the parts of `Errors` have."""
-    G = loop.group
-    return G.size**2, G.dimension, len(loop.vehicle.holding(G))
+    G, estimates = loop.group, loop.vehicle.estimator is not None
+    return G.size**2, G.dimension, len(loop.vehicle.holding(G)), G.dimension * estimates
 
 
 def parameter_rows(problem: Problem) -> Array:

@@ -9,12 +9,20 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.engines.integrator import Failure, Integrator
-from eqt_cli.engines.problem import Problem, Progress, Solution, Span
+from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
+from eqt_cli.engines.problem import Problem, Progress, Solution, Span, Status
+
+INDEFINITE = (
+    Status.ESTIMATE_LOST,
+    "the covariance of the estimate is no longer positive definite; give the estimator larger "
+    "deviations, or measurements more often",
+)
+"""How a run ends whose filter is lost, and why."""
 
 REPORTED = 0.02
 """Of the horizon: progress is reported no more often."""
@@ -74,19 +82,21 @@ def _walk(
     states, solution.steps[runs] = problem.states[runs], 0
     neighbours = slice(int(runs[0]), int(runs[0]) + len(runs))
     together = bool((np.diff(runs) == 1).all())
-    integrator.runs, integrator.samples = runs, solution.states[neighbours] if together else None
+    room = together and problem.loop.moving_length == states.shape[1]
+    integrator.runs, integrator.samples = runs, solution.states[neighbours] if room else None
     integrator.reached = reached = _Reached(problem, len(runs), progress)
     integrator.begin(runs)
     for span in spans:
         integrator.hold(span)
         if span.tick is not None:
             states = integrator.at_instant(span.start, states, problem.errors_at(span.tick, runs))
+            for place in np.flatnonzero(problem.loop.estimate_lost(states)).tolist():
+                failed.setdefault(place, (span, Failure(*INDEFINITE, span.start)))
+                going[place] = False
         if span.sampled_start:
             solution.states[runs, span.first - 1] = states
-        found = integrator.advance(span, states)
+        found = _advanced(integrator, span, states, solution.states)
         states = found.states
-        if span.later and found.samples.base is not solution.states:
-            solution.states[runs, span.first : span.first + span.later] = found.samples
         solution.steps[runs] += np.where(going, found.steps, 0) if failed else found.steps
         ended: dict[int, Failure | None] = dict(found.failed)
         if not np.isfinite(states).all():
@@ -106,10 +116,26 @@ def _walk(
     reached.finish()
 
 
+def _advanced(integrator: Integrator, span: Span, states: Array, kept: Array) -> SpanResult:
+    """What became of some runs in a span, with whole states; its samples are kept."""
+    moving, later = (
+        integrator.problem.loop.moving_length,
+        slice(span.first, span.first + span.later),
+    )
+    found, runs = integrator.advance(span, states[:, :moving]), integrator.runs
+    if span.later and found.samples.base is not kept:
+        kept[runs, later, :moving] = found.samples
+    if moving == states.shape[1]:
+        return found
+    kept[runs, later, moving:] = states[:, None, moving:]
+    return replace(found, states=np.concatenate([found.states, states[:, moving:]], axis=1))
+
+
 def _note(solution: Solution, problem: Problem, run: int, span: Span, failure: Failure) -> None:
     """Say how a run has failed in a span, and leave no sample behind that."""
     states = solution.states[run]
     states[span.first + span.later :] = np.nan
+    states[problem.times > failure.t] = np.nan
     known = int(np.isfinite(states).all(axis=1).argmin())
     states[known:] = np.nan
     at = f"t = {failure.t:.6g} s"

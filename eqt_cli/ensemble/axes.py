@@ -1,4 +1,4 @@
-"""One axis of a design: the values listed for it, or the range it is drawn from."""
+"""An axis of a design: a list of values, or a range."""
 
 import math
 from dataclasses import dataclass
@@ -6,13 +6,13 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Tag
 
-from eqt_cli.core.option_types import MOST_POINTS, Angle, number_schema
+from eqt_cli.core.option_types import MAX_POINTS, Angle, number_schema
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import one_of
 
 
 def _narrower(key: str, value: Any, **bounds: Any) -> dict[str, Any]:
-    """As a JSON schema: where `key` has this value, these bounds are narrower."""
+    """Return a JSON schema in which these bounds are narrower if `key` has this value."""
     return {
         "if": {"properties": {key: {"const": value}}, "required": [key]},
         "then": {"properties": bounds},
@@ -32,15 +32,15 @@ class Range:
     Attributes
     ----------
     low
-        The least value.
+        The smallest value.
     high
-        The greatest value, more than low.
+        The largest value, greater than low.
     scale
-        How the values are spread; on a log scale, low is greater than 0.
+        The scale on which values are uniform; on a log scale, low is greater than 0.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = _STRICT | {
-        "json_schema_extra": {"allOf": [_POSITIVE]}  # that low is less than high, none can say
+        "json_schema_extra": {"allOf": [_POSITIVE]}  # JSON Schema cannot express low < high
     }
 
     low: Angle
@@ -58,7 +58,7 @@ class Range:
             problems.at("low").add(f"{expected}, got {self.low:g}")
 
     def at(self, share: float) -> float | int:
-        """The number at a share of the way, which is in [0, 1]."""
+        """Return the number at a share of the range, from 0 to 1."""
         return min(max(self._between(self.high, share), self.low), self.high)
 
     def _between(self, high: float, share: float) -> float:
@@ -69,15 +69,15 @@ class Range:
 
 @dataclass(frozen=True, kw_only=True)
 class Spaced(Range):
-    """So many numbers, evenly spread from `low` to `high`; each is computed when it is asked for.
+    """Numbers at equal distances from `low` to `high`, each computed when it is used.
 
     Attributes
     ----------
     points
-        How many values.
+        The number of values.
     """
 
-    points: Annotated[int, Field(ge=2, le=MOST_POINTS)]
+    points: Annotated[int, Field(ge=2, le=MAX_POINTS)]
 
     def __len__(self) -> int:
         return self.points
@@ -103,19 +103,19 @@ class DrawnRange(Range):
     integer: bool = False
 
     def check(self, problems: Problems) -> None:
-        """Also bounds of an integer axis that are not whole."""
+        """Note also bounds of an integer axis that are not whole numbers."""
         super().check(problems)
         if self.integer and not (self.low.is_integer() and self.high.is_integer()):
             problems.at("low").add("expected whole numbers as low and high, since integer is true")
 
     def at(self, share: float) -> float | int:
-        """Also a whole number, each for an equal part of the way; 1 itself belongs to `high`."""
+        """Return a number; whole numbers have equal shares of the range, and 1 gives `high`."""
         if self.integer:
             return min(int(self.high), math.floor(self._between(self.high + 1, share)))
         return super().at(share)
 
     def share(self, value: float) -> float:
-        """How far along the way a value is, which is within the bounds."""
+        """Return the share of the range at a value within the bounds."""
         low, high = self.low, self.high
         if self.integer:
             value, high = value + 0.5, high + 1
@@ -137,10 +137,10 @@ class Choices:
     values: Values
 
     def check(self, problems: Problems) -> None:
-        """Nothing more can be wrong with them."""
+        """Accept all values, because their type is checked before."""
 
     def at(self, share: float) -> Any:
-        """The value at a share of the way along the list."""
+        """Return the value at a share of the list, from 0 to 1."""
         return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
 
 
@@ -155,7 +155,7 @@ def _sampled_kind(value: Any) -> str | None:
 ListedAxis = Annotated[
     Annotated[Values, Tag("list")] | Annotated[Spaced, Tag("range")],
     one_of(_listed_kind, "a list of values, or {low: …, high: …, points: …}"),
-    Field(description="A list of values, or so many points of a range."),
+    Field(description="A list of values, or a number of points in a range."),
 ]
 
 SampledAxis = Annotated[

@@ -17,18 +17,18 @@ class FactorPoses(PoseDistribution):
     factors: tuple[PoseDistribution, ...]
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """The numbers of all factors."""
-        return np.concatenate([own.draw(factor, generator) for own, factor in self._by_factor(G)])
+        """Return the numbers of all factors."""
+        return np.concatenate([each.draw(factor, generator) for each, factor in self._by_factor(G)])
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
-        """The poses of all factors as blocks."""
+        """Return the poses of all factors as blocks."""
         assert isinstance(G, ProductGroup)
         pairs = self._by_factor(G)
-        lengths = [len(own.draw(factor, np.random.default_rng(0))) for own, factor in pairs]
+        lengths = [len(each.draw(factor, np.random.default_rng(0))) for each, factor in pairs]
         columns = np.split(numbers, np.cumsum(lengths)[:-1], axis=1)
         blocks = zip(pairs, columns, strict=True)
-        return G.assemble([own.place(factor, part) for (own, factor), part in blocks])
+        return G.assemble([each.place(factor, part) for (each, factor), part in blocks])
 
     def _by_factor(self, G: MatrixLieGroup) -> list[tuple[PoseDistribution, MatrixLieGroup]]:
-        assert isinstance(G, ProductGroup)  # the configuration gives it no other
+        assert isinstance(G, ProductGroup)  # checked where the configuration is read
         return list(zip(self.factors, G.factors, strict=True))

@@ -21,9 +21,9 @@ def draw_initial_states(
     seed: int,
     runs: Iterable[int],
 ) -> tuple[Array, Array]:
-    """Q(0) = Q_d(0)·draw and V(0) = V_d(0) + draw for each of the runs.
+    """Return Q(0) = Q_d(0)·draw and V(0) = V_d(0) + draw for each run.
 
-    The pose is drawn before the velocity, from the stream of its run.
+    The pose is drawn before the velocity, both from the stream of the run.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Initial states that are listed, one for each run; it knows no file."""
+"""Initial states from a list, one for each run."""
 
 from dataclasses import dataclass
 
@@ -17,15 +17,15 @@ class ListedPoses(PoseDistribution):
     errors: Array
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """The first one."""
+        """Return the draw of the first run."""
         return self.draw_of_run(G, generator, 0)
 
     def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
-        """The run's place in the list."""
+        """Return the run's position in the list."""
         return np.array([run])
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
-        """Those at these places."""
+        """Return the poses at these positions."""
         return self.errors[numbers[:, 0]]
 
 
@@ -36,9 +36,9 @@ class ListedVelocities(VelocityDistribution):
     errors: Array
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """The first one."""
+        """Return the draw of the first run."""
         return self.draw_of_run(G, generator, 0)
 
     def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
-        """That of the run."""
+        """Return the velocity error of the run."""
         return self.errors[run]

@@ -1,6 +1,6 @@
-"""Random streams that depend on the root seed and the run's number, and on nothing else.
+"""Random streams that depend only on the root seed and the run's number.
 
-Run k draws the same numbers whatever the number of runs, workers or controllers, and in any order.
+Run k draws the same numbers for any number and order of runs, workers and controllers.
 """
 
 from enum import IntEnum
@@ -10,7 +10,7 @@ import numpy as np
 
 
 class Stream(IntEnum):
-    """What a stream is for; the numbers are part of every result and never change."""
+    """The purpose of a stream; its number affects every result and must not change."""
 
     INITIAL_STATE = 0
     CROSS_CHECK = 1
@@ -22,12 +22,12 @@ class Stream(IntEnum):
 
 
 def generator(root: int, stream: Stream, run: int) -> np.random.Generator:
-    """The generator of one run in one stream."""
+    """Return the generator of one run in one stream."""
     sequence = np.random.SeedSequence(root, spawn_key=(int(stream), run))
     return np.random.Generator(np.random.PCG64DXSM(sequence))
 
 
 def generator_at(root: int, stream: Stream, run: int, place: str) -> np.random.Generator:
-    """The generator of one run for what stands at a place of the configuration."""
+    """Return the generator of one run for the component at a place of the configuration."""
     sequence = np.random.SeedSequence(root, spawn_key=(int(stream), run, crc32(place.encode())))
     return np.random.Generator(np.random.Philox(sequence))

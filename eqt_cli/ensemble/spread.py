@@ -1,4 +1,4 @@
-"""What several distributions are made of: coordinates, independent normals, sizes and axes."""
+"""Base class of distributions, and parts of them: coordinates, normals, sizes and axes."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -13,22 +13,22 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 
 Axis = Literal["random"] | list[Real]
-"""A direction that is given, or a random one."""
+"""A fixed or a random direction."""
 
 
 class Distribution(Component):
-    """What is drawn for each run: a frozen dataclass whose fields are its options."""
+    """A distribution drawn for each run: a frozen dataclass whose fields are its options."""
 
     @abstractmethod
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """The numbers of one run."""
+        """Return the random numbers of one run."""
 
     def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
-        """The same, for a distribution that knows its runs."""
+        """Return the numbers of a run, in distributions that depend on its number."""
         return self.draw(G, generator)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note what of its options does not fit the group."""
+        """Note options that do not fit the group."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Spread:
     Attributes
     ----------
     std
-        Standard deviation of every entry, or one per entry; in the unit of what is drawn.
+        Standard deviation of every entry, or one per entry, in the unit of the entries.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
@@ -46,15 +46,15 @@ class Spread:
     std: Real | list[Real] = 1.0
 
     def draw(self, length: int, generator: np.random.Generator) -> Array:
-        """`length` independent normals."""
+        """Return `length` independent normals."""
         return np.asarray(self.std) * generator.standard_normal(length)
 
     def check(self, length: int, problems: Problems) -> None:
         """Note a wrong number of standard deviations, or a negative one."""
         problems = problems.at("std")
         if isinstance(self.std, list) and len(self.std) != length:
-            got = f"got a list of {len(self.std)}"
-            problems.add(f"expected a number or a list of {length}, {got}")
+            got = len(self.std)
+            problems.add(f"expected a number or a list of {length}, got a list of {got}")
         elif np.min(self.std) < 0:
             problems.add(f"expected a standard deviation of at least 0, got {np.min(self.std):g}")
 
@@ -66,11 +66,11 @@ class NormalCoordinates:
     std: Real | list[Real] = 1.0
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """std · N(0, 1)^m."""
+        """Return std · N(0, 1)^m."""
         return Spread(self.std).draw(G.dimension, generator)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A wrong number of standard deviations, or a negative one."""
+        """Note a wrong number of standard deviations, or a negative one."""
         Spread(self.std).check(G.dimension, problems)
 
 
@@ -81,18 +81,18 @@ class Coordinates:
     coordinates: list[Real] | None = None
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """The coordinates."""
+        """Return the coordinates."""
         return np.zeros(G.dimension) if self.coordinates is None else np.array(self.coordinates)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A wrong number of coordinates."""
+        """Note a wrong number of coordinates."""
         check_coordinates(self.coordinates, G, problems.at("coordinates"))
 
 
-def check_coordinates(given: list[Real] | None, G: MatrixLieGroup, problems: Problems) -> None:
+def check_coordinates(values: list[Real] | None, G: MatrixLieGroup, problems: Problems) -> None:
     """Note a wrong number of algebra coordinates."""
-    if given is not None and len(given) != G.dimension:
-        problems.add(f"expected {G.dimension} numbers for {G.name}, got {len(given)}")
+    if values is not None and len(values) != G.dimension:
+        problems.add(f"expected {G.dimension} numbers for {G.name}, got {len(values)}")
 
 
 # Vectors by size and axis -------------------------------------------------------------------------
@@ -101,23 +101,23 @@ def check_coordinates(given: list[Real] | None, G: MatrixLieGroup, problems: Pro
 def directed(
     size: float | list[float], axis: Axis, length: int, generator: np.random.Generator
 ) -> Array:
-    """A vector of a size, or of one between two, ``(length,)``; a random axis is isotropic."""
+    """Return a vector of a fixed or a uniform size, ``(length,)``; a random axis is isotropic."""
     low, high = size if isinstance(size, list) else (size, size)
-    drawn = generator.uniform(low, high)
-    along = generator.standard_normal(length) if isinstance(axis, str) else np.array(axis)
-    return drawn * (along / np.linalg.norm(along))
+    norm = generator.uniform(low, high)
+    direction = generator.standard_normal(length) if isinstance(axis, str) else np.array(axis)
+    return norm * (direction / np.linalg.norm(direction))
 
 
 def check_size(size: float | list[float], problems: Problems) -> None:
-    """Note a list that is not the least and the greatest size, or one below 0."""
+    """Note a list that is not a smallest and a largest size, and a size below 0."""
     if isinstance(size, list) and (len(size) != 2 or size[0] > size[1]):
-        problems.add(f"expected a number, or a list of the least and the greatest, got {size}")
+        problems.add(f"expected a number, or a list of the smallest and the largest, got {size}")
     elif np.min(size) < 0:
         problems.add(f"expected a number of at least 0, got {np.min(size):g}")
 
 
 def check_axis(axis: Axis, length: int, problems: Problems) -> None:
-    """Note an axis of another length, or one without a direction."""
+    """Note an axis of a wrong length, or without a direction."""
     if isinstance(axis, list) and (len(axis) != length or not any(axis)):
         expected = f"a list of {length} that are not all 0" if length > 1 else "[1] or [-1]"
         problems.add(f"expected random, or {expected}, got {axis}")

@@ -12,7 +12,7 @@ from eqt_cli.ensemble.designs import Design, designs
 from eqt_cli.ensemble.designs.base import counted, overlap
 
 BLOCK: dict[str, Any] = {"type": "object", "title": "a block of a sweep"}
-"""What stands in JSON schemas of designs for one block of any design."""
+"""Placeholder for a block of any design in the JSON schemas of designs."""
 
 
 EXPECTED = "expected a list of blocks such as {grid: {gains.kp: [1, 2]}}"
@@ -29,7 +29,7 @@ class Sweep(Design):
         The section that describes them: a list, or a single block by itself.
     """
 
-    name: ClassVar[str]  # none: it is the whole section, not a kind of block
+    name: ClassVar[str]  # not set, because a sweep is the whole section and no kind of block
 
     def __init__(self, blocks: list[Design], data: Any) -> None:
         self.blocks, self.data = blocks, data
@@ -46,7 +46,7 @@ class Sweep(Design):
         return self._always
 
     def only(self, points: Sequence[int]) -> "Sweep":
-        """Some of its points, numbered anew."""
+        """Return a sweep of some of its points, numbered from 0."""
         return _Some(self, points)
 
     @classmethod
@@ -69,7 +69,7 @@ class Sweep(Design):
 
     @classmethod
     def part(cls, section: Any, problems: Problems) -> Self | None:
-        """A sweep whose section may also be a single block."""
+        """Return a sweep whose section may also be a single block."""
         if isinstance(section, list):
             return cls.read(section, problems)
         block = _block(section, problems)
@@ -82,7 +82,7 @@ class Sweep(Design):
         return tuple(value for block, inner in self._split(point) for value in block.values(inner))
 
     def point(self, point: int) -> dict[str, Any]:
-        """The values at a point, by key."""
+        """Return the values at a point, by key."""
         return dict(zip(self.keys, self.values(point), strict=True))
 
     def settings(self, point: int) -> dict[str, Any]:
@@ -97,12 +97,12 @@ class Sweep(Design):
         raise KeyError(key)
 
     def _split(self, point: int) -> list[tuple[Design, int]]:
-        """The point of every block."""
-        found = []
+        """Return every block with its own point."""
+        parts = []
         for block in reversed(self.blocks):
             point, inner = divmod(point, len(block))
-            found.append((block, inner))
-        return found[::-1]
+            parts.append((block, inner))
+        return parts[::-1]
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -142,6 +142,6 @@ def _block(entry: Any, problems: Problems) -> Design | None:
 
 
 def _key_path(block: Design, key: str) -> KeyPath:
-    """Where a block gives a key its values."""
+    """Return the place where a block gives a key its values."""
     path = block.first_place(key)
     return (block.name, *(path if path[-1] == key else path[:-1]))

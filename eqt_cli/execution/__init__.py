@@ -1,1 +1,1 @@
-"""From a study to its result folder: runs are computed in parts, kept, checked and packed."""
+"""Computes a study into its result folder: in parts, which are saved, checked and packed."""

@@ -1,4 +1,4 @@
-"""Groups runs of equal structure, of many points, into problems that an engine solves at once."""
+"""Groups runs of equal structure, also of different points, into problems for the engine."""
 
 import dataclasses
 import json
@@ -26,13 +26,13 @@ class Batch:
     Attributes
     ----------
     rows
-        Where they are among the entries asked for.
+        Rows of the runs among the requested entries.
     points
         The point of each run.
     experiment
-        The experiment at the first of them; engine and judgement are the same for all.
+        The experiment at the first point; its engine and its judgement are those of all points.
     kind
-        Equal for batches, of any controller, that could be one problem.
+        Equal for batches, of any controller, that could be joined into one problem.
     """
 
     rows: Array
@@ -43,7 +43,7 @@ class Batch:
     kind: Hashable
 
     def select(self, runs: Array) -> "Batch":
-        """The same batch for some of its runs."""
+        """Return the batch of some of its runs."""
         problem = self.problem.select(runs)
         return dataclasses.replace(
             self, rows=self.rows[runs], points=self.points[runs], problem=problem
@@ -51,22 +51,22 @@ class Batch:
 
 
 def batches(study: Study, label: str, entries: Array) -> Iterator[Batch]:
-    """The runs of one controller, counted over all points, as problems of equal structure each.
+    """Group runs of one controller, numbered over all points, into problems of equal structure.
 
-    Within a problem they are in the order of `entries`.
+    Within a problem the runs keep the order of `entries`.
     """
     points, runs = np.divmod(entries, study.plan.runs)
     yield from _batches(study, label, points, runs)
 
 
 def reference_batches(study: Study, points: Array) -> Iterator[Batch]:
-    """The references of some points by themselves; they belong to no run."""
-    label = next(iter(study.base.loops))  # all controllers have the same
+    """Group the references of some points, without runs, into problems."""
+    label = next(iter(study.base.loops))  # all controllers have the same reference
     yield from _batches(study, label, points)
 
 
 def initial_states(study: Study, points: Array, runs: Array) -> tuple[Array, Array]:
-    """The initial poses and velocities of some runs, each of a point."""
+    """Return the initial poses and velocities of some runs, each at its point."""
     if not study.initial_varies:
         wanted, where = np.unique(runs, return_inverse=True)
         Q, V = _draw(study, 0, tuple(wanted.tolist()))
@@ -94,9 +94,7 @@ def _batches(study: Study, label: str, points: Array, runs: Array | None = None)
     for point in _distinct(points):
         kinds.setdefault(_kind(study.experiment(point), label), []).append(point)
     for kind, members in kinds.items():
-        rows = (
-            np.flatnonzero(np.isin(points, members)) if len(kinds) > 1 else np.arange(len(points))
-        )
+        rows = np.flatnonzero(np.isin(points, members))
         own = None if runs is None else runs[rows]
         problem = _problem(study, label, points[rows], own)
         experiment = study.experiment(members[0])
@@ -125,7 +123,7 @@ def _problem(study: Study, label: str, points: Array, runs: Array | None) -> Pro
 
 
 def differing(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
-    """The leaves in which the loops differ, one row for each run; run k is of loop which[k]."""
+    """Return the leaves in which the loops differ, a row for each run; run k has loop which[k]."""
     if len(loops) == 1:
         return {}
     by_loop = [leaves(loop) for loop in loops]
@@ -136,7 +134,7 @@ def differing(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
 def _drawn(
     experiments: list[Experiment], label: str, which: Array, runs: Array
 ) -> dict[str, Array]:
-    """The numbers of each run's own vehicle, one row for each run."""
+    """Return the numbers drawn for the vehicle of each run, a row for each run."""
     rows = []
     for experiment, random_of in _by_run(experiments, which, runs):
         loop = experiment.loops[label]
@@ -145,7 +143,7 @@ def _drawn(
 
 
 def _errors(problem: Problem, experiments: list[Experiment], which: Array, runs: Array) -> Errors:
-    """What the sensors do in each run."""
+    """Return the measurement errors of each run."""
     G, vehicle, instants = problem.loop.group, problem.loop.vehicle, problem.control_instants
     randoms = (random_of for _, random_of in _by_run(experiments, which, runs))
     found = [vehicle.measurement_errors(G, instants, random_of) for random_of in randoms]
@@ -155,14 +153,14 @@ def _errors(problem: Problem, experiments: list[Experiment], which: Array, runs:
 def _by_run(
     experiments: list[Experiment], which: Array, runs: Array
 ) -> Iterator[tuple[Experiment, Callable[[str], np.random.Generator]]]:
-    """For each run its experiment, and the random streams of what is drawn for its vehicle."""
+    """Yield the experiment of each run, and the random streams for its vehicle."""
     for index, run in zip(which.tolist(), runs.tolist(), strict=True):
         seed = experiments[index].config.ensemble.seed
         yield experiments[index], partial(generator_at, seed, Stream.VEHICLE, run)
 
 
 def _kind(experiment: Experiment, label: str) -> Hashable:
-    """What runs of one problem must have in common: all but leaves and initial states."""
+    """Return a key of all that the runs of one problem share: all but leaves and initial states."""
     loop, config = experiment.loops[label], experiment.config
     parts = [structure(part) for part in (loop.inertia, loop.gains, loop.vehicle)]
     judged = [config.settling_threshold, config.early_window, config.closing_window]
@@ -171,5 +169,5 @@ def _kind(experiment: Experiment, label: str) -> Hashable:
 
 
 def _distinct(points: Array) -> list[int]:
-    """The points in the order in which they first occur."""
+    """Return the distinct points in the order of their first occurrence."""
     return list(dict.fromkeys(points.tolist()))

@@ -1,4 +1,4 @@
-"""Computes one part: integrates its runs, measures them, and hands over a table."""
+"""Computes one part: integrates its runs, measures them, and returns a table."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
+from eqt_cli.closed_loop.estimates import of_pose
 from eqt_cli.closed_loop.signals import at_state, knows_energy
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
@@ -25,7 +26,7 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import distance_to_unstable
 from eqt_cli.mechanics.settling import settling_error
 from eqt_cli.mechanics.tracking import Tracking
-from eqt_cli.results.metrics import SETTLING
+from eqt_cli.results.metrics import ESTIMATE_SETTLING, SETTLING
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.results.quantity_table import DESIRED, measured_of
 from eqt_cli.store.reader import ResultFile
@@ -40,31 +41,31 @@ LEADING = {
 """The leading dimension of each kind of variable in the table of a part."""
 
 NUMBERS = "numbers"
-"""Real numbers per run, a row for each quantity."""
+"""Variable of a part with the real numbers of each run, a row for each quantity."""
 
 ROWS = "rows_of_numbers"
-"""The attribute of a part that names the quantities of these rows, in their order."""
+"""Attribute of a part with the names of the rows of `NUMBERS`, in their order."""
 
 CHECKED = "checked_"
-"""What begins the names of the stretches of states, ``(checked, sample, …)``, of the runs that are
-redone when the parts are packed."""
+"""Prefix of the variables with the states, ``(checked, sample, …)``, of the runs that are
+cross-checked when the parts are packed."""
 
 POSE_ERROR, DRIFT = "pose error", "drift from the group"
 RESIDUAL, ERROR = "residual of the reference, squared", "error, squared"
 MOTION = "pose and velocity"
-"""What metrics are made of at every sample and no signal, which has a name without spaces."""
+"""Inputs of metrics at every sample that are not signals. Names of signals have no spaces."""
 
 Desired = Mapping[str, Array]
-"""The quantities `DESIRED` at every sample, ``(samples, …)``, or of several points."""
+"""The quantities `DESIRED` at every sample, ``(samples, …)``, with an axis for several points."""
 
 
 def shared_reference(study: Study) -> dict[str, Array]:
-    """The one reference that all runs share, by itself."""
+    """Solve the reference that all runs share."""
     return {name: values[0] for name, values in solve_references(study, np.array([0])).items()}
 
 
 def reference_table(study: Study) -> Table:
-    """The one reference that all runs share, as it is kept until the parts are packed."""
+    """Return the table of the shared reference, which is stored until the parts are packed."""
     found = shared_reference(study)
     return Table(
         {
@@ -75,11 +76,14 @@ def reference_table(study: Study) -> Table:
 
 
 def solve_references(study: Study, points: Array) -> dict[str, Array]:
-    """The references of some points by themselves, `DESIRED` as ``(points, samples, …)``."""
-    times, label = study.base.times, next(iter(study.base.loops))  # all laws have the same
+    """Solve the references of some points: `DESIRED` as ``(points, samples, …)``."""
+    times, label = (
+        study.base.times,
+        next(iter(study.base.loops)),
+    )  # all laws have the same reference
     systems = [ReferenceSystem.of(study.experiment(int(point)).loops[label]) for point in points]
     states = np.empty((len(points), len(times), systems[0].state_length))
-    if systems[0].state_length:  # else it is evaluated
+    if systems[0].state_length:  # a reference without states needs no integration
         for batch in reference_batches(study, points):
             states[batch.rows] = batch.engine.solve(batch.problem).states
     found = [_desired(system, times, own) for system, own in zip(systems, states, strict=True)]
@@ -87,9 +91,9 @@ def solve_references(study: Study, points: Array) -> dict[str, Array]:
 
 
 def _desired(system: ReferenceSystem, times: Array, states: Array) -> dict[str, Array]:
-    """`DESIRED` of a reference at every sample, ``(samples, …)`` each."""
+    """Return `DESIRED` of a reference at every sample, ``(samples, …)`` each."""
     s = system.tracking(times, states)
-    # What is made of numbers alone has no axis of time.
+    # A constant value has no axis of time.
     return {
         name: np.broadcast_to(values, (len(times), *values.shape[values.ndim - axes :]))
         for name, values, axes in zip(DESIRED, (s.Qd, s.Vd, s.tau_d), (2, 1, 1), strict=True)
@@ -99,12 +103,12 @@ def _desired(system: ReferenceSystem, times: Array, states: Array) -> dict[str, 
 def compute_part(
     study: Study, part: StudyPart, shared: Desired | None, context: TaskContext
 ) -> Table:
-    """Everything that is kept of a part's runs.
+    """Compute everything that is stored of a part's runs.
 
     Parameters
     ----------
     shared
-        The reference that all points share; None where each point has its own.
+        The reference that all points share; None if each point has its own.
     """
     gathered = PartArrays(study, part)
     own = None
@@ -119,12 +123,12 @@ def compute_part(
                 reference = {name: values[where] for name, values in own.items()}
             assert reference is not None
             names, whole = gathered.names(block), gathered.wants_states(block)
-            gathered.add(block, *_solved(block, reference, names, whole, context))
+            gathered.add(block, *_solve(block, reference, names, whole, context))
     return gathered.table()
 
 
 def lost_part(study: Study, part: StudyPart, message: str) -> Table:
-    """A part whose every run counts as failed, because no worker survived it."""
+    """Return a part whose runs all count as failed, because its workers were lost."""
     gathered = PartArrays(study, part)
     gathered.data["status"][:] = Status.WORKER_LOST
     gathered.data["message"][:] = message
@@ -132,10 +136,10 @@ def lost_part(study: Study, part: StudyPart, message: str) -> Table:
 
 
 class PartArrays:
-    """The arrays of a part while its batches come in; what does not come is missing.
+    """The arrays of a part, filled batch by batch; values that are never added stay missing.
 
-    The first controller's parts hold the initial states (of one point where all share them), and
-    the references where each point has its own.
+    The parts of the first controller also hold the initial states (of the first point if all points
+    share them), and the references if each point has its own.
     """
 
     def __init__(self, study: Study, part: StudyPart) -> None:
@@ -166,35 +170,33 @@ class PartArrays:
         if len(starts):
             Q, V = initial_states(study, part.points[starts], part.run_numbers[starts])
             self.data |= {"initial_pose": Q, "initial_velocity": V}
-        self._kept = _places(self.kept_rows, len(part))
+        self._kept = _positions(self.kept_rows, len(part))
         check_rows = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
-        self._checked = _places(check_rows, len(part))
+        self._checked = _positions(check_rows, len(part))
         self.state_layout = base.loops[self.label].layout
         shape = (len(check_rows), base.config.time.samples, self.state_layout.length)
         self.check_states = np.full(shape, np.nan)
 
-    def add_references(self, found: Desired) -> None:
-        """Keep what is asked for of the references of the points."""
+    def add_references(self, desired: Desired) -> None:
+        """Store the required quantities of the references of the points."""
         for name in DESIRED:
             if name in self.data:
-                self.data[name][:] = found[name][:, self.samples]
+                self.data[name][:] = desired[name][:, self.samples]
 
     def names(self, batch: Batch) -> tuple[str, ...]:
-        """The quantities that are kept of some runs: no signals where no trajectory is."""
-        kept = (
-            {ValuePer.RUN}
-            if (self._kept[batch.rows] < 0).all()
-            else {ValuePer.RUN, ValuePer.TRAJECTORY}
-        )
+        """Return the quantities to store of a batch: signals only if it has stored trajectories."""
+        kept = {ValuePer.RUN}
+        if (self._kept[batch.rows] >= 0).any():
+            kept.add(ValuePer.TRAJECTORY)
         return tuple(entry.name for entry in self.quantities if entry.per in kept)
 
     def wants_states(self, batch: Batch) -> bool:
-        """Whether more is kept of some of these runs than numbers."""
+        """Whether some of these runs need signals or states besides numbers."""
         return bool((np.maximum(self._kept, self._checked)[batch.rows] >= 0).any())
 
-    def add(self, batch: Batch, solution: Solution, found: dict[str, Array]) -> None:
-        """Keep what is asked for of some runs."""
-        found = found | {
+    def add(self, batch: Batch, solution: Solution, values: dict[str, Array]) -> None:
+        """Store the required quantities of a batch."""
+        values = values | {
             "steps": solution.steps,
             "status": solution.status,
             "message": np.array(solution.messages, dtype=object),
@@ -202,17 +204,17 @@ class PartArrays:
         kept, checked = self._kept[batch.rows], self._checked[batch.rows]
         for quantity in self.quantities:
             if quantity.per is ValuePer.RUN:
-                self.data[quantity.name][batch.rows] = found[quantity.name]
+                self.data[quantity.name][batch.rows] = values[quantity.name]
             elif quantity.per is ValuePer.TRAJECTORY and (kept >= 0).any():
-                signal = found[quantity.name][kept >= 0]
+                signal = values[quantity.name][kept >= 0]
                 self.data[quantity.name][kept[kept >= 0]] = signal[:, self.samples]
         if (checked >= 0).any():
             self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
 
     def table(self) -> Table:
-        """All of it; the numbers per run are rows of one array.
+        """Return the table of the part. The numbers per run are the rows of one array.
 
-        A part of many small datasets takes more time than its runs.
+        Writing many small datasets can take longer than computing the runs.
         """
         rows = [entry.name for entry in self.quantities if is_number(entry)]
         variables = {
@@ -229,8 +231,8 @@ class PartArrays:
         return Table(variables, {}, {ROWS: " ".join(rows)})
 
 
-def _places(chosen: Array, count: int) -> Array:
-    """The place of each of `count` rows among the chosen ones; −1 where it is none of them."""
+def _positions(chosen: Array, count: int) -> Array:
+    """Return the index of each of `count` rows among the chosen ones; −1 for the other rows."""
     places = np.full(count, -1)
     places[chosen] = np.arange(len(chosen))
     return places
@@ -245,14 +247,14 @@ def _blank(quantity: Quantity, shape: tuple[int, ...]) -> Array:
 
 @dataclass(frozen=True)
 class KeptPart:
-    """A part in memory, which is in a file as well; it is read as that file is."""
+    """A part in memory with the reading interface of its file."""
 
     path: Path
     table: Table
 
     @property
     def attributes(self) -> Mapping[str, Attribute]:
-        """Those of the table."""
+        """Attributes of the table."""
         return self.table.attributes
 
     def has(self, name: str) -> bool:
@@ -264,28 +266,28 @@ class KeptPart:
 
 
 StoredPart = KeptPart | ResultFile
-"""A finished part, wherever it is read from."""
+"""A finished part, in memory or in a file."""
 
 
 def checked_states(results: StoredPart, layout: StateLayout) -> Array:
-    """The states that a part holds of the runs that are redone, ``(checked, samples, n)``."""
+    """Return the states of the cross-checked runs of a part, ``(checked, samples, n)``."""
     return np.concatenate([results[CHECKED + name] for name in layout.lengths], axis=-1)
 
 
 def is_number(quantity: Quantity) -> bool:
-    """Whether a part keeps a quantity as a row of `NUMBERS`."""
+    """Whether a part stores a quantity as a row of `NUMBERS`."""
     return (
         quantity.per is ValuePer.RUN and quantity.dtype is not None and quantity.dtype.kind == "f"
     )
 
 
 def read_part(results: StoredPart, quantities: Sequence[Quantity]) -> dict[str, Array]:
-    """Every variable that a part holds, by name.
+    """Read all variables of a part, by name.
 
     Raises
     ------
     ResultError
-        If it lacks what every run must have.
+        If a variable that every run must have is missing.
     """
     rows, numbers = str(results.attributes.get(ROWS, "")).split(), results[NUMBERS]
     missing = [
@@ -303,27 +305,22 @@ def read_part(results: StoredPart, quantities: Sequence[Quantity]) -> dict[str, 
     }
 
 
-def _solved(
+def _solve(
     batch: Batch, reference: Desired, names: Sequence[str], whole: bool, context: TaskContext
 ) -> tuple[Solution, dict[str, Array]]:
-    """The solution of a batch, with its metrics and, where `whole`, all signals."""
+    """Solve a batch; return the solution with its metrics and, if `whole`, all signals."""
     engine, solver = batch.engine, batch.experiment.solver
-    # To estimate its error, a run is solved twice; it counts as done after both.
+    # An error estimate solves a run twice; each solution counts as half of the run.
     share = 0.5 if solver.estimates_errors else 1.0
     kept = None if whole else (MOTION,)
-    rows, ways = (
-        [_in_rows(reference)],
-        (
-            context.threads,
-            lambda runs: context.progress(share * runs),
-        ),
-    )
-    first = engine.measured(*_functions(batch, names), batch.problem, rows, kept, *ways)
+    how = context.threads, lambda runs: context.progress(share * runs)
+    rows = [_in_rows(reference)]
+    first = engine.measured(*_functions(batch, names), batch.problem, rows, kept, *how)
     estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:
         compared, motion = Difference(), [first.arrays[MOTION]]
         second = engine.tightened(0.1).measured(
-            compared, Difference.largest, batch.problem, motion, (), *ways
+            compared, Difference.largest, batch.problem, motion, (), *how
         )
         estimate = second.numbers[ERROR]
     _judge(first.solution, estimate, solver.judgement.max_error)
@@ -333,30 +330,30 @@ def _solved(
 def measured(
     batch: Batch, solution: Solution, reference: Desired, names: Sequence[str]
 ) -> dict[str, Array]:
-    """The signals of a solution, and what of its runs is one number each, by name.
+    """Return the signals and the metrics of a solution, by name.
 
     Parameters
     ----------
     reference
-        By itself, which the reference of every run is compared with.
+        The reference solved without runs, with which the reference of every run is compared.
     names
-        The signals and metrics that are wanted.
+        Names of the signals and metrics to compute.
     """
     function, reduction = _functions(batch, names)
     states, times = solution.states, batch.problem.times
-    with np.errstate(all="ignore"):  # runs that failed are NaN, or large
+    with np.errstate(all="ignore"):  # states of failed runs are NaN or very large
         found = batch.engine.evaluate(function, batch.problem, states, _in_rows(reference))
         return found | reduction(Samples(times), found)
 
 
 def _in_rows(reference: Desired) -> Array:
-    """The desired pose and velocity at every sample: ``(samples, n)``, or of every run."""
+    """Join the flat desired pose and the desired velocity: ``(samples, n)``, or for every run."""
     pose, velocity = reference["desired_pose"], reference["desired_velocity"]
     return np.concatenate([pose.reshape(*velocity.shape[:-1], -1), velocity], axis=-1)
 
 
 def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numbers]:
-    """What is measured of a batch: at every sample, and of each run."""
+    """Return the functions that measure a batch: at every sample, and per run."""
     problem, config = batch.problem, batch.experiment.config
     metrics = [row for row in measured_of(config, problem.loop.group) if row.name in names]
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
@@ -373,32 +370,35 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
 
 @dataclass(frozen=True)
 class SampledSignals:
-    """What is measured at a sample, of floats or symbols.
+    """Computes the signals at a sample, for floats or symbols.
 
     Attributes
     ----------
     names
-        The signals that are wanted, among other names.
+        Names of the required signals. Other names are ignored.
     thresholds
-        Of settling, by parts; none where there is one for the pose error.
+        Settling thresholds by part; empty if one threshold holds for the pose error.
     """
 
     names: tuple[str, ...]
     thresholds: tuple[tuple[str, float], ...] = ()
 
     def __call__(self, loop: ClosedLoop, t: Any, states: Array, desired: Array) -> dict[str, Array]:
-        """The signals, and what else metrics are made of, by name.
+        """Return the signals and the other inputs of metrics, by name.
 
         Parameters
         ----------
         desired
-            The desired pose, flat, and behind it the desired velocity.
+            The flat desired pose, followed by the desired velocity.
         """
         s, G = loop.tracking(t, states), loop.group
-        signals = at_state(loop, s, loop.work(states))
+        signals = at_state(loop, s, loop.work(states), self.names)
         found = {name: values for name, values in signals if name in self.names}
         if SETTLING in self.names:
             found[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.thresholds))
+        if ESTIMATE_SETTLING in self.names:
+            error = G.exp(of_pose(s))
+            found[ESTIMATE_SETTLING] = settling_error(G, error, G.identity, dict(self.thresholds))
         pose, velocity = np.split(desired, [G.size**2], axis=-1)
         pose = pose.reshape(*pose.shape[:-1], G.size, G.size)
         return found | {
@@ -411,18 +411,20 @@ class SampledSignals:
 
 @dataclass(frozen=True)
 class Numbers:
-    """What is one number of each run, of the signals that metrics are made of.
+    """Reduces signals to one number of each run.
 
     Attributes
     ----------
     key
-        What tells these numbers from others.
+        Identifies the metrics and their settings; compiled reductions are cached by it.
+    metrics
+        The metrics to compute.
     keys
-        The values of keys of the configuration, by name.
+        Values of the keys of the configuration that metrics use, by name.
     K
-        That of the runs.
+        The gain K of the runs.
     balanced
-        Whether L + W is a balance.
+        Whether the energy balance L + W is known.
     """
 
     key: Hashable
@@ -433,7 +435,7 @@ class Numbers:
     balanced: bool = field(compare=False)
 
     def __call__(self, over: OverTime, found: Mapping[str, Any]) -> dict[str, Any]:
-        """The metrics, and what tells whether they can be relied on, by name."""
+        """Return the metrics and the indicators of their reliability, by name."""
         signals = dict(found)
         if not self.balanced:
             signals["energy_balance"] = np.nan * signals["energy_balance"]
@@ -456,10 +458,10 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Difference:
-    """How far a solution is from another at a sample, of floats or symbols."""
+    """Compares a solution with another one at a sample, for floats or symbols."""
 
     def __call__(self, loop: ClosedLoop, t: Any, states: Array, other: Array) -> dict[str, Array]:
-        """Its square, of the pose and of the velocity.
+        """Return the squared differences of pose and velocity.
 
         Parameters
         ----------
@@ -472,13 +474,13 @@ class Difference:
 
     @staticmethod
     def largest(over: OverTime, found: Mapping[str, Any]) -> dict[str, Any]:
-        """The largest of both over all samples."""
+        """Return the largest difference of pose or velocity over all samples."""
         return {ERROR: largest(over, found[ERROR])}
 
 
 def _motion(s: Tracking) -> Array:
-    """The pose, flat, and behind it the velocity."""
-    # One of them may be the same at every sample.
+    """Return the flat pose, followed by the velocity."""
+    # A constant pose or velocity has no axis of time.
     Q, V = s.Q.reshape(*s.Q.shape[:-2], -1), s.V
     shape = np.broadcast_shapes(Q.shape[:-1], V.shape[:-1])
     parts = [np.broadcast_to(part, (*shape, part.shape[-1])) for part in (Q, V)]
@@ -486,7 +488,7 @@ def _motion(s: Tracking) -> Array:
 
 
 def _judge(solution: Solution, estimate: Array, limit: float | None) -> None:
-    """Give runs whose error estimate exceeds `max_error` a status of their own."""
+    """Set the status `ACCURACY` for runs whose error estimate exceeds `max_error`."""
     if limit is None:
         return
     for run in np.flatnonzero((solution.status == Status.OK) & (estimate > limit)):

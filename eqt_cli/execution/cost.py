@@ -1,4 +1,4 @@
-"""What a study costs: the time that it takes, its size on the disk, and the memory it needs."""
+"""Estimates the wall time of a study, its size on the disk, and the memory that it needs."""
 
 import os
 import shutil
@@ -17,30 +17,30 @@ from eqt_cli.results.quantity import ValuePer
 from eqt_cli.results.quantity_table import quantities
 
 MOST_PIECES = 5
-"""Of points that differ in shape, so many are measured."""
+"""Largest number of pieces (points of one shape) whose runs are timed."""
 
 PART_OVERHEAD = 10_000
-"""Bytes of the file of a part beside its arrays, at the least: 10 to 18 kB were measured."""
+"""Least overhead of the file of a part, bytes; 10 to 18 kB were measured."""
 
-COMPILING = 5.0
-"""s, that the compilation of a law takes at the most."""
+COMPILE_SECONDS = 5.0
+"""Longest expected time to compile a law, s."""
 
 COPIES = 3
-"""Of states and signals that a part holds at once at the least: 3 to 13 were measured."""
+"""Least number of copies of states and signals in memory at once; 3 to 13 were measured."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Expected cost.
+    """Expected cost of a study.
 
     Attributes
     ----------
     seconds
         Wall time, s.
     workers
-        How many of them will be at work.
+        Number of workers.
     size
-        Of the result file, bytes.
+        Size of the result file, bytes.
     """
 
     seconds: float
@@ -49,32 +49,32 @@ class Estimate:
 
 
 def estimate(study: Study, executor: Executor) -> Estimate:
-    """Compute the first part of a piece, without keeping it, and scale; of some pieces."""
+    """Time the first part of some pieces without storing it, and extrapolate."""
     plans, count = study.plans, len(study.shapes)
     measured = sorted({k * (count - 1) // max(MOST_PIECES - 1, 1) for k in range(MOST_PIECES)})
     threads = executor.threads_for(len(plans)) if study.base.engine.threads else 1
     runs = sum(plans.plans[index].total for index in measured)
-    seconds = sum(_run(study.piece(k), threads) * plans.plans[k].total for k in measured)
+    seconds = sum(_time_per_run(study.piece(k), threads) * plans.plans[k].total for k in measured)
     parts, each = len(plans), seconds / runs * plans.total / len(plans)
     workers = executor.at_once(parts, each) * threads
     return Estimate(executor.wall_time(parts, each), workers, result_size(study))
 
 
-def _run(study: Study, threads: int) -> float:
-    """How long a run of the first part takes, s; computed twice, unless that takes long."""
+def _time_per_run(study: Study, threads: int) -> float:
+    """Return the time per run of the first part, s."""
     shared = None if study.desired_varies else shared_reference(study)
     seconds = 0.0
-    for _ in range(2):  # the first time may include a compilation
+    for _ in range(2):  # twice, because the first time may include a compilation
         started = time.perf_counter()
         compute_part(study, study.plan.part(0), shared, TaskContext(lambda runs: None, threads))
         seconds = time.perf_counter() - started
-        if seconds > COMPILING:
+        if seconds > COMPILE_SECONDS:
             break
     return seconds / len(study.plan.part(0))
 
 
 def result_size(study: Study) -> int:
-    """Bytes of the variables of the result file."""
+    """Return the size of the variables of the result file, bytes."""
     layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
     if not study.is_ragged:
         return layouts[0].size(layouts[0].blanks())
@@ -86,11 +86,11 @@ def result_size(study: Study) -> int:
 
 
 def parts_size(study: Study) -> int:
-    """Bytes of the files of all parts, which stay until the result file is written."""
-    return sum(_of_all_parts(study.piece(index)) for index in range(len(study.shapes)))
+    """Return the size of the files of all parts, which exist until the result is packed, bytes."""
+    return sum(_parts_bytes(study.piece(index)) for index in range(len(study.shapes)))
 
 
-def _of_all_parts(study: Study) -> int:
+def _parts_bytes(study: Study) -> int:
     layout, base = Layout(study), study.base
     samples = base.config.time.samples
     redone = min(base.solver.judgement.cross_check, study.plan.entries)
@@ -99,19 +99,19 @@ def _of_all_parts(study: Study) -> int:
 
 
 def check_resources(study: Study, folder: Path, missing: float = 1.0) -> None:
-    """Refuse what cannot fit.
+    """Check that the study fits into the memory and on the disk.
 
     Parameters
     ----------
     folder
-        Where the result is to be; it may not be there yet.
+        The result folder, which need not exist yet.
     missing
-        The share of the runs that are not in the folder yet.
+        Share of the runs that are still to be computed.
 
     Raises
     ------
     ConfigError
-        With the key to change, what is needed, and what there is.
+        With the key to change, the required size and the available size.
     """
     check_memory(study)
     result, parts = result_size(study), parts_size(study) * missing
@@ -127,27 +127,27 @@ def check_resources(study: Study, folder: Path, missing: float = 1.0) -> None:
 
 
 def check_memory(study: Study) -> None:
-    """Refuse a study of which a single part does not fit into the memory.
+    """Check that the largest part of a study fits into the memory.
 
     Raises
     ------
     ConfigError
-        With the key to change, what is needed, and what there is.
+        With the key to change, the required size and the available size.
     """
-    there = _memory()
+    memory = _memory()
     pieces = (study.piece(index) for index in range(len(study.shapes)))
-    needed = max(_of_a_part(piece) for piece in pieces)
-    if there is not None and needed > there:
+    needed = max(_part_memory(piece) for piece in pieces)
+    if memory is not None and needed > memory:
         _refuse(
             study,
             ("time", "samples"),
             f"a part of the runs takes at least {size(needed)} of memory at once, and this "
-            f"machine has {size(there)}; take fewer samples",
+            f"machine has {size(memory)}; take fewer samples",
         )
 
 
-def _of_a_part(study: Study) -> int:
-    """Bytes of the states, signals and errors of measurement of the largest part."""
+def _part_memory(study: Study) -> int:
+    """Return the bytes of the states, signals and measurement errors of the largest part."""
     base, plan = study.base, study.plan
     G, states = base.group, max(loop.state_length for loop in base.loops.values())
     vehicle = next(iter(base.loops.values())).vehicle
@@ -159,15 +159,15 @@ def _of_a_part(study: Study) -> int:
         if entry.per is ValuePer.TRAJECTORY
     )
     runs = len(plan.part(0))
-    told = 0
+    errors = 0
     if vehicle.control is not None and vehicle.measures:
         instants = base.config.time.duration / vehicle.control.period
-        told = int(8 * runs * instants * (G.size**2 + G.dimension))
-    return COPIES * 8 * runs * base.config.time.samples * (states + signals) + told
+        errors = int(8 * runs * instants * (G.size**2 + G.dimension))
+    return COPIES * 8 * runs * base.config.time.samples * (states + signals) + errors
 
 
 def _memory() -> int | None:
-    """Bytes of this machine's memory; None where that is not known."""
+    """Return the bytes of this machine's memory; None if unknown."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
@@ -175,13 +175,13 @@ def _memory() -> int | None:
 
 
 def _free_disk(folder: Path) -> int:
-    """Bytes left where a folder is, or will be."""
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    return shutil.disk_usage(there).free
+    """Return the free bytes on the disk of a folder that need not exist yet."""
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    return shutil.disk_usage(existing).free
 
 
 def size(count: float) -> str:
-    """A number of bytes in the unit that suits it."""
+    """Format a number of bytes in a suitable unit."""
     for unit in ("B", "kB", "MB", "GB"):
         if count < 1000:
             return f"{count:.3g} {unit}"

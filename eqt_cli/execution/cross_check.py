@@ -1,4 +1,4 @@
-"""Solves a few runs of each controller again by another engine, and compares."""
+"""Solves a few runs of each controller again with another engine, and compares the states."""
 
 from __future__ import annotations
 
@@ -25,51 +25,51 @@ from eqt_cli.experiment.study import Study
 from eqt_cli.results.origin import CrossCheck
 
 Recomputation = Callable[[Experiment], tuple[Engine, str]]
-"""The engine that redoes the runs of an experiment, and its name."""
+"""Returns the engine that repeats the runs of an experiment, and its name."""
 
 BOUND_PER_RTOL = 1000.0
-"""Allowed difference per unit of `rtol`: what the trajectories themselves amplify (190 times
-for a run of nog in the paper's ensemble that is solved alone) with room to spare."""
+"""Allowed difference per unit of `rtol`, with a margin for the amplification by the trajectories
+themselves: 190 was measured for a run of nog in the paper's ensemble that was solved alone."""
 
 MOST_SPANS = 200
-"""From one known instant to the next, that an engine in Python redoes. Each takes it a step of its
-own at least, some milliseconds: all of a motion through thousands of waypoints would take minutes,
-and show no other fault than its beginning."""
+"""Largest number of spans between known instants that an engine in Python repeats. Each span takes
+at least one step, some milliseconds. A motion through thousands of waypoints would take minutes,
+and would show the same faults as its beginning."""
 
-SHARE = 0.1
-"""Of the work of the runs: what the check may cost where as many runs are checked as by default."""
+WORK_SHARE = 0.1
+"""Largest cost of the check with the default number of runs, as a share of the runs' work."""
 
-FREE = 15_000
-"""Compiled steps of a run, a twentieth of a second, which the check may cost however short the runs
-are: a tenth of what any experiment takes to begin."""
+FREE_STEPS = 15_000
+"""Cost that the check may always have, in compiled steps: a twentieth of a second, which is a tenth
+of the time that any experiment needs to start."""
 
-EVALUATION = 40
-"""Compiled steps of a run that take as long as one evaluation of a vectorised law in Python: 125 µs
-and, with all that is measured of a run, 3 µs were measured. The check is cut by counts, so that it
-is the same on every machine."""
+STEPS_PER_EVALUATION = 40
+"""Number of compiled steps that take as long as one evaluation of a vectorised law in Python. An
+evaluation took 125 µs, and a step with all its measurements 3 µs. The check is limited by counts,
+not by times, so that it is the same on every machine."""
 
-EVALUATIONS = 28
-"""In Python, to come as far as one compiled step (2,820 and 100 in 20 s of the paper's runs)."""
+EVALUATIONS_PER_STEP = 28
+"""Evaluations in Python per compiled step (2,820 and 100 in 20 s of the paper's runs)."""
 
-TIGHTER = 2
-"""Times as many evaluations at a hundredth of the tolerances, at an order of 8."""
+TIGHTER_FACTOR = 2
+"""Factor of the number of evaluations at a hundredth of the tolerances, for order 8."""
 
-BLOCK = 200
-"""Runs that share the evaluations of an engine in Python."""
+BLOCK_RUNS = 200
+"""Number of runs that share the evaluations of an engine in Python."""
 
-SAME = 1e-9
-"""What rates of a piece may differ by, relative and in SI units, when others are beside it."""
+RATE_TOLERANCE = 1e-9
+"""Tolerance, relative and in SI units, for rates computed together with other pieces."""
 
 MOST_PIECES = 16
-"""Of the horizon, which such an engine redoes side by side, each from the state that was found
-there: all of it is seen in as many evaluations as one piece takes."""
+"""Largest number of pieces of the horizon that an engine in Python repeats side by side, each from
+its stored state. So the whole horizon is checked with the evaluations of one piece."""
 
 
 @lru_cache(maxsize=8)
 def chosen_entries(study: Study) -> Array:
-    """Which runs of each controller are redone, counted over all points.
+    """Return the runs of each controller to repeat, numbered over all points.
 
-    A fixed function of the seed and of the number of runs.
+    The choice depends only on the seed and on the number of runs.
     """
     entries, base = study.plan.entries, study.base
     count = min(base.solver.judgement.cross_check, entries)
@@ -82,27 +82,27 @@ def cross_check(
     found: Mapping[str, Sequence[Array]],
     work: Mapping[str, Sequence[Array]],
 ) -> CrossCheck | None:
-    """Solve the chosen runs again and compare; None where none are chosen.
+    """Solve the chosen runs again and compare; None if no run is chosen.
 
     Parameters
     ----------
     found
-        For each controller the states that were found for its chosen runs, some at a time.
+        The stored states of the chosen runs of each controller, in blocks.
     work
-        For each controller the work of all of its runs, as the engine counts it, some at a time.
+        The work of all runs of each controller, as the engine counts it, in blocks.
     """
     chosen = chosen_entries(study)
     if not len(chosen):
         return None
     groups = _by_kind(study, chosen, found)
     steps = {label: np.concatenate(own) for label, own in work.items()}
-    way = _another_way
+    recomputation = _other_engine
     try:
-        differences, redone = _differences(study, groups, way, steps)
-    except TraceError:  # the results do not depend on what another engine cannot compile
-        way = _tighter
-        differences, redone = _differences(study, groups, way, steps)
-    _, method = way(study.base)
+        differences, redone = _differences(study, groups, recomputation, steps)
+    except TraceError:  # the other engine cannot compile this experiment
+        recomputation = _tighter
+        differences, redone = _differences(study, groups, recomputation, steps)
+    _, method = recomputation(study.base)
     method = " ".join(filter(None, (method, redone.words(study.base.times))))
     largest = float(differences.max()) if len(differences) else float("nan")
     bound = BOUND_PER_RTOL * study.base.engine.rtol
@@ -110,7 +110,7 @@ def cross_check(
 
 
 def together(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
-    """The checks of several pieces as one: all of their runs, and the worst of the differences."""
+    """Combine the checks of several pieces: the sum of the runs, and the worst difference."""
     done = [check for check in checks if check is not None]
     if not done:
         return None
@@ -118,14 +118,17 @@ def together(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
     return replace(worst, runs=sum(check.runs for check in done))
 
 
-def _affordable(study: Study, way: Recomputation, groups: int, steps: Mapping[str, Array]) -> float:
-    """How much of the horizon the check can redo for `SHARE` of the work of the runs, or `FREE`.
+def _affordable(
+    study: Study, recomputation: Recomputation, groups: int, steps: Mapping[str, Array]
+) -> float:
+    """Return the share of the horizon that the check can repeat within its budget.
 
-    All of it by a compiled engine, whose time is that of compiling; and where a number of runs is
-    asked for that is not the default.
+    The budget is `WORK_SHARE` of the work of the runs, but at least `FREE_STEPS`. The whole horizon
+    is repeated by a compiled engine, whose time is mostly compilation, and if the configuration
+    sets another number of runs than the default.
     """
     base = study.base
-    engine, _ = way(base)
+    engine, _ = recomputation(base)
     if engine.threads or base.solver.judgement.cross_check != Judgement.cross_check:
         return 1.0
     counted = [np.nan_to_num(own) for own in steps.values()]
@@ -133,25 +136,25 @@ def _affordable(study: Study, way: Recomputation, groups: int, steps: Mapping[st
     if base.engine.threads:
         solves = 2 if base.solver.estimates_errors else 1
         work = solves * sum(float(own.sum()) for own in counted)
-        cost = groups * longest * EVALUATIONS * EVALUATION
+        cost = groups * longest * EVALUATIONS_PER_STEP * STEPS_PER_EVALUATION
     else:
-        blocks = [own.mean() * -(-own.size // BLOCK) for own in counted if own.size]
-        work = EVALUATION * float(sum(blocks))
-        cost = groups * longest * TIGHTER * EVALUATION
-    budget = max(SHARE * work, FREE / len(study.shapes))
+        blocks = [own.mean() * -(-own.size // BLOCK_RUNS) for own in counted if own.size]
+        work = STEPS_PER_EVALUATION * float(sum(blocks))
+        cost = groups * longest * TIGHTER_FACTOR * STEPS_PER_EVALUATION
+    budget = max(WORK_SHARE * work, FREE_STEPS / len(study.shapes))
     return min(1.0, budget / cost) if cost else 1.0
 
 
 @dataclass(frozen=True)
 class _Pieces:
-    """The pieces of the horizon that are redone, each from the state that was found at its start.
+    """Pieces of the horizon to repeat, each from the stored state at its start.
 
     Attributes
     ----------
     starts
-        The samples at which they begin.
+        Samples at which the pieces start.
     length
-        How many samples each has, with its first.
+        Number of samples of each piece, including the first.
     """
 
     starts: tuple[int, ...]
@@ -159,10 +162,11 @@ class _Pieces:
 
     @staticmethod
     def of(problem: Problem, engine: Engine, part: float) -> _Pieces:
-        """As many pieces as make the whole horizon affordable, or less of it where they do not.
+        """Return pieces that cover the horizon, or as much of it as `part` affords.
 
-        They share the evaluations of one block of the engine. Where it solves runs one by one, or
-        the vector field changes at known instants, there is one piece, as far as `MOST_SPANS` go.
+        The pieces share the evaluations of one block of the engine. If the engine solves runs one
+        by one, or the vector field changes at known instants, there is one piece of at most
+        `MOST_SPANS` spans.
         """
         steps, side_by_side = len(problem.times) - 1, engine.runs_at_once(1) // problem.runs
         number = min(steps, MOST_PIECES, int(np.ceil(1 / part)), max(1, side_by_side))
@@ -174,7 +178,7 @@ class _Pieces:
 
     @staticmethod
     def beginning(problem: Problem, part: float) -> _Pieces:
-        """The beginning of the horizon, as far as `MOST_SPANS` reach; two samples at least."""
+        """Return the beginning of the horizon: at most `MOST_SPANS` spans, at least two samples."""
         times = problem.times
         end = times[0] + part * (times[-1] - times[0])
         if len(problem.spans) > MOST_SPANS:
@@ -183,7 +187,7 @@ class _Pieces:
         return _Pieces((0,), len(times) if end >= times[-1] else max(reached, 2))
 
     def can_share_evaluations(self, whole: Problem, states: Array) -> bool:
-        """Whether the field gives each piece its own time: a user's part may take one time only."""
+        """Whether the field accepts a time for each piece; a plugin may accept only one time."""
         if len(self.starts) == 1:
             return True
         t, together = float(whole.times[0]), self.problem(whole, states)
@@ -197,10 +201,12 @@ class _Pieces:
                 t = float(whole.times[start])
                 alone.append(loop.holding(t).vector_field(t, states[:, start]))
         expected = np.concatenate(alone)
-        return rates.shape == expected.shape and np.allclose(rates, expected, SAME, SAME)
+        return rates.shape == expected.shape and np.allclose(
+            rates, expected, RATE_TOLERANCE, RATE_TOLERANCE
+        )
 
     def problem(self, whole: Problem, states: Array) -> Problem:
-        """All pieces of all runs as one problem; `states` are those that were found."""
+        """Return all pieces of all runs as one problem; `states` are the stored ones."""
         times = whole.times[: self.length]
         if len(self.starts) == 1:
             return replace(whole, times=times)
@@ -215,7 +221,7 @@ class _Pieces:
         )
 
     def differences(self, whole: Problem, states: Array, again: Array) -> Array:
-        """For each run the sum of the differences of its pieces."""
+        """Return the sum of the differences of the pieces of each run."""
         loop, total = whole.batched_loop(extra_axes=1), np.zeros(whole.runs)
         for start, redone in zip(self.starts, np.split(again, len(self.starts)), strict=True):
             samples = slice(start, start + self.length)
@@ -223,11 +229,11 @@ class _Pieces:
         return total
 
     def reach(self) -> int:
-        """From how many samples to the next it is redone."""
+        """Return the number of intervals between samples that the pieces cover."""
         return len(self.starts) * (self.length - 1)
 
     def words(self, times: Array) -> str:
-        """What is redone of the horizon; empty where it is all, at once."""
+        """Describe the repeated part of the horizon; empty for the whole horizon in one piece."""
         seconds = f"{times[self.length - 1] - times[0]:.3g} s"
         if len(self.starts) > 1:
             return f"in {len(self.starts)} pieces of {seconds}"
@@ -237,14 +243,15 @@ class _Pieces:
 def _differences(
     study: Study,
     groups: list[list[tuple[Batch, Array]]],
-    way: Recomputation,
+    recomputation: Recomputation,
     steps: Mapping[str, Array],
 ) -> tuple[Array, _Pieces]:
-    """How far another way comes from each of the runs that did not fail, and what it redoes."""
-    part, found, redone = _affordable(study, way, len(groups), steps), [np.empty(0)], []
+    """Return the difference of each run that did not fail, and the pieces that were repeated."""
+    part = _affordable(study, recomputation, len(groups), steps)
+    found, redone = [np.empty(0)], []
     everything = _Pieces((0,), len(study.base.times))
     for group in groups:
-        engine, _ = way(group[0][0].experiment)
+        engine, _ = recomputation(group[0][0].experiment)
         problem = Problem.joined([batch.problem for batch, _ in group])
         pieces = everything if engine.threads else _Pieces.of(problem, engine, part)
         states = np.concatenate([states for _, states in group])
@@ -258,22 +265,22 @@ def _differences(
         redone.append(pieces)
         counted = _counted(1 / len(pieces.starts))
         again = engine.solve(pieces.problem(whole, states), progress=counted)
-        with np.errstate(all="ignore"):  # where the other engine failed, or came far
+        with np.errstate(all="ignore"):  # the other engine may fail or diverge
             distances = pieces.differences(whole, states, again.states)
         found.append(np.nan_to_num(distances, nan=np.inf))
     return np.concatenate(found), min(redone, key=_Pieces.reach, default=everything)
 
 
 def _counted(share: float) -> Progress:
-    """Counts a piece of a run as this share of it."""
-    told = reporter()
-    return lambda pieces: told.advance(share * pieces)
+    """Return a progress callback that counts a piece as this share of a run."""
+    here = reporter()
+    return lambda pieces: here.advance(share * pieces)
 
 
 def _by_kind(
     study: Study, chosen: Array, found: Mapping[str, Sequence[Array]]
 ) -> list[list[tuple[Batch, Array]]]:
-    """What one vectorised solve can take together, of all controllers and points."""
+    """Group the chosen runs of all controllers and points that one vectorised solve can take."""
     groups: dict[Hashable, list[tuple[Batch, Array]]] = {}
     for label in study.base.loops:
         states = np.concatenate(found[label])
@@ -283,23 +290,23 @@ def _by_kind(
 
 
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
-    """max over samples of max(‖ΔQ‖_F, ‖ΔV‖) between states, ``(runs, samples, n) -> (runs,)``."""
+    """Return max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(runs, samples, n) -> (runs,)``."""
     a, b = loop.tracking(times, one), loop.tracking(times, other)
     found: Array = largest(Samples(times), squares(a.Q - b.Q, a.V - b.V))
     return found
 
 
 def squares(pose: Array, velocity: Array) -> Array:
-    """‖ΔQ‖_F² and ‖ΔV‖² at every sample, ``(..., 2)``, of floats or symbols."""
+    """Return ‖ΔQ‖_F² and ‖ΔV‖² at every sample, ``(..., 2)``, for floats or symbols."""
     return stack([(pose * pose).sum(axis=(-2, -1)), (velocity * velocity).sum(axis=-1)])
 
 
 def largest(over: OverTime, squares: Array) -> Any:
-    """The root of the largest over all samples."""
+    """Return the root of the largest square over all samples."""
     return sqrt(over.largest(maximum(squares[..., 0], squares[..., 1])))
 
 
-def _another_way(experiment: Experiment) -> tuple[Engine, str]:
+def _other_engine(experiment: Experiment) -> tuple[Engine, str]:
     other = experiment.solver.other
     if other is not None:
         return other.sized(1, 0), f"engine {other.name}"

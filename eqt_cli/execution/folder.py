@@ -1,4 +1,4 @@
-"""The folder of a result: what it holds, whose it is, and that nothing in it is lost."""
+"""The folder of a result: its files, the experiment it belongs to, and the rules for removal."""
 
 import re
 from collections.abc import Mapping
@@ -30,11 +30,11 @@ from eqt_cli.store.reserved_names import FILE_NAME
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
 FILES = "stored_files"
 RERUN = "reruns"
-"""The folder of failed runs that are computed once more."""
+"""Folder for the parts of failed runs that are computed again."""
 
 _PICTURES = (OwnFile(r".+\.(pdf|svg|png|json|gif|html)", marked=True),)
 OWN_COPIES = tuple(OwnFolder(name, (OwnFile(r"\d+-.+"),)) for name in (PLUGINS, FILES))
-"""What a configuration refers to, beside it."""
+"""Copies of the files that a configuration refers to."""
 
 _OWN: dict[str, Own] = {
     FILE_NAME: OwnFile(re.escape(FILE_NAME)),
@@ -46,18 +46,18 @@ _OWN: dict[str, Own] = {
     CONFIG: OwnFile(re.escape(CONFIG)),
     MANIFEST: OwnFile(re.escape(MANIFEST)),
 }
-"""What eqt writes in a result folder, in the order in which it is removed."""
+"""Entries that eqt writes in a result folder, in the order of their removal."""
 
 OWN_RESULT: tuple[Own, ...] = (*_OWN.values(), OwnFile(re.escape(LOCK) + "(-.+)?"))
-"""The same, with the locks."""
+"""The same entries, and the locks."""
 
 MOST_NAMES = 3
-"""Of other results in a folder, in a message."""
+"""Largest number of other results that a message names."""
 
 
 @dataclass(frozen=True)
 class ResultFolder:
-    """The folder that one experiment writes to."""
+    """The folder to which one experiment writes."""
 
     path: Path
 
@@ -69,85 +69,85 @@ class ResultFolder:
     @property
     def parts(self) -> PartFiles:
         """The finished parts."""
-        return PartFiles(self.path.resolve() / PARTS)  # workers may be elsewhere
+        return PartFiles(self.path.resolve() / PARTS)  # workers may have another working directory
 
     @property
     def manifest(self) -> dict[str, Any] | None:
-        """What the folder's last experiment was; None if it holds none."""
+        """Record of the folder's last experiment; None if there is none."""
         with self._refusals():
             return read_record(self.path / MANIFEST, "digest")
 
     def is_complete(self, study: Study) -> bool:
-        """Whether the folder already holds the finished results of this very experiment."""
+        """Whether the folder holds the complete result of this study."""
         return (self.manifest or {}).get("digest") == study.digest and self.results.exists()
 
     @property
     def is_tidy(self) -> bool:
-        """Whether the process that packed the result came to its end."""
+        """Whether the process that packed the result also finished."""
         left = self.parts.listed() or kind_of(self.path / LOCK)
         return "finished" in (self.manifest or {}) and not left
 
     def check(self) -> None:
-        """Refuse the folder, before anything in it changes, where it leads elsewhere.
+        """Check the folder before anything in it changes.
 
         Raises
         ------
         EqtError
-            If an entry that eqt writes or removes is a link, or anything but what eqt wrote.
+            If an entry that eqt would write or remove is a link, or was not written by eqt.
         """
         with self._refusals():
             check_entries(self.path, OWN_RESULT)
 
     def claim(self, study: Study, manifest: dict[str, Any], force: bool) -> list[str]:
-        """Make the folder this experiment's own; returns what was removed from it.
+        """Claim the folder for this study; return the names of removed entries.
 
         Raises
         ------
         EqtError
-            If it holds results of another experiment and `force` is not given, or files that are
-            not eqt's. What was begun and left without results is replaced.
+            If it holds results of another experiment and `force` is false, or files that eqt did
+            not write. An experiment that was begun and has no results yet is replaced.
         """
         with self._refusals():
             removed = self._clear(study, force)
             self.path.mkdir(parents=True, exist_ok=True)
-            # First, so that what follows is known as eqt's own, whenever this process may die.
+            # The manifest comes first: it marks the folder as eqt's if this process dies.
             write_record(self.path / MANIFEST, manifest)
             self.write_config(study)
             self.parts.folder.mkdir(exist_ok=True)
         return removed
 
     def write_config(self, study: Study, name: str = CONFIG, mark: bytes = b"") -> None:
-        """Write the complete configuration, below a mark, with what it refers to beside it."""
+        """Write the complete configuration below a mark, and copies of the files it refers to."""
         plugins = self._copied(PLUGINS, study.base.plugins)
         files = self._copied(FILES, study.files, ".csv")
         data = _renamed(study.resolved, files | plugins)
         replace_file(self.path / name, mark + dump(data).encode())
 
     def tidy(self) -> None:
-        """Remove what killed processes left unfinished."""
+        """Remove unfinished files of killed processes."""
         remove_left_over(self.path, OWN_RESULT)
         self.parts.tidy()
 
     def remove(self, name: str) -> list[Path]:
-        """Remove what eqt wrote under a name, and nothing of others; returns what is gone."""
+        """Remove what eqt wrote under a name, and nothing else; return the removed paths."""
         return remove_own(self.path / name, _OWN[name])
 
     def finish(self, manifest: dict[str, Any]) -> None:
-        """Write down how the run went, and remove the parts, which the result file holds."""
+        """Write the final manifest, and remove the parts, which the result file now holds."""
         with self._refusals():
             write_record(self.path / MANIFEST, manifest)
-            with suppress(OSError):  # the result is there
+            with suppress(OSError):  # the result is complete even if parts remain
                 self.remove(PARTS)
 
     def _refusals(self) -> AbstractContextManager[None]:
         return refusals(self.path, "used", OTHER_FOLDER)
 
     def _clear(self, study: Study, force: bool) -> list[str]:
-        there = [name for name in _OWN if kind_of(self.path / name)]
+        existing = [name for name in _OWN if kind_of(self.path / name)]
         manifest = self.manifest
-        if there and manifest is None:
-            raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
-        if not there and (others := _results_in(self.path)):
+        if existing and manifest is None:
+            raise EqtError(f"{self.path}: holds {existing[0]} that eqt did not write", OTHER_FOLDER)
+        if not existing and (others := _results_in(self.path)):
             own = f"give this one a folder of its own with {{}}, such as {self.path / study.name}"
             raise EqtError(
                 f"{self.path}: is the folder of other results: {', '.join(others)}",
@@ -166,17 +166,17 @@ class ResultFolder:
             )
         if begun and not force and (manifest or {}).get("plan") != study.plans.data:
             raise EqtError(
-                f"{self.path}: was begun by another version of eqt, which cuts runs differently",
+                f"{self.path}: was begun by a version of eqt that divides the runs differently",
                 Remedy("finish with that version"),
                 START_OVER,
             )
         if other is None and not force:
             return []
-        removed = [path for name in there for path in self.remove(name)]
+        removed = [path for name in existing for path in self.remove(name)]
         return [str(path) for path in removed] if force else []
 
     def _copied(self, folder: str, texts: Mapping[str, str], suffix: str = "") -> dict[str, str]:
-        """Keep what a configuration refers to, so that the folder runs again wherever it is.
+        """Copy the files that a configuration refers to, so that the folder can be moved.
 
         Returns the new paths by the old ones.
         """
@@ -190,7 +190,7 @@ class ResultFolder:
 
 
 def _renamed(data: Any, names: dict[str, str]) -> Any:
-    """The same with files under other names."""
+    """Return configuration data with the paths of files replaced."""
     if isinstance(data, dict):
         return {key: _renamed(value, names) for key, value in data.items()}
     if isinstance(data, list):
@@ -199,7 +199,7 @@ def _renamed(data: Any, names: dict[str, str]) -> Any:
 
 
 def _results_in(folder: Path) -> list[str]:
-    """The names of the results that a folder holds in folders of their own; the first few."""
+    """Return the names of the first few results in subfolders of a folder."""
     found = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
     return [*found[:MOST_NAMES], "…"] if len(found) > MOST_NAMES else found
 
@@ -208,7 +208,7 @@ _ABSENT = object()
 
 
 def _differences(old: Any, new: Any, path: KeyPath = ()) -> list[str]:
-    """The keys in which two configurations differ, with both values."""
+    """Return lines with the keys in which two configurations differ, and both values."""
     pairs: dict[str | int, tuple[Any, Any]] = {}
     if isinstance(old, dict) and isinstance(new, dict):
         pairs = {key: (old.get(key, _ABSENT), new.get(key, _ABSENT)) for key in {**new, **old}}

@@ -1,4 +1,4 @@
-"""How far an unfinished result has come, told from a listing of its folder; it opens no part."""
+"""Determines the progress of an unfinished result from the names of its parts."""
 
 import os
 import time
@@ -15,7 +15,7 @@ from eqt_cli.experiment.parts import Plans
 from eqt_cli.store.reserved_names import FILE_NAME
 
 RECENT = 200
-"""The rate is that of the latest so many parts."""
+"""Number of latest parts from which the rate is computed."""
 
 
 @dataclass(frozen=True)
@@ -25,15 +25,15 @@ class Unfinished:
     Attributes
     ----------
     name
-        Of the experiment.
+        Name of the experiment.
     runs, done, failed
-        Runs over all controllers and points; those finished; those among them that failed.
+        Numbers of runs over all controllers and points: all, finished, failed.
     begun
-        When the first session began, ISO 8601.
+        Start of the first session, ISO 8601.
     writer
-        Who computes now, as `eqt_cli.execution.lock.holder` says; None if nobody does.
+        The process that computes now (`eqt_cli.execution.lock.holder`); None if there is none.
     rate
-        Runs per second lately; None before two parts are finished.
+        Recent rate in runs per second; None before two parts are finished.
     """
 
     name: str
@@ -46,20 +46,20 @@ class Unfinished:
 
     @property
     def remaining(self) -> float | None:
-        """Expected time to the end, s; None where it is not known."""
+        """Expected remaining time, s; None if unknown."""
         return (
             (self.runs - self.done) / self.rate if self.rate and self.writer is not None else None
         )
 
 
 def unfinished(path: Path) -> Unfinished | None:
-    """How far a folder has come that holds no result yet; None for any other path."""
+    """Return the progress of a folder without a result file; None for any other path."""
     if not path.is_dir() or (path / FILE_NAME).exists():
         return None
     manifest: dict[str, Any] = {}
-    with suppress(OSError):  # what cannot be read is no result that was begun
+    with suppress(OSError):  # an unreadable folder counts as no result
         manifest = read_record(path / MANIFEST, "plan", "name", "begun") or {}
-    # Whoever wrote it may have meant anything by it.
+    # A manifest of another program may hold anything.
     with suppress(ValueError, TypeError, LookupError, AttributeError, ArithmeticError):
         plan = Plans.of_data(manifest["plan"])
         listed = PartFiles(path / PARTS).listed()
@@ -73,7 +73,7 @@ def unfinished(path: Path) -> Unfinished | None:
 
 
 def _rate(plan: Plans, parts: dict[int, FinishedPart], since: str | None) -> float | None:
-    """Runs per second over the latest parts, of this session if one is under way."""
+    """Return the runs per second of the latest parts (of the current session if there is one)."""
     start = datetime.fromisoformat(since).timestamp() if since else 0.0
     found = []
     for number, part in parts.items():

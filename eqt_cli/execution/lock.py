@@ -1,4 +1,4 @@
-"""One writer per result folder: a lock that ends with its process, however that ends."""
+"""Locks a result folder for one writer; the lock ends with its process."""
 
 import errno
 import json
@@ -21,13 +21,13 @@ from eqt_cli.execution.provenance import now
 LOCK = ".lock"
 
 _BEGINNING = b'{"pid": '
-"""Of what a lock says; a process that was killed may have left less."""
+"""First bytes of a lock file; a killed process may have written fewer."""
 
 _MOST_READ = 4096
-"""Bytes of a lock; it says less."""
+"""Largest number of bytes read from a lock file."""
 
 _CAREFULLY = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC"))
-"""Follow no link and wait for no pipe."""
+"""Flags for opening a file without following links or waiting for pipes."""
 
 if sys.platform == "win32":
     import ctypes
@@ -37,7 +37,7 @@ if sys.platform == "win32":
     _FAIL_AT_ONCE, _EXCLUSIVE = 1, 2
 
     class _Place(ctypes.Structure):
-        """OVERLAPPED: the byte that is locked, far behind the text, which stays readable."""
+        """OVERLAPPED structure. The locked byte lies far behind the text, which stays readable."""
 
         _fields_ = (
             ("Internal", ctypes.c_void_p),
@@ -50,7 +50,7 @@ if sys.platform == "win32":
     _kernel = ctypes.WinDLL("kernel32", use_last_error=True)
 
     def _flock(handle: int, *, shared: bool) -> None:
-        """Lock an open file, or raise at once: `EACCES` where another process has it."""
+        """Lock an open file, or raise at once: `EACCES` if another process holds the lock."""
         file = wintypes.HANDLE(msvcrt.get_osfhandle(handle))
         flags = _FAIL_AT_ONCE | (0 if shared else _EXCLUSIVE)
         place = _Place(OffsetHigh=0x7FFF_FFFF)
@@ -71,37 +71,37 @@ def locked(
     *,
     shared: bool = False,
     name: str = LOCK,
-    tells: bool = True,
+    warns: bool = True,
 ) -> Iterator[None]:
-    """Keep the folder for this process until the block ends.
+    """Lock the folder for this process until the block ends.
 
-    The system itself holds the lock, so that none is left behind by a process that was killed.
-    Where a disk refuses to lock, nothing is kept.
+    The operating system holds the lock, so that a killed process leaves none behind. If the disk
+    does not support locks, the folder is not locked.
 
     Parameters
     ----------
     shared
-        Let others in that also ask for a share, as the shards of a job array do.
+        Whether others may also take a shared lock, as the shards of a job array do.
     name
-        The file that is locked.
-    tells
-        Whether a disk that refuses is remarked upon.
+        Name of the locked file.
+    warns
+        Whether to remark that the disk does not support locks.
 
     Raises
     ------
     EqtError
-        If another process has it, the folder cannot be written to, or the file is not eqt's.
+        If another process holds the lock, the folder is not writable, or the file is not eqt's.
     """
     path = folder / name
     with refusals(folder, "used", OTHER_FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
         handle, is_locked = _opened(path, shared)
     try:
-        if tells and not is_locked:
+        if warns and not is_locked:
             reporter().remark(
                 EqtWarning(
-                    f"{folder}: its disk refuses file locks, so nothing keeps a second eqt from "
-                    "writing to it at the same time",
+                    f"{folder}: its disk does not support file locks, so a second eqt could write "
+                    "to it at the same time",
                     Remedy("run one at a time there"),
                     Remedy("choose another disk with {}", "out"),
                 )
@@ -111,7 +111,7 @@ def locked(
                 _sign(handle)
         yield
     finally:
-        with suppress(OSError):  # the next process takes over a file that is left
+        with suppress(OSError):  # the next process reuses a file that remains
             if not shared and os.path.samestat(os.fstat(handle), path.lstat()):
                 path.unlink()
         with suppress(OSError):
@@ -119,7 +119,7 @@ def locked(
 
 
 def _sign(handle: int) -> None:
-    """Write into the locked file who has it."""
+    """Write into the locked file which process holds it."""
     os.ftruncate(handle, 0)
     os.lseek(handle, 0, os.SEEK_SET)
     own = {"pid": os.getpid(), "host": platform.node(), "since": now()}
@@ -127,9 +127,9 @@ def _sign(handle: int) -> None:
 
 
 def _opened(path: Path, shared: bool) -> tuple[int, bool]:
-    """The open file, and whether it could be locked.
+    """Open the file; return its handle, and whether it could be locked.
 
-    It is tried again where its last owner has removed the file before it was locked.
+    This is repeated if the previous owner removed the file before it was locked.
     """
     while True:
         check_kind(path, FILE)
@@ -148,7 +148,7 @@ def _opened(path: Path, shared: bool) -> tuple[int, bool]:
 
 
 def _check_own(handle: int, path: Path) -> None:
-    """Refuse a file that eqt did not make: one with another name elsewhere, or of another text."""
+    """Refuse a file that eqt did not write: one with several hard links or with other content."""
     found = os.fstat(handle)
     if found.st_nlink > 1:
         raise foreign(path, f"a file with {found.st_nlink} hard links", FILE)
@@ -157,7 +157,7 @@ def _check_own(handle: int, path: Path) -> None:
 
 
 def holder(folder: Path) -> dict[str, Any] | None:
-    """Who writes to the folder now: process, host, since when; None if nobody does."""
+    """Return the process, host and start time of the folder's writer; None if there is none."""
     for path in [folder / LOCK, *folder.glob(f"{LOCK}-*")]:
         try:
             handle = os.open(path, os.O_RDONLY | _CAREFULLY)
@@ -175,7 +175,7 @@ def holder(folder: Path) -> dict[str, Any] | None:
 
 
 def _lock(handle: int, path: Path, shared: bool) -> bool:
-    """Whether the disk could lock; an error if another process has done so."""
+    """Lock a file; return whether the disk supports it; `EqtError` if another process holds it."""
     try:
         _flock(handle, shared=shared)
     except OSError as error:
@@ -192,7 +192,7 @@ def _lock(handle: int, path: Path, shared: bool) -> bool:
 
 
 def _read(handle: int) -> dict[str, Any] | None:
-    """Who has a lock; None where it does not say."""
+    """Return the content of a lock file; None if it names no process."""
     with suppress(OSError, ValueError):
         found = json.loads(_text(handle))
         return found if isinstance(found, dict) and {"pid", "host"} <= set(found) else None

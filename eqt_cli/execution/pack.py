@@ -1,4 +1,4 @@
-"""From the files of parts to the one result file, part by part, so that the memory suffices."""
+"""Packs the files of parts into the result file, part by part to limit the memory."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
@@ -29,7 +29,7 @@ from eqt_cli.store.reader import ResultFile, open_results
 from eqt_cli.store.table import Attribute
 
 PACKING, CHECKING = "parts packed", "runs cross-checked"
-"""What a user is told of."""
+"""Titles of the steps."""
 
 _ByController = dict[int, dict[str, list[Array]]]
 
@@ -37,12 +37,12 @@ COPIED_BYTES = 64 * 2**20
 
 
 class BrokenPart(ResultError):
-    """A part that cannot be read, so that it has to be computed again.
+    """A part that cannot be read and must be computed again.
 
     Attributes
     ----------
     path
-        Its file.
+        File of the part.
     """
 
     def __init__(self, path: Path, reason: str) -> None:
@@ -56,19 +56,19 @@ def pack(
     attributes: Mapping[str, Attribute],
     seconds: dict[str, float],
 ) -> None:
-    """Write the result file from the parts, all of which must exist.
+    """Write the result file from all parts, which must exist.
 
     Parameters
     ----------
     seconds
-        Where the wall time of the cross-check is noted.
+        Receives the wall time of the cross-check.
 
     Raises
     ------
     BrokenPart
-        If one cannot be read; no file is written then.
+        If a part cannot be read; then no file is written.
     ResultError
-        If the disk refuses.
+        If the file cannot be written.
     """
     study = task.study
     with new_result_file(study, results) as file:
@@ -90,12 +90,12 @@ def pack(
 
 
 def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribute]) -> int:
-    """Write a result file anew, with the parts of a task in their places; returns its failed runs.
+    """Rewrite a result file with the parts of a task in their places; return its failed runs.
 
     Parameters
     ----------
     attributes
-        Those that change.
+        Attributes that change.
     """
     with open_results(results) as old, new_result_file(task.study, results) as file:
         layout = Layout(task.study.piece(0))
@@ -112,7 +112,7 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
 
 
 def _copy(file: Assembly, old: ResultFile, kept: Iterable[Quantity]) -> None:
-    """All variables, some rows of each at a time; numbers that `old` does not hold are NaN."""
+    """Copy all variables in blocks of rows; numbers that `old` does not hold become NaN."""
     for name in old.names:
         for rows in _rows(file.shape(name)):
             file.put(name, old.read(name, **{old.dims(name)[0]: rows}), (rows,))
@@ -124,20 +124,20 @@ def _copy(file: Assembly, old: ResultFile, kept: Iterable[Quantity]) -> None:
 
 
 def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
-    """All rows of an array, so many at a time as fit into `COPIED_BYTES`."""
+    """Yield all rows of an array in blocks of at most `COPIED_BYTES`."""
     step = max(1, COPIED_BYTES // (8 * int(np.prod(shape[1:]))))
     for start in range(0, shape[0], step):
         yield slice(start, min(start + step, shape[0]))
 
 
 def _put_parts(task: PartTask, file: NewResultFile) -> tuple[_ByController, _ByController]:
-    """Put all that finished parts hold in its place.
+    """Write the content of all finished parts into the result file.
 
     Returns
     -------
     states, work
-        What the cross-check needs of them, by piece and controller: the states of the runs that are
-        redone, and the work of all runs.
+        Inputs of the cross-check by piece and controller: the states of the chosen runs, and the
+        work of all runs.
     """
     states: _ByController = defaultdict(lambda: defaultdict(list))
     work: _ByController = defaultdict(lambda: defaultdict(list))
@@ -167,9 +167,9 @@ def _put_parts(task: PartTask, file: NewResultFile) -> tuple[_ByController, _ByC
 
 
 def _put(place: Destination, layout: Layout, entry: Quantity, data: Array, part: StudyPart) -> None:
-    """Put what a part holds of a quantity in its place."""
+    """Write the values of a quantity in a part into the result file."""
     study: Study = layout.study
-    if entry.per is ValuePer.DESIRED:  # a point that is cut belongs to where it starts
+    if entry.per is ValuePer.DESIRED:  # a point cut by parts belongs to its first one
         points = np.unique(part.points)
         own = points * part.runs >= part.start
         if own.any():

@@ -1,4 +1,4 @@
-"""What a worker does: open the study once, compute the parts that it is told, and save them."""
+"""The task of a worker: computes parts of a study and saves them."""
 
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
@@ -28,7 +28,7 @@ from eqt_cli.store.reader import open_results
 from eqt_cli.store.table import Table
 
 KEPT_BYTES = 64 * 2**20
-"""Of finished parts, in memory, so that packing them need not read them back."""
+"""Largest size of finished parts kept in memory, so that packing need not read their files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +38,11 @@ class PartTask:
     Attributes
     ----------
     chosen
-        The parts to compute, each with the index of its piece of the study; None for those of the
-        study's plan, which are all.
+        The parts to compute, each with the index of its piece of the study; None for all parts of
+        the study's plan.
     keeps
-        Whether parts that this process has saved stay in memory, up to `KEPT_BYTES`, until they are
-        packed. In other processes, whose tasks arrive by pickle, none do.
+        Whether saved parts also stay in memory, up to `KEPT_BYTES`, until they are packed. Copies
+        of the task in other processes keep none.
     """
 
     study: Study
@@ -50,24 +50,24 @@ class PartTask:
     chosen: tuple[tuple[int, StudyPart], ...] | None = None
     keeps: bool = False
     _kept: dict[int, Table] = field(default_factory=dict, init=False)
-    """Parts that are in files, too, by number."""
+    """Saved parts that are also in memory, by number."""
 
     def __len__(self) -> int:
         return len(self.study.plans) if self.chosen is None else len(self.chosen)
 
     def part(self, item: int) -> tuple[int, StudyPart]:
-        """A part, and the index of its piece of the study."""
+        """Return the index of the piece of the study, and the part."""
         if self.chosen is not None:
             return self.chosen[item]
         index, number = self.study.plans.where(item)
         return index, self.study.piece(index).plan.part(number)
 
     def runs_of(self, item: int) -> int:
-        """The number of runs of a part."""
+        """Return the number of runs of a part."""
         return len(self.part(item)[1])
 
     def missing(self, wanted: Iterable[int] | None = None) -> list[int]:
-        """Which of all parts, or of those that are wanted, are not there yet."""
+        """Return the numbers of the missing parts, among all or the wanted ones."""
         there = self.files.listed()
         return [n for n in (range(len(self)) if wanted is None else wanted) if n not in there]
 
@@ -94,14 +94,14 @@ class PartTask:
         return failed
 
     def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:
-        """What a finished part holds, once from memory where it is kept, else from its file."""
+        """Open a finished part: from memory the first time if it is there, else from its file."""
         if item in self._kept:
             return nullcontext(KeptPart(path, self._kept.pop(item)))
         return open_results(path)
 
     @blamed()
     def prepare(self) -> None:
-        """Save the references that all parts of a piece need, unless they are there and whole."""
+        """Save the shared references of the pieces that have no complete file yet."""
         for index in range(len(self.study.shapes)):
             piece = self.study.piece(index)
             if not (piece.desired_varies or self._has_reference(index)):
@@ -116,7 +116,7 @@ class PartTask:
 
     @cached_property
     def shared(self) -> Callable[[int], Desired | None]:
-        """The reference that all points of a piece share; None where each has one of its own."""
+        """Returns the reference that all points of a piece share; None if each has its own."""
         return lru_cache(maxsize=None)(self._shared)
 
     def _shared(self, index: int) -> Desired | None:

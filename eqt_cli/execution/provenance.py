@@ -1,4 +1,4 @@
-"""Where a result comes from: versions, machine, state of the code; nothing that affects numbers."""
+"""Records the origin of a result: versions, machine, commit. Nothing here affects numbers."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 PACKAGES = ("numpy", "scipy", "h5py", "heyoka")
 
 NUMERIC = ("eqt", "numpy", "scipy", "heyoka", "machine")
-"""What may change the last bits of a number."""
+"""Entries on which the last bits of a number can depend."""
 
 OTHERS = "other_sessions"
-"""Sessions that have computed a share of the runs and differ from the one described in these."""
+"""Entry for other sessions that computed some of the runs and differ in `NUMERIC`."""
 
 
 def provenance(folder: Path, engine: Engine) -> dict[str, Any]:
-    """What is worth knowing of this machine and moment; `folder` is where the config lies."""
+    """Describe this machine and session; `folder` is the folder of the configuration."""
     return {
         "eqt": __version__,
         "python": platform.python_version(),
@@ -42,12 +42,12 @@ def provenance(folder: Path, engine: Engine) -> dict[str, Any]:
 
 
 def now() -> str:
-    """The time, ISO 8601."""
+    """Return the current time, ISO 8601."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def together(origin: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-    """`origin`, with those sessions of both that may have computed other bits than it."""
+    """Return `origin` with the sessions of both that differ from it in `NUMERIC`."""
     known = {_numeric(origin): origin}
     for entry in [*origin.get(OTHERS, ()), *other.get(OTHERS, ()), other]:
         known.setdefault(_numeric(entry), {k: v for k, v in entry.items() if k != OTHERS})
@@ -57,7 +57,7 @@ def together(origin: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
 
 
 def differences(other: dict[str, Any], origin: dict[str, Any]) -> str:
-    """What a session has that this one has not, as ``numpy 2.0.0 (not 2.4.6)``."""
+    """Describe the differences of a session from this one, as ``numpy 2.0.0 (not 2.4.6)``."""
     return ", ".join(
         f"{name} {other.get(name, 'none')} (not {origin.get(name, 'none')})"
         for name in NUMERIC

@@ -13,7 +13,6 @@ import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.parts import LoopPart, parts_of
-from eqt_cli.closed_loop.signals import compute
 from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.error_origin import described, place_of
 from eqt_cli.core.errors import EqtError, InputError, TraceError
@@ -21,6 +20,7 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.experiment.study import Study
+from eqt_cli.experiment.trial_evaluation import TOGETHER
 
 MOST_SECONDS = 3.0
 """Of one core, for all laws; those that are left then are named."""
@@ -86,7 +86,6 @@ def _begin(group: list[Batch], components: list[LoopPart]) -> list[str]:
             f"{law} mixes runs: the rates of a run change by {change.max():.2g} when it is solved "
             "beside others; sum over the last axis only, as the functions of eqt_cli.extend do"
         )
-    _measure(problem, law)
     engine.rehearse(problem)
     other = group[0].experiment.solver.other
     if other is not None and any(component.is_foreign for component in components):
@@ -112,19 +111,6 @@ def _first_that_is_none(loop: ClosedLoop, rates: Array) -> tuple[str, float]:
     return name.replace("_", " "), float(found[name][~np.isfinite(found[name])][0])
 
 
-def _measure(problem: Problem, law: str) -> None:
-    """The signals of runs that stand still, at two samples."""
-    times, loop = problem.times[[0, -1]], problem.batched_loop(extra_axes=1)
-    states = np.repeat(problem.states[:, None], len(times), axis=1)
-    found = np.shape(loop.lyapunov(loop.tracking(times, states)))
-    if found != states.shape[:2]:
-        raise InputError(
-            f"{law}: `lyapunov` returns the shape {found} for {problem.runs} runs and {len(times)} "
-            "samples; multiply before you contract: dot(self.k * z, z), not self.k * dot(z, z)"
-        )
-    compute(loop, times, states)
-
-
 @contextmanager
 def _blaming(components: list[LoopPart], problems: Problems) -> Iterator[None]:
     """Note an exception at the component whose code raised it, with its line; else at the law.
@@ -142,10 +128,7 @@ def _blaming(components: list[LoopPart], problems: Problems) -> Iterator[None]:
             raise
         found, place = _culprit(error, components), place_of(error)
         at = f" at {place}" if place else ""
-        problems.at(*found.path).add(
-            f"{found.name} fails when runs are solved together, with every number of a law as an "
-            f"array (runs, 1): {described(error)}{at}"
-        )
+        problems.at(*found.path).add(f"{found.name} fails {TOGETHER}: {described(error)}{at}")
 
 
 def _culprit(error: BaseException, components: list[LoopPart]) -> LoopPart:

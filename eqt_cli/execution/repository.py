@@ -1,8 +1,8 @@
-"""The commit of the repository that a folder lies in, from the files of `.git` alone.
+"""Reads the commit of the repository that contains a folder from the files of `.git`.
 
-The folder may be a colleague's, and git runs what a repository configures (`core.fsmonitor`,
-filters, hooks): so git is not run. Every file is regular, small, and within the repository; a line
-that is no hash is nothing.
+Git itself is not run, because it executes what a repository configures (`core.fsmonitor`, filters,
+hooks), and the folder may come from someone else. Only small regular files within the repository
+are read, and a line that is not a hash is ignored.
 """
 
 import re
@@ -14,27 +14,27 @@ _HASH = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
 _REFERENCE = re.compile(r"ref: (refs/[^\s\\:?*\[~^]+)")
 
 _POINTER_BYTES = 4096
-"""The most of ``HEAD``, a reference, or a file that says where the repository is."""
+"""Largest size of ``HEAD``, a reference, or a file with the path of the repository."""
 
 _PACKED_BYTES = 64_000_000
-"""The most of ``packed-refs``; a repository with a million references has about so much."""
+"""Largest size of ``packed-refs``: about a million references."""
 
 
 def commit_of(folder: Path) -> str | None:
-    """The commit that is checked out around a folder; None where none can be told."""
+    """Return the commit checked out in the repository of a folder; None if it is unknown."""
     try:
         start = folder.resolve()
         each = (_repository(around / ".git") for around in (start, *start.parents))
         found = next(filter(None, each), None)
         return _head(*found) if found else None
-    except (OSError, ValueError, RuntimeError):  # the last of links in a circle
+    except (OSError, ValueError, RuntimeError):  # `RuntimeError`: links in a circle
         return None
 
 
 def _repository(entry: Path) -> tuple[Path, Path] | None:
-    """Where ``HEAD`` and the references are; None where the entry is no repository.
+    """Return the folders of ``HEAD`` and of the references; None if this is no repository.
 
-    They differ in a worktree, whose `.git` is a file that leads to the repository.
+    They differ in a worktree, whose `.git` is a file with the path of the repository.
     """
     if entry.is_symlink():
         return None
@@ -69,7 +69,7 @@ def _packed(path: Path, name: str) -> str | None:
 
 
 def _line(path: Path) -> str:
-    """The one line of a small file."""
+    """Return the line of a small file."""
     return content_of(path, _POINTER_BYTES, follow=False).decode().rstrip("\n")
 
 

@@ -1,4 +1,4 @@
-"""Runs of a finished result that failed: what of it is computed once more."""
+"""Selects the failed runs of a finished result to compute them again."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -17,24 +17,24 @@ from eqt_cli.store.reader import open_results
 
 
 def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
-    """What there is to compute again of a result; it is kept in `folder`.
+    """Return the task that computes the failed runs of a result again, with parts in `folder`.
 
-    Every failed run is a part of its own, and thus integrated by itself. Parts that had been lost
-    with their workers are computed as if for the first time. A number that only this version keeps
-    is NaN for the other runs.
+    Every failed run becomes its own part, so that it is integrated alone. Parts that were lost with
+    their workers are computed as in the first run. A number that only this version stores is NaN
+    for the other runs.
 
     Raises
     ------
     EqtError
-        If the result holds variables that this version of eqt does not know, or lacks integers,
-        which cannot say that there is no number.
+        If the result holds variables that this version does not know, or lacks integer variables,
+        which have no value for a missing number.
     """
     kept = in_root(study)
     integers = {entry.name for entry in kept if entry.dtype is not None and entry.dtype.kind != "f"}
     with open_results(results) as old:
         if set(old.names) - {LAW, *(entry.name for entry in kept)} or integers - set(old.names):
             raise EqtError(
-                f"{results}: was written by a version of eqt that keeps other variables",
+                f"{results}: was written by a version of eqt that stores other variables",
                 Remedy("compute its failed runs with that version"),
                 START_OVER,
             )

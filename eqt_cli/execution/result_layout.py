@@ -1,7 +1,7 @@
-"""The result file of a study before anything is in it: its dimensions, variables and groups.
+"""Lays out the result file of a study: its dimensions, variables and groups.
 
-Where all points of a sweep have one shape, variables have a dimension `point`. Where they have not,
-the root holds what there is one of for every run, and a group for each point holds all of it.
+If all points of a sweep have the same shape, variables have a dimension `point`. Otherwise the root
+holds only the numbers of each run, and a group for each point holds all of its variables.
 """
 
 import json
@@ -26,16 +26,16 @@ from eqt_cli.store.reserved_names import point_group
 from eqt_cli.store.table import Attribute, Variable
 
 TEXT_BYTES = 16
-"""Of a reference to a string in HDF5."""
+"""Size of a reference to a string in HDF5, bytes."""
 
 MIXED = "mixed"
-"""The unit of a variable that has different ones at different points."""
+"""Unit of a variable whose unit differs between points."""
 
 Positions = tuple[int | slice, ...]
 
 
 class Destination(Protocol):
-    """Where the variables of a piece are written."""
+    """Receives the variables of a piece."""
 
     def put(self, name: str, data: Array, positions: Positions = ()) -> None:
         """Write part of a variable, at positions along (point,) and its further axes."""
@@ -43,16 +43,16 @@ class Destination(Protocol):
 
 @dataclass(frozen=True)
 class NewResultFile:
-    """An unfinished result file, all of whose variables are there.
+    """An unfinished result file with all its variables, still without values.
 
     Attributes
     ----------
     root
-        The file.
+        The root of the file.
     groups
-        One for each point; none where all points have one shape.
+        The group of each point; empty if all points have the same shape.
     places
-        For each piece of the study.
+        Destination of each piece of the study.
     """
 
     root: Assembly
@@ -61,7 +61,7 @@ class NewResultFile:
 
 
 class Layout:
-    """What is kept of points of one shape, and along which dimensions."""
+    """The stored quantities of points of one shape, and their dimensions."""
 
     def __init__(self, study: Study) -> None:
         self.study = study
@@ -78,17 +78,17 @@ class Layout:
         return quantity.per is not ValuePer.DESIRED or self.study.keeps_desired
 
     def of(self, per: ValuePer) -> Iterator[Quantity]:
-        """The quantities of a kind."""
+        """Return the quantities of a kind."""
         return (entry for entry in self.quantities if entry.per is per)
 
     def by_point(self, quantity: Quantity) -> bool:
-        """Whether the points have values of their own."""
+        """Whether a quantity has separate values for each point."""
         return self.study.sweep is not None and self.varies.get(quantity.per, True)
 
     def blanks(
         self, wanted: Iterable[Quantity] | None = None, *, single: bool = False
     ) -> dict[str, Blank]:
-        """The variables, all or some; of a `single` point, or of all together."""
+        """Return all or the wanted variables, for a `single` point or for all points."""
         found = {}
         for entry in self.quantities if wanted is None else wanted:
             point = ("point",) if self.by_point(entry) and not single else ()
@@ -106,7 +106,7 @@ class Layout:
         }[per]
 
     def size(self, blanks: Mapping[str, Blank]) -> int:
-        """Bytes of some variables."""
+        """Return the size of some variables, bytes."""
         sizes = self.sizes
         return sum(
             prod(sizes[dim] for dim in blank.dims)
@@ -121,25 +121,25 @@ class Layout:
 
     @property
     def coordinates(self) -> dict[str, Variable]:
-        """What the positions along the dimensions of a point mean."""
+        """Coordinates along the dimensions of a point."""
         return coordinates(self.study.base, self.study.kept)
 
 
 def in_root(study: Study) -> list[Quantity]:
-    """The quantities in the root of a result file; where points differ in shape, the metrics."""
+    """Return the quantities in the root of a result: only metrics if points differ in shape."""
     first, *others = [Layout(study.piece(index)) for index in range(len(study.shapes))]
     return _shared(first, others) if study.is_ragged else first.quantities
 
 
 def _shared(first: Layout, others: Sequence[Layout]) -> list[Quantity]:
-    """The numbers of runs that points of every shape have; those of parts are of some groups."""
+    """Return the quantities per run that points of every shape have."""
     names = [{entry.name for entry in layout.of(ValuePer.RUN)} for layout in others]
     return [entry for entry in first.of(ValuePer.RUN) if all(entry.name in own for own in names)]
 
 
 @contextmanager
 def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
-    """The result file of a study, to be filled; it appears when the block ends."""
+    """Open the result file of a study for writing; the file appears when the block ends."""
     layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
     blanks, found = _root(study, layouts)
     laws = law_names(study)
@@ -164,7 +164,7 @@ def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
 
 
 def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[str, Variable]]:
-    """Variables and coordinates of the root."""
+    """Return the variables and coordinates of the root."""
     swept = swept_coordinates(study)
     if not study.is_ragged:
         return layouts[0].blanks(), layouts[0].coordinates | swept
@@ -180,14 +180,14 @@ def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[s
 
 
 def _agreed(attributes: list[Mapping[str, Attribute]]) -> dict[str, Attribute]:
-    """What all say alike; units that differ are mixed."""
+    """Return the attributes that all have in common; different units become `MIXED`."""
     first, *rest = attributes
     same = {key: value for key, value in first.items() if all(o.get(key) == value for o in rest)}
     return same if "units" in same or "units" not in first else {"units": MIXED, **same}
 
 
 def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly:
-    """The group of a point, laid out as the result of a single experiment."""
+    """Create the group of a point, with the layout of the result of a single experiment."""
     found = layout.coordinates
     group = file.group(point_group(point), _sizes(found), found, layout.blanks(single=True))
     experiment = study.experiment(point)
@@ -201,7 +201,7 @@ def _sizes(found: Mapping[str, Variable]) -> dict[str, int]:
 
 
 class _Spread:
-    """Brings what is of a piece to the groups of its points, and metrics to the root as well."""
+    """Writes the variables of a piece to the groups of its points, and metrics also to the root."""
 
     def __init__(
         self,
@@ -230,7 +230,7 @@ class _Spread:
 
 
 def swept_coordinates(study: Study) -> dict[str, Variable]:
-    """One coordinate along `point` for every swept key: numbers, or text, if need be in JSON."""
+    """Return a coordinate along `point` for each swept key: numbers, texts, or JSON texts."""
     if study.sweep is None:
         return {}
     found = {}
@@ -248,15 +248,15 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
 
 
 def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
-    """The attributes with which a result can be understood and run again."""
+    """Return the attributes that describe a result and allow running it again."""
     groups = {study.piece(index).base.group.name: None for index in range(len(study.shapes))}
     loops = study.base.loops
     functions = {label: loop.controller.energy for label, loop in loops.items()}
     unclaimed = [label for label, loop in loops.items() if not loop.claims_decrease]
-    own = {}  # a result of the paper's laws says nothing of it
+    own = {}  # results of the paper's laws need none of these
     if set(functions.values()) != {Controller.energy} or unclaimed:
-        told = {"functions": functions, "unclaimed": unclaimed}
-        own["lyapunov_functions"] = json.dumps(told, ensure_ascii=False)
+        claims = {"functions": functions, "unclaimed": unclaimed}
+        own["lyapunov_functions"] = json.dumps(claims, ensure_ascii=False)
     if not_matched := [label for label, loop in loops.items() if loop.controller.matched is False]:
         own["matching"] = json.dumps({"not_matched": not_matched}, ensure_ascii=False)
     return {

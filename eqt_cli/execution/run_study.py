@@ -1,4 +1,4 @@
-"""A study from configuration to result folder: what is missing is computed, then all is packed."""
+"""Computes the missing parts of a study in its result folder, and packs the result file."""
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,7 +29,7 @@ from eqt_cli.store.reader import open_results
 
 @dataclass(frozen=True)
 class Shard:
-    """The share of one job of an array: parts `index`, `index` + `count`, …; counted from 1."""
+    """The share of one job of an array: parts `index`, `index` + `count`, …, counted from 1."""
 
     index: int
     count: int
@@ -37,22 +37,22 @@ class Shard:
 
 @dataclass(frozen=True)
 class Execution:
-    """What `execute` did.
+    """The outcome of `execute`.
 
     Attributes
     ----------
     folder
-        Where the result is.
+        The result folder.
     was_complete
-        The folder held this study's finished result already; nothing was run.
+        Whether the folder already held the complete result, so that nothing was run.
     removed
-        What `force` removed.
+        Entries that `force` removed.
     runs, failed
-        Runs over all controllers and points, and those with a status other than 0.
+        Numbers of runs over all controllers and points, and of those with a status other than 0.
     resumed
-        Runs that earlier sessions had finished.
+        Number of runs that earlier sessions had finished.
     packed
-        Whether the result file is there; a shard alone does not write it.
+        Whether the result file is written; a shard alone does not write it.
     seconds
         Wall time of simulation, writing and cross-check, s.
     """
@@ -76,18 +76,19 @@ def execute(
     rerun_failed: bool = False,
     shard: Shard | None = None,
 ) -> Execution:
-    """Compute what of a study is not in its folder yet, and pack the result file.
+    """Compute the missing parts of a study in its folder, and pack the result file.
 
     Parameters
     ----------
     executor
-        Who computes the parts; default: this process.
+        The executor that computes the parts. Default: this process.
     force
-        Start over, removing what eqt wrote there.
+        Whether to start over and remove what eqt wrote there.
     rerun_failed
-        Compute those runs again that failed, each by itself.
+        Whether to compute failed runs again, each alone.
     shard
-        Compute only this share of the parts, beside other processes, and do not pack.
+        Share of the parts to compute while other processes compute the rest; then nothing is
+        packed.
 
     Raises
     ------
@@ -99,14 +100,16 @@ def execute(
     complete = None if force else _complete(study, folder)
     if complete and not (rerun_failed and complete.failed):
         return complete
-    there = complete.runs - complete.failed if complete else 0 if force else _kept(study, folder)
-    check_resources(study, out, 1 - there / study.plans.total)
+    kept = 0 if force else _kept_runs(study, folder)
+    if complete:
+        kept = complete.runs - complete.failed
+    check_resources(study, out, 1 - kept / study.plans.total)
     with ExitStack() as locks:
-        locks.enter_context(_telling_what_is_kept(study, folder))
+        locks.enter_context(_reporting_kept_runs(study, folder))
         locks.enter_context(locked(out, shared=shard is not None))
         if shard:
             locks.enter_context(
-                locked(out, name=f"{LOCK}-{shard.index}-{shard.count}", tells=False)
+                locked(out, name=f"{LOCK}-{shard.index}-{shard.count}", warns=False)
             )
             if shard.index > len(study.plans):
                 reporter().remark(_without_work(shard, out, len(study.plans)))
@@ -121,32 +124,32 @@ def execute(
 
 
 def pack_folder(study: Study, out: Path) -> Execution:
-    """Pack the parts that shards have computed.
+    """Pack the parts that shards computed.
 
     Raises
     ------
     EqtError
-        If some are missing, or the folder is not this study's.
+        If parts are missing, or the folder belongs to another study.
     """
     folder = ResultFolder(out)
     folder.check()
     if complete := _complete(study, folder):
         return complete
-    with _telling_what_is_kept(study, folder), locked(out):
+    with _reporting_kept_runs(study, folder), locked(out):
         missing = len(PartTask(study, folder.parts).missing())
         if missing:
             raise EqtError(
-                f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
-                "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
+                f"{out}: {missing} of {len(study.plans)} parts are missing; complete every shard, "
+                "or use eqt run (for a sweep eqt sweep), which computes the missing parts"
             )
         return _Session(study, folder, Serial()).run(False, None)
 
 
 def _complete(study: Study, folder: ResultFolder) -> Execution | None:
-    """What there is to say of a folder that holds the study's finished result; None of another.
+    """Return the execution of a folder that holds the study's complete result; else None.
 
-    What a process left that was killed after it had packed the result is tidied away, unless
-    another one is about it, or the folder is not to be written to.
+    If a process was killed after it had packed the result, its left-over files are removed, unless
+    another process holds the lock or the folder is not writable.
     """
     if not folder.is_complete(study):
         return None
@@ -160,16 +163,16 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
     return Execution(folder, True, [], study.plans.total, int(manifest.get("failed", 0)))
 
 
-def _kept(study: Study, folder: ResultFolder) -> int:
-    """The runs of a study that its folder holds as finished parts."""
+def _kept_runs(study: Study, folder: ResultFolder) -> int:
+    """Return the number of a study's runs that its folder holds in finished parts."""
     if (folder.manifest or {}).get("digest") != study.digest:
         return 0
     return sum(study.plans.runs_of(n) for n in folder.parts.listed() if n < len(study.plans))
 
 
 @contextmanager
-def _telling_what_is_kept(study: Study, folder: ResultFolder) -> Iterator[None]:
-    """Say of a full disk what is kept, and how to go on without computing it again."""
+def _reporting_kept_runs(study: Study, folder: ResultFolder) -> Iterator[None]:
+    """Add to an error of a full disk how many runs are saved, and how to continue."""
     try:
         yield
     except EqtError as error:
@@ -177,7 +180,7 @@ def _telling_what_is_kept(study: Study, folder: ResultFolder) -> Iterator[None]:
         full = isinstance(cause, OSError) and cause.errno in NO_SPACE
         if not full and not isinstance(error, FullDiskError):
             raise
-        kept, total = _kept(study, folder), study.plans.total
+        kept, total = _kept_runs(study, folder), study.plans.total
         if not kept:
             raise
         raise FullDiskError(
@@ -237,13 +240,13 @@ class _Session:
         )
 
     def forget_lost(self) -> None:
-        """Remove the parts of which every run failed, so that they are computed as a whole."""
+        """Remove the parts whose runs all failed, so that they are computed as a whole."""
         for number, entry in self.files.listed().items():
             if entry.failed == self.plan.runs_of(number):
                 entry.path.unlink()
 
     def rerun(self, failed: int) -> Execution:
-        """Compute the failed runs of a finished result again, and replace their rows."""
+        """Compute the failed runs of a complete result again, and replace their rows."""
         self.folder.tidy()
         place = self.folder.path.resolve() / RERUN
         place.mkdir(exist_ok=True)
@@ -251,7 +254,7 @@ class _Session:
         manifest = self.folder.manifest or {}
         here = provenance(self.study.source.folder, self.study.base.engine)
         earlier = manifest.get("provenance", here)
-        self._tell_versions([earlier], here)
+        self._remark_versions([earlier], here)
         origin = together(earlier, here)
         with timed(self.seconds, "simulation"):
             self._compute(again)
@@ -264,7 +267,7 @@ class _Session:
         return Execution(self.folder, False, [], total, still, done, True, self.seconds)
 
     def _compute(self, task: PartTask, wanted: Iterable[int] | None = None) -> None:
-        """Compute what of a task is missing, or of some of its parts."""
+        """Compute the missing parts of a task, among all or the wanted ones."""
         task.prepare()
         wanted = range(len(task)) if wanted is None else wanted
         missing = task.missing(wanted)
@@ -277,21 +280,21 @@ class _Session:
                     reporter().advance(task.lose(outcome.item, message))
 
     def _pack(self, origin: dict[str, Any]) -> None:
-        """Pack all parts; those that turn out to be damaged are computed again."""
+        """Pack all parts; damaged parts are computed again."""
         attributes, mended = described(self.study, origin), set[Path]()
         while True:
             try:
                 pack(self.task, self.folder.results, attributes, self.seconds)
                 return
             except BrokenPart as broken:
-                if broken.path in mended:  # what computing it again does not cure
+                if broken.path in mended:  # computing it again did not help
                     raise
                 mended.add(broken.path)
                 broken.path.unlink(missing_ok=True)
                 self._compute(self.task)
 
-    def _tell_versions(self, earlier: Sequence[dict[str, Any]], here: dict[str, Any]) -> None:
-        """Say that not all runs are of the same versions, if they are not."""
+    def _remark_versions(self, earlier: Sequence[dict[str, Any]], here: dict[str, Any]) -> None:
+        """Remark if some runs were computed with other versions."""
         differing = (differences(session, here) for session in earlier)
         if listed := "; or ".join(filter(None, differing)):
             reporter().remark(
@@ -308,7 +311,7 @@ class _Session:
         origin = provenance(study.source.folder, study.base.engine)
         if same and not afresh and "provenance" in earlier:
             origin = together(origin, earlier["provenance"])
-            self._tell_versions(origin.get(OTHERS, []), origin)
+            self._remark_versions(origin.get(OTHERS, []), origin)
         return {
             "name": study.name,
             "digest": study.digest,

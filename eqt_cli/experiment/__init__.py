@@ -1,1 +1,1 @@
-"""From the sections of a configuration to an experiment, and to a study of many of them."""
+"""Builds experiments, and studies of many experiments, from the sections of a configuration."""

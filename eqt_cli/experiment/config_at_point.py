@@ -1,4 +1,4 @@
-"""The configuration of one point of a sweep; it computes nothing."""
+"""Derives the configuration of one point of a sweep."""
 
 import dataclasses
 from collections.abc import Collection
@@ -12,17 +12,17 @@ from eqt_cli.ensemble.sweep import Sweep
 def at_point(
     source: ConfigSource, sweep: Sweep | None, point: int, keys: Collection[str] | None = None
 ) -> ConfigSource:
-    """The configuration at a point of a sweep.
+    """Return the configuration at a point of a sweep.
 
     Parameters
     ----------
     keys
-        What is changed of all that the point changes; None for all.
+        The swept keys to set; None for all.
 
     Raises
     ------
     ConfigError
-        If a swept key leads nowhere.
+        If a swept key does not exist.
     """
     if sweep is None:
         return source
@@ -36,23 +36,23 @@ def at_point(
 
 
 def section_of(key: str) -> str:
-    """The section that a dotted key is in."""
+    """Return the section of a dotted key."""
     return str(parse_key(key)[0])
 
 
 def without_sweep(source: ConfigSource) -> ConfigSource:
-    """The same without its section `sweep`."""
+    """Return the configuration without its section `sweep`."""
     data = {key: value for key, value in source.data.items() if key != "sweep"}
     return dataclasses.replace(source, data=data)
 
 
 def sweep_of(source: ConfigSource) -> Sweep:
-    """The sweep that a configuration describes.
+    """Return the sweep that a configuration defines.
 
     Raises
     ------
     ConfigError
-        With everything that is wrong with it.
+        With all problems of the sweep.
     """
     problems = Problems(source.place)
     sweep = Sweep.read(source.data["sweep"], problems.at("sweep"))
@@ -62,12 +62,12 @@ def sweep_of(source: ConfigSource) -> Sweep:
 
 
 def config_at(source: ConfigSource, point: int) -> ConfigSource:
-    """The configuration at a point of the sweep that it describes.
+    """Return the configuration at a point of the sweep that it defines.
 
     Raises
     ------
     EqtError
-        If it sweeps nothing, or has no such point.
+        If it defines no sweep, or has no such point.
     """
     name = source.source.name
     if not source.data.get("sweep"):

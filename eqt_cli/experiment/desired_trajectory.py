@@ -1,4 +1,4 @@
-"""The `reference` to track, or the `target` to come to rest at: Q_d, V_d and what drives them."""
+"""The sections `reference` and `target`: the desired trajectory Q_d, V_d."""
 
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -21,23 +21,23 @@ from eqt_cli.references import Reference, references
 from eqt_cli.references.constant import ConstantReference
 
 DEFAULTS = {"pose": "identity", "velocity": 0.0}
-"""Q_d(0) and V_d(0), of which a reference takes what it starts from, beside its own options."""
+"""Default Q_d(0) and V_d(0), for references that start from them."""
 
 
 @dataclass(frozen=True)
 class DesiredTrajectory:
-    """Where the loop is to go.
+    """The desired trajectory of the loop.
 
     Attributes
     ----------
     reference
-        What drives it.
+        The reference.
     pose, velocity
         Q_d(0) and V_d(0).
     resolved
-        The section of the configuration that describes it, complete.
+        The complete section of the configuration.
     files
-        Contents of the files that it is read from, by their names.
+        Contents of the files with data, by their names.
     """
 
     reference: Reference
@@ -55,12 +55,12 @@ def desired_from(
     source: ConfigSource,
     problems: Problems,
 ) -> DesiredTrajectory | None:
-    """What a configuration asks to track, or None after noting what is wrong with it.
+    """Return the desired trajectory of a configuration, or None after noting its problems.
 
     Parameters
     ----------
     problems
-        Of the whole configuration.
+        Problems of the whole configuration.
     """
     at_reference, at_target = problems.at("reference"), problems.at("target")
     if task == "stabilise":
@@ -79,7 +79,7 @@ def desired_from(
 def _rest(
     target: TargetSection, G: MatrixLieGroup | None, problems: Problems
 ) -> DesiredTrajectory | None:
-    """The target pose, at rest for all time."""
+    """Return the target pose, at rest for all times."""
     pose = None if G is None else pose_from(target.pose, G, problems.at("pose"))
     if G is None or pose is None:
         return None
@@ -129,7 +129,7 @@ def _tracked(
 def check_horizon(
     given: GivenOverTime, key: str, G: MatrixLieGroup, duration: float, problems: Problems
 ) -> None:
-    """Note a run that begins before what a key gives over time, outlasts it, or meets a gap."""
+    """Note runs that start before the data of a key over time, outlast them, or meet a gap."""
     here, (first, last) = problems.at(*parse_key(key)), given.ends(G)
     if first > 0:
         here.add(f"begins at {first:g} s, but runs begin at 0 s; shift its times")
@@ -142,13 +142,13 @@ def check_horizon(
     for begin, length in within[:1]:
         here.add(
             f"has a gap of {length:.4g} s after t = {begin:.6g} s, within the run; end the run "
-            f"there, `time: {{duration: {begin:.6g}}}`, or begin behind it, `mapping: {{time: "
+            f"there, `time: {{duration: {begin:.6g}}}`, or begin after it, `mapping: {{time: "
             "{begin: …, offset: first}}`"
         )
 
 
 def _as_floats(value: Any) -> Any:
-    """The same with whole numbers as floats, so that 0 and 0.0 describe one experiment."""
+    """Convert integers to floats, so that 0 and 0.0 describe the same experiment."""
     if isinstance(value, dict):
         return {key: _as_floats(entry) for key, entry in value.items()}
     if isinstance(value, list):

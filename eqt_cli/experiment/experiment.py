@@ -1,7 +1,9 @@
-"""What a run needs, checked: the laws in their loops, the initial states, and the solver."""
+"""A checked experiment: the loops of its laws, the initial states, and the solver."""
 
 import json
 import re
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -22,27 +24,29 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.rigid_body import not_rigid
 
 WORDS = ("name", "rigid")
-"""Keys that change what is said of an experiment, and none of its numbers."""
+"""Keys that affect texts about an experiment, but not its numbers."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """Everything that a run needs, checked.
+    """A checked experiment with everything that a run needs.
 
     Attributes
     ----------
     config
         The validated sections.
     resolved
-        The configuration with every default written out; running it gives equal numbers.
+        The configuration with all defaults; running it gives equal numbers.
     loops
-        One closed loop per controller label.
+        The closed loops by controller label.
     initial_pose, initial_velocity
         Q_d(0) and V_d(0).
+    poses, velocities
+        Distributions of the initial poses and velocities.
     source
-        What it was built from, with the text of each plugin: it can be built again anywhere.
+        The configuration with the text of each plugin, from which it can be built again anywhere.
     files
-        Contents of files with data, by their names in the configuration.
+        Contents of the files with data, by their names in the configuration.
     """
 
     config: Config
@@ -69,27 +73,29 @@ class Experiment:
 
     @property
     def titles(self) -> dict[str, str]:
-        """How tables and figures write the controllers, by label: EqT for ``eqt``.
+        """Display names of the controllers by label, such as EqT for ``eqt``.
 
-        A label that begins with the name of its law, as "eqt, start", is written "EqT, start"; any
-        other as it is.
+        If a label starts with the name of its law, the title replaces the name: "EqT, start" for
+        "eqt, start". Other labels are unchanged.
         """
         laws = {label: loop.controller for label, loop in self.loops.items()}
-        return {
-            label: law.title + label.removeprefix(law.name)
-            if re.match(rf"{re.escape(law.name)}\b", label)
-            else label
-            for label, law in laws.items()
-        }
+        return told_apart(
+            {
+                label: law.title + label.removeprefix(law.name)
+                if re.match(rf"{re.escape(law.name)}\b", label)
+                else label
+                for label, law in laws.items()
+            }
+        )
 
     @property
     def times(self) -> Array:
-        """The sample times, s."""
+        """Sample times, s."""
         return np.linspace(0.0, self.config.time.duration, self.config.time.samples)
 
     @cached_property
     def remarks(self) -> list[EqtWarning]:
-        """What a user should know of it, and no error is."""
+        """Remarks for the user that are not errors."""
         inertia = next(iter(self.loops.values())).inertia
         broken = not_rigid(self.group, inertia, self.config.time.duration)
         if not broken or self.config.rigid is False:
@@ -108,7 +114,7 @@ class Experiment:
 
     @property
     def numeric_config(self) -> dict[str, Any]:
-        """What of the resolved configuration affects the numbers, plugins by their source."""
+        """Part of the resolved configuration that affects the numbers, with hashes of plugins."""
         kept = {key: value for key, value in self.resolved.items() if key not in WORDS}
         sources = {path: sha256(text.encode()).hexdigest() for path, text in self.plugins.items()}
         laws = [
@@ -123,12 +129,18 @@ class Experiment:
 
     @cached_property
     def digest(self) -> str:
-        """Hash of everything that affects the numbers; equal digests, equal experiments."""
+        """Hash of everything that affects the numbers. Equal digests mean equal experiments."""
         text = json.dumps(self.numeric_config, sort_keys=True)
         return sha256(text.encode()).hexdigest()
 
 
 def digests(files: dict[str, str]) -> dict[str, Any]:
-    """The contents of files with data as they stand in the identity of an experiment."""
+    """Return the hashes of files with data, for the digest of an experiment."""
     found = {name: sha256(text.encode()).hexdigest() for name, text in sorted(files.items())}
     return {"files": found} if found else {}
+
+
+def told_apart(titles: Mapping[str, str]) -> dict[str, str]:
+    """Titles by label; the labels in place of titles that several have."""
+    shared = [title for title, count in Counter(titles.values()).items() if count > 1]
+    return {label: label if title in shared else title for label, title in titles.items()}

@@ -13,12 +13,12 @@ from eqt_cli.notation.poses import square
 
 
 def gains_from(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -> Gains | None:
-    """The gains that a section describes, or None after noting what is wrong with them.
+    """Return the gains of a section, or None after noting its problems.
 
     Parameters
     ----------
     section
-        Those of the keys `kp` and `kd` that are there and of the right type.
+        The keys `kp` and `kd` that are present and have the right type.
     """
     K = K_d = None
     if "kp" in section:
@@ -34,7 +34,7 @@ def gains_from(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -
 
 
 def _weight(value: Any, G: MatrixLieGroup) -> Array:
-    """The d×d weight, from one matrix or from one per factor."""
+    """Return the d×d weight, from one matrix or from one for each factor."""
     if not isinstance(G, ProductGroup) or not isinstance(value, list):
         return square(value, G.size, G)
     if len(value) == G.size and len(value) != len(G.factors):
@@ -48,6 +48,6 @@ def _weight(value: Any, G: MatrixLieGroup) -> Array:
             blocks.append(square(entry, factor.size, factor))
         except InputError as error:
             raise InputError(f"entry {index}: {error}") from error
-    from scipy.linalg import block_diag  # slow to import; readers of results do without
+    from scipy.linalg import block_diag  # slow to import, and readers of results do not need it
 
     return block_diag(*blocks)

@@ -1,4 +1,4 @@
-"""The reference of an experiment over the whole horizon, before anything is run."""
+"""Checks the reference of an experiment over the whole horizon before any run."""
 
 import json
 from collections.abc import Iterator
@@ -23,25 +23,25 @@ from eqt_cli.notation.poses import ANGLES, many_turns
 from eqt_cli.vehicle.vehicle import ACTUATORS
 
 SAMPLES = 2001
-"""At which the reference is looked at, and on both sides of every known instant."""
+"""Number of times at which the reference is evaluated, besides both sides of known instants."""
 
 RTOL = 1e-8
-"""With which what of it is integrated is integrated."""
+"""Relative tolerance for the integration of a reference."""
 
 MOST_EVALUATIONS = 10_000
-"""Of a reference that is integrated: a check takes seconds, however long the horizon is."""
+"""Largest number of evaluations of an integrated reference, so that a check takes seconds."""
 
 MOST_WRITTEN = 1_000
-"""Characters of an experiment; one of more has fewer evaluations, each of which takes longer."""
+"""Characters of a configuration above which the number of evaluations is reduced."""
 
 LINEARISED = 9
-"""At so many of the times a loop is linearised."""
+"""Number of times at which a loop is linearised."""
 
 GOLDEN = (5**0.5 - 1) / 2
-"""Its multiples, but for whole numbers, are spread evenly, and no two differences are the same."""
+"""Golden ratio. The fractional parts of its multiples are spread evenly without equal gaps."""
 
 JUMP = 1e-6
-"""Relative to the largest value on the horizon: what is less is not called a jump."""
+"""Least jump relative to the largest value on the horizon."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +51,16 @@ class Horizon:
     Attributes
     ----------
     times : (n,)
-        s; in order.
+        Times in increasing order, s.
     pose : (n, d, d)
+        Q_d.
     velocity, acceleration, torque : (n, m)
-        Body frame. NaN from where the reference leaves the real numbers.
+        V_d, V̇_d and τ_d in the body frame; NaN where the reference is not finite.
     jumps
-        Where Q_d, V_d or τ_d jumps, as (time, what, by how much).
+        Jumps of Q_d, V_d or τ_d as (time, name, size).
     spent
-        The evaluations after which it was left, at the last of the times; None if at its end.
+        Number of evaluations after which the integration stopped, at the last of the times; None if
+        it reached the end.
     """
 
     times: Array
@@ -71,13 +73,13 @@ class Horizon:
 
     @property
     def finite(self) -> Array:
-        """At which of the times the reference is real."""
+        """Whether the reference is finite at each time."""
         parts = (frobenius(self.pose), norm(self.velocity), norm(self.torque))
         return np.isfinite(np.array(parts)).all(axis=0)
 
 
 def reference_over_horizon(experiment: Experiment) -> Horizon:
-    """Q_d, V_d, V̇_d and τ_d from the start to the end."""
+    """Compute Q_d, V_d, V̇_d and τ_d over the horizon."""
     system = ReferenceSystem.of(next(iter(experiment.loops.values())))
     stop = float(experiment.times[-1])
     instants = np.array([t for t in system.instants if 0 < t < stop])
@@ -111,7 +113,7 @@ def reference_over_horizon(experiment: Experiment) -> Horizon:
 
 
 def _affordable(experiment: Experiment) -> int:
-    """How many evaluations of its reference a check may take."""
+    """Return the allowed number of evaluations of the reference."""
     written = len(json.dumps(experiment.resolved))
     return int(MOST_EVALUATIONS * min(1.0, MOST_WRITTEN / written))
 
@@ -131,12 +133,12 @@ def _jumps(
 
 
 def check_reference(shown: Horizon, most_torque: float | None, problems: Problems) -> list[str]:
-    """Note where the reference leaves the real numbers, or asks for more than a given torque.
+    """Note where the reference is not finite, or needs more than a given torque.
 
     Returns
     -------
     list of str
-        Where it jumps, which may be meant, and how far it was looked at, if not to its end.
+        Remarks on jumps, which may be intended, and on a check that did not reach the end.
     """
     finite, sizes = shown.finite, norm(shown.torque)
     if not finite.all():
@@ -155,62 +157,76 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
 
 
 def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWarning]:
-    """What a user should know of an experiment, and of its reference, before it is run."""
+    """Return remarks on an experiment and its reference, to be shown before it is run."""
     return [
         *experiment.remarks,
-        *_of_angles(experiment),
-        *_of_reference(experiment),
-        *_of_actuators(experiment),
-        *_hard_on_numbers(experiment, shown),
+        *_angle_remarks(experiment),
+        *_reference_remarks(experiment),
+        *_actuator_remarks(experiment),
+        *_estimator_remarks(experiment),
+        *_numerical_remarks(experiment, shown),
         *map(EqtWarning, limits_below_reference(experiment, shown)),
     ]
 
 
-def _of_angles(experiment: Experiment) -> Iterator[EqtWarning]:
-    """Angles that are written as numbers, and turn more than once."""
+def _angle_remarks(experiment: Experiment) -> Iterator[EqtWarning]:
+    """Remark on angles that are written as numbers and exceed a full turn."""
     data = experiment.source.data
     own = {*ANGLES, *(name for kind in pose_distributions.all() for name in kind.angles)}
     for section, angles in (("reference", ANGLES), ("target", ANGLES), ("initial", own)):
-        for path, said in many_turns(data.get(section), angles, (section,)):
-            yield EqtWarning(f"{experiment.source.place(path)}: {dotted(path)}: {said}")
+        for path, text in many_turns(data.get(section), angles, (section,)):
+            yield EqtWarning(f"{experiment.source.place(path)}: {dotted(path)}: {text}")
 
 
-def _of_reference(experiment: Experiment) -> Iterator[EqtWarning]:
-    """What a reference says of itself."""
+def _reference_remarks(experiment: Experiment) -> Iterator[EqtWarning]:
+    """Yield the remarks of the reference."""
     place = experiment.source.place(("reference",))
-    for said in next(iter(experiment.loops.values())).reference.remarks(experiment.group):
-        yield EqtWarning(f"{place}: reference: {said}")
+    for text in next(iter(experiment.loops.values())).reference.remarks(experiment.group):
+        yield EqtWarning(f"{place}: reference: {text}")
 
 
-def _of_actuators(experiment: Experiment) -> Iterator[EqtWarning]:
-    """What actuators say of themselves."""
+def _actuator_remarks(experiment: Experiment) -> Iterator[EqtWarning]:
+    """Yield the remarks of the actuators."""
     vehicle = next(iter(experiment.loops.values())).vehicle
     for index, actuator in enumerate(vehicle.actuators):
         place = experiment.source.place((ACTUATORS, index))
-        for said in actuator.remarks(experiment.group):
-            yield EqtWarning(f"{place}: {ACTUATORS}[{index}]: {actuator.name} {said}")
+        for text in actuator.remarks(experiment.group):
+            yield EqtWarning(f"{place}: {ACTUATORS}[{index}]: {actuator.name} {text}")
 
 
-def _hard_on_numbers(experiment: Experiment, shown: Horizon | None) -> Iterator[EqtWarning]:
-    """What rounding or stiffness do, with the section that is the reason."""
+def _estimator_remarks(experiment: Experiment) -> Iterator[EqtWarning]:
+    """Remark on parts of the pose that no sensor measures."""
+    vehicle = next(iter(experiment.loops.values())).vehicle
+    if vehicle.estimator is None:
+        return
+    place = experiment.source.place(("estimator",))
+    for part in vehicle.schedule(experiment.group).unmeasured:
+        yield EqtWarning(
+            f"{place}: estimator: nothing measures the {part}, so that the error of its estimate "
+            "grows without bound; add an entry for it to sensors.pose"
+        )
+
+
+def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[EqtWarning]:
+    """Remark on the effects of rounding, stiffness and instability, at the section to change."""
     along, found = along_reference(experiment, shown), [("inertia", ill_conditioned(experiment))]
     try:
-        with blamed(), threadpool_limits(1):  # small matrices, which threads take longer for
+        with blamed(), threadpool_limits(1):  # threads slow down small matrices
             found.append(("gains", stiff(experiment, along)))
             if len(along.times) > 1:
-                found += [("controllers", said) for said in unstable(experiment, along)]
+                found += [("controllers", text) for text in unstable(experiment, along)]
     except ComponentError as error:
         found.append(("controllers", f"loops cannot be linearised: {error}"))
-    for section, said in found:
-        if said:
-            yield EqtWarning(f"{experiment.source.place((section,))}: {section}: {said}")
+    for section, text in found:
+        if text:
+            yield EqtWarning(f"{experiment.source.place((section,))}: {section}: {text}")
 
 
 def along_reference(experiment: Experiment, shown: Horizon | None) -> Along:
-    """The reference at its start, and at times spread over the horizon where that is known.
+    """Return the reference at its start or, if it is known, at times spread over the horizon.
 
-    They are no multiples of each other, so that a reference which turns is not met at the same
-    angle only.
+    The times are not multiples of each other, so that a rotating reference is sampled at different
+    angles.
     """
     finite = np.flatnonzero(shown.finite) if shown is not None else ()
     if shown is None or not 1 < len(finite) == len(shown.times):
@@ -222,9 +238,9 @@ def along_reference(experiment: Experiment, shown: Horizon | None) -> Along:
 
 
 def limits_below_reference(experiment: Experiment, shown: Horizon | None = None) -> list[str]:
-    """Where an actuator gives less than the reference alone takes, in words, with both numbers.
+    """Return sentences on actuators whose limits are below the torque of the reference alone.
 
-    Numbers that are drawn for each run have their mean.
+    Numbers that are drawn for each run have their mean values.
     """
     loop = next(iter(experiment.loops.values()))
     if not loop.vehicle.limits:
@@ -235,18 +251,18 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         sizes = actuator.most(loop.group, times, torque) if actuator.limits else None
         if sizes is None or not len(sizes[0]):
             continue
-        taken, there = sizes
+        needed, limits = sizes
         with np.errstate(divide="ignore", invalid="ignore"):  # a limit may be 0
-            over = np.where(taken > there, taken / np.maximum(there, 0.0), 0.0)
-        when, axis = np.unravel_index(np.argmax(over), taken.shape)
-        most = float(np.broadcast_to(there, taken.shape)[when, axis])
-        if taken[when, axis] > most:
-            t = times[len(times) - len(taken) + when]
+            over = np.where(needed > limits, needed / np.maximum(limits, 0.0), 0.0)
+        when, axis = np.unravel_index(np.argmax(over), needed.shape)
+        limit = float(np.broadcast_to(limits, needed.shape)[when, axis])
+        if needed[when, axis] > limit:
+            t = times[len(times) - len(needed) + when]
             names = actuator.thruster_names
-            who = f"'{names[axis]}'" if names else actuator.name
+            name = f"'{names[axis]}'" if names else actuator.name
             found.append(
-                f"{ACTUATORS}[{index}]: {who} gives at most {actuator.limited}{most:.4g}, but the "
-                f"reference alone needs {taken[when, axis]:.4g} at t = {t:.4g} s; no law can "
+                f"{ACTUATORS}[{index}]: {name} gives at most {actuator.limited}{limit:.4g}, but "
+                f"the reference alone needs {needed[when, axis]:.4g} at t = {t:.4g} s; no law can "
                 "follow it there"
             )
     return found

@@ -15,19 +15,19 @@ from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, Pres
 from eqt_cli.notation.poses import square
 
 INSTANTS = 1001
-"""How many instants of the horizon a time-varying inertia is checked at."""
+"""Number of instants of the horizon at which a time-varying inertia is checked."""
 
 SUSPECT = 0.1
-"""Eigenvalues this small, over the largest, are looked at between the instants, too."""
+"""Ratio of smallest to largest eigenvalue below which the search also looks between instants."""
 
 DIP = 0.9
-"""A minimum is this far below a neighbour; ripples of rounding are not."""
+"""Largest ratio of a minimum to a neighbour; ripples due to rounding exceed it."""
 
 SINGULAR = 1e-12
-"""An eigenvalue this small, over those nearby, is zero; rounding leaves less of a zero."""
+"""Ratio to nearby eigenvalues below which an eigenvalue counts as 0; rounding is smaller."""
 
 OFFSETS, REFINEMENTS = np.linspace(-1.0, 1.0, 41), 8
-"""A finer grid, and how often there is one, each 20 times as fine: at last 4e-11 of an interval."""
+"""Offsets of a finer grid, and number of refinements, each 20 times as fine: down to 4e-11."""
 
 IDENTITY_TOLERANCE = 1e-12
 """Largest deviation of S(0) from the identity: rounding of the expressions."""
@@ -41,7 +41,7 @@ def inertia_from(
     horizon: float,
     problems: Problems,
 ) -> InertiaLaw | None:
-    """The inertia that a section describes, or None after noting what is wrong with it."""
+    """Return the inertia of a section, or None after noting its problems."""
     if isinstance(section, PrescribedInertiaSection):
         rows = _expressions(section.matrix, G, problems.at("matrix"))
         law: InertiaLaw | None = PrescribedInertia(rows) if rows else None
@@ -105,7 +105,7 @@ def _require_identity(law: FactoredInertia) -> None:
 
 
 def _require_definite(law: InertiaLaw, times: Array) -> None:
-    """Raise an `InputError` that says when the inertia is no inertia, on a grid or within it."""
+    """Raise an `InputError` with the time at which the inertia is not positive definite."""
     for t, matrix in zip(times, _matrices(law, times), strict=True):
         try:
             if not np.isfinite(matrix).all():
@@ -123,10 +123,10 @@ def _require_definite(law: InertiaLaw, times: Array) -> None:
 
 
 def _singular_between(law: InertiaLaw, times: Array) -> float | None:
-    """When the inertia is singular between instants of a grid at all of which it is definite.
+    """Return a time between the instants of a grid at which the inertia is singular, or None.
 
-    S* 𝕀_0 S is nowhere negative, and zero only for the instants at which S is singular. Each local
-    minimum of the smallest eigenvalue is searched on ever finer grids.
+    S* 𝕀_0 S is never negative, and singular only when S is singular. So each local minimum of the
+    smallest eigenvalue is searched on finer and finer grids.
     """
     eigenvalues = np.linalg.eigvalsh(_matrices(law, times))
     smallest, largest = eigenvalues[:, 0], eigenvalues[:, -1]

@@ -1,4 +1,4 @@
-"""The laws that have a name of their own, found among the points of a sweep over their options."""
+"""Finds registered laws among the points of a sweep over the options of laws."""
 
 from collections.abc import Hashable
 from dataclasses import replace
@@ -17,22 +17,22 @@ from eqt_cli.experiment.config_at_point import section_of
 from eqt_cli.experiment.study import Study
 
 LAW = "law"
-"""The variable of a sweep that holds their names."""
+"""Variable of a sweep's result that holds the names."""
 
 STATES = 4
-"""Random states at which torques are compared; one would do for laws that are smooth."""
+"""Number of random states at which torques are compared; one suffices for smooth laws."""
 
 ROUNDING = 1e-12
-"""Of the largest torque: what sums of some tens of products in another order may differ by."""
+"""Tolerance relative to the largest torque, for sums of some tens of products in another order."""
 
 
 def law_names(study: Study) -> Array | None:
-    """The names by point and controller, "" where the controller equals no law without options.
+    """Return the names by point and controller; "" if a controller equals no law without options.
 
-    None where no swept key changes the controllers. Laws are equal if their structures and their
-    parameters are, or, where nothing else is swept, if they ask for the same torque: with a K_d
-    that looks alike from every frame, the frame of the damping is no difference. Of each point only
-    the laws are built, which takes little time.
+    None if no swept key changes the controllers. Laws are equal if their structures and their
+    parameters are equal, or, if nothing else is swept, if they give the same torque. For example,
+    the frame of the damping makes no difference if K_d is the same in every frame. Only the laws of
+    each point are built, which takes little time.
     """
     sweep = study.sweep
     keys = [key for key in sweep.sets if section_of(key) == "controllers"] if sweep else []
@@ -59,7 +59,7 @@ def law_names(study: Study) -> Array | None:
 
 
 class _Torques:
-    """What the laws with a name of their own ask for at some states of an experiment."""
+    """The torques of the registered laws without options at some states of an experiment."""
 
     def __init__(self, study: Study) -> None:
         base, random = study.base, np.random.default_rng(0)
@@ -72,10 +72,10 @@ class _Torques:
         self.known = [(law.name, self._of(law)) for law in laws]
 
     def name(self, law: Controller) -> str:
-        """The first law that asks for the same torques, up to rounding; "" if there is none."""
-        asked = self._of(law)
-        bound = ROUNDING * np.abs(asked).max()
-        equal = (name for name, torque in self.known if np.abs(torque - asked).max() <= bound)
+        """Return the first law with the same torques, up to rounding; "" if there is none."""
+        expected = self._of(law)
+        bound = ROUNDING * np.abs(expected).max()
+        equal = (name for name, torque in self.known if np.abs(torque - expected).max() <= bound)
         return next(equal, "")
 
     def _of(self, law: Controller) -> Array:
@@ -84,7 +84,7 @@ class _Torques:
 
 
 def _law(entry: Any) -> Controller:
-    """The law that an entry of the configuration, which is right, asks for."""
+    """Build the law of a valid entry of the configuration."""
     if isinstance(entry, dict):
         entry = {key: value for key, value in entry.items() if key not in OF_EVERY_LAW}
     law = component(controllers, entry, Problems())
@@ -93,6 +93,6 @@ def _law(entry: Any) -> Controller:
 
 
 def _identity(law: Controller) -> Hashable:
-    """Equal for laws of equal structure and parameters."""
+    """Return a key that is equal for laws of equal structure and parameters."""
     numbers = {name: (value + 0.0).tobytes() for name, value in leaves(law).items()}
-    return law.structure, tuple(sorted(numbers.items()))  # + 0.0: for -0.0 is 0.0
+    return law.structure, tuple(sorted(numbers.items()))  # + 0.0 turns -0.0 into 0.0

@@ -1,4 +1,4 @@
-"""Laws that are code of the user's own: read, compiled, and tried out before anything runs."""
+"""Reads, compiles and tries out laws in user code before any run."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle import Vehicle
 
 TRIED = 8
-"""Random states at which a function is tried out, beside rest and half turns."""
+"""Number of random states at which a function is tried out, besides rest and half turns."""
 
 PERIOD = 0.01
-"""s, with which it is tried out."""
+"""Control period for trying out a function, s."""
 
 
 @dataclass
 class LawsInCode:
-    """Makes laws of code callable, and keeps the texts.
+    """Compiles laws in code, and keeps their source texts.
 
     Attributes
     ----------
     source
         The configuration that names the files.
     trusted
-        Whether code that comes with a result may be executed.
+        Whether code that is stored in a result may be executed.
     texts
-        Those that were read, by their names in the configuration.
+        Source texts that were read, by their names in the configuration.
     """
 
     source: ConfigSource
@@ -47,7 +47,7 @@ class LawsInCode:
     texts: dict[str, str] = field(default_factory=dict)
 
     def running(self, law: Controller, G: MatrixLieGroup, problems: Problems) -> Controller | None:
-        """The law with its code compiled, or itself where it has none; None after a problem."""
+        """Return the law with compiled code, or a law without code itself; None after a problem."""
         needed = law.code
         if needed is None:
             return law
@@ -69,18 +69,18 @@ class LawsInCode:
 
 
 _tried: set[OwnCode] = set()
-"""Code that has ended at all inputs before, whatever its numbers."""
+"""Code that was already tried out successfully, whatever its numbers."""
 
 
 def with_code(source: ConfigSource, file: Path, claimed: str | None) -> ConfigSource:
-    """The configuration with a C file as its only controller, as of now.
+    """Return the configuration with a C file as its only controller.
 
-    An entry of `controllers` that is this file already stays, and keeps its numbers.
+    An existing entry of `controllers` for this file keeps its numbers.
 
     Parameters
     ----------
     claimed
-        The law that it claims to be; None where the entry says it, or nobody does.
+        The law that the code claims to be; None to keep the statement of the entry, if any.
     """
     name = os.path.relpath(file, source.folder)
     entries = source.data.get("controllers")
@@ -98,7 +98,7 @@ def with_code(source: ConfigSource, file: Path, claimed: str | None) -> ConfigSo
 
 
 def first_inputs(G: MatrixLieGroup) -> Array:
-    """Inputs at random states, at rest without an error, and at half turns about every axis."""
+    """Return inputs at random states, at rest without error, and at half turns about every axis."""
     random, m = np.random.default_rng(0), G.dimension
     poses = G.exp(random.standard_normal((2, TRIED, m)))
     rates = random.standard_normal((3, TRIED, m))
@@ -115,7 +115,7 @@ def first_inputs(G: MatrixLieGroup) -> Array:
 
 
 def input_rows(t: Any, Q: Array, V: Array, Qd: Array, Vd: Array, Vd_dot: Array) -> Array:
-    """Inputs of a function in code, a row each."""
+    """Return the inputs of a function in code, one row per state."""
     runs = len(V)
     times = np.broadcast_to(np.asarray(t, dtype=float), (runs,))[:, None]
     flat = (Q.reshape(runs, -1), V, Qd.reshape(runs, -1), Vd, Vd_dot)
@@ -123,7 +123,7 @@ def input_rows(t: Any, Q: Array, V: Array, Qd: Array, Vd: Array, Vd_dot: Array) 
 
 
 def check_calls(law: Controller, vehicle: Vehicle, engine: Engine, problems: Problems) -> None:
-    """Note code that is to be called where an engine cannot call it, or in no period."""
+    """Note code that the engine cannot call, or that needs a control period."""
     if law.code is None or vehicle.control is not None:
         return
     if law.code.memory:

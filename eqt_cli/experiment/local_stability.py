@@ -1,4 +1,4 @@
-"""Whether the loops of an experiment are stable to first order, and what that leaves out."""
+"""Determines whether the linearised loops of an experiment are stable."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.linearised import Linearised, linearised
 from eqt_cli.core.arrays import Array
 from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.vehicle.vehicle import ACTUATORS
+from eqt_cli.vehicle.vehicle import ACTUATORS, ESTIMATOR
 
 UNCERTAIN = 1e-5
-"""Of the fastest rate: a loop whose largest rate is as near to 0 as this is neither stable nor
-unstable. Derivatives are right to 1e-12, and double roots to the square root of that."""
+"""Largest rate, relative to the fastest one, below which stability is undecided. Derivatives are
+accurate to 1e-12, and double roots to the square root of that."""
 
 GONE = 0.1
-"""Multipliers below this are no rates: a command that has left the queue is gone at once."""
+"""Multipliers below this are not rates: they belong to commands that leave the queue."""
 
 MOST_ENTRIES = 100_000
-"""Of matrices of a loop at all times: one of more than 105 states is not looked at at 9 times."""
+"""Largest number of matrix entries over all times; at 9 times, this allows 105 states."""
 
 
 class Along(NamedTuple):
@@ -30,7 +30,7 @@ class Along(NamedTuple):
     Attributes
     ----------
     times : (n,)
-        s.
+        Times, s.
     poses, velocities
         Q_d and V_d, ``(n, d, d)`` and ``(n, m)``.
     """
@@ -41,18 +41,18 @@ class Along(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """How fast errors grow to first order.
+    """The growth of small errors of a linearised loop.
 
     Attributes
     ----------
     eigenvalue
-        The largest of all times: with the largest real part, or modulus where the law is sampled.
+        Eigenvalue of all times with the largest real part or, for a sampled law, modulus.
     at
-        When, s.
+        Time of this eigenvalue, s.
     rate
-        Of its errors, 1/s; negative where they decay.
+        Growth rate of its errors, 1/s; negative if they decay.
     is_stable
-        None where this is too near to 0.
+        Whether the errors decay; None if the rate is too near to 0.
     """
 
     eigenvalue: complex
@@ -62,7 +62,7 @@ class Growth(NamedTuple):
 
 
 def growth(loop: Linearised, times: Array) -> Growth:
-    """How fast the errors of a loop grow, at the worst of the times."""
+    """Return the growth of the errors of a loop at the worst time."""
     eigenvalues = loop.eigenvalues.astype(complex)
     rates, known = eigenvalues.real, np.abs(eigenvalues)
     if loop.period is not None:
@@ -75,7 +75,7 @@ def growth(loop: Linearised, times: Array) -> Growth:
 
 
 def unstable(experiment: Experiment, along: Along) -> Iterator[str]:
-    """What to say of loops that are unstable, and the same at all times, in words."""
+    """Yield sentences on unstable loops that do not depend on time."""
     for label, loop in small_loops(experiment, along).items():
         found = linearised(loop, *along)
         if not found.is_constant or (largest := growth(found, along.times)).is_stable is not False:
@@ -86,12 +86,12 @@ def unstable(experiment: Experiment, along: Along) -> Iterator[str]:
         yield (
             f"the loop of '{label}' is unstable: small errors grow at {largest.rate:.3g} 1/s{many}"
             + (f", leaving out {omitted}" if omitted else "")
-            + "; check the signs and sizes of its gains, and the delays; `eqt margins` says more"
+            + "; check the signs and sizes of its gains, and the delays; `eqt margins` shows more"
         )
 
 
 def small_loops(experiment: Experiment, along: Along) -> dict[str, ClosedLoop]:
-    """Those of which matrices at so many times are computed at once, by the label of their law."""
+    """Return the loops whose matrices at all times are small enough, by label."""
     return {
         label: loop
         for label, loop in experiment.loops.items()
@@ -100,12 +100,12 @@ def small_loops(experiment: Experiment, along: Along) -> dict[str, ClosedLoop]:
 
 
 def size_of(found: Growth, loop: Linearised) -> float:
-    """What decides of its eigenvalue: the real part, or the modulus where the law is sampled."""
+    """Return the real part of the eigenvalue or, for a sampled law, its modulus."""
     return found.eigenvalue.real if loop.period is None else abs(found.eigenvalue)
 
 
 def left_out(loop: ClosedLoop) -> Iterator[str]:
-    """What of a loop is not linear, or no part of a loop, by its place in the configuration."""
+    """Yield the parts that a linearised loop leaves out, by their places in the configuration."""
     vehicle = loop.vehicle
     for index, actuator in enumerate(vehicle.actuators):
         if actuator.linear_part is not actuator or actuator.limits:
@@ -113,5 +113,7 @@ def left_out(loop: ClosedLoop) -> Iterator[str]:
     for place, sensor in vehicle.sensors().items():
         timing = [name for name in ("period", "dropout") if getattr(sensor, name)]
         yield f"{place} ({', '.join([sensor.departs, *timing])})"
+    if vehicle.estimator is not None:
+        yield f"{ESTIMATOR} ({vehicle.estimator.departs})"
     if vehicle.varies:
         yield "what is drawn for each run (means are used)"

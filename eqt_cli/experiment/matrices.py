@@ -1,4 +1,4 @@
-"""Matrices from numbers, diagonals or rows, with checks that say what is wrong with them."""
+"""Checks matrices of a configuration: symmetry, definiteness and size."""
 
 import numpy as np
 
@@ -8,15 +8,15 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics import navigation
 
 SYMMETRY_TOLERANCE = 1e-12
-"""Largest asymmetry, relative to the largest entry: rounding of numbers written in decimal."""
+"""Largest asymmetry relative to the largest entry, due to decimal rounding."""
 
 
 LARGEST = 1e100
-"""A largest entry is no larger, and no smaller than its inverse: products must be numbers."""
+"""Bound of the largest entry; its inverse is the lower bound. So products do not overflow."""
 
 
 def require_symmetric(matrix: Array) -> None:
-    """Raise an `InputError` that says where a matrix is not symmetric."""
+    """Raise an `InputError` with the entries in which a matrix is not symmetric."""
     difference = np.abs(matrix - matrix.T)
     if difference.max() > SYMMETRY_TOLERANCE * np.abs(matrix).max():
         i, j = np.unravel_index(difference.argmax(), matrix.shape)
@@ -46,12 +46,12 @@ def require_minimum(K: Array, group: MatrixLieGroup) -> None:
 
 
 def _eigenvalues(matrix: Array) -> Array:
-    """Those of a symmetric matrix, which must be neither huge nor tiny as a whole.
+    """Return the eigenvalues of a symmetric matrix after checking its size.
 
     Raises
     ------
     InputError
-        If squares of its entries, or of those of its inverse, may overflow.
+        If squares of its entries, or of the entries of its inverse, may overflow.
     """
     size = float(np.abs(matrix).max())
     if size and not 1 / LARGEST <= size <= LARGEST:
@@ -63,16 +63,16 @@ def _eigenvalues(matrix: Array) -> Array:
 
 
 def _positive(eigenvalues: Array) -> bool:
-    """Whether all are greater than 0 beyond rounding, so that there is an inverse."""
+    """Whether all are greater than 0 by more than rounding, so that an inverse exists."""
     return bool(eigenvalues.min() > max(_rounding(eigenvalues), np.finfo(float).tiny))
 
 
 def _listed(eigenvalues: Array) -> str:
-    """The eigenvalues, with 0 for those that are nothing but rounding."""
+    """List the eigenvalues, with 0 for those within rounding."""
     clean = np.where(np.abs(eigenvalues) <= _rounding(eigenvalues), 0.0, eigenvalues)
     return ", ".join(f"{value:.4g}" for value in clean)
 
 
 def _rounding(eigenvalues: Array) -> float:
-    """How wrong computed eigenvalues may be."""
+    """Return the rounding error of computed eigenvalues."""
     return float(len(eigenvalues) * np.finfo(float).eps * np.abs(eigenvalues).max())

@@ -1,4 +1,4 @@
-"""Whether an experiment is numerically ill: an inertia that rounding spoils, a stiff loop."""
+"""Detects numerical difficulties: an ill-conditioned inertia, or a stiff loop."""
 
 from typing import NamedTuple
 
@@ -16,31 +16,32 @@ from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 EPSILON = float(np.finfo(float).eps)
 
 ORDINARY = 20_000
-"""Evaluations of the vector field, or steps, that nothing is said of: two seconds of a run by
-itself. Of the shipped experiments `se3_survey` takes 14,000 for stability, most some hundreds."""
+"""Largest number of evaluations of the vector field, or of steps, without a remark: two seconds for
+a single run. For stability, most shipped experiments need some hundreds, `se3_survey` 14,000."""
 
 TRIAL = 1_500
-"""Evaluations of a trial with an implicit method: half a second."""
+"""Number of evaluations of a trial with an implicit method: half a second."""
 
 ENOUGH = 0.02
-"""Of the horizon: from a trial that came so far the whole is told. It was right to 20 % on SO(3)
-and 1 % of the horizon; on the submersible 3,000 evaluations are spent on the first millisecond."""
+"""Share of the horizon that a trial must reach to extrapolate its evaluations. On SO(3), a
+trial over 1 % of the horizon was right to 20 %. On the submersible, the first millisecond alone
+takes 3,000 evaluations."""
 
 SAMPLES = 4_001
-"""At which it is looked how far the trial came."""
+"""Number of samples that show how far the trial came."""
 
 
 class Stiff(NamedTuple):
-    """The loop that takes longest for its stability.
+    """The loop that needs most work for numerical stability.
 
     Attributes
     ----------
     label
-        Of its law.
+        Label of its law.
     rates : (instants, n)
-        The eigenvalues of the loop, 1/s.
+        Eigenvalues of the loop, 1/s.
     work
-        What the engine takes, in what it counts.
+        Work of the engine, in the units that it counts.
     """
 
     label: str
@@ -49,11 +50,11 @@ class Stiff(NamedTuple):
 
 
 def ill_conditioned(experiment: Experiment) -> str:
-    """Why the inertia spoils velocities by rounding, in words; empty where it does not.
+    """Return the words for a remark on an ill-conditioned inertia; empty if it is not.
 
-    V = 𝕀⁻¹P is known to about ε κ, with ε = 2.2e-16 and the condition number κ of the inertia in
-    units that make its diagonal 1 (Higham 2002, Theorem 7.2 and Section 7.3): a mass in grams is
-    no matter, nearly dependent axes are. Where ε κ exceeds `rtol`, no step can be that accurate.
+    V = 𝕀⁻¹P is accurate to about ε κ, with ε = 2.2e-16 and the condition number κ of the inertia in
+    units that make its diagonal 1 (Higham 2002, Theorem 7.2 and Section 7.3). So units do not
+    matter, but nearly dependent axes do. If ε κ exceeds `rtol`, no step can be that accurate.
     """
     loop, rtol = next(iter(experiment.loops.values())), experiment.engine.rtol
     times, numbers = _condition_numbers(loop.inertia, experiment.config.time.duration)
@@ -69,7 +70,7 @@ def ill_conditioned(experiment: Experiment) -> str:
 
 
 def _condition_numbers(law: InertiaLaw, horizon: float) -> tuple[Array, Array]:
-    """Those of the inertia with its diagonal scaled to 1, at some instants."""
+    """Return instants, and the condition numbers of the inertia with its diagonal scaled to 1."""
     times = np.zeros(1) if isinstance(law, Inertia) else np.linspace(0.0, horizon, 101)
     with np.errstate(all="ignore"):
         found = law.matrix_at(times)
@@ -79,15 +80,15 @@ def _condition_numbers(law: InertiaLaw, horizon: float) -> tuple[Array, Array]:
 
 
 def stiff(experiment: Experiment, along: Along) -> str:
-    """What a stiff loop costs by the engine, and what by others, in words; empty if none is stiff.
+    """Return the words for a remark on the work for a stiff loop; empty if no loop is stiff.
 
-    A loop is stiff if the fastest decay of its errors asks for more than `ORDINARY` evaluations,
-    and an implicit method takes fewer (Hairer and Wanner 1996, Section IV.1).
+    A loop is stiff if the fastest decay of its errors needs more than `ORDINARY` evaluations, and
+    an implicit method needs fewer (Hairer and Wanner 1996, Section IV.1).
 
     Parameters
     ----------
     along
-        Where on the reference loops are linearised.
+        Points of the reference at which loops are linearised.
     """
     found = _stiffest(experiment, along)
     if found is None:
@@ -95,12 +96,12 @@ def stiff(experiment: Experiment, along: Along) -> str:
     loop, duration = experiment.loops[found.label], experiment.config.time.duration
     chosen, others = experiment.engine, []
     explicit = SolveIvp(rtol=chosen.rtol).work_for_stability(found.rates, duration)
-    implicit, reached = _by_radau(experiment, loop)
+    implicit, reached = _radau_evaluations(experiment, loop)
     if not implicit < explicit:
-        return ""  # it is long, and not stiff
+        return ""  # the horizon is long, but the loop is not stiff
     if implicit < found.work:
-        told = f"about {_rounded(implicit)} evaluations" if reached > ENOUGH else "fewer"
-        others.append(f"`solver.method: Radau` {told}")
+        count = f"about {_rounded(implicit)} evaluations" if reached > ENOUGH else "fewer"
+        others.append(f"`solver.method: Radau` {count}")
     other = experiment.solver.other
     if other is not None and 0 < (work := other.work_for_stability(found.rates, duration)):
         others += [f"engine {other.name} about {_rounded(work)} {other.counted}"] * (
@@ -116,12 +117,12 @@ def stiff(experiment: Experiment, along: Along) -> str:
 
 
 def _rounded(count: float) -> str:
-    """A number with two digits: ``46,000``."""
+    """Format a number with two digits: ``46,000``."""
     return f"{float(f'{count:.2g}'):,.0f}"
 
 
 def _stiffest(experiment: Experiment, along: Along) -> Stiff | None:
-    """The loop that takes the engine longest, if that is longer than `ORDINARY`."""
+    """Return the loop with the most work, if that is more than `ORDINARY`; else None."""
     found, engine = [], experiment.engine
     for label, loop in small_loops(experiment, along).items():
         matrices = flow(loop, *along)
@@ -133,11 +134,11 @@ def _stiffest(experiment: Experiment, along: Along) -> Stiff | None:
     return slowest if slowest and slowest.work > ORDINARY else None
 
 
-def _by_radau(experiment: Experiment, loop: ClosedLoop) -> tuple[float, float]:
-    """About how many evaluations a run takes by an implicit method, from how far a trial came.
+def _radau_evaluations(experiment: Experiment, loop: ClosedLoop) -> tuple[float, float]:
+    """Estimate the evaluations of a run by an implicit method from the progress of a trial.
 
-    It starts where all errors are 0, since fast errors are gone in no time. Infinite where it came
-    nowhere.
+    The trial starts without errors, because fast errors decay at once. The estimate is infinite if
+    the trial makes no progress. The second value is the share of the horizon that it reached.
     """
     Qd, Vd, stop = experiment.initial_pose, experiment.initial_velocity, experiment.times[-1]
     engine = SolveIvp(method="Radau", rtol=experiment.engine.rtol, max_steps=TRIAL)

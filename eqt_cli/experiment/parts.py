@@ -1,8 +1,8 @@
-"""How the runs of an experiment are cut into parts; it knows no files and nothing of a run.
+"""Cuts the runs of an experiment into parts. Does not know files or the content of runs.
 
-The runs of a controller are counted in (point, run) order: entry e is run e mod R of point e div R.
-A part is some consecutive entries of one controller. The cut depends on nothing but the sizes, so
-that results do not depend on who computes which part, or when.
+The runs of a controller are numbered in (point, run) order: entry e is run e mod R of point e div
+R. A part consists of consecutive entries of one controller. The cut depends only on the sizes, so
+that results do not depend on where and when parts are computed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from eqt_cli.core.arrays import Array
 
 MANY_PARTS = 4000
-"""With more parts than this, parts grow instead: each costs some milliseconds of its own."""
+"""Number of parts above which parts become larger instead; each costs some milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Slab:
     Attributes
     ----------
     rows
-        Where its entries are in the part.
+        Rows of its entries in the part.
     points, runs
-        The points and the runs of each that they belong to.
+        Points of the entries, and runs of each point.
     """
 
     rows: slice
@@ -68,12 +68,12 @@ class StudyPart:
 
     @property
     def _entries(self) -> Array:
-        import numpy as np  # `eqt show` on an unfinished folder is quick, and does without
+        import numpy as np  # `eqt show` of an unfinished folder does not need it
 
         return np.arange(self.start, self.stop)
 
     def slabs(self, kept: int) -> Iterator[Slab]:
-        """The entries as rectangular blocks, at most three.
+        """Yield the entries as at most three rectangular blocks.
 
         Only the first `kept` runs of each point count, and `rows` count those.
         """
@@ -98,9 +98,9 @@ class Plan:
     Attributes
     ----------
     points, runs, controllers
-        Sizes of the experiment; a run is of a point and a controller.
+        Sizes of the experiment; `runs` is the number for each point and controller.
     size
-        Entries of a part; the last one of a controller may have fewer.
+        Number of entries of a part; the last part of a controller may have fewer.
     """
 
     points: int
@@ -126,7 +126,7 @@ class Plan:
         return -(-self.entries // self.size)
 
     def part(self, number: int) -> StudyPart:
-        """Part `number`; the controllers take turns, as they share the initial states."""
+        """Return part `number`. The controllers alternate, as they share the initial states."""
         index, controller = divmod(number, self.controllers)
         start = index * self.size
         return StudyPart(number, controller, start, min(start + self.size, self.entries), self.runs)
@@ -134,7 +134,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Plans:
-    """The parts of several plans, numbered through."""
+    """The parts of several plans with common numbers."""
 
     plans: tuple[Plan, ...]
 
@@ -151,22 +151,22 @@ class Plans:
         return sum(plan.total for plan in self.plans)
 
     def where(self, number: int) -> tuple[int, int]:
-        """The plan that a part belongs to, and its number there."""
+        """Return the index of the plan of a part, and the part's number in it."""
         index = bisect_right(self._ends, number)
         return index, number - (self._ends[index - 1] if index else 0)
 
     def runs_of(self, number: int) -> int:
-        """The number of runs of a part."""
+        """Return the number of runs of a part."""
         index, inner = self.where(number)
         return len(self.plans[index].part(inner))
 
     @property
     def data(self) -> Any:
-        """The plans as JSON can hold them: one by itself, or a list."""
+        """The plans as data for JSON: a single plan, or a list."""
         listed = [asdict(plan) for plan in self.plans]
         return listed[0] if len(listed) == 1 else listed
 
     @classmethod
     def of_data(cls, data: Any) -> Self:
-        """The plans that `data` tells of; raises TypeError for what it cannot tell of."""
+        """Return the plans of `data`; raises a TypeError for invalid data."""
         return cls(tuple(Plan(**entry) for entry in (data if isinstance(data, list) else [data])))

@@ -1,4 +1,4 @@
-"""From a configuration to a study: the sweep is read, and every point of it checked."""
+"""Reads the sweep of a configuration, and checks every point of it."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -17,10 +17,10 @@ from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.study import Study
 
 MOST_PROBLEMS = 20
-"""Reported of a sweep; a mistake is often made at thousands of points."""
+"""Largest number of reported problems of a sweep; a mistake often affects thousands of points."""
 
 MOST_GROUPS = 1000
-"""Points that differ in shape have a group each, and every group takes milliseconds to open."""
+"""Largest number of points that differ in shape. Opening the group of each takes milliseconds."""
 
 RUNS = (
     "ensemble.runs cannot be swept: run k starts from the same state however many runs there are, "
@@ -30,12 +30,12 @@ RUNS = (
 
 
 def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
-    """Append texts such as ``gains.kd=0.25,0.5,1``, by their places, as blocks of the sweep.
+    """Append texts such as ``gains.kd=0.25,0.5,1``, by their places, to the sweep as blocks.
 
     Raises
     ------
     ConfigError
-        For what does not parse.
+        For a text that does not parse.
     """
     section = source.data.get("sweep")
     if section is not None and not isinstance(section, list):
@@ -59,19 +59,19 @@ def study(
     trust_plugins: bool = False,
     most_checked: int | None = None,
 ) -> Study:
-    """Check a configuration and everything that its sweep makes of it.
+    """Check a configuration and the points of its sweep.
 
     Parameters
     ----------
     trust_plugins
-        Execute plugin sources that are stored in a result file.
+        Whether to execute plugin sources that are stored in a result file.
     most_checked
-        Check so many points at most, spread over all; None checks every one.
+        Largest number of points to check, spread over all; None checks all.
 
     Raises
     ------
     ConfigError
-        With every problem, those of a swept value at the place where it was written.
+        With all problems; problems of a swept value are at its place.
     """
     section = source.data.get("sweep")
     bare = without_sweep(source)
@@ -85,7 +85,7 @@ def study(
     problems.raise_if_any()
     common = at_point(bare, sweep, 0, sweep.always)
     base = build(at_point(common, sweep, 0), trust_plugins=trust_plugins)
-    plugins = base.source.stored_plugins  # for other processes, and as they were executed here
+    plugins = base.source.stored_plugins  # other processes execute the same sources
     found = Study(sweep, base, dataclasses.replace(common, stored_plugins=plugins))
     _check_common(found)
     if found.is_ragged and len(found) > MOST_GROUPS:
@@ -99,15 +99,15 @@ def study(
 
 
 def _check_common(found: Study) -> None:
-    """Without what only some of the points change, too, the configuration must be one.
+    """Check the configuration without the settings that only some points change.
 
     Raises
     ------
     ConfigError
-        With every problem.
+        With all problems.
     """
     try:
-        found.resolved  # noqa: B018  # builds it, and keeps it
+        found.resolved  # noqa: B018  # builds and caches it
     except ConfigError as error:
         where = "without what only some of the cases change"
         raise ConfigError(
@@ -119,14 +119,14 @@ def _check_common(found: Study) -> None:
 
 
 def spread(count: int, most: int | None) -> Sequence[int]:
-    """`most` of so many points, from the first to the last; all if there are no more."""
+    """Return at most `most` of the points, spread from the first to the last."""
     if most is None or count <= most:
         return range(count)
     return [k * (count - 1) // (most - 1) for k in range(most)]
 
 
 def require_sweepable(key: str) -> None:
-    """Raise an `InputError` if points cannot differ in a key."""
+    """Raise an `InputError` if a key cannot be swept."""
     name = section_of(key)
     if name in FIXED:
         raise InputError(
@@ -144,7 +144,7 @@ def require_sweepable(key: str) -> None:
 
 
 def _check_points(found: Study, points: Sequence[int]) -> None:
-    """Build points; a value that is wrong at many of them is reported once."""
+    """Build points; a value that is wrong at many points is reported once."""
     problems: dict[InputProblem, None] = {}
     first_of = {each: alike[0] for alike in found.shapes for each in alike}
     for point in points:
@@ -166,21 +166,21 @@ def _check_points(found: Study, points: Sequence[int]) -> None:
 
 
 def _unlike(experiment: Experiment, base: Experiment) -> str | None:
-    """Why the results of two points do not fit into one array, if they do not."""
+    """Return the reason why the results of two points do not fit into one array, or None."""
     if list(experiment.loops) != list(base.loops):
         labels, first = (", ".join(one.loops) for one in (experiment, base))
         return (
             f"the controllers are {labels}, but {first} at point 0; "
             "give each a `label` that is the same at all points"
         )
-    runs, most = experiment.config.ensemble.runs, base.config.ensemble.runs
-    if runs != most:
-        return f"ensemble.runs is {runs}, but {most} at point 0; {RUNS}"
+    runs, base_runs = experiment.config.ensemble.runs, base.config.ensemble.runs
+    if runs != base_runs:
+        return f"ensemble.runs is {runs}, but {base_runs} at point 0; {RUNS}"
     return None
 
 
 def _unlike_states(found: Study, point: int, first: int) -> str | None:
-    """Why a point cannot be solved with the first one of its shape, if it cannot."""
+    """Return the reason why a point cannot be solved with the first one of its shape, or None."""
     loops = found.experiment(point).loops
     for label, loop in found.experiment(first).loops.items():
         length, expected = loops[label].state_length, loop.state_length

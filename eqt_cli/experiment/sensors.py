@@ -1,4 +1,4 @@
-"""The entries of `sensors`: what each of them measures, and when."""
+"""Checks the entries of `sensors`: their parts and their timing."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,20 +9,20 @@ from eqt_cli.vehicle.sensors import Sensor
 from eqt_cli.vehicle.sensors.channels import TIMING
 
 ROUNDING = 1e-9
-"""Relative: what a period that is meant to be a whole number of others may be off."""
+"""Relative tolerance for a period that is a whole number of control periods."""
 
 
 def check_sensors(
     sensors: Mapping[int, Sensor], G: MatrixLieGroup, period: float | None, problems: Problems
 ) -> None:
-    """Note parts that the group has not, timing that cannot be kept, and entries that disagree.
+    """Note unknown parts, impossible timing, and entries that contradict each other.
 
     Parameters
     ----------
     sensors
-        Of the pose or of the velocity, by the number of their entry.
+        Sensors of the pose or of the velocity, by the numbers of their entries.
     period
-        Of control, s; None where it is not known.
+        Control period, s; None if unknown.
     """
     known = [part.name for part in G.parts]
     for index, sensor in sensors.items():
@@ -41,7 +41,7 @@ def check_sensors(
 
 
 def _check_period(own: float, control: float, problems: Problems) -> None:
-    """Note a period that is not so many of control."""
+    """Note a period that is not a whole number of control periods."""
     count = round(own / control)
     if count >= 1 and abs(own - count * control) <= ROUNDING * own:
         return
@@ -53,7 +53,7 @@ def _check_period(own: float, control: float, problems: Problems) -> None:
 
 
 def _check_agreement(sensors: Mapping[int, Sensor], part: str, problems: Problems) -> None:
-    """Note what two entries of one part say differently."""
+    """Note timing in which two entries of one part differ."""
     for name in TIMING:
         first: tuple[int, Any] | None = None
         for index, sensor in sensors.items():

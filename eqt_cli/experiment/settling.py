@@ -1,4 +1,4 @@
-"""Checks the settling thresholds of the parts of a group."""
+"""Checks the settling thresholds for the parts of a group."""
 
 import math
 from collections.abc import Mapping
@@ -16,14 +16,14 @@ def check_thresholds(
     G: MatrixLieGroup,
     problems: Problems,
 ) -> None:
-    """Note parts that the group does not have, and what is no angle or no distance.
+    """Note unknown parts, and thresholds that are not valid angles or distances.
 
     Parameters
     ----------
     thresholds
-        Angles in rad, and distances.
+        Thresholds by part: angles in rad, and distances.
     written
-        The same as they stand in the configuration.
+        The same thresholds as written in the configuration.
     """
     parts = {part.name: part for part in G.parts}
     for name, threshold in thresholds.items():

@@ -1,4 +1,4 @@
-"""The `solver` section: one engine is used, the keys of all engines are checked and kept."""
+"""The `solver` section: chooses one engine, and checks the keys of all engines."""
 
 from dataclasses import asdict, dataclass
 from itertools import repeat
@@ -14,12 +14,18 @@ from eqt_cli.engines import Engine, engines
 
 @dataclass(frozen=True)
 class Solver:
-    """The engine, how its accuracy is judged, and the section as it is kept.
+    """The engine and the judgement of its accuracy.
 
     Attributes
     ----------
+    engine
+        The engine that integrates the runs.
     other
-        Another engine of this machine with its own keys of the section, for the cross-check.
+        Another available engine with its keys of the section, for the cross-check.
+    judgement
+        Settings of error estimates and cross-checks.
+    resolved
+        The complete section.
     """
 
     engine: Engine
@@ -29,13 +35,13 @@ class Solver:
 
     @property
     def estimates_errors(self) -> bool:
-        """Whether every run is solved a second time."""
+        """Whether every run is solved twice to estimate its error."""
         wanted = self.judgement.error_estimate
         return self.engine.estimates_errors if wanted is None else wanted
 
 
 def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
-    """The solver that a section asks for, or None after noting what is wrong with it."""
+    """Return the solver of a section, or None after noting its problems."""
     name = section.get("engine", DEFAULT_ENGINE)
     with problems.catching("engine"):
         _require_available(name)
@@ -59,7 +65,7 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
 
 
 def _require_available(name: Any) -> None:
-    """Raise an `InputError` if there is no engine of this name, or none on this machine."""
+    """Raise an `InputError` if there is no engine of this name, or it is not available."""
     if not isinstance(name, str):
         raise InputError(f"expected the name of an engine, got {shown(name)}")
     unavailable = engines.get(name).unavailable()
@@ -68,12 +74,12 @@ def _require_available(name: Any) -> None:
 
 
 def _can_check(engine: Engine) -> bool:
-    """Whether another engine is there, and can work with the keys that it shares."""
+    """Whether an engine is available for the cross-check and accepts its keys."""
     found = Problems()
     engine.check(found)
     return engine.cross_check_rank is not None and engine.unavailable() is None and not found
 
 
 def _cross_check_order(engine: Engine) -> tuple[bool, int]:
-    """eqt's own engines come before others that are derived from them."""
+    """Return the sort key of engines: eqt's engines come before those of plugins."""
     return is_foreign(type(engine).__module__), engine.cross_check_rank or 0

@@ -1,4 +1,4 @@
-"""Where the runs of an experiment start: by distributions, or by the rows of a file."""
+"""Initial states of the runs of an experiment, from the rows of a file."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,18 +20,18 @@ from eqt_cli.logs.reading import read_starts
 
 @dataclass(frozen=True)
 class Start:
-    """Where the runs start.
+    """The initial states of the runs.
 
     Attributes
     ----------
     poses, velocities
         Q_d(0)⁻¹ Q(0) and V(0) − V_d(0).
     resolved
-        The section of the configuration that describes it, complete.
+        The complete section of the configuration.
     rows
-        For how many runs there are starts; None for any number.
+        Number of runs for which there are initial states; None for any number.
     files
-        Contents of the files that they are read from, by their names.
+        Contents of the files with data, by their names.
     """
 
     poses: PoseDistribution
@@ -48,10 +48,10 @@ def start_from_file(
     source: ConfigSource,
     problems: Problems,
 ) -> Start | None:
-    """The rows of `initial.file`, or None after noting what is wrong with them.
+    """Read the rows of `initial.file`; return None after noting their problems.
 
-    Relative poses are errors to the reference, Q(0) = Q_d(0) · pose and V(0) = V_d(0) + V. Where
-    there are no velocities, these are 0.
+    Relative poses are errors to the reference, Q(0) = Q_d(0) · pose and V(0) = V_d(0) + V. Missing
+    velocities are 0.
     """
     name = section.file
     assert name is not None
@@ -60,14 +60,14 @@ def start_from_file(
             problems.at(key).add(f"{name} gives the {key}, one row per run; remove this key")
     if G is None:
         return None
-    said = section.mapping or LogMapping()
-    said.check(problems.at(MAPPING))
+    mapping = section.mapping or LogMapping()
+    mapping.check(problems.at(MAPPING))
     if problems.at(MAPPING):
         return None
     with problems.catching("file"):
         text = data_file(source, name)
         try:
-            poses, velocities = read_starts(text, name, G, said)
+            poses, velocities = read_starts(text, name, G, mapping)
         except MappingError as error:
             problems.at(MAPPING, *error.path).add(str(error))
             return None

@@ -1,4 +1,4 @@
-"""One experiment, or a sweep of them: the points, each an `Experiment`, and how they are stored."""
+"""A study: one experiment, or a sweep whose points are experiments, and its storage."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from eqt_cli.experiment.vehicle import SECTIONS, decides_parts
 from eqt_cli.vehicle import Vehicle
 
 MOST_TRAJECTORIES = 10_000
-"""Sweeps of more runs than this keep trajectories only if the configuration asks for them."""
+"""Number of runs above which sweeps store trajectories only if the configuration requests them."""
 
 PART_BYTES = 64 * 2**20
-"""Size of the states of a part; its signals take a few times as much."""
+"""Size of the states of a part, bytes; its signals take a few times as much."""
 
 WITHOUT_TRAJECTORIES = 4
-"""So many times as many runs make a part of which nothing is kept over time."""
+"""Factor of the number of runs of a part without stored trajectories."""
 
 CACHED_POINTS = 1024
 
 SHAPING = frozenset({"group", "time"})
-"""The sections on which the shapes of arrays, or the sample times, depend."""
+"""Sections that determine the shapes of arrays or the sample times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +46,7 @@ class Study:
     base
         The experiment at the first point: its group, laws, gains and distributions.
     common
-        The configuration that points change, where some change what others do not; None where that
-        of any point will do.
+        The configuration that points change; None if that of `base` serves.
     """
 
     sweep: Sweep | None
@@ -73,7 +72,7 @@ class Study:
         return 1 if self.sweep is None else len(self.sweep)
 
     def experiment(self, point: int) -> Experiment:
-        """The experiment at a point."""
+        """Return the experiment at a point."""
         return self._cached(point) if self.sweep else self.base
 
     @cached_property
@@ -84,33 +83,33 @@ class Study:
 
     @property
     def _swept(self) -> set[str]:
-        """The sections that differ between points."""
+        """Sections that differ between points."""
         return {section_of(key) for key in self.sweep.sets} if self.sweep else set()
 
     @property
     def initial_varies(self) -> bool:
-        """Whether the points have initial states of their own."""
+        """Whether the initial states differ between points."""
         return bool(self._swept & {"initial", "ensemble", "reference", "target"})
 
     @property
     def desired_varies(self) -> bool:
-        """Whether the points have references of their own."""
+        """Whether the references differ between points."""
         return bool(self._swept & {"inertia", "reference", "target", "solver"})
 
     @cached_property
     def vehicles(self) -> list[Vehicle]:
-        """What flies at the first point of each shape."""
+        """Vehicles at the first point of each shape."""
         experiments = (self.experiment(points[0]) for points in self.shapes)
         return [next(iter(experiment.loops.values())).vehicle for experiment in experiments]
 
-    # What is kept.
+    # Storage.
 
     @property
     def kept(self) -> int:
-        """How many runs of each controller (and point) keep their trajectories."""
+        """Number of runs of each controller and point with stored trajectories."""
         store, runs = self.base.config.store, self.base.config.ensemble.runs
-        asked = "trajectories" in store.model_fields_set
-        if self.sweep and not asked and self._all_runs > MOST_TRAJECTORIES:
+        requested = "trajectories" in store.model_fields_set
+        if self.sweep and not requested and self._all_runs > MOST_TRAJECTORIES:
             return 0
         if isinstance(store.trajectories, int):
             return min(store.trajectories, runs)
@@ -118,7 +117,7 @@ class Study:
 
     @property
     def keeps_desired(self) -> bool:
-        """Whether the desired trajectories are kept: one always, one per point with the others."""
+        """Whether desired trajectories are stored: always if shared, else with trajectories."""
         return not self.desired_varies or self.kept > 0
 
     @property
@@ -127,21 +126,21 @@ class Study:
 
     @cached_property
     def plan(self) -> Plan:
-        """The cut into parts, where all points have one shape; the sizes hold for any."""
+        """Plan of the parts, if all points have the same shape."""
         base, runs = self.base, self.base.config.ensemble.runs
         state_length = max(loop.state_length for loop in base.loops.values())
-        most = PART_BYTES // (8 * base.config.time.samples * state_length)
+        limit = PART_BYTES // (8 * base.config.time.samples * state_length)
         if not self.kept:
-            most *= WITHOUT_TRAJECTORIES
+            limit *= WITHOUT_TRAJECTORIES
         wanted = max(base.engine.part_runs, self._all_runs // MANY_PARTS)
-        size = base.engine.runs_at_once(min(wanted, most))
+        size = base.engine.runs_at_once(min(wanted, limit))
         return Plan(len(self), runs, len(base.loops), size)
 
     # Points that differ in shape.
 
     @cached_property
     def shapes(self) -> list[tuple[int, ...]]:
-        """The points, those of equal shape together."""
+        """Points grouped by shape."""
         keys = self.sweep.sets if self.sweep else ()
         shaping = [key for key in keys if self._shapes(key)]
         if self.sweep is None or not shaping:
@@ -154,7 +153,7 @@ class Study:
         return [tuple(points) for points in found.values()]
 
     def _shapes(self, key: str) -> bool:
-        """Whether the shapes of arrays may depend on a key."""
+        """Whether shapes of arrays can depend on a key."""
         if section_of(key) in SHAPING:
             return True
         assert self.sweep is not None
@@ -169,7 +168,7 @@ class Study:
         return len(self.shapes) > 1
 
     def piece(self, index: int) -> Study:
-        """The points of one shape, as a study of its own; the study itself where all have one."""
+        """Return the points of one shape as a study; the study itself if all are equal."""
         return self._piece(index) if self.is_ragged else self
 
     @cached_property
@@ -178,35 +177,35 @@ class Study:
 
     def _cut(self, index: int) -> Study:
         assert self.sweep is not None
-        store = {"store": self.resolved["store"]}  # what is kept is decided for all together
+        store = {"store": self.resolved["store"]}  # all pieces store the same
         source = replace(self.source, data=self.source.data | store)
         sweep = self.sweep.only(self.shapes[index])
         piece = Study(sweep, build(at_point(source, sweep, 0), trust_plugins=True), source)
-        piece.__dict__["vehicles"] = self.vehicles  # one table of numbers for all pieces
+        piece.__dict__["vehicles"] = self.vehicles  # all pieces have the same metrics
         if "plans" in self.__dict__:
             piece.__dict__["plan"] = self.plans.plans[index]
         return piece
 
     @cached_property
     def plans(self) -> Plans:
-        """The parts of all pieces."""
+        """Plans of all pieces."""
         return Plans(tuple(self.piece(index).plan for index in range(len(self.shapes))))
 
     # Identity.
 
     @property
     def name(self) -> str:
-        """Name of the experiment, and that of its folder under ``results/``."""
+        """Name of the experiment and of its folder under ``results/``."""
         return self.base.name
 
     @property
     def controllers(self) -> list[str]:
-        """The labels of its controllers."""
+        """Labels of the controllers."""
         return list(self.base.loops)
 
     @cached_property
     def resolved(self) -> dict[str, Any]:
-        """The configuration with every default written out."""
+        """The configuration with all defaults."""
         resolved = self.base.resolved
         if self.sweep:
             if set(self.sweep.always) != set(self.sweep.sets):
@@ -219,29 +218,29 @@ class Study:
 
     @cached_property
     def _whole(self) -> Experiment:
-        """The first point with the configuration of all."""
+        """The first point with the configuration of the whole study."""
         return replace(self.base, resolved=self.resolved, files=self.files)
 
     @property
     def numeric_config(self) -> dict[str, Any]:
-        """What of the resolved configuration affects the numbers, plugins by their source."""
+        """Part of the resolved configuration that affects the numbers, with hashes of plugins."""
         return self._whole.numeric_config
 
     @cached_property
     def digest(self) -> str:
-        """Hash of everything that affects the numbers; equal digests, equal results."""
+        """Hash of everything that affects the numbers. Equal digests mean equal results."""
         whole = self._whole.digest
         if self.sweep is None:
             return whole
-        ordered = json.dumps(self.sweep.data)  # the points are in the order of the keys
+        ordered = json.dumps(self.sweep.data)  # the order of the keys is that of the points
         return sha256(f"{whole} {ordered}".encode()).hexdigest()
 
     @property
     def files(self) -> dict[str, str]:
-        """The contents of files with data, of all points, by their names in the configuration."""
+        """Contents of the files with data of all points, by their names in the configuration."""
         return self.source.files
 
-    # Journeys to other processes.
+    # Pickling for other processes.
 
     def __getstate__(self) -> dict[str, Any]:
         return {"source": self.source, "sweep": self.sweep, "plans": self.plans}

@@ -19,12 +19,18 @@ from eqt_cli.closed_loop.signals import compute
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import described, place_of, place_of_function
 from eqt_cli.core.errors import EqtError, InputError
+from eqt_cli.core.leaves import leaves
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import is_foreign
+from eqt_cli.engines.problem import Problem
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.experiment.experiment import Experiment
 
 WHEN = "at the start of run 0"
+
+TOGETHER = "when runs are solved together, with every number of a law as an array (runs, 1)"
+
+CONTRACTED = "; multiply before you contract: dot(self.k * z, z), not self.k * dot(z, z)"
 
 
 def probe(experiment: Experiment, problems: Problems) -> None:
@@ -70,20 +76,38 @@ def _probe_reference(loop: ClosedLoop, state: Array, name: str) -> None:
 
 
 def _probe_law(loop: ClosedLoop, state: Array, name: str) -> None:
-    """The law as engines call it, on runs at one time, and as it is measured, on all samples."""
-    law = loop.controller
+    """Evaluate the law for runs at one time, as engines do, and on all samples, as metrics do.
+
+    Each with the numbers of the configuration, and with numbers of each run: so points of a sweep
+    are solved together.
+    """
     whole = repeated(loop, state)
-    for t, states in ((0.0, whole[:, 0]), (np.zeros(whole.shape[1]), whole)):
-        with failing(name):
-            s = loop.tracking(t, states)
-            torque, dissipation = law.torque(s), law.dissipation(s)
-        axes = (loop.group.dimension,)
-        require_fit(torque, states, axes, name, type(law).torque, exact=True)
-        if dissipation is not None:
-            require_fit(dissipation, states, (), name, type(law).dissipation)
-    with failing(name):
-        loop.vector_field(0.0, whole[:, 0])
-        compute(loop, np.zeros(whole.shape[1]), whole)
+    times = np.zeros(whole.shape[1])
+    numbers = {
+        path: np.repeat(number[None], len(whole), axis=0) for path, number in leaves(loop).items()
+    }
+    together = Problem(loop, whole[:, 0], times, numbers)
+    for extra_axes, (t, states) in enumerate(((0.0, whole[:, 0]), (times, whole))):
+        _require_law(loop, t, states, name, WHEN)
+        _require_law(together.batched_loop(extra_axes), t, states, name, TOGETHER)
+
+
+def _require_law(loop: ClosedLoop, t: Any, states: Array, name: str, when: str) -> None:
+    """Raise an `InputError` if the law fails, or returns no numbers for every run."""
+    law = loop.controller
+    with failing(name, when):
+        s = loop.tracking(t, states)
+        torque, dissipation, lyapunov = law.torque(s), law.dissipation(s), law.lyapunov(s)
+    axes = (loop.group.dimension,)
+    require_fit(torque, states, axes, name, type(law).torque, exact=True, when=when)
+    require_fit(lyapunov, states, (), name, type(law).lyapunov, exact=True, when=when)
+    if dissipation is not None:
+        require_fit(dissipation, states, (), name, type(law).dissipation, when=when)
+    with failing(name, when):
+        if states.ndim == 2:
+            loop.vector_field(t, states)
+        else:
+            compute(loop, t, states)
 
 
 def repeated(loop: ClosedLoop, state: Array) -> Array:
@@ -100,6 +124,7 @@ def require_fit(
     function: Any,
     *,
     exact: bool = False,
+    when: str = WHEN,
 ) -> None:
     """Raise an `InputError` if a function returns no numbers for every run, sample and axis.
 
@@ -108,7 +133,8 @@ def require_fit(
     wrong = _unfit(value, states.shape[:-1], axes, exact)
     if wrong:
         place = f"{place_of_function(function)}: {function.__name__}"
-        raise InputError(f"{name} is wrong {WHEN}: {place} returns {wrong}")
+        hint = CONTRACTED if when == TOGETHER else ""
+        raise InputError(f"{name} is wrong {when}: {place} returns {wrong}{hint}")
 
 
 def _unfit(value: Any, leading: tuple[int, ...], axes: tuple[int, ...], exact: bool) -> str | None:
@@ -128,7 +154,7 @@ def _unfit(value: Any, leading: tuple[int, ...], axes: tuple[int, ...], exact: b
 
 
 @contextmanager
-def failing(name: str) -> Iterator[None]:
+def failing(name: str, when: str = WHEN) -> Iterator[None]:
     """Turn an exception into an `InputError` with the line of the user's component it is from."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -139,4 +165,4 @@ def failing(name: str) -> Iterator[None]:
     except Exception as error:
         place = place_of(error)
         at = f" at {place}" if place else ""
-        raise InputError(f"{name} fails {WHEN}: {described(error)}{at}") from error
+        raise InputError(f"{name} fails {when}: {described(error)}{at}") from error

@@ -1,10 +1,11 @@
-"""Tries the user's own forces, actuators and sensors once, before any run is begun.
+"""Tries the user's own forces, actuators, sensors and estimators once, before any run is begun.
 
 What a report or a certificate asks of them is asked here, too. It knows no engine.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,10 @@ from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.trial_evaluation import WHEN, failing, repeated, require_fit
 from eqt_cli.vehicle.actuators import Actuator
+from eqt_cli.vehicle.estimators import Estimator
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.sensors import Sensor
+from eqt_cli.vehicle.sensors.channels import Errors
 
 MEASUREMENTS = 3, 7
 """So many are drawn at once, and then as many with the same random numbers."""
@@ -39,20 +42,20 @@ def probe_parts(experiment: Experiment, problems: Problems) -> None:
             _require_words(part, name)
             if isinstance(part, Sensor):
                 _try_sensor(loop, part, name, experiment.config.ensemble.seed, dotted(path))
+            elif isinstance(part, Estimator):
+                _try_estimator(loop, name, experiment.config.ensemble.seed, state)
             else:
                 _try_part(loop, part, name, repeated(loop, state))
 
 
 def _require_words(part: Any, name: str) -> None:
     """Raise where a report has no words for it."""
-    words = getattr(part, "departs", None)
-    if isinstance(words, str) and words.strip():
-        return
-    found = "is missing" if words is None else f"is {words!r}"
-    raise InputError(
-        f"{name}: `departs` {found}; expected text that says in a few words how the loop "
-        'departs from the ideal one, such as departs: ClassVar[str] = "a tether"'
-    )
+    words = part.departs
+    if not isinstance(words, str) or not words.strip():
+        raise InputError(
+            f"{name}: `departs` is {words!r}; expected text that says in a few words how the loop "
+            'departs from the ideal one, such as departs: ClassVar[str] = "a tether"'
+        )
 
 
 def _try_sensor(loop: ClosedLoop, part: Sensor, name: str, seed: int, place: str) -> None:
@@ -86,6 +89,18 @@ def _try_sensor(loop: ClosedLoop, part: Sensor, name: str, seed: int, place: str
                 f"{name}: {where}: {method}: the first values depend on how many are drawn; draw "
                 "the numbers of each measurement in a row of its own"
             )
+
+
+def _try_estimator(loop: ClosedLoop, name: str, seed: int, state: Array) -> None:
+    """At two instants, as engines call it."""
+    random_of = partial(generator_at, seed, Stream.VEHICLE, 0)
+    states = repeated(loop, state)[:, 0]
+    with failing(name):
+        errors = loop.vehicle.measurement_errors(loop.group, 2, random_of)
+        for tick in range(2):
+            states = loop.measured(0.0, states, Errors(*(part[tick] for part in errors)))
+    if not np.isfinite(states).all():
+        raise InputError(f"{name} gives no number {WHEN}: its states are not finite")
 
 
 def _try_part(loop: ClosedLoop, part: Any, name: str, whole: Array) -> None:

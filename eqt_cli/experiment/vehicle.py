@@ -1,4 +1,4 @@
-"""The sections `plant` and `actuators`: what is between the laws and the motion."""
+"""The sections `plant`, `actuators`, `control` and `sensors`, which describe the vehicle."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
@@ -14,11 +14,13 @@ from eqt_cli.config.schema import (
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
 from eqt_cli.core.validation import as_section, component
+from eqt_cli.experiment.estimator import check_estimator
 from eqt_cli.experiment.inertia import inertia_from
 from eqt_cli.experiment.sensors import check_sensors
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.actuators import Actuator, actuators
+from eqt_cli.vehicle.estimators import Estimator, estimators
 from eqt_cli.vehicle.forces import forces
 from eqt_cli.vehicle.inertia import (
     ConstantInertia,
@@ -34,17 +36,17 @@ from eqt_cli.vehicle.vehicle import CONTROL
 T = TypeVar("T")
 
 MOST_INSTANTS = 1_000_000
-"""Of a run, at which a law is evaluated."""
+"""Largest number of control instants of a run."""
 
-SECTIONS = ("plant", "actuators", "control", "sensors")
-"""The sections that say what is between the laws and the motion."""
+SECTIONS = ("plant", "actuators", "control", "sensors", "estimator")
+"""Sections that describe the vehicle between the laws and the motion."""
 
 
 def decides_parts(key: str, values: Iterable[Any]) -> bool:
-    """Whether values of a key in these sections may differ in parts, or in how many states it has.
+    """Whether values of a key in these sections can change the parts or the number of states.
 
-    Plain numbers do not, but for a delay, each period of which is a command or a measurement on its
-    way, and for a dropout: with none, a sensor need not hold anything.
+    Plain numbers do not, with two exceptions. Each period of a delay adds a waiting command or
+    measurement, and without a dropout, a sensor need not hold measurements.
     """
     numbers = all(isinstance(value, int | float) for value in values)
     section, _, option = key.partition(".")
@@ -55,17 +57,17 @@ def decides_parts(key: str, values: Iterable[Any]) -> bool:
 def vehicle_from(
     sections: dict[str, Any], G: MatrixLieGroup, horizon: float, problems: Problems
 ) -> Vehicle:
-    """The vehicle that the sections describe; what is wrong with them is noted."""
+    """Return the vehicle of the sections; problems are noted."""
     plant = sections["plant"] or PlantSection()
     at_plant = problems.at("plant")
     inertia = None
     if plant.inertia is not None:
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
-    clock, told = sections["control"], sections["sensors"] or SensorsSection()
+    clock, measured = sections["control"], sections["sensors"] or SensorsSection()
     at_sensors, at_actuators = problems.at("sensors"), problems.at("actuators")
     acting = _parts(actuators, sections["actuators"], G, at_actuators)
     sensing = {
-        name: _parts(sensors, getattr(told, name), G, at_sensors.at(name))
+        name: _parts(sensors, getattr(measured, name), G, at_sensors.at(name))
         for name in ("pose", "velocity")
     }
     found = Vehicle(
@@ -75,6 +77,7 @@ def vehicle_from(
         None if clock is None else Sampling(clock.period, clock.delay),
         tuple(sensing["pose"].values()),
         tuple(sensing["velocity"].values()),
+        _estimator(sections["estimator"], G, problems.at("estimator")),
     )
     without_clock = clock is None and not problems.at("control")
     if found.measures and without_clock:
@@ -87,28 +90,36 @@ def vehicle_from(
             f"expected at least {horizon / MOST_INSTANTS:g} s, which makes {MOST_INSTANTS:,} "
             f"control instants in {horizon:g} s, got {clock.period:g}"
         )
+    if found.estimator is not None:
+        check_estimator(found, G, without_clock, problems)
     if any(problems.at(name) for name in SECTIONS):
         return Vehicle()
     return found.of_run(G)
 
 
+def _estimator(section: Any, G: MatrixLieGroup, problems: Problems) -> Estimator | None:
+    return None if section is None else component(estimators, section, problems, group=G)
+
+
 def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
-    """The sections with every default written out; those that are not given stay away."""
+    """Return the sections with all defaults; missing sections stay missing."""
     vehicle = vehicle.configured or vehicle
     dumped = config.model_dump(include=set(SECTIONS), exclude_none=True, warnings="none")
     if "plant" in dumped and vehicle.forces:
         dumped["plant"]["forces"] = [as_section(force) for force in vehicle.forces]
     if vehicle.actuators:
         dumped["actuators"] = [as_section(actuator) for actuator in vehicle.actuators]
-    told = ("pose", vehicle.pose_sensors), ("velocity", vehicle.velocity_sensors)
-    for name, found in told:
+    by_signal = ("pose", vehicle.pose_sensors), ("velocity", vehicle.velocity_sensors)
+    for name, found in by_signal:
         if found:
             dumped["sensors"][name] = [as_section(sensor) for sensor in found]
+    if vehicle.estimator is not None:
+        dumped["estimator"] = as_section(vehicle.estimator)
     return dumped
 
 
 def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: Problems) -> None:
-    """Note actuators that act at instants only, where there are none, or no held command."""
+    """Note actuators that act at control instants without a clock or without a held command."""
     moving, driven = "", False
     for index, actuator in parts.items():
         if actuator.sampled and without_clock:
@@ -130,7 +141,7 @@ def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: P
 def _parts(
     registry: Registry[T], entries: list[Any] | None, G: MatrixLieGroup, problems: Problems
 ) -> dict[int, T]:
-    """Those that are right, by the number of their entry."""
+    """Return the valid parts by the number of their entry."""
     found = {
         index: component(registry, entry, problems.at(index), group=G)
         for index, entry in enumerate(entries or ())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from eqt_cli.closed_loop.law_program import (
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.registry import description, meanings
 from eqt_cli.core.version import __version__
+from eqt_cli.exporting.filters import TOLERANCE
 from eqt_cli.exporting.laws import ExportedLaw, memory_of
 from eqt_cli.exporting.text import above, braced, comment, declared, filled, number, row, wrapped
 from eqt_cli.program import Program
@@ -73,6 +74,7 @@ def header(law: ExportedLaw) -> str:
     reference = ""
     if law.reference:
         reference = filled("reference.h", label=law.name, real=law.by.name)
+    reference += filter_header(law)
     return filled(
         "law.h",
         version=__version__,
@@ -165,7 +167,7 @@ def source(law: ExportedLaw) -> str:
         declare, keep = f"{name}_memory next;", "*memory = next;"
         starting = [declare, call(law, program.start, f"{name}_initial", own), keep]
         stepping = [declare, call(law, program.step, f"{name}_step", ["torque", *own]), keep]
-    reference = reference_source(law)
+    reference = reference_source(law) + filter_source(law)
     body = filled(
         "law.c",
         version=__version__,
@@ -249,6 +251,77 @@ def reference_source(law: ExportedLaw) -> str:
     )
 
 
+# The filter ---------------------------------------------------------------------------------------
+
+
+def filter_header(law: ExportedLaw) -> str:
+    """The types and functions of the filter, where there is one."""
+    found = law.filter
+    if found is None:
+        return ""
+    program, real = found.program, law.by.name
+
+    def listed(entries: Sequence[Entry], said: Callable[[Entry], str]) -> str:
+        return declared([(real, f"{each.name}[{each.size}]", said(each)) for each in entries])
+
+    return filled(
+        "filter.h",
+        label=law.name,
+        real=real,
+        m=law.program.torque.size,
+        kind=found.kind,
+        about=wrapped(comment(found.about), " " * 3).lstrip(),
+        measured=listed(
+            program.measured, lambda each: "; ".join(filter(None, (each.unit, each.source)))
+        ),
+        options=listed(program.numbers, lambda each: found.meaning(each.name)),
+        states=listed(program.states, lambda each: each.name.replace("_", " ")),
+    )
+
+
+def filter_source(law: ExportedLaw) -> str:
+    """Its functions."""
+    found = law.filter
+    if found is None:
+        return ""
+    name, values = f"{law.name}_estimation", found.program.values
+    defaults = [
+        wrapped(f".{each.name} = {braced(values[each.source].flat, law.by)}", " " * 8, "    ")
+        for each in found.program.numbers
+    ]
+    return filled(
+        "filter.c",
+        label=law.name,
+        real=law.by.name,
+        m=law.program.torque.size,
+        defaults=",\n".join(defaults),
+        step=emitted(found.program.step, name),
+        call=wrapped(f"{name}({', '.join(found.arguments())});", " " * 12).lstrip(),
+    )
+
+
+def filter_check(law: ExportedLaw) -> str:
+    """The function that takes the filter through some instants."""
+    found = law.filter
+    if found is None:
+        return "static void check_filter(void)\n{\n}\n"
+    instants, numbers = found.estimates.shape
+    measured = [
+        ", ".join(braced(found.measured[each.name][k], law.by) for each in found.program.measured)
+        for k in range(instants)
+    ]
+    return filled(
+        "filter_check.c",
+        label=law.name,
+        count=instants,
+        numbers=numbers,
+        entries=law.loop.group.size**2,
+        measured=",\n".join(wrapped(f"{{{each}}}", " " * 5, "    ") for each in measured),
+        estimates=",\n".join(wrapped(row(each), " " * 5, "    ") for each in found.estimates),
+        tolerance=TOLERANCE[law.by.name],
+    )
+
+
 # The check ----------------------------------------------------------------------------------------
 
 
@@ -293,6 +366,7 @@ def check(law: ExportedLaw) -> str:
         examples="\n    },\n".join(lines) + "\n    }",
         start=row(np.array([*started, 0.0]))[1:-1],
         start_bound=row(np.array([*_stored(start_bound, started), 0.0]))[1:-1],
+        filter=filter_check(law),
     )
 
 

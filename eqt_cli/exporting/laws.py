@@ -18,6 +18,7 @@ from eqt_cli.core.errors import EqtError, Remedy, suggestion
 from eqt_cli.core.leaves import leaves
 from eqt_cli.engines.traced_loop import law_of
 from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.exporting.filters import ExportedFilter, exported_filter
 from eqt_cli.exporting.reference import ReferenceProgram, reference_program
 from eqt_cli.exporting.states import States, states_of
 from eqt_cli.program.c_names import distinct
@@ -35,6 +36,8 @@ class ExportedLaw:
         The numbers in which it is computed.
     reference
         The reference, where it is exported, too.
+    filter
+        What makes the estimate that the law is told; None where it is told what is measured.
     """
 
     experiment: Experiment
@@ -44,6 +47,7 @@ class ExportedLaw:
     program: LawProgram
     states: States
     reference: ReferenceProgram | None
+    filter: ExportedFilter | None
 
     @property
     def loop(self) -> ClosedLoop:
@@ -142,8 +146,8 @@ def exported(
     Raises
     ------
     EqtError
-        If there is no such law, one cannot be traced or has memory without a period, or the
-        reference is integrated.
+        If there is no such law, one cannot be traced or has memory without a period, the reference
+        is integrated, or measurements for an estimator arrive late.
     """
     for label in labels:
         if label not in experiment.loops:
@@ -164,6 +168,7 @@ def exported(
             program,
             states_of(experiment, label, program, workers),
             of_reference,
+            exported_filter(experiment.loops[label], label, experiment.config.ensemble.seed),
         )
         for label, program in programs.items()
     ]

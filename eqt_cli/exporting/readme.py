@@ -29,6 +29,11 @@ def readme(found: Exported, costs: Mapping[str, Measured | None]) -> str:
         reference = (
             f" `{first.name}_reference` sets the time and what is desired; the rest is measured."
         )
+    if first.filter:
+        reference += (
+            f" `{first.name}_update` does all of a period: it estimates pose and velocity from "
+            f"what is measured by the filter `{first.filter.kind}`, and calls the law."
+        )
     return filled(
         NAME,
         version=__version__,

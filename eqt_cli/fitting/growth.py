@@ -1,4 +1,4 @@
-"""How the error of a prediction grows with its horizon, over many windows of a recording."""
+"""Measures how the error of a prediction grows with its horizon, over windows of a recording."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from eqt_cli.engines import Engine
 from eqt_cli.fitting.prediction import WINDOWS, Windows, errors
 
 HORIZONS = 10
-"""At which errors are told at the most: rows of the first window, spread up to the longest."""
+"""Largest number of horizons: rows of the first window, spread up to its last."""
 
 LOW, HIGH = 0.1, 0.9
-"""Quantiles."""
+"""Quantiles of the errors over the windows."""
 
 
 @dataclass(frozen=True)
@@ -29,21 +29,21 @@ class Growth:
     name
         The recording.
     windows
-        How many there are.
+        The number of windows.
     failed
-        How many of them have no prediction, since its run failed.
+        The number of windows without a prediction, because the run failed.
     horizons : (h,)
-        s.
+        Times since the start of a window, s.
     parts, units
-        What the rows are: parts of the pose, then of the velocity where it was recorded.
+        The rows of the errors: parts of the pose, then of the velocity where it was recorded.
     median, low, high, rms : (parts, h)
-        Of the error over windows: the median, the 10 % and the 90 % quantile, the root mean square.
+        Median, 10 % and 90 % quantile, and root mean square of the error over the windows.
     noise : (parts, h)
-        The root mean square that the noise of the recording alone gives a perfect model: that of
-        the first state, as it grows, and that of the row at the horizon. A first velocity that
-        was not recorded counts as exact.
+        The root mean square error of a perfect model, which the noise of the recording causes: in
+        the first state, from which it grows, and in the row at the horizon. A first velocity
+        that was not recorded counts as exact.
     notes
-        What a reader should know of the recording and the model.
+        Remarks on the recording and the model.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Growth:
 
 
 def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int) -> Growth:
-    """How the error grows, over at most `count` windows spread over the recording.
+    """Measure the growth of the error over at most `count` windows, spread over the recording.
 
     Raises
     ------
@@ -70,11 +70,11 @@ def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int) -> Gr
     """
     recording, variances = windows.recording, windows.noise**2
     measured = np.isfinite(windows.noise)
-    kinds = windows.kinds
-    own, expected, chosen = [], [], windows.spread(count)
+    parts = windows.parts
+    norms, by_noise, chosen = [], [], windows.spread(count)
     first = recording.times[chosen[0].rows]
-    told = np.unique(np.linspace(0, len(first) - 1, HORIZONS + 1).round().astype(int)[1:])
-    horizons = first[told] - first[0]
+    sampled = np.unique(np.linspace(0, len(first) - 1, HORIZONS + 1).round().astype(int)[1:])
+    horizons = first[sampled] - first[0]
     with step(WINDOWS, len(chosen)):
         for window in chosen:
             found = errors([loop, loop], np.empty(0), engine, recording, window)
@@ -82,27 +82,27 @@ def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int) -> Gr
                 continue
             times = recording.times[window.rows]
             rows = np.abs(times[:, None] - times[0] - horizons).argmin(axis=0)
-            start = np.where(measured, variances, 0.0)  # what was not recorded is not known
+            start = np.where(measured, variances, 0.0)
             spread = found.by_state[rows] ** 2 @ start + variances
-            own.append([norm(found.values[rows][:, axes]) for _, _, axes in kinds])
-            expected.append([spread[:, axes].sum(axis=1) for _, _, axes in kinds])
-    if not own:
+            norms.append([norm(found.values[rows][:, axes]) for _, _, axes in parts])
+            by_noise.append([spread[:, axes].sum(axis=1) for _, _, axes in parts])
+    if not norms:
         raise EqtError(
             f"{recording.name}: the runs of all {len(chosen)} windows failed; check the inertia "
             "and the units of the wrench"
         )
-    sizes = np.array(own)
+    sizes = np.array(norms)
     low, median, high = np.quantile(sizes, [LOW, 0.5, HIGH], axis=0)
     return Growth(
         recording.name,
         len(chosen),
-        len(chosen) - len(own),
+        len(chosen) - len(norms),
         horizons,
-        tuple(name for name, _, _ in kinds),
-        tuple(unit for _, unit, _ in kinds),
+        tuple(name for name, _, _ in parts),
+        tuple(unit for _, unit, _ in parts),
         median,
         low,
         high,
         np.sqrt(np.mean(sizes**2, axis=0)),
-        np.sqrt(np.mean(expected, axis=0)),
+        np.sqrt(np.mean(by_noise, axis=0)),
     )

@@ -1,4 +1,4 @@
-"""Numbers of a plant by least squares: those with which it predicts windows of a recording best."""
+"""Fits numbers of a plant by least squares, so that it predicts windows of a recording best."""
 
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ from eqt_cli.tuning.law_search import entries_of, expanded, value_at
 SECTIONS = ("plant", "actuators", "inertia")
 """The sections that hold numbers of a plant."""
 
-FURTHER = 1e-4
-"""Of a number, or of 1 where it is 0: the step from which derivatives are taken."""
+STEP = 1e-4
+"""Step of difference quotients, relative to a number's start value, or to 1 if that is 0."""
 
 RESOLVED = 10.0
-"""Times the error of an engine: derivatives below it are none."""
+"""Multiple of an engine's error above which a derivative counts as different from 0."""
 
-APART = 1e-3
-"""The least singular value of the derivatives by numbers, each of length 1, with which these are
-told apart."""
+DISTINCT = 1e-3
+"""Smallest singular value of the derivatives, scaled to length 1 for each number, at which the
+recording distinguishes the numbers."""
 
 ROUNDS = 3
-"""In each, the first states of all windows follow what was found."""
+"""Largest number of rounds; after each, the first states of all windows are updated."""
 
-MOST_TRIED = 50
-"""Points in a round."""
+MAX_EVALUATIONS = 50
+"""Largest number of evaluations in a round."""
 
 ACCURACY = 1e-6
-"""Relative: steps and gains of the search that are less end it. Derivatives are hardly better."""
+"""Relative step or gain at which the search ends; derivatives are hardly more accurate."""
 
-FOLLOWED = 0.1
-"""Of the noise: a first state that moves by less stays as it is."""
+SETTLED = 0.1
+"""Correction of the first states, relative to the noise, below which no further round follows."""
 
 SHARE = 0.1
-"""Of a direction: numbers with less of it are not named."""
+"""Smallest component of a singular vector for which a message names the number."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,11 @@ class FittedNumber:
     Attributes
     ----------
     key
-        In the configuration.
+        Its key in the configuration.
     start, value
-        Before and after.
+        The values before and after the fit.
     low, high
-        Its 95 % interval.
+        The ends of its 95 % interval.
     """
 
     key: str
@@ -81,11 +81,11 @@ class Residual:
     Attributes
     ----------
     part, unit
-        What of.
+        The part and its unit.
     before, after
-        With the numbers that were given, and with those that were found.
+        The errors with the start values, and with the fitted values.
     noise
-        Of the recording from row to row.
+        The noise of the recording from row to row.
     """
 
     part: str
@@ -97,23 +97,23 @@ class Residual:
 
 @dataclass(frozen=True)
 class PlantFit:
-    """What was found.
+    """The result of a fit.
 
     Attributes
     ----------
     name
         The recording.
     numbers, residuals
-        Each with what is known of it.
+        The fitted numbers, and the errors of each part.
     singular_values
-        Of the derivatives of all errors by the numbers, each scaled to length 1: 1 where numbers
-        act on their own, near 0 where some act as others do.
+        Singular values of the derivatives of all errors, scaled to length 1 for each number: 1
+        where numbers act independently, near 0 where some act as others do.
     windows, rows, horizon
-        How many windows without a common row there are, how many rows in all, and their length, s.
+        The number of disjoint windows, that of their rows, and the length of a window, s.
     source, config
-        The configuration with the numbers, and where it was written.
+        The configuration with the fitted numbers, and its path if it was written.
     notes
-        What a reader should know of the recording and the model.
+        Remarks on the recording and the model.
     """
 
     name: str
@@ -129,44 +129,44 @@ class PlantFit:
 
 
 def starting_values(keys: Sequence[str], base: Experiment) -> list[float]:
-    """What a configuration gives for keys.
+    """Return the values of keys in a configuration.
 
     Raises
     ------
     InputError
-        For a key that is no number of the plant.
+        If a key is no number of the plant.
     """
-    found = []
+    values = []
     for key in keys:
         first = entries_of(key)[0]
-        held = value_at(base.resolved, parse_key(first))
+        value = value_at(base.resolved, parse_key(first))
         if section_of(first) not in SECTIONS:
             raise InputError(
                 f"{key}: expected a number of the plant, such as plant.inertia.relative or "
                 "plant.forces[0].linear"
             )
-        if held is None:
+        if value is None:
             raise InputError(f"{key}: is not in the configuration; add it with a value to start at")
-        if isinstance(held, bool) or not isinstance(held, int | float):
-            one = f"; give an entry, such as {key}[0]" if isinstance(held, list) else ""
-            raise InputError(f"{key}: expected a key that holds a number, got {shown(held)}{one}")
-        found.append(float(held))
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            hint = f"; give an entry, such as {key}[0]" if isinstance(value, list) else ""
+            raise InputError(f"{key}: expected a key that holds a number, got {shown(value)}{hint}")
+        values.append(float(value))
     if len(set(keys)) < len(keys) or not keys:
         raise InputError(f"expected different keys, got {', '.join(keys) or 'none'}")
-    return found
+    return values
 
 
 class _Linear(NamedTuple):
-    """A window near some numbers, in units of the noise.
+    """The errors of a window, linearised about some numbers, in units of the noise.
 
     Attributes
     ----------
     residuals : (n,)
-        Its errors, without what another first state takes away.
+        Its errors that remain for the best first state.
     derivatives : (n, p)
-        By the numbers, likewise.
+        Their derivatives by the numbers.
     state : (2m,)
-        By how much that first state is another one.
+        The correction of the first state.
     """
 
     residuals: Array
@@ -178,13 +178,13 @@ class _Linear(NamedTuple):
 class _Problem:
     """The errors of all windows as a function of the numbers.
 
-    First states are measured with noise. So each window may have another one, which is solved for
-    to first order (variable projection), and the numbers are not asked to explain that noise.
+    Measured first states are noisy. So each window gets a correction of its first state, by
+    variable projection to first order, and this noise does not bias the numbers.
 
     Attributes
     ----------
     driven
-        Makes of a configuration its plant under the recorded wrench.
+        Returns the plant of an experiment under the recorded wrench.
     """
 
     base: Experiment
@@ -195,10 +195,10 @@ class _Problem:
     driven: Callable[[Experiment], ClosedLoop]
 
     def at(self, numbers: Array) -> ConfigSource:
-        """The configuration with some numbers."""
+        """Return the configuration with other numbers."""
         source = self.base.source
-        given = dict(zip(self.keys, numbers.tolist(), strict=True))
-        for key, value in expanded(given).items():
+        values = dict(zip(self.keys, numbers.tolist(), strict=True))
+        for key, value in expanded(values).items():
             source = changed_at(source, parse_key(key), value, "over")
         return source
 
@@ -209,21 +209,21 @@ class _Problem:
 
     @property
     def scales(self) -> Array:
-        """How large each number is, or 1 where it is 0."""
+        """The magnitude of each start value, or 1 where it is 0."""
         return np.where(self.start == 0.0, 1.0, np.abs(self.start))
 
-    def linear(self, numbers: Array) -> list[_Linear] | None:
-        """All windows; None where there is no such plant, or a run fails."""
-        steps = FURTHER * self.scales
+    def linearised(self, numbers: Array) -> list[_Linear] | None:
+        """Return all windows near some numbers; None for an invalid plant or a failed run."""
+        steps = STEP * self.scales
         points = [numbers, *(numbers + np.diag(steps))]
         try:
             plants = [self.driven(build(self.at(point), trust_plugins=True)) for point in points]
         except ConfigError:
             return None
         with step(WINDOWS, len(self.cut)):
-            return self._along([self.first, *plants], steps)
+            return self._projected([self.first, *plants], steps)
 
-    def _along(self, loops: list[ClosedLoop], steps: Array) -> list[_Linear] | None:
+    def _projected(self, loops: list[ClosedLoop], steps: Array) -> list[_Linear] | None:
         found = []
         for window in self.cut:
             one = errors(loops, steps, self.base.engine, self.windows.recording, window)
@@ -243,22 +243,22 @@ class _Problem:
         return found
 
     def _weighted(self, errors: Array) -> Array:
-        """Errors of what was measured in units of the noise, one behind the other."""
+        """Return errors of the measured coordinates in units of the noise, in one column."""
         noise, measured = self.windows.noise, np.isfinite(self.windows.noise)
         return (errors[:, measured] / noise[measured, None]).reshape(-1, errors.shape[-1])
 
     def solved(self, start: Array) -> tuple[Array, list[_Linear]]:
-        """The numbers with which the sum of squares is least, and all windows there."""
+        """Return the numbers of the smallest sum of squares, and all windows near them."""
         from scipy.optimize import least_squares  # slow to import
 
         @lru_cache(maxsize=2)
         def at(numbers: tuple[float, ...]) -> list[_Linear] | None:
-            return self.linear(np.array(numbers))
+            return self.linearised(np.array(numbers))
 
         def residuals(numbers: Array) -> Array:
             found = at(tuple(numbers.tolist()))
             if found is None:
-                return np.full(self._size, np.inf)  # which shortens the step
+                return np.full(self._size, np.inf)  # least_squares then shortens the step
             return np.concatenate([one.residuals for one in found])
 
         def derivatives(numbers: Array) -> Array:
@@ -271,34 +271,34 @@ class _Problem:
             x_scale=self.scales,
             xtol=ACCURACY,
             ftol=ACCURACY,
-            max_nfev=MOST_TRIED,
+            max_nfev=MAX_EVALUATIONS,
         )
         return np.asarray(found.x), at(tuple(found.x.tolist())) or []
 
-    def require_told(self, found: list[_Linear]) -> Array:
-        """The singular values of the derivatives by the numbers, each scaled to length 1.
+    def require_distinct(self, found: list[_Linear]) -> Array:
+        """Return the singular values of the derivatives, scaled to length 1 for each number.
 
         Raises
         ------
         EqtError
-            Where the recording does not tell a number, or not apart from others.
+            If the recording does not determine a number, or does not distinguish it from others.
         """
         derivatives, noise = np.concatenate([one.derivatives for one in found]), self.windows.noise
         name, lengths = self.windows.recording.name, np.linalg.norm(derivatives, axis=0)
-        error = self.base.engine.rtol / (FURTHER * self.scales) / np.nanmin(noise)
+        error = self.base.engine.rtol / (STEP * self.scales) / np.nanmin(noise)
         resolved = lengths > RESOLVED * np.sqrt(len(derivatives)) * error
-        for key in (key for key, is_so in zip(self.keys, resolved, strict=True) if not is_so):
+        for key in (key for key, acts in zip(self.keys, resolved, strict=True) if not acts):
             raise EqtError(
-                f"{key}: has no influence on what is predicted of {name}; leave it out, give a "
-                "recording in which it acts, or start at a value of its size"
+                f"{key}: has no influence on the prediction of {name}; leave it out, give a "
+                "recording in which it acts, or start at a value of its magnitude"
             )
         _, values, directions = np.linalg.svd(derivatives / lengths, full_matrices=False)
-        if values[-1] < APART:
+        if values[-1] < DISTINCT:
             parts = zip(self.keys, directions[-1], strict=True)
             alike = " and ".join(key for key, part in parts if abs(part) > SHARE)
             raise EqtError(
-                f"{alike}: {name} does not tell them apart, since a change of one acts as a change "
-                f"of the others (least singular value {values[-1]:.2g}); leave one out"
+                f"{alike}: {name} cannot distinguish them, because a change of one acts like a "
+                f"change of the others (smallest singular value {values[-1]:.2g}); leave one out"
             )
         return np.asarray(values)
 
@@ -307,22 +307,23 @@ class _Problem:
         rows = sum(window.rows.stop - window.rows.start for window in self.cut)
         return rows * int(np.isfinite(self.windows.noise).sum())
 
-    def follow(self, found: list[_Linear]) -> float:
-        """Take the first states that were found; how far the farthest is, in units of the noise."""
+    def correct_states(self, found: list[_Linear]) -> float:
+        """Correct the first states; return the largest correction in units of the noise."""
         G, noise = self.windows.recording.group, self.windows.noise
         pairs = zip(self.cut, found, strict=True)
         self.cut = [window.moved(G, one.state) for window, one in pairs]
-        moves = np.abs([one.state for one in found])[:, np.isfinite(noise)]
-        return float((moves / noise[np.isfinite(noise)]).max())
+        corrections = np.abs([one.state for one in found])[:, np.isfinite(noise)]
+        return float((corrections / noise[np.isfinite(noise)]).max())
 
-    def sizes(self, found: list[_Linear], taken: int) -> Array:
-        """The root mean square of each coordinate, where so many numbers were fitted."""
+    def sizes(self, found: list[_Linear], fitted: int) -> Array:
+        """Return the root mean square of each coordinate, if `fitted` numbers were fitted."""
         measured = np.isfinite(self.windows.noise)
-        every = np.concatenate([one.residuals for one in found])
+        residuals = np.concatenate([one.residuals for one in found])
         squares = np.full(len(measured), np.nan)
-        squares[measured] = np.mean(every.reshape(-1, int(measured.sum())) ** 2, axis=0)
-        taken += len(found) * len(measured)
-        return self.windows.noise * np.sqrt(squares * len(every) / max(len(every) - taken, 1))
+        squares[measured] = np.mean(residuals.reshape(-1, int(measured.sum())) ** 2, axis=0)
+        fitted += len(found) * len(measured)
+        freedom = max(len(residuals) - fitted, 1)
+        return self.windows.noise * np.sqrt(squares * len(residuals) / freedom)
 
 
 def fit(
@@ -331,36 +332,36 @@ def fit(
     windows: Windows,
     driven: Callable[[Experiment], ClosedLoop],
 ) -> PlantFit:
-    """The numbers of a plant with which it predicts the windows of a recording best.
+    """Fit the numbers of a plant, so that it predicts the windows of a recording best.
 
-    Least squares of the errors over the noise, by SciPy. Intervals are those of a block bootstrap,
-    of which the blocks are the windows.
+    The sum of squared errors, in units of the noise, is minimised by SciPy. Intervals are by a
+    block bootstrap, in which each window is a block.
 
     Raises
     ------
     EqtError
-        If the recording does not tell a number, or has too few windows.
+        If the recording does not determine a number, or has too few windows.
     """
     start, name = np.array(starting_values(keys, base)), windows.recording.name
-    problem = _Problem(base, keys, start, windows, windows.apart(), driven)
+    problem = _Problem(base, keys, start, windows, windows.disjoint(), driven)
     if len(problem.cut) < FEWEST:
         raise EqtError(
-            f"{name}: has {len(problem.cut)} windows of {windows.horizon:g} s without a common "
-            f"row; intervals need {FEWEST} at least, so give a shorter horizon"
+            f"{name}: has {len(problem.cut)} windows of {windows.horizon:g} s that share no row; "
+            f"intervals need at least {FEWEST}, so give a shorter horizon"
         )
-    first = problem.linear(start)
+    first = problem.linearised(start)
     if first is None:
         raise EqtError(
             f"{name}: with the numbers of the configuration, the run of a window fails; check the "
             "inertia and the units of the wrench, or give a shorter horizon"
         )
-    problem.require_told(first)
+    problem.require_distinct(first)
     before, numbers, found = problem.sizes(first, 0), start, first
     for _ in range(ROUNDS):
         numbers, found = problem.solved(numbers)
-        if problem.follow(found) < FOLLOWED:
+        if problem.correct_states(found) < SETTLED:
             break
-    singular = problem.require_told(found)
+    singular = problem.require_distinct(found)
     after = problem.sizes(found, len(keys))
     low, high = intervals(found) + numbers
     columns = zip(keys, start, numbers, low, high, strict=True)
@@ -377,25 +378,24 @@ def fit(
 
 
 def intervals(found: list[_Linear]) -> Array:
-    """The ends of the 95 % intervals of the numbers, relative to what was found, ``(2, p)``.
+    """Return the ends of the 95 % intervals, relative to the fitted numbers, ``(2, p)``.
 
-    What a window adds is told by the numbers without it, to first order, which are θ + (A − A_w)⁻¹
-    b_w with A_w = J_wᵀJ_w and b_w = J_wᵀr_w (pseudo-values of the jackknife). Their mean is
-    resampled.
+    The mean of the jackknife's pseudo-values is resampled. They follow from the numbers without
+    each window, to first order θ + (A − A_w)⁻¹ b_w with A_w = J_wᵀJ_w and b_w = J_wᵀr_w.
     """
     squares = [one.derivatives.T @ one.derivatives for one in found]
     pulls = [one.derivatives.T @ one.residuals for one in found]
-    others, whole = len(found) - 1, sum(squares)
+    others, total = len(found) - 1, sum(squares)
     values = [
-        -others * np.linalg.solve(whole - own, pull)
-        for own, pull in zip(squares, pulls, strict=True)
+        -others * np.linalg.solve(total - square, pull)
+        for square, pull in zip(squares, pulls, strict=True)
     ]
     mean = intervals_of_means(np.array(values), Resampling())
     return np.stack([mean.low - mean.mean, mean.high - mean.mean])
 
 
 def _residuals(windows: Windows, before: Array, after: Array) -> Iterator[Residual]:
-    for name, unit, axes in windows.kinds:
+    for name, unit, axes in windows.parts:
         sizes = [
             float(np.sqrt(np.mean(each[axes] ** 2))) for each in (before, after, windows.noise)
         ]

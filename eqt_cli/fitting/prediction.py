@@ -1,8 +1,8 @@
-"""What a plant does under a recorded wrench, in windows of the recording; it knows no search.
+"""Predicts windows of a recording: the motion of a plant under the recorded wrench.
 
-A window is a problem of an engine like any other, from the recorded state at its first row to its
-last: the instants at which the wrench changes are those of the loop. Plants with other numbers, and
-other first states, are runs of one problem.
+Each window is an ordinary problem for an engine, which starts from the recorded state in its first
+row. The wrench changes at the instants of the loop. Plants with other numbers, and other first
+states, are runs of the same problem.
 """
 
 from __future__ import annotations
@@ -27,44 +27,46 @@ from eqt_cli.references.constant import ConstantReference
 from eqt_cli.vehicle.vehicle import ACTUATORS
 
 WINDOWS = "windows"
-"""What is counted while a recording is predicted."""
+"""The progress of a prediction is counted in windows."""
 
 STEP = 1e-4
-"""Of a coordinate of a first state, rad, m, rad/s or m/s, from which derivatives are taken: far
-above the error of an engine, and far below where a motion bends."""
+"""Step of a coordinate of the first state in difference quotients, rad, m, rad/s or m/s: far above
+the error of an engine, and far below where the motion becomes nonlinear."""
 
 FEWEST_ROWS = 5
-"""Of a window."""
+"""Smallest number of rows in a window."""
 
 THIRD = 20.0
-"""The variance of third differences of white noise, of that of the noise."""
+"""Variance of third differences of white noise, relative to that of the noise."""
 
 LEAST_NOISE = 1e-9
-"""Of the size of what was measured: below it, noise is not told from an engine's error."""
+"""Smallest noise relative to the size of the measurements; less could be an engine's error."""
 
 FIRST_ROWS = 10
-"""From which a first velocity is found, where none was recorded."""
+"""Number of rows from which a first velocity is estimated where none was recorded."""
 
 
 def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
-    """The plant of an experiment under a recorded wrench, with no clock and no sensors.
+    """Return the plant of an experiment under a recorded wrench, without a clock and sensors.
 
     Raises
     ------
     EqtError
-        If it has parts whose state or numbers no recording tells.
+        If a part has a state that the recording does not hold, or numbers drawn for each run.
     """
     loop = next(iter(experiment.loops.values()))
     configured = loop.vehicle.configured or loop.vehicle
-    vehicle = replace(configured, control=None, pose_sensors=(), velocity_sensors=())
+    vehicle = replace(
+        configured, control=None, pose_sensors=(), velocity_sensors=(), estimator=None
+    )
     for place, part in vehicle.parts.items():
         if part.varies:
             raise EqtError(f"{place}: is drawn for each run; give a number to replay a recording")
     for index, actuator in enumerate(vehicle.actuators):
         if actuator.sampled or actuator.states(loop.group):
             raise EqtError(
-                f"{ACTUATORS}[{index}]: has a state that no recording holds; remove it, and record "
-                "the wrench behind it"
+                f"{ACTUATORS}[{index}]: has a state that the recording does not hold; remove the "
+                "actuator, and record the wrench that it applies"
             )
     flying = vehicle.of_run(loop.group)
     return replace(loop, reference=ConstantReference(), controller=law, vehicle=flying)
@@ -72,15 +74,15 @@ def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
 
 @dataclass(frozen=True)
 class Window:
-    """Some rows of a recording, and the state that a prediction begins with.
+    """Rows of a recording, and the state at which a prediction starts.
 
     Attributes
     ----------
     rows
-        Of the recording, without a gap.
+        Rows of the recording, without a gap.
     pose : (d, d)
     velocity : (m,)
-        At the first of them.
+        The state in the first row.
     """
 
     rows: slice
@@ -88,19 +90,19 @@ class Window:
     velocity: Array
 
     def moved(self, G: MatrixLieGroup, by: Array) -> Window:
-        """The same from another state, by the coordinates of its pose and its velocity."""
+        """Return the window with its first state moved by coordinates of pose and velocity."""
         m = G.dimension
         return replace(self, pose=self.pose @ G.exp(by[:m]), velocity=self.velocity + by[m:])
 
 
 @dataclass(frozen=True)
 class Windows:
-    """A recording as it is predicted.
+    """A recording with wrenches, cut into windows to predict.
 
     Attributes
     ----------
     recording
-        With wrenches.
+        The recording.
     horizon
         The length of a window, s.
     """
@@ -110,7 +112,7 @@ class Windows:
 
     @cached_property
     def starts(self) -> Array:
-        """The rows from which a window goes to its end without a gap.
+        """The rows at which a window without a gap can start.
 
         Raises
         ------
@@ -119,8 +121,8 @@ class Windows:
         """
         times, name = self.recording.times, self.recording.name
         ends = self._ends
-        behind = np.append(self.recording.gaps, len(times) - 1)
-        last = behind[np.searchsorted(behind, np.arange(len(times)))]
+        stops = np.append(self.recording.gaps, len(times) - 1)
+        last = stops[np.searchsorted(stops, np.arange(len(times)))]
         rows = np.flatnonzero(ends <= last)
         if not len(rows):
             longest = float((times[last] - times).max())
@@ -138,23 +140,23 @@ class Windows:
 
     @property
     def _ends(self) -> Array:
-        """For each row the last one of a window that begins there."""
+        """For each row the last row of a window that starts there."""
         times = self.recording.times
         return np.searchsorted(times, times + self.horizon * (1 - 1e-9))
 
     def spread(self, count: int) -> list[Window]:
-        """At most so many windows, spread over the recording; they may overlap."""
+        """Return at most `count` windows, spread over the recording; they may overlap."""
         chosen = np.linspace(0, len(self.starts) - 1, min(count, len(self.starts)))
         return [self._window(int(row)) for row in self.starts[np.round(chosen).astype(int)]]
 
-    def apart(self) -> list[Window]:
-        """As many windows as there are that have no row in common."""
-        found, free = [], -1
+    def disjoint(self) -> list[Window]:
+        """Return as many windows as possible that share no row, from the first row on."""
+        chosen, last = [], -1
         for row in self.starts.tolist():
-            if row > free:
-                found.append(self._window(row))
-                free = found[-1].rows.stop - 1
-        return found
+            if row > last:
+                chosen.append(self._window(row))
+                last = chosen[-1].rows.stop - 1
+        return chosen
 
     def _window(self, row: int) -> Window:
         rows = slice(row, int(self._ends[row]) + 1)
@@ -164,7 +166,7 @@ class Windows:
         return Window(rows, self.recording.poses[row], velocity)
 
     def _velocity(self, rows: slice) -> Array:
-        """That of the parabola near the first poses."""
+        """Return the initial velocity of a parabola fitted to the first poses."""
         G, few = self.recording.group, slice(rows.start, min(rows.start + FIRST_ROWS, rows.stop))
         t = self.recording.times[few] - self.recording.times[rows.start]
         poses = self.recording.poses[few]
@@ -174,8 +176,8 @@ class Windows:
         return found[0][1]
 
     @property
-    def kinds(self) -> list[tuple[str, str, slice]]:
-        """Parts of the pose, and of the velocity where it was recorded: name, unit and axes."""
+    def parts(self) -> list[tuple[str, str, slice]]:
+        """Name, unit and axes of each part of the pose, and of the velocity where recorded."""
         found, m = [], self.recording.group.dimension
         for part in self.recording.group.parts:
             unit = "rad" if part.turns else part.pose_unit
@@ -188,10 +190,10 @@ class Windows:
 
     @cached_property
     def noise(self) -> Array:
-        """The standard deviation of what was measured, from third differences, ``(2m,)``.
+        """The standard deviation of the measurements by third differences, ``(2m,)``.
 
-        Of coordinates of poses and then of velocities; NaN of those that were not measured. It
-        counts what is random from row to row, and nothing slower.
+        Coordinates of poses come first, then those of velocities; those not measured are NaN.
+        Only noise that is independent from row to row is counted, no slow errors.
         """
         G, poses, V = self.recording.group, self.recording.poses, self.recording.velocities
         steps = G.log(G.inverse(poses[:-1]) @ poses[1:])
@@ -204,16 +206,16 @@ class Windows:
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of the prediction of a window, and how they change, in coordinates of the body.
+    """Errors of the prediction of a window and their derivatives, in body coordinates.
 
     Attributes
     ----------
     values : (rows, 2m)
-        Of the pose, log(Q⁻¹Q̂) with the measured Q, and of the velocity.
+        Errors of the pose, log(Q⁻¹Q̂) with the measured Q, and of the velocity.
     by_state : (rows, 2m, 2m)
-        With the coordinates of the first state.
+        Derivatives by the coordinates of the first state.
     by_number : (rows, 2m, p)
-        With the numbers of the plant.
+        Derivatives by the numbers of the plant.
     """
 
     values: Array
@@ -228,15 +230,16 @@ def errors(
     recording: Recording,
     window: Window,
 ) -> Errors | None:
-    """The errors of a window; None where a run fails.
+    """Return the errors of a window; None where a run fails.
 
     Parameters
     ----------
     loops
-        A plant of the same structure, the plant itself, and with each of its numbers a step
-        further. An engine compiles the first only, so that it should stay the same.
+        First a plant of the same structure, then the plant, then the plant with each of its
+        numbers increased by a step. Pass the same first plant to every call, because an engine
+        compiles it.
     steps
-        So far.
+        The increases of the numbers.
     """
     G, m, p = recording.group, recording.group.dimension, len(loops) - 2
     moves = np.concatenate([np.zeros((1, 2 * m)), STEP * np.eye(2 * m), np.zeros((p, 2 * m))])
@@ -245,11 +248,10 @@ def errors(
     times = recording.times[window.rows]
     problem = Problem(loops[0], Q0, times, differing(list(loops), which))
     loop = problem.batched_loop()
-    still = np.zeros((1, m))
-    states = loop.initial_state(Q0, V0, G.identity[None], still, float(times[0]))
+    states = loop.initial_state(Q0, V0, G.identity[None], np.zeros((1, m)), float(times[0]))
     problem = replace(problem, states=states)
     solution = engine.solve(problem)
-    reporter().advance(1)  # of the windows
+    reporter().advance(1)
     if solution.status.any():
         return None
     s = problem.batched_loop(1).tracking(times, solution.states)

@@ -1,43 +1,49 @@
-"""What a replay or a fit found, as tables of text."""
+"""Lays out the results of a replay or a fit as tables of text."""
 
+from eqt_cli.analysis.comparison.notation import significant
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.fitting.growth import Growth
 from eqt_cli.fitting.plant_fit import PlantFit
 
 
-def growth_table(found: Growth) -> TextTable:
-    """The error of each part at each horizon: median, quantiles, and what noise alone gives."""
+def growth_table(result: Growth) -> TextTable:
+    """Return the error of each part at each horizon: median, quantiles, rms, and that by noise."""
     header = ["horizon, s", "median", "10 %", "90 %", "rms", "noise"]
     blocks = []
-    for k, (part, unit) in enumerate(zip(found.parts, found.units, strict=True)):
-        columns = (found.median, found.low, found.high, found.rms, found.noise)
+    for k, (part, unit) in enumerate(zip(result.parts, result.units, strict=True)):
+        columns = (result.median, result.low, result.high, result.rms, result.noise)
         rows = [
-            [f"{horizon:.4g}", *(f"{column[k, h]:.3g}" for column in columns)]
-            for h, horizon in enumerate(found.horizons)
+            [f"{horizon:.4g}", *(significant(column[k, h], 3) for column in columns)]
+            for h, horizon in enumerate(result.horizons)
         ]
         blocks.append(Block(f"{part}, {unit}", rows))
-    failed = f"; the runs of {found.failed} more failed" if found.failed else ""
-    title = f"Error of the prediction of {found.name} over {found.windows} windows{failed}"
+    failed = f"; the runs of {result.failed} more failed" if result.failed else ""
+    title = f"Error of the prediction of {result.name} over {result.windows} windows{failed}"
     notes = [
         "Each window starts in a recorded state. noise: the rms that the noise of the recording "
         "alone gives a perfect model.",
-        *found.notes,
+        *result.notes,
     ]
     return TextTable("growth", title, header, blocks, notes)
 
 
-def fit_tables(found: PlantFit) -> list[TextTable]:
-    """The numbers with their intervals, and the errors before and after."""
+def fit_tables(result: PlantFit) -> list[TextTable]:
+    """Return the numbers with their intervals, and the errors before and after the fit."""
     numbers = [
-        [n.key, f"{n.start:.5g}", f"{n.value:.5g}", f"[{n.low:.5g}, {n.high:.5g}]"]
-        for n in found.numbers
+        [
+            n.key,
+            significant(n.start, 5),
+            significant(n.value, 5),
+            f"[{significant(n.low, 5)}, {significant(n.high, 5)}]",
+        ]
+        for n in result.numbers
     ]
     errors = [
-        [f"{r.part}, {r.unit}", *(f"{x:.3g}" for x in (r.before, r.after, r.noise))]
-        for r in found.residuals
+        [f"{r.part}, {r.unit}", *(significant(x, 3) for x in (r.before, r.after, r.noise))]
+        for r in result.residuals
     ]
-    values = ", ".join(f"{value:.3g}" for value in found.singular_values)
-    title = f"Fitted to {found.windows} windows of {found.horizon:.4g} s of {found.name}"
+    values = ", ".join(f"{value:.3g}" for value in result.singular_values)
+    title = f"Fitted to {result.windows} windows of {result.horizon:.4g} s of {result.name}"
     return [
         TextTable(
             "numbers",
@@ -45,9 +51,9 @@ def fit_tables(found: PlantFit) -> list[TextTable]:
             ["key", "start", "found", "95 % interval"],
             [Block("", numbers)],
             [
-                f"Singular values of the scaled Jacobian: {values}. Near 0, numbers are not told "
-                "apart.",
-                *found.notes,
+                f"Singular values of the scaled Jacobian: {values}. Near 0, the recording cannot "
+                "distinguish the numbers.",
+                *result.notes,
             ],
         ),
         TextTable(

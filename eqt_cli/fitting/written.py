@@ -1,4 +1,4 @@
-"""The configuration of a fit, with the numbers that were found, in a folder."""
+"""Writes the configuration of a fit, with the fitted numbers, to a folder."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ FITTED = "fitted.yaml"
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a folder in which the file cannot be written, before any work.
+    """Refuse a folder in which the configuration cannot be written, before any work.
 
     Raises
     ------
@@ -28,12 +28,12 @@ def check_folder(folder: Path) -> None:
             raise foreign(path, "another file", "a configuration")
 
 
-def write_fitted(found: PlantFit, folder: Path) -> Path:
-    """Write the complete configuration, with what it refers to beside it; returns its path."""
+def write_fitted(result: PlantFit, folder: Path) -> Path:
+    """Write the complete configuration, and beside it the files it refers to; return its path."""
     path, mark = folder / FITTED, FOUND_BY.format("fit")
     with refusals(path, "written", OTHER_FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
         ResultFolder(folder).write_config(
-            study(found.source, trust_plugins=True), path.name, mark.encode()
+            study(result.source, trust_plugins=True), path.name, mark.encode()
         )
     return path

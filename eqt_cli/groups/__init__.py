@@ -8,12 +8,12 @@ groups = Registry("group", __name__, MatrixLieGroup)
 
 
 def group_named(name: str) -> MatrixLieGroup:
-    """The group that a configuration calls `name`, products included.
+    """Return the group that a configuration calls `name`, perhaps a product.
 
     Raises
     ------
     ComponentError
-        If there is none; the message names the closest, or else examples of what there is.
+        If there is none; the message names the closest group, or else examples.
     """
     for kind in groups.all():
         group = kind.named(name)

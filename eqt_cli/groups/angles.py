@@ -1,7 +1,7 @@
-"""Functions of a rotation angle without a singularity at 0, on floats and on symbols.
+"""Functions of a rotation angle that are smooth at 0, for floats and symbols.
 
-Each is a power series in a quantity so small that few terms suffice, of a function whose nearest
-singularity was taken out before. It knows no group and no pose.
+Each is a power series in a small quantity, of a function whose nearest singularity is removed
+first, so that few terms suffice.
 """
 
 import math
@@ -9,31 +9,35 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array, sqrt
+from eqt_cli.core.arrays import Array, cos, sin, smooth_less, sqrt, where
 
 FARTHEST = 2 * math.sqrt(2)
 """‖I − R‖_F of a half-turn, in the plane and in space."""
 
 SINE_TERMS = 12
 COTANGENT_TERMS = 14
-"""So many that what is left out is below a tenth of the last place of a double."""
+STUMPFF_TERMS = 9
+"""Numbers of terms; the truncation error is below a tenth of the last place of a double."""
+
+SMALL_SQUARE = 1.0
+"""θ² up to which `stumpff` is a series, beyond which differences lose two digits at the most."""
 
 
 def distance_of_turn(angle: float) -> float:
-    """‖I − R‖_F = 2√2 sin(θ/2) of a rotation by an angle, rad."""
+    """Return ‖I − R‖_F = 2√2 sin(θ/2) of a rotation by an angle, rad."""
     return FARTHEST * math.sin(angle / 2)
 
 
 def turn_of_distance(distance: Array) -> Array:
-    """The angle, rad, of rotations with these ‖I − R‖_F; undoes `distance_of_turn`."""
+    """Return the angle, rad, of rotations with these ‖I − R‖_F; inverts `distance_of_turn`."""
     return 2 * np.arcsin(np.minimum(distance / FARTHEST, 1.0))
 
 
 def ratio_to_sine(c: Any) -> Any:
     """x / sin x of x = arccos c, for c from 0 to 1.
 
-    At a quarter of the angle, in s = sin²(x/8) up to sin²(π/16), and doubled twice from there by
-    2x / sin 2x = (x / sin x) / cos x.
+    The series is evaluated at x/4, in s = sin²(x/8) up to sin²(π/16), and the angle is doubled
+    twice by 2x / sin 2x = (x / sin x) / cos x.
     """
     half = sqrt((1 + c) / 2)
     quarter = sqrt((1 + half) / 2)
@@ -52,8 +56,24 @@ def inverse_jacobian_terms(square: Any) -> tuple[Any, Any]:
     return value / 4, slope / 16
 
 
+def stumpff(square: Any) -> tuple[Any, ...]:
+    """c_0 … c_5 of θ², with c_k = 1/k! − θ²/(k + 2)! + …: c_0 = cos θ, c_1 = sin θ / θ.
+
+    From c_2 = (1 − c_0)/θ² on each is (1/k! − c_k)/θ² of an earlier one, and a series where θ is
+    small. They are the coefficients of the exponential of a turn, and of its integral.
+    """
+    small = smooth_less(square, SMALL_SQUARE)
+    far = where(small, SMALL_SQUARE, square)
+    angle = sqrt(far)
+    found = [cos(angle), sin(angle) / angle]
+    for k in range(4):
+        found.append((1 / math.factorial(k) - found[k]) / far)
+    near = where(small, square, SMALL_SQUARE)
+    return tuple(where(small, _series(_STUMPFF[k], near), closed) for k, closed in enumerate(found))
+
+
 def _over_sine() -> list[float]:
-    """The coefficients of x / sin x in powers of sin²(x/2): ₂F₁(1, 1; 3/2; s)."""
+    """Return the coefficients of x / sin x in powers of sin²(x/2): ₂F₁(1, 1; 3/2; s)."""
     terms = [1.0]
     for n in range(1, SINE_TERMS):
         terms.append(terms[-1] * 2 * n / (2 * n + 1))
@@ -61,7 +81,7 @@ def _over_sine() -> list[float]:
 
 
 def _cotangent() -> list[float]:
-    """Those of (1 − x cot x)/x² − 2/(π² − x²) in powers of x².
+    """Return the coefficients of (1 − x cot x)/x² − 2/(π² − x²) in powers of x².
 
     By the differential equation of the cotangent, the coefficients d of 1 − x cot x in x² satisfy
     (2n + 1) d_n = d_1 d_{n−1} + … + d_{n−1} d_1.
@@ -73,7 +93,7 @@ def _cotangent() -> list[float]:
 
 
 def _series(coefficients: list[float], x: Any) -> Any:
-    """Σ c_n xⁿ by threes: short chains of products, on which the time of compiled code depends."""
+    """Return Σ c_n xⁿ, three terms at a time, because short chains make compiled code fast."""
     square = x * x
     cube, total = square * x, 0.0
     for start in reversed(range(0, len(coefficients), 3)):
@@ -83,3 +103,4 @@ def _series(coefficients: list[float], x: Any) -> Any:
 
 
 _OVER_SINE, _COTANGENT = _over_sine(), _cotangent()
+_STUMPFF = [[(-1) ** n / math.factorial(2 * n + k) for n in range(STUMPFF_TERMS)] for k in range(6)]

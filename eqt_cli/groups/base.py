@@ -1,9 +1,10 @@
 """The abstract matrix Lie group: everything that follows from the basis of its Lie algebra.
 
-A group is its basis and four closed forms (`inverse`, `exp`, `log`, `drift`). Nothing here, nor
-in any law built on it, knows which group it works with. All operators take leading batch axes, and
-all but `exp` also take object arrays of symbols; without a `drift` that does, all that is measured
-of runs is computed on arrays, which takes longer where there are many.
+A group gives its basis and four closed forms (`inverse`, `exp`, `log`, `drift`). No code here or in
+a control law depends on the particular group. All operators take leading batch axes and object
+arrays of symbols. Without an `exp` that takes symbols, an estimator needs an engine that calls
+laws. A `drift` that takes no symbols makes the metrics of many runs slower, because they are then
+computed on arrays.
 """
 
 from abc import ABC, abstractmethod
@@ -17,17 +18,20 @@ import numpy as np
 from eqt_cli.core.arrays import Array, apply_matrix, inverse_spd, transpose
 from eqt_cli.core.errors import ComponentError, TraceError
 
+JACOBIAN_TERMS = 16
+"""Of its series: what is left out is below 1e-14 where ‖ad_x‖ ≤ 4."""
+
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the coordinates with units of its own, such as the rotation in a rigid motion.
+    """A part of the coordinates with its own units, such as the rotation in a rigid motion.
 
     Attributes
     ----------
     name
         ``"rotation"`` or ``"translation"``.
     axes
-        Which of the m algebra coordinates belong to it.
+        Its coordinates among the m algebra coordinates.
     entries
         Rows and columns of its block in the pose matrix.
     pose_unit, velocity_unit, force_unit
@@ -78,13 +82,13 @@ class MatrixLieGroup(ABC):
     @property
     @abstractmethod
     def parts(self) -> tuple[Part, ...]:
-        """The parts of the coordinates that carry units of their own."""
+        """The parts of the coordinates, each with its own units."""
 
     @property
     def translation(self) -> Part | None:
-        """The one part whose velocity is in m/s; None where there is none, or more than one."""
-        found = [part for part in self.parts if part.velocity_unit == "m/s"]
-        return found[0] if len(found) == 1 else None
+        """The only part whose velocity is in m/s; None if there is none, or more than one."""
+        moving = [part for part in self.parts if part.velocity_unit == "m/s"]
+        return moving[0] if len(moving) == 1 else None
 
     @property
     def compact(self) -> bool | None:
@@ -93,7 +97,7 @@ class MatrixLieGroup(ABC):
 
     @property
     def compact_times_vector(self) -> bool | None:
-        """Whether it is compact ⋉ vector space, where Ad_Q is bounded with Q; None: not known.
+        """Whether it is compact ⋉ vector space, where Ad_Q is bounded if Q is; None: not known.
 
         The class of Hampsey et al. (2025), Remark 6.3.
         """
@@ -101,12 +105,12 @@ class MatrixLieGroup(ABC):
 
     @classmethod
     def named(cls, name: str) -> Self | None:
-        """The group that a configuration calls `name`, if it is of this class."""
+        """Return the group that a configuration calls `name`, if it is of this class."""
         return cls() if name == cls.name else None
 
     @classmethod
     def examples(cls) -> tuple[str, ...]:
-        """Names of groups of this class, for tests and tables."""
+        """Return names of groups of this class, for tests and tables."""
         return (cls.name,)
 
     # The closed forms that a group gives.
@@ -124,48 +128,63 @@ class MatrixLieGroup(ABC):
         """The principal logarithm in coordinates, ``(..., d, d) -> (..., m)``."""
 
     def cayley(self, V: Array) -> Array:
-        """The pose (I − V^)⁻¹(I + V^) of m free numbers, ``(..., m) -> (..., d, d)``.
+        """Cayley's transform (I − V^)⁻¹(I + V^), ``(..., m) -> (..., d, d)``.
 
-        It takes + − × ÷ only, so that exact numbers give an exact pose, and reaches almost every
-        pose. It stays in the group where that preserves a quadratic form, perhaps with columns that
-        it acts on; other groups give a rational map of their own.
+        It needs + − × ÷ only, so that exact numbers give an exact pose, and reaches almost every
+        pose. The result is in the group if the group preserves a quadratic form, perhaps with
+        columns that it acts on; other groups must override this with another rational map.
         """
         U = self.hat(V)
         return inverse_spd(self.identity - U) @ (self.identity + U)
 
     def log_force(self, x: Array, p: Array) -> Array:
-        """The covector f with ⟨f, V⟩ = ⟨p, d/dt log(Q exp(tV))⟩ at t = 0, where x = log Q.
+        """Return the covector f with ⟨f, V⟩ = ⟨p, d/dt log(Q exp(tV))⟩ at t = 0, where x = log Q.
 
-        ``(..., m), (..., m) -> (..., m)``; f = J_r⁻ᵀ(x) p with the right Jacobian J_r. A law that
-        shapes an energy of log Q needs it; a group may go without.
+        ``(..., m), (..., m) -> (..., m)``; f = J_r⁻ᵀ(x) p with the right Jacobian J_r. Only laws
+        that shape an energy of log Q need it; a group may leave it out.
         """
         raise ComponentError(f"group '{self.name}' has no derivative of the logarithm")
 
     def half_turn(self, Q: Array) -> tuple[Array, Array]:
-        """cos(θ/2) and 2 sin(θ/2) times the axis of the shorter turn to Q.
+        """Return cos(θ/2) and 2 sin(θ/2) times the axis of the shorter rotation to Q.
 
-        Of a group of rotations and what they act on; other groups have none.
+        Defined for groups of rotations and of rigid motions; other groups raise an error.
         """
         raise ComponentError(f"group '{self.name}' has no half turns")
 
     def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
-        """Of every rigid body that moves in space, its three moments, rising, kg m².
+        """Return the three principal moments of each rigid body in space, rising, kg m².
 
-        About the centre of mass and with all else at rest, ``(..., m, m) -> (..., 3)`` each; other
-        groups than those of rotations and rigid motions of space have none.
+        They are about the centre of mass, ``(..., m, m) -> (..., 3)`` for each body. Only rotations
+        and rigid motions of space have them.
         """
         return ()
 
+    def jacobian(self, x: Array) -> Array:
+        """J(x) = ∫₀¹ Ad_{exp(sx)} ds = Σ ad_xᵏ/(k + 1)!, ``(..., m) -> (..., m, m)``.
+
+        exp(x + δ) = exp(Jδ) exp(x) to first order. By its series at x/4, and doubled twice by
+        J(2y) = ½(I + exp(ad_y)) J(y), exp(ad_y) = I + ad_y J(y); a group may have a closed form.
+        """
+        one, half = np.eye(self.dimension), self.ad_matrix(x) / 4
+        found = half * 0.0 + one
+        for k in range(JACOBIAN_TERMS, 1, -1):
+            found = one + half @ found / k
+        for _ in range(2):
+            found = (one + half @ found / 2) @ found
+            half = 2 * half
+        return found
+
     @abstractmethod
     def drift(self, Q: Array) -> Array:
-        """How far Q has left the group, as a norm that is 0 on it, ``(..., d, d) -> (...)``."""
+        """Return the distance of Q from the group, 0 on it, ``(..., d, d) -> (...)``."""
 
     # Motion along one algebra element, which engines trace where it depends on time.
 
     def screw(self, V: Array) -> tuple[Array, Array, Array]:
-        """A frame in which algebra elements are simple: h, numbers and rates with V = Ad_h U.
+        """Return a frame h in which V is simple, V = Ad_h U, with numbers and rates.
 
-        ``(..., m) -> (..., d, d), (..., n), (..., k)``; h is constant, n and k are up to the group.
+        ``(..., m) -> (..., d, d), (..., n), (..., k)``; h is constant; the group chooses n and k.
         ``h exp_along(numbers, a * rates) h⁻¹`` is exp(aV) for every number a, and
         ``along(numbers, a * rates)`` is aU. Entries that are 0 cost nothing once compiled.
         """
@@ -173,16 +192,16 @@ class MatrixLieGroup(ABC):
         return frame, V, np.ones((*V.shape[:-1], 1))
 
     def along(self, numbers: Array, angles: Array) -> Array:
-        """The algebra element by what `screw` gives, ``(..., n), (..., k) -> (..., m)``."""
+        """Return the algebra element by `screw`'s results, ``(..., n), (..., k) -> (..., m)``."""
         return numbers * angles
 
     def exp_along(self, numbers: Array, angles: Array) -> Array:
-        """Its exponential, ``(..., n), (..., k) -> (..., d, d)``, also of symbols.
+        """Return the exponential of `along`, ``(..., n), (..., k) -> (..., d, d)``; takes symbols.
 
         Raises
         ------
         TraceError
-            Of symbols, where the group does not say how.
+            For symbols, if the group does not override this method.
         """
         if angles.dtype == object or numbers.dtype == object:
             raise TraceError(
@@ -192,7 +211,7 @@ class MatrixLieGroup(ABC):
         return self.exp(self.along(numbers, angles))
 
     def gram_rate(self, Q: Array, V: Array) -> Array:
-        """The rate of QᵀQ along Q̇ = Q V^; a group may give a shorter form of what this equals."""
+        """Return the rate of QᵀQ along Q̇ = Q V^; a group may override it by a shorter form."""
         half = transpose(Q) @ (Q @ self.hat(V))
         return half + transpose(half)
 
@@ -213,11 +232,11 @@ class MatrixLieGroup(ABC):
         return (self._flat_basis / (self._flat_basis**2).sum(axis=1, keepdims=True)).T
 
     def hat(self, V: Array) -> Array:
-        """The algebra element with coordinates V, ``(..., m) -> (..., d, d)``."""
+        """Return the algebra element with coordinates V, ``(..., m) -> (..., d, d)``."""
         return (V @ self._flat_basis).reshape(*V.shape[:-1], self.size, self.size)
 
     def vee(self, U: Array) -> Array:
-        """The coordinates of an algebra element, ``(..., d, d) -> (..., m)``; undoes `hat`."""
+        """Return the coordinates of an algebra element, ``(..., d, d) -> (..., m)``."""
         return U.reshape(*U.shape[:-2], self.size**2) @ self._dual_basis
 
     def contract(self, M: Array) -> Array:
@@ -258,7 +277,7 @@ class MatrixLieGroup(ABC):
     def Ad_matrix(self, Q: Array) -> Array:
         """The matrix of V ↦ Ad_Q V, ``(..., d, d) -> (..., m, m)``.
 
-        A group that knows its entries in closed form may give them; this is what they must equal.
+        A group may override it by the entries in closed form, which must equal this.
         """
         columns = self.vee(Q[..., None, :, :] @ self.basis @ self.inverse(Q)[..., None, :, :])
         return transpose(columns)
@@ -271,7 +290,7 @@ class MatrixLieGroup(ABC):
 
     @cached_property
     def _free_entries(self) -> tuple[Array, Array]:
-        # Motion inside the group reaches exactly the products of algebra elements.
+        # Motion in the group changes exactly the entries of products of algebra elements.
         reached = (self.basis != 0).any(axis=0)
         while True:
             further = reached | (reached.astype(int) @ reached.astype(int) > 0)
@@ -282,18 +301,18 @@ class MatrixLieGroup(ABC):
 
     @property
     def pose_length(self) -> int:
-        """How many entries of a pose matrix can vary."""
+        """The number of entries of a pose matrix that can vary."""
         return len(self._free_entries[0])
 
     def pack(self, Q: Array) -> Array:
-        """The entries of a pose that can vary, ``(..., d, d) -> (..., pose_length)``."""
+        """Return the entries of a pose that can vary, ``(..., d, d) -> (..., pose_length)``."""
         if self.pose_length == self.size**2:
-            return Q.reshape(*Q.shape[:-2], self.pose_length)  # -1 fails on no poses
+            return Q.reshape(*Q.shape[:-2], self.pose_length)  # -1 fails for an empty batch
         rows, columns = self._free_entries
         return Q[..., rows, columns]
 
     def unpack(self, entries: Array) -> Array:
-        """The pose with these entries, the others as in the identity; undoes `pack`."""
+        """Return the pose with these entries, the others as in the identity; inverts `pack`."""
         return self._with_entries(entries, self.identity)
 
     def _with_entries(self, entries: Array, others: Array | float) -> Array:
@@ -306,7 +325,7 @@ class MatrixLieGroup(ABC):
         return Q
 
     def violation(self, Q: Array) -> float:
-        """How far one float matrix is from being an element of the group; 0 on the group."""
+        """Return the distance of a float matrix from the group; 0 on the group."""
         constant = np.abs(self.unpack(self.pack(Q)) - Q).max()
         reflected = 2.0 if np.linalg.det(Q) < 0 else 0.0
         return float(max(constant, reflected, self.drift(Q)))

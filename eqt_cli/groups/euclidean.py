@@ -23,18 +23,18 @@ from eqt_cli.core.arrays import (
     transpose,
     where,
 )
-from eqt_cli.groups.angles import inverse_jacobian_terms, ratio_to_sine
+from eqt_cli.groups.angles import inverse_jacobian_terms, ratio_to_sine, stumpff
 from eqt_cli.groups.base import MatrixLieGroup, Part
 
 SMALLEST_RATE = 1e-12
-"""Of a rotation, over the size of the whole vector; what is less is rounding, and none."""
+"""Smallest rate of rotation relative to the whole vector; a smaller one is rounding."""
 
 
 FAR_TRACE = 0.0
-"""Of a rotation by 120°: from there on another entry of a quaternion is divided by than q₀.
+"""Trace of a rotation by 120°; beyond this angle, a quaternion is divided by another entry than q₀.
 
-Both ways amplify a drift from the group there about alike, so that a solver sees no step between
-them; at 162° the one was ten times the tolerance away from the other.
+Near 120°, both formulas amplify a drift from the group by about the same factor, so a solver sees
+no step between them. At 162°, they differed by ten times the tolerance.
 """
 
 
@@ -48,7 +48,7 @@ class EuclideanGroup(MatrixLieGroup):
     columns
         A name for each of the k translation columns, as written in a configuration.
     rates
-        A letter for the velocity of each column, for the names of the coordinates.
+        A letter for the velocity of each column, used in the names of coordinates.
     column_units
         Units of each column; its velocity is in the same unit per second.
     """
@@ -61,17 +61,17 @@ class EuclideanGroup(MatrixLieGroup):
 
     def __init__(self) -> None:
         n, k = self.space, len(self.columns)
-        turns = _rotation_generators(n)
-        self.rotations = len(turns)
+        generators = _rotation_generators(n)
+        self.rotations = len(generators)
         basis = np.zeros((self.rotations + n * k, n + k, n + k))
-        basis[: self.rotations, :n, :n] = turns
+        basis[: self.rotations, :n, :n] = generators
         for column in range(k):
             for row in range(n):
                 basis[self.rotations + n * column + row, row, n + column] = 1.0
-        self.basis, self._turns = basis, turns
+        self.basis, self._generators = basis, generators
         axes = ("x", "y", "z")[:n]
-        turning = ("ω",) if n == 2 else tuple("ω" + axis for axis in axes)
-        self.axis_names = turning + tuple(f"{rate}{axis}" for rate in self.rates for axis in axes)
+        angular = ("ω",) if n == 2 else tuple("ω" + axis for axis in axes)
+        self.axis_names = angular + tuple(f"{rate}{axis}" for rate in self.rates for axis in axes)
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -79,8 +79,8 @@ class EuclideanGroup(MatrixLieGroup):
         n = self.space
         rotation = slice(0, self.rotations)
         block = slice(0, n), slice(0, n)
-        turning = Part("rotation", rotation, block, "1", "rad/s", "N m", turns=True)
-        parts = [turning] if self.rotations else []
+        angular = Part("rotation", rotation, block, "1", "rad/s", "N m", turns=True)
+        parts = [angular] if self.rotations else []
         for index, unit in enumerate(self.column_units):
             axes = slice(self.rotations + n * index, self.rotations + n * (index + 1))
             entries = (slice(0, n), slice(n + index, n + index + 1))
@@ -91,22 +91,22 @@ class EuclideanGroup(MatrixLieGroup):
 
     @property
     def compact(self) -> bool:
-        """Rotations are; any translation makes it unbounded."""
+        """Whether there are no translations, which are unbounded."""
         return not self.columns
 
     @property
     def compact_times_vector(self) -> bool:
-        """SO(n) ⋉ (R^n)^k is the class of Remark 6.3."""
+        """True: SO(n) ⋉ (R^n)^k is in the class of Remark 6.3."""
         return True
 
     def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
-        """Of rotations and rigid motions of space: J − B M⁻¹ Bᵀ of the blocks [[J, B], [Bᵀ, M]]."""
+        """Return the eigenvalues of J − B M⁻¹ Bᵀ, of the blocks [[J, B], [Bᵀ, M]], in space."""
         if self.rotations != 3 or len(self.columns) > 1:
             return ()
-        turning, moving = slice(None, self.rotations), slice(self.rotations, None)
+        angular, linear = slice(None, self.rotations), slice(self.rotations, None)
         J, B, M = (
             inertia[..., rows, columns]
-            for rows, columns in ((turning, turning), (turning, moving), (moving, moving))
+            for rows, columns in ((angular, angular), (angular, linear), (linear, linear))
         )
         about_centre = J - B @ np.linalg.solve(M, transpose(B)) if self.columns else J
         return (np.linalg.eigvalsh(about_centre),)
@@ -136,7 +136,7 @@ class EuclideanGroup(MatrixLieGroup):
         return inverse
 
     def gram_rate(self, Q: Array, V: Array) -> Array:
-        """Without what does not change: RᵀR = I."""
+        """Return the rate without the constant block RᵀR = I."""
         rate = super().gram_rate(Q, V)
         rate[..., : self.space, : self.space] = 0.0
         return rate
@@ -146,65 +146,98 @@ class EuclideanGroup(MatrixLieGroup):
 
         Column j of E·x is E_j x, so that (E·x) ω = ω × x in space.
         """
-        n, turns = self.space, slice(0, self.rotations)
+        n, angular = self.space, slice(0, self.rotations)
         R = self.rotation(Q)
         if n == 3 and not self.columns:
             return R
         matrix = np.zeros_like(Q, shape=(*Q.shape[:-2], self.dimension, self.dimension))
         A = R if n == 3 else np.eye(1)
-        matrix[..., turns, turns] = A
+        matrix[..., angular, angular] = A
         for index in range(len(self.columns)):
             rows = slice(self.rotations + n * index, self.rotations + n * (index + 1))
             x = Q[..., :n, n + index]
-            matrix[..., rows, turns] = -transpose(apply_matrix(self._turns, x[..., None, :])) @ A
+            moment = transpose(apply_matrix(self._generators, x[..., None, :]))
+            matrix[..., rows, angular] = -moment @ A
             matrix[..., rows, rows] = R
         return matrix
 
     def exp(self, V: Array) -> Array:
         """exp in closed form: R = exp ω and each column J(ω) x, J the left Jacobian."""
-        turn, columns = V[..., : self.rotations], self._columns(V)
-        rotation = _exp_rotation(turn)
+        if V.dtype == object:
+            return self._exp_of_symbols(V)
+        omega, columns = V[..., : self.rotations], self._columns(V)
+        rotation = _exp_rotation(omega)
         translations = np.empty((*V.shape[:-1], self.space, len(self.columns)))
         for index in range(len(self.columns)):
-            translations[..., index] = _left_jacobian_times(turn, columns[..., index, :])
+            translations[..., index] = _left_jacobian_times(omega, columns[..., index, :])
         return self.assemble(rotation, translations)
 
+    def _exp_of_symbols(self, V: Array) -> Array:
+        """R = I + c_1 ω^ + c_2 ω^², and (I + c_2 ω^ + c_3 ω^²) x of each column x."""
+        n, turn, columns = self.space, V[..., : self.rotations], self._columns(V)
+        Q = np.zeros_like(V, shape=(*V.shape[:-1], self.size, self.size))
+        Q[...] = self.identity
+        if not self.rotations:
+            Q[..., :n, n:] = transpose(columns)
+            return Q
+        _, c1, c2, c3, *_ = (c[..., None] for c in stumpff(stack([dot(turn, turn)])))
+        W = (turn @ self._generators.reshape(self.rotations, -1)).reshape(*turn.shape[:-1], n, n)
+        W2 = W @ W
+        Q[..., :n, :n] = np.eye(n) + c1 * W + c2 * W2
+        if self.columns:
+            Q[..., :n, n:] = (np.eye(n) + c2 * W + c3 * W2) @ transpose(columns)
+        return Q
+
+    def jacobian(self, x: Array) -> Array:
+        """A polynomial in ad_x, whose eigenvalues are 0 and ±iθ, as in `log_force`."""
+        turn, ad = x[..., : self.rotations], self.ad_matrix(x)
+        square = stack([dot(turn, turn)])[..., None]
+        _, _, c2, c3, c4, c5 = stumpff(square)
+        twice = ad @ ad
+        one = np.eye(self.dimension)
+        if not self.columns or self.space == 2:
+            return one + c2 * ad + c3 * twice
+        # With double roots, also the slopes of c_2 and c_3 by θ²: (k c_{k+2} − c_{k+1})/2.
+        odd, even = (c3 - 2 * c4) / 2, (c4 - 3 * c5) / 2
+        excess = twice + square * one
+        return one + ad @ (c2 * one + odd * excess) + twice @ (c3 * one + even * excess)
+
     def cayley(self, V: Array) -> Array:
-        """R = ((1 − |c|²)I + 2c^ + 2ccᵀ) / (1 + |c|²) of a turn c; the columns as they are."""
+        """R = ((1 − |c|²)I + 2c^ + 2ccᵀ) / (1 + |c|²) of coordinates c; columns are unchanged."""
         n, c = self.space, V[..., : self.rotations]
         Q = np.zeros_like(V, shape=(*V.shape[:-1], self.size, self.size))
         Q[...] = self.identity
         if self.rotations:
             square = dot(c, c)[..., None, None]
-            turn = (c @ self._turns.reshape(self.rotations, -1)).reshape(*c.shape[:-1], n, n)
+            c_hat = (c @ self._generators.reshape(self.rotations, -1)).reshape(*c.shape[:-1], n, n)
             even = np.eye(n) * (1 - square)
             if n == 3:
                 even = even + 2 * c[..., :, None] * c[..., None, :]
-            Q[..., :n, :n] = (even + 2 * turn) / (1 + square)
+            Q[..., :n, :n] = (even + 2 * c_hat) / (1 + square)
         Q[..., :n, n:] = transpose(self._columns(V))
         return Q
 
     def screw(self, V: Array) -> tuple[Array, Array, Array]:
-        """In space a frame whose last axis is the axis of rotation; the rate of rotation.
+        """Return a frame whose last axis is the axis of rotation (in space), numbers and the rate.
 
-        The numbers are 1 or −1, or 0 where there is no rotation, and the velocities of the columns
-        over the rate, which is 1 where there is no rotation.
+        The first number is 1 or −1, or 0 without rotation. The others are the velocities of the
+        columns divided by the rate, which is 1 without rotation.
         """
-        turn, columns = V[..., : self.rotations], self._columns(V)
-        rates = norm(turn)[..., None]
-        turns = rates > SMALLEST_RATE * norm(V)[..., None]
-        rates = np.where(turns, rates, 1.0)
-        axis = np.where(turns, turn / rates, 0.0)
+        omega, columns = V[..., : self.rotations], self._columns(V)
+        rates = norm(omega)[..., None]
+        rotates = rates > SMALLEST_RATE * norm(V)[..., None]
+        rates = np.where(rotates, rates, 1.0)
+        axis = np.where(rotates, omega / rates, 0.0)
         rotation = np.broadcast_to(np.eye(self.space), (*V.shape[:-1], self.space, self.space))
         if self.rotations == 3:
-            rotation, axis = _frame_along(np.where(turns, axis, [0.0, 0.0, 1.0])), 1.0 * turns
+            rotation, axis = _frame_along(np.where(rotates, axis, [0.0, 0.0, 1.0])), 1.0 * rotates
             columns = columns @ rotation
         frame = self.assemble(rotation, np.zeros((*V.shape[:-1], self.space, len(self.columns))))
         columns = (columns / rates[..., None]).reshape(*V.shape[:-1], -1)
         return frame, np.concatenate([axis, columns], axis=-1), rates
 
     def along(self, numbers: Array, angles: Array) -> Array:
-        """A rotation about the last axis with the velocities of the columns."""
+        """Return a rotation about the last axis, with the velocities of the columns."""
         U = angles * numbers
         if self.rotations < 3:
             return U
@@ -213,8 +246,8 @@ class EuclideanGroup(MatrixLieGroup):
     def exp_along(self, numbers: Array, angles: Array) -> Array:
         """I + θX + ω(1 − cos φ)X² + (φ − sin φ)X³ with φ = ωθ and ω = 1, −1 or 0.
 
-        X⁴ = −X² where there is a rotation, and X² = 0 where there is none. The factors of columns
-        lose no digits that count where φ is small and the translation along the axis large.
+        X⁴ = −X² with rotation, and X² = 0 without. The factors of columns stay accurate where φ is
+        small and the translation along the axis is large.
         """
         n = self.space
         batch = np.broadcast_shapes(numbers.shape[:-1], angles.shape[:-1])
@@ -224,8 +257,8 @@ class EuclideanGroup(MatrixLieGroup):
         if not self.rotations:
             Q[..., :n, n] = angles * numbers
             return Q
-        turns = numbers[..., :1]
-        phi = turns * angles
+        sense = numbers[..., :1]
+        phi = sense * angles
         if not self.columns:
             sine, cosine = sin(phi), cos(phi)
         else:
@@ -238,8 +271,8 @@ class EuclideanGroup(MatrixLieGroup):
             first = 1 + n * index
             x, y, *z = (numbers[..., k : k + 1] for k in range(first, first + n))
             column = slice(n + index, n + index + 1)
-            Q[..., 0, column] = angles * x - turns * (lag * x + versine * y)
-            Q[..., 1, column] = angles * y - turns * (lag * y - versine * x)
+            Q[..., 0, column] = angles * x - sense * (lag * x + versine * y)
+            Q[..., 1, column] = angles * y - sense * (lag * y - versine * x)
             if z:
                 Q[..., 2, column] = angles * z[0]
         return Q
@@ -247,26 +280,26 @@ class EuclideanGroup(MatrixLieGroup):
     def log(self, Q: Array) -> Array:
         """log in closed form, with rotation angles in [0, π] (n = 3) or [−π, π] (n = 2)."""
         c, y = self.half_turn(Q)
-        turn = ratio_to_sine(stack([c])) * y
+        omega = ratio_to_sine(stack([c])) * y
         if not self.columns:
-            return turn
-        psi, _ = inverse_jacobian_terms(stack([dot(turn, turn)]))
-        W = (turn @ self._turns.reshape(self.rotations, -1)).reshape(self.rotation(Q).shape)
+            return omega
+        psi, _ = inverse_jacobian_terms(stack([dot(omega, omega)]))
+        W = (omega @ self._generators.reshape(self.rotations, -1)).reshape(self.rotation(Q).shape)
         X = self.translations(Q)
         twice = W @ X
         X = X - twice / 2 + psi[..., None] * (W @ twice)  # J(ω)⁻¹ x
         return np.concatenate(
-            [turn, transpose(X).reshape(*turn.shape[:-1], X.shape[-1] * X.shape[-2])], axis=-1
+            [omega, transpose(X).reshape(*omega.shape[:-1], X.shape[-1] * X.shape[-2])], axis=-1
         )
 
     def log_force(self, x: Array, p: Array) -> Array:
         """J_r⁻ᵀ(x) p with J_r⁻¹ = ad_x/2 + (ad_x/2) coth(ad_x/2), a polynomial in ad_x.
 
-        The eigenvalues of ad_x are 0 and ±iθ, the latter as double roots where translations turn
-        with the rotation, so that values and slopes of the even part fix its polynomial.
+        The eigenvalues of ad_x are 0 and ±iθ, the latter as double roots where translations omega
+        with the rotation, so that values and slopes of the even part determine its polynomial.
         """
-        turn = x[..., : self.rotations]
-        square = stack([dot(turn, turn)])
+        omega = x[..., : self.rotations]
+        square = stack([dot(omega, omega)])
         psi, slope = inverse_jacobian_terms(square)
         once = self.ad_star(x, p)
         twice = self.ad_star(x, once)
@@ -278,9 +311,9 @@ class EuclideanGroup(MatrixLieGroup):
     def half_turn(self, Q: Array) -> tuple[Array, Array]:
         """cos(θ/2) ≥ 0 and 2 sin(θ/2) times the unit axis, ``(...)`` and ``(..., 3)`` or 1.
 
-        Twice the vector part of the unit quaternion of the shorter turn: it changes its sign
-        where an angle passes π. Whichever entry of the quaternion is large enough to divide by
-        gives the others (Shepperd, J. Guidance and Control 1 (1978) 223).
+        This is twice the vector part of the unit quaternion of the shorter rotation, which changes
+        its sign where the angle passes π. The other entries of the quaternion are computed from one
+        that is large enough to divide by (Shepperd, J. Guidance and Control 1 (1978) 223).
         """
         R = self.rotation(Q)
         if not self.rotations:
@@ -299,7 +332,7 @@ class EuclideanGroup(MatrixLieGroup):
         def chosen(w: Any, x: Any, y: Any, z: Any) -> Any:
             return where(far, where(is_third, z, where(is_second, y, x)), w)
 
-        # 4 q_k² and 4 q_k q for the entry q_k that is chosen.
+        # 4 q_k² and 4 q_k q for the chosen entry q_k.
         square = chosen(1 + trace, *(1 + 2 * diagonal[k] - trace for k in range(3)))
         w = chosen(square, *sines)
         entries = [
@@ -318,18 +351,18 @@ class EuclideanGroup(MatrixLieGroup):
         return scale * w / 2, stack([scale * y])
 
     def drift(self, Q: Array) -> Array:
-        """‖RᵀR − I‖_F; the other entries of a pose cannot drift."""
+        """Return ‖RᵀR − I‖_F; the other entries of a pose cannot drift."""
         R = self.rotation(Q)
         return frobenius(transpose(R) @ R - np.eye(self.space))
 
     def rotation_towards(self, direction: Array) -> Array:
-        """The rotation of a unit quaternion (n = 3) or unit complex number (n = 2), normalised.
+        """Return the rotation of a quaternion (n = 3) or complex number (n = 2), normalised first.
 
         Normal directions give the Haar measure: ``(..., 4)`` or ``(..., 2) -> (..., n, n)``.
         """
         if self.space == 2:
             return _exp_rotation(np.arctan2(direction[..., :1], direction[..., 1:]))
-        # Slow to import; readers of results do without.
+        # Slow to import, and not needed to read results.
         from scipy.spatial.transform import Rotation
 
         rotations = Rotation.from_quat(direction.reshape(-1, 4)).as_matrix()
@@ -340,7 +373,7 @@ class EuclideanGroup(MatrixLieGroup):
 
 
 def _rotation_generators(n: int) -> Array:
-    """The basis of so(n) with E_i u = e_i × u for n = 3 and a counter-clockwise turn for n = 2."""
+    """Return the basis of so(n): E_i u = e_i × u, or a counter-clockwise rotation for n = 2."""
     if n == 2:
         return np.array([[[0.0, -1.0], [1.0, 0.0]]])
     generators = np.zeros((3, 3, 3))
@@ -350,7 +383,7 @@ def _rotation_generators(n: int) -> Array:
 
 
 def _frame_along(axis: Array) -> Array:
-    """Rotations that take e_z to these unit vectors; entries are 0 where they can be."""
+    """Return rotations that map e_z to these unit vectors, with as many zeros as possible."""
     other = np.eye(3)[np.argmin(np.abs(axis), axis=-1)]
     y = np.cross(axis, other)
     y = y / norm(y)[..., None]
@@ -361,26 +394,26 @@ def _rate(unit: str) -> str:
     return "m/s" if unit == "m" else "m/s^2"
 
 
-def _exp_rotation(turn: Array) -> Array:
-    if turn.shape[-1] == 1:
-        c, s = np.cos(turn[..., 0]), np.sin(turn[..., 0])
+def _exp_rotation(omega: Array) -> Array:
+    if omega.shape[-1] == 1:
+        c, s = np.cos(omega[..., 0]), np.sin(omega[..., 0])
         return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
-    from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
+    from scipy.spatial.transform import Rotation  # slow to import, and not needed to read results
 
-    rows = turn.reshape(-1, 3)
-    return Rotation.from_rotvec(rows).as_matrix().reshape(*turn.shape[:-1], 3, 3)
+    rows = omega.reshape(-1, 3)
+    return Rotation.from_rotvec(rows).as_matrix().reshape(*omega.shape[:-1], 3, 3)
 
 
-def _left_jacobian_times(turn: Array, x: Array) -> Array:
+def _left_jacobian_times(omega: Array, x: Array) -> Array:
     """J(ω) x with J(ω) = ∫₀¹ exp(sω) ds."""
-    if turn.shape[-1] == 1:
-        a, b = _planar_jacobian(turn[..., 0])
+    if omega.shape[-1] == 1:
+        a, b = _planar_jacobian(omega[..., 0])
         return np.stack([a * x[..., 0] - b * x[..., 1], b * x[..., 0] + a * x[..., 1]], axis=-1)
     from scipy.spatial.transform import (
         RigidTransform,
-    )  # slow to import; readers of results do without
+    )  # slow to import, and not needed to read results
 
-    coordinates = np.concatenate([turn, x], axis=-1).reshape(-1, 6)
+    coordinates = np.concatenate([omega, x], axis=-1).reshape(-1, 6)
     return RigidTransform.from_exp_coords(coordinates).translation.reshape(x.shape)
 
 

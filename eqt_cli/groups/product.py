@@ -10,8 +10,8 @@ from eqt_cli.core.arrays import Array, maximum
 from eqt_cli.core.errors import ComponentError
 from eqt_cli.groups.base import MatrixLieGroup, Part
 
-MOST_AXES = 64
-"""Of a product; brackets and their matrices grow with the third power."""
+MAX_AXES = 64
+"""Largest dimension of a product; the structure constants grow with its third power."""
 
 
 class ProductGroup(MatrixLieGroup):
@@ -36,7 +36,7 @@ class ProductGroup(MatrixLieGroup):
 
     @classmethod
     def named(cls, name: str) -> Self | None:
-        """SO3*R3 for the product of SO3 and R3."""
+        """Return the product of SO3 and R3 for SO3*R3."""
         from eqt_cli.groups import group_named
 
         factors = [factor.strip() for factor in name.split("*")]
@@ -44,12 +44,13 @@ class ProductGroup(MatrixLieGroup):
             return None
         if "" in factors:
             raise ComponentError(f"group '{name}': a factor is missing beside '*'")
-        made = [group_named(factor) for factor in factors[: MOST_AXES + 1]]  # each has one at least
+        # Each factor has at least one axis, so more factors need not be made to refuse the product.
+        made = [group_named(factor) for factor in factors[: MAX_AXES + 1]]
         axes = sum(factor.dimension for factor in made)
-        if axes > MOST_AXES:
+        if axes > MAX_AXES:
             raise ComponentError(
-                f"group '{factors[0]}*…': its {len(factors)} factors have more than {MOST_AXES} "
-                f"axes; expected at most {MOST_AXES}"
+                f"group '{factors[0]}*…': its {len(factors)} factors have more than {MAX_AXES} "
+                f"axes; expected at most {MAX_AXES}"
             )
         return cls(*made)
 
@@ -77,20 +78,20 @@ class ProductGroup(MatrixLieGroup):
 
     @property
     def compact(self) -> bool | None:
-        """If all factors are."""
+        """Whether all factors are compact."""
         return _all([factor.compact for factor in self.factors])
 
     @property
     def compact_times_vector(self) -> bool | None:
-        """If all factors are: the product of two such groups is one."""
+        """Whether all factors are of the class, which is closed under products."""
         return _all([factor.compact_times_vector for factor in self.factors])
 
     def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
-        """Those of all factors."""
+        """Return the moments of the rigid bodies of all factors."""
         return tuple(
             moments
-            for factor, _, own in self._layout()
-            for moments in factor.principal_moments(inertia[..., own, own])
+            for factor, _, axes in self._layout()
+            for moments in factor.principal_moments(inertia[..., axes, axes])
         )
 
     def inverse(self, Q: Array) -> Array:
@@ -113,6 +114,13 @@ class ProductGroup(MatrixLieGroup):
             [factor.exp(V[..., coordinates]) for factor, _, coordinates in self._layout()]
         )
 
+    def jacobian(self, x: Array) -> Array:
+        """Block by block."""
+        matrix = np.zeros_like(x, shape=(*x.shape[:-1], self.dimension, self.dimension))
+        for factor, _, own in self._layout():
+            matrix[..., own, own] = factor.jacobian(x[..., own])
+        return matrix
+
     def cayley(self, V: Array) -> Array:
         """Block by block."""
         return self.assemble(
@@ -120,31 +128,31 @@ class ProductGroup(MatrixLieGroup):
         )
 
     def screw(self, V: Array) -> tuple[Array, Array, Array]:
-        """Block by block; numbers and rates of the factors one behind the other."""
-        found = [factor.screw(V[..., own]) for factor, _, own in self._layout()]
-        frames, numbers, rates = zip(*found, strict=True)
+        """Block by block; the numbers and rates of the factors are concatenated."""
+        screws = [factor.screw(V[..., axes]) for factor, _, axes in self._layout()]
+        frames, numbers, rates = zip(*screws, strict=True)
         joined = np.concatenate(numbers, axis=-1), np.concatenate(rates, axis=-1)
         return self.assemble(list(frames)), *joined
 
     def along(self, numbers: Array, angles: Array) -> Array:
         """Block by block."""
         return np.concatenate(
-            [G.along(numbers[..., own], angles[..., turns]) for G, own, turns in self._screws],
+            [G.along(numbers[..., n], angles[..., k]) for G, n, k in self._screws],
             axis=-1,
         )
 
     def exp_along(self, numbers: Array, angles: Array) -> Array:
         """Block by block."""
         return self.assemble(
-            [G.exp_along(numbers[..., own], angles[..., turns]) for G, own, turns in self._screws]
+            [G.exp_along(numbers[..., n], angles[..., k]) for G, n, k in self._screws]
         )
 
     @cached_property
     def _screws(self) -> list[tuple[MatrixLieGroup, slice, slice]]:
-        """Each factor, and where its numbers and rates are."""
-        found = [factor.screw(np.zeros(factor.dimension)) for factor in self.factors]
-        own = _slices([len(numbers) for _, numbers, _ in found])
-        return list(zip(self.factors, own, _slices([len(r) for *_, r in found]), strict=True))
+        """Each factor, with the places of its numbers and of its rates."""
+        screws = [factor.screw(np.zeros(factor.dimension)) for factor in self.factors]
+        numbers = _slices([len(each) for _, each, _ in screws])
+        return list(zip(self.factors, numbers, _slices([len(r) for *_, r in screws]), strict=True))
 
     def log(self, Q: Array) -> Array:
         """Block by block."""
@@ -162,7 +170,7 @@ class ProductGroup(MatrixLieGroup):
         return reduce(maximum, drifts)
 
     def assemble(self, poses: list[Array]) -> Array:
-        """The pose with these poses of the factors as its blocks."""
+        """Return the pose whose blocks are these poses of the factors."""
         dtype = np.result_type(*poses)
         shape = (*poses[0].shape[:-2], self.size, self.size)
         Q = np.zeros_like(poses[0], shape=shape, dtype=dtype)

@@ -1,4 +1,4 @@
-"""R^n, as a factor of products: translations without rotations."""
+"""R^n: translations without rotations, for products of groups."""
 
 import re
 from typing import Self
@@ -27,9 +27,9 @@ class VectorGroup(EuclideanGroup):
 
     @classmethod
     def named(cls, name: str) -> Self | None:
-        """R3 for R^3."""
-        found = re.fullmatch(r"R([1-9])", name)
-        return cls(int(found.group(1))) if found else None
+        """Return R^3 for R3."""
+        match = re.fullmatch(r"R([1-9])", name)
+        return cls(int(match.group(1))) if match else None
 
     @classmethod
     def examples(cls) -> tuple[str, ...]:
@@ -48,10 +48,14 @@ class VectorGroup(EuclideanGroup):
         """The translation."""
         return Q[..., : self.space, self.space]
 
+    def jacobian(self, x: Array) -> Array:
+        """I: the group is commutative."""
+        return np.broadcast_to(np.eye(self.space), (*x.shape[:-1], self.space, self.space))
+
     def log_force(self, x: Array, p: Array) -> Array:
         """p: the logarithm is linear."""
         return p
 
     def drift(self, Q: Array) -> Array:
-        """0: no entry that can vary can leave the group."""
+        """0: the varying entries are free."""
         return np.zeros(Q.shape[:-2])

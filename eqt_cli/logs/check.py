@@ -1,4 +1,4 @@
-"""What a recording holds, what was assumed of it, and what is odd in it."""
+"""Checks a recording: its columns, the units assumed, its errors and its oddities."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
@@ -21,39 +21,40 @@ from eqt_cli.logs.mapping import PARTNERS, LogMapping, MappingError, TrajectoryF
 from eqt_cli.logs.reading import Log, read_log
 from eqt_cli.logs.table import QUATERNION, open_sheet
 from eqt_cli.logs.ulog import SUFFIX
-from eqt_cli.logs.units import is_turn, units_of
+from eqt_cli.logs.units import is_angular, units_of
 
 SLOWEST, FASTEST = 5.0, 1e-5
-"""s between rows: what is beyond is unusual, and perhaps in another unit."""
+"""Largest and smallest usual step between rows, s; others suggest another unit of time."""
 
 USUAL = 1e-3, 1.0
-"""s between rows."""
+"""Steps that confirm another unit of time, s."""
 
 _FINER = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
-TURNED, LEVEL = np.deg2rad(90.0), np.deg2rad(20.0)
-"""A first pose that is turned by more than the one, and in another order by less than the other."""
+ROTATED, LEVEL = np.deg2rad(90.0), np.deg2rad(20.0)
+"""Angles of the first pose: a mapping is doubted if it gives more than the first angle where
+another one gives less than the second."""
 
-MOST_NAMED = 10
-"""Columns that are not used, in a remark; and gaps in a report."""
+MAX_NAMED = 10
+"""Largest number of unused columns that a remark names."""
 
 
 @dataclass(frozen=True)
 class ColumnUse:
-    """A column of a file, and what it is taken for.
+    """A column of a file and its use.
 
     Attributes
     ----------
     heading
-        As it is in the file, without its unit.
+        The heading in the file, without the unit.
     name
-        eqt's name of it; empty where it is not used.
+        eqt's name for the column; empty where it is not used.
     use
         ``time``, ``pose``, ``rates``, ``velocity``, ``torque``, ``force`` or ``not used``.
     unit
-        That of its numbers; empty where they have none.
+        The unit of its numbers; empty where they have none.
     assumed
-        Whether neither the file nor a mapping says this unit.
+        Whether neither the file nor a mapping gives this unit.
     """
 
     heading: str
@@ -65,28 +66,28 @@ class ColumnUse:
 
 @dataclass(frozen=True)
 class LogCheck:
-    """What a recording holds.
+    """The contents of a recording, its errors and its oddities.
 
     Attributes
     ----------
     file, format, group
-        What was read, and the group of its poses.
+        The file, its format, and the group of its poses.
     columns
         Every column, in the order of the file.
     rows
-        How many there are.
+        The number of rows.
     begin, end
         The first and the last time, s.
     rate
-        Hz, of the median step.
+        Sampling rate by the median step, Hz.
     gaps
-        When a gap begins, and how long it is, s.
+        The begin and the length of each gap, s.
     norms
         The smallest and the largest norm of its quaternions; None without any.
     problems
-        For what it cannot be used.
+        Reasons why it cannot be used.
     notes
-        What is odd in it, each with what to do.
+        Oddities, each with what to do.
     """
 
     file: str
@@ -106,19 +107,19 @@ class LogCheck:
 def check_text(
     text: str,
     name: str,
-    kind: TrajectoryFormat,
-    said: LogMapping,
+    form: TrajectoryFormat,
+    mapping: LogMapping,
     G: MatrixLieGroup | None = None,
 ) -> LogCheck:
-    """What the text of a recording holds; poses are of the group, or of one that fits its columns.
+    """Check the text of a recording; without a group, the largest that fits the columns is taken.
 
     Raises
     ------
     InputError
-        Where it holds none, or numbers that are none.
+        If there are no columns of a pose, or entries that are no finite numbers.
     """
-    G = G or _fitting(text, name, kind, said)
-    log = read_log(text, name, kind, G, said)
+    G = G or _largest_group(text, name, form, mapping)
+    log = read_log(text, name, form, G, mapping)
     times, norms = log.times, quaternion_norms(log.table, log.columns)
     steps = np.diff(times)
     median = float(np.median(steps)) if len(steps) else np.nan
@@ -126,34 +127,36 @@ def check_text(
     all_norms = np.concatenate(list(norms.values())) if norms else np.empty(0)
     return LogCheck(
         name,
-        "ulog" if name.lower().endswith(SUFFIX) else kind,
+        "ulog" if name.lower().endswith(SUFFIX) else form,
         G.name,
         list(_uses(log)),
         len(times),
         float(times[0]),
         float(times[-1]),
         1 / median if median > 0 else np.nan,
-        gaps_of(log),
+        gaps_of(times, log.gaps),
         (float(all_norms.min()), float(all_norms.max())) if len(all_norms) else None,
         problems,
         [] if problems else list(notes(log)),
     )
 
 
-def _fitting(text: str, name: str, kind: TrajectoryFormat, said: LogMapping) -> MatrixLieGroup:
-    """The largest group that the columns of a file can be poses of."""
-    sheet = open_sheet(text, name, kind, said)
+def _largest_group(
+    text: str, name: str, form: TrajectoryFormat, mapping: LogMapping
+) -> MatrixLieGroup:
+    """Return the largest group whose poses the columns of a file can hold."""
+    sheet = open_sheet(text, name, form, mapping)
     names = set(sheet.names)
     fitting = [
         group
-        for group in _of_bodies()
-        if (found := used_columns(names, group)) is not None and found.way == "parts"
+        for group in _groups_of_poses()
+        if (found := used_columns(names, group)) is not None and found.layout == "parts"
     ]
     if not fitting:
         if len(sheet.names) == 1 and (other := next((c for c in ";\t" if c in sheet.names[0]), "")):
             shown = {";": "semicolons", "\t": "tabs"}[other]
             raise InputError(
-                f"{sheet.header_place}: the columns are parted by {shown}; expected commas, and "
+                f"{sheet.header_place}: the columns are separated by {shown}; expected commas, and "
                 "decimals with a point"
             )
         if incomplete := next(_incomplete(names), None):
@@ -168,16 +171,15 @@ def _fitting(text: str, name: str, kind: TrajectoryFormat, said: LogMapping) -> 
 
 
 def _incomplete(names: Collection[str]) -> Iterator[str]:
-    """What is missing of a rotation or a position, of which there are some columns."""
-    for whole in (QUATERNION, EULER, ("x", "y", "z")):
-        if (found := [each for each in whole if each in names]) and len(found) < len(whole):
-            missing = ", ".join(each for each in whole if each not in found)
-            verb = "is" if len(found) == 1 else "are"
-            yield f"column {missing} is missing, without which {', '.join(found)} {verb} of no use"
+    """Describe each rotation and position that has some of its columns, but not all."""
+    for complete in (QUATERNION, EULER, ("x", "y", "z")):
+        found = [each for each in complete if each in names]
+        if found and (missing := ", ".join(each for each in complete if each not in found)):
+            yield f"column {missing} is missing, so {', '.join(found)} cannot be used"
 
 
-def _of_bodies() -> Iterator[EuclideanGroup]:
-    """Groups whose poses are rotations and places; velocities are no part of these."""
+def _groups_of_poses() -> Iterator[EuclideanGroup]:
+    """Yield the groups whose elements are rotations and positions, without velocities."""
     examples = (kind.named(each) for kind in groups.all() for each in kind.examples())
     for group in examples:
         if isinstance(group, EuclideanGroup) and set(group.column_units) <= {"m"}:
@@ -189,23 +191,23 @@ def _uses(log: Log) -> Iterator[ColumnUse]:
         if name not in log.table.columns:
             yield ColumnUse(heading, "", "not used", log.sheet.units.get(name, ""), False)
             continue
-        kinds = [beside.kind for beside in log.recorded if name in beside.names]
+        kinds = [recorded.kind for recorded in log.recorded if name in recorded.names]
         use = "time" if name == "t" else kinds[0] if kinds else "pose"
         given = log.sheet.units.get(name, "")
-        taken = next((unit for unit in units_of(name)), "")
-        if use in VELOCITY and "/" not in taken:
-            taken += "/s"
-        yield ColumnUse(heading, name, use, given or taken, bool(taken) and not given)
+        default = next(iter(units_of(name)), "")
+        if use in VELOCITY and "/" not in default:
+            default += "/s"
+        yield ColumnUse(heading, name, use, given or default, bool(default) and not given)
 
 
-def gaps_of(log: Log) -> list[tuple[float, float]]:
-    """When a gap begins, and how long it is, s."""
-    begin = log.times[log.gaps]
-    return list(zip(begin.tolist(), (log.times[log.gaps + 1] - begin).tolist(), strict=True))
+def gaps_of(times: Array, gaps: Array) -> list[tuple[float, float]]:
+    """Return the begin and the length of each gap, s."""
+    begin = times[gaps]
+    return list(zip(begin.tolist(), (times[gaps + 1] - begin).tolist(), strict=True))
 
 
 def _problems(log: Log) -> Iterator[str]:
-    """What makes it no motion: each kind once, with how often it occurs."""
+    """Say why the log cannot be used, and how often its time goes back."""
     back = np.flatnonzero(np.diff(log.times) <= 0)
     try:
         log.require_usable()
@@ -217,30 +219,30 @@ def _problems(log: Log) -> Iterator[str]:
 
 
 def notes(log: Log) -> Iterator[str]:
-    """What is odd in a recording that can be used."""
+    """Yield the oddities of a log that can be used."""
     if log.sheet.damaged:
         yield "parts of the file are damaged and were skipped"
     yield from _incomplete({*log.sheet.names} - {*log.columns.names})
-    yield from _turns_without_unit(log)
+    yield from _angles_without_unit(log)
     yield from _times(log)
     yield from misfits(log)
     yield from _start(log)
     if unused := log.unused:
-        named = ", ".join(unused[:MOST_NAMED])
-        more = f" and {len(unused) - MOST_NAMED} more" if len(unused) > MOST_NAMED else ""
+        named = ", ".join(unused[:MAX_NAMED])
+        more = f" and {len(unused) - MAX_NAMED} more" if len(unused) > MAX_NAMED else ""
         verb = "is" if len(unused) == 1 else "are"
         yield f"column{'s' * (len(unused) > 1)} {named}{more} {verb} not used"
 
 
-def _turns_without_unit(log: Log) -> Iterator[str]:
+def _angles_without_unit(log: Log) -> Iterator[str]:
     for name in log.columns.names:
-        if is_turn(name) and not log.sheet.units.get(name):
+        if is_angular(name) and not log.sheet.units.get(name):
             largest = float(np.abs(log.table.columns[name]).max())
             if largest > 2 * np.pi:
                 yield (
-                    f"column {name}: {largest:.4g} is more than a turn and has no unit, so it is "
-                    f"taken as rad; add `units: {{{name}: deg}}` to the mapping, or rad if it is "
-                    "meant"
+                    f"column {name}: {largest:.4g} is more than a full turn and has no unit, so it "
+                    f"is taken as rad; add `units: {{{name}: deg}}` to the mapping, or rad if it "
+                    "is meant"
                 )
 
 
@@ -253,7 +255,7 @@ def _times(log: Log) -> Iterator[str]:
             f"rows are {median:.4g} s apart, which is unusual; add `units: {{t: {unit}}}` to the "
             f"mapping {meant}"
         )
-    if gaps := gaps_of(log):
+    if gaps := gaps_of(log.times, log.gaps):
         begin, length = max(gaps, key=lambda gap: gap[1])
         count = "1 gap" if len(gaps) == 1 else f"{len(gaps)} gaps, the longest"
         there = f"{length:.4g} s after t = {begin:.6g} s"
@@ -261,23 +263,23 @@ def _times(log: Log) -> Iterator[str]:
 
 
 def _start(log: Log) -> Iterator[str]:
-    """A first pose that is level only with the other order of the quaternion, or other axes."""
+    """Report a first pose that is level only with another quaternion order, or other axes."""
     if not isinstance(log.group, EuclideanGroup) or log.group.rotations != 3:
         return
     one = log.part(slice(1))
     if set(QUATERNION) <= set(log.columns.names):
         angles = [_angle(_rotation(each)) for each in (one, reordered(one))]
-        yield from _if_level("turned", other_order(log), *angles)
+        yield from _if_level("rotated", other_order(log), *angles)
     for which, other in (("body", "world"), ("world", "body")):
-        if getattr(log.said, which) is None and getattr(log.said, other) is not None:
-            change = PARTNERS[getattr(log.said, other)]
-            both = (one, one.by(**{which: change}))
+        if getattr(log.mapping, which) is None and getattr(log.mapping, other) is not None:
+            change = PARTNERS[getattr(log.mapping, other)]
+            both = (one, one.with_mapping(**{which: change}))
             tilts = [float(np.arccos(_rotation(each)[2, 2])) for each in both]
             yield from _if_level("tilted", f"`{which}: {change}`", *tilts)
 
 
 def _if_level(how: str, words: str, here: float, there: float) -> Iterator[str]:
-    if here > TURNED and there < LEVEL:
+    if here > ROTATED and there < LEVEL:
         yield (
             f"the first pose is {how} by {np.rad2deg(here):.0f} deg, and with {words} by "
             f"{np.rad2deg(there):.0f} deg; correct the mapping if the body was level then"
@@ -286,7 +288,7 @@ def _if_level(how: str, words: str, here: float, there: float) -> Iterator[str]:
 
 def _rotation(one: Log) -> Array:
     assert isinstance(one.group, EuclideanGroup)
-    return np.clip(one.group.rotation(one.poses)[0], -1.0, 1.0)  # rounding may leave more
+    return np.clip(one.group.rotation(one.poses)[0], -1.0, 1.0)  # for arccos, in spite of rounding
 
 
 def _angle(R: Array) -> float:

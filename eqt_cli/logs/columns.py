@@ -1,4 +1,4 @@
-"""Which columns of a table hold the poses of a group, and these poses."""
+"""Finds the columns of a table that hold poses of a group, and assembles the poses."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from eqt_cli.logs.table import LOOKS_LIKE, QUATERNION, Sheet, Table
 from eqt_cli.notation.poses import QUATERNION_TOLERANCE
 
 EULER = ("yaw", "pitch", "roll")
-"""Angles about z, y and x."""
+"""Columns of Euler angles: about z, y and x."""
 
 
 @dataclass(frozen=True)
@@ -26,36 +26,39 @@ class PoseColumns:
     Attributes
     ----------
     names
-        Of the columns.
-    way
+        Names of the columns.
+    layout
         ``parts`` (a rotation and translations), ``coordinates`` or ``entries`` of the matrix.
-    turn
-        The columns of a rotation in space: those of a quaternion, or of Euler's angles.
+    rotation
+        The columns of a rotation in space: a quaternion, or Euler angles.
     """
 
     names: list[str]
-    way: str
-    turn: tuple[str, ...] = QUATERNION
+    layout: str
+    rotation: tuple[str, ...] = QUATERNION
 
 
 VELOCITY = {"rates": "w", "velocity": "v"}
 WRENCH = {"torque": "t", "force": "f"}
-"""What is measured beside poses, and the letter of its columns; each is a key of a mapping, too."""
+"""Quantities measured beside poses, each with the letter of its columns.
+
+Each quantity is also the key of a mapping that gives its frame.
+"""
 
 
-class Beside(NamedTuple):
-    """Columns of what was measured beside the poses.
+class RecordedColumns(NamedTuple):
+    """Columns of a velocity or a wrench that was recorded beside the poses.
 
     Attributes
     ----------
     kind
-        Of `VELOCITY` or `WRENCH`.
+        The key in `VELOCITY` or `WRENCH`.
     names
-        Of the columns.
+        Names of the columns.
     axes
-        Which coordinates of the Lie algebra they are, or of its dual.
+        Their coordinates in the Lie algebra, or in its dual.
     group, block
-        The factor of the group that they belong to, and its rows and columns in a pose.
+        The factor of the group that they belong to, and the block of this factor in a pose.
     """
 
     kind: str
@@ -65,131 +68,132 @@ class Beside(NamedTuple):
     block: slice
 
 
-def columns_beside(G: MatrixLieGroup, suffix: str = "") -> Iterator[Beside]:
-    """The columns that velocities and wrenches of a group may have; none where not known."""
+def recorded_columns(G: MatrixLieGroup, suffix: str = "") -> Iterator[RecordedColumns]:
+    """Return the columns that velocities and wrenches of a group may have; none if not known."""
     if isinstance(G, ProductGroup):
-        for k, (factor, first, own) in enumerate(
+        for k, (factor, first, block) in enumerate(
             zip(G.factors, G.coordinates, G.blocks, strict=True), start=1
         ):
-            for one in columns_beside(factor, str(k)):
-                axes = slice(first.start + one.axes.start, first.start + one.axes.stop)
-                yield one._replace(axes=axes, block=own)
+            for each in recorded_columns(factor, str(k)):
+                axes = slice(first.start + each.axes.start, first.start + each.axes.stop)
+                yield each._replace(axes=axes, block=block)
     if not isinstance(G, EuclideanGroup) or G.space > 3:
         return
-    moves = [part.axes for part in G.parts if part.velocity_unit == "m/s"]
+    translations = [part.axes for part in G.parts if part.velocity_unit == "m/s"]
     for kinds in (VELOCITY, WRENCH):
-        turning, moving = kinds
+        angular, linear = kinds
         if G.rotations:
             about = "xyz" if G.rotations == 3 else "z"
-            names = tuple(kinds[turning] + axis + suffix for axis in about)
-            yield Beside(turning, names, slice(0, G.rotations), G, slice(0, G.size))
-        for axes in moves:
-            names = tuple(kinds[moving] + axis + suffix for axis in "xyz"[: G.space])
-            yield Beside(moving, names, axes, G, slice(0, G.size))
+            names = tuple(kinds[angular] + axis + suffix for axis in about)
+            yield RecordedColumns(angular, names, slice(0, G.rotations), G, slice(0, G.size))
+        for axes in translations:
+            names = tuple(kinds[linear] + axis + suffix for axis in "xyz"[: G.space])
+            yield RecordedColumns(linear, names, axes, G, slice(0, G.size))
 
 
-def names_beside(G: MatrixLieGroup, kinds: Collection[str]) -> list[str]:
-    """The names of all columns of some kinds."""
-    return [name for each in columns_beside(G) if each.kind in kinds for name in each.names]
+def recorded_names(G: MatrixLieGroup, kinds: Collection[str]) -> list[str]:
+    """Return the names of all columns of some kinds."""
+    return [name for each in recorded_columns(G) if each.kind in kinds for name in each.names]
 
 
 def coordinate_names(G: MatrixLieGroup) -> list[str]:
-    """The coordinates of the algebra as they are typed: ``wz`` for ωz, ``v2`` for v₂."""
+    """Return the coordinates of the algebra as they are typed: ``wz`` for ωz, ``v2`` for v₂."""
     digits = {ord("₀") + digit: str(digit) for digit in range(10)}
     return [axis.replace("ω", "w").translate(digits) for axis in G.axis_names]
 
 
 def pose_columns(
-    G: MatrixLieGroup, suffix: str = "", turn: tuple[str, ...] = QUATERNION
+    G: MatrixLieGroup, suffix: str = "", rotation: tuple[str, ...] = QUATERNION
 ) -> list[str]:
-    """The columns of a pose: the rotation, then translations; none where not known."""
+    """Return the columns of a pose, the rotation first; none if not known."""
     if isinstance(G, ProductGroup):
-        parts = [pose_columns(factor, str(k), turn) for k, factor in enumerate(G.factors, start=1)]
+        parts = [pose_columns(each, str(k), rotation) for k, each in enumerate(G.factors, start=1)]
         return [column for part in parts for column in part] if all(parts) else []
     if not isinstance(G, EuclideanGroup) or G.space > 3:
         return []
     letters = {"position": "", "velocity": "v"}
-    moves = [
+    translations = [
         letters.get(column, column) + axis for column in G.columns for axis in "xyz"[: G.space]
     ]
-    return [column + suffix for column in (*_turn(G, turn), *moves)]
+    return [column + suffix for column in (*_rotation(G, rotation), *translations)]
 
 
-def _turn(G: EuclideanGroup, in_space: tuple[str, ...]) -> tuple[str, ...]:
-    """The columns of a rotation."""
+def _rotation(G: EuclideanGroup, in_space: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the columns of a rotation of the group."""
     return {0: (), 1: ("angle",)}.get(G.rotations, in_space)
 
 
-def ways_of(G: MatrixLieGroup) -> list[PoseColumns]:
-    """The columns that poses of a group may stand in, the usual first."""
+def _layouts(G: MatrixLieGroup) -> list[PoseColumns]:
+    """Return the layouts that poses of a group may have, the usual one first."""
     digits = range(1, G.size + 1)
-    ways = (
+    layouts = (
         PoseColumns(pose_columns(G), "parts"),
-        PoseColumns(pose_columns(G, turn=EULER), "parts", EULER),
-        # Before the coordinates, which are the names of velocities, too.
+        PoseColumns(pose_columns(G, rotation=EULER), "parts", EULER),
+        # Entries come before coordinates, because velocities have the coordinates' names, too.
         PoseColumns([f"Q{row}{column}" for row in digits for column in digits], "entries"),
         PoseColumns(coordinate_names(G), "coordinates"),
     )
-    return [way for way in ways if way.names]
+    return [layout for layout in layouts if layout.names]
 
 
 def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | None:
-    """The columns that hold the poses of a table; None where some are missing.
+    """Return the columns that hold the poses of a table; None where some are missing.
 
-    Beside a part of a rotation or a position, coordinates are a velocity and no pose.
+    Where the table has a part of a rotation or a position, coordinates are taken for a velocity.
     """
-    found = next((way for way in ways_of(G) if set(way.names) <= set(names)), None)
-    if found and found.way == "coordinates":
-        parts = {*pose_columns(G), *pose_columns(G, turn=EULER)} - {*found.names}
+    found = next((layout for layout in _layouts(G) if set(layout.names) <= set(names)), None)
+    if found and found.layout == "coordinates":
+        parts = {*pose_columns(G), *pose_columns(G, rotation=EULER)} - {*found.names}
         return None if parts & {*names} else found
     return found
 
 
 def require_pose(sheet: Sheet, G: MatrixLieGroup, time: bool = False) -> PoseColumns:
-    """The columns that hold poses; raises an `InputError` if there are none, or no time."""
+    """Return the columns of the poses, or raise an `InputError` if poses or times are missing."""
     if time and "t" not in sheet.names:
         alias = next((each for each in LOOKS_LIKE["t"] if each in sheet.names), None)
         hint = f"; add `columns: {{t: {alias}}}` if that is what {alias} holds" if alias else ""
         raise InputError(f"{sheet.header_place}: missing column t, the time in seconds{hint}")
     if found := used_columns(sheet.names, G):
-        sheet.require_different()
+        sheet.require_distinct()
         return found
     columns, coordinates = pose_columns(G), coordinate_names(G)
-    wanted, euler = columns or coordinates, pose_columns(G, turn=EULER)
-    # Of the columns that poses may have, those of which the file has most.
-    ways = (columns, euler) if columns else (coordinates,)
-    likely = max(ways, key=lambda names: len({*names} & {*sheet.names}))
+    expected, euler = columns or coordinates, pose_columns(G, rotation=EULER)
+    layouts = (columns, euler) if columns else (coordinates,)
+    likely = max(layouts, key=lambda names: len({*names} & {*sheet.names}))
     missing = ", ".join(name for name in likely if name not in sheet.names)
     others = [", ".join(euler)] if euler != columns else []
     others += [f"the coordinates {', '.join(coordinates)}"] if columns else []
     also = f" (or {', or '.join(others)})" if others else ""
     raise InputError(
         f"{sheet.header_place}: missing column {missing}; a pose of {G.name} has "
-        f"{', '.join(wanted)}{also}"
+        f"{', '.join(expected)}{also}"
     )
 
 
-def table_poses(table: Table, columns: PoseColumns, G: MatrixLieGroup, said: LogMapping) -> Array:
-    """A pose from each row, ``(rows, d, d)``, in the axes that are wanted."""
-    if said.euler != LogMapping.euler and columns.turn != EULER:
+def table_poses(
+    table: Table, columns: PoseColumns, G: MatrixLieGroup, mapping: LogMapping
+) -> Array:
+    """Return the pose of each row, ``(rows, d, d)``, in the wanted axes."""
+    if mapping.euler != LogMapping.euler and columns.rotation != EULER:
         raise MappingError(
             ("euler",), f"the poses of {table.name} have no yaw, pitch and roll; remove this key"
         )
-    if columns.way == "parts":
-        return _assembled(table, G, "", columns.turn, said)
-    if columns.way == "coordinates":
+    if columns.layout == "parts":
+        return _assembled(table, G, "", columns.rotation, mapping)
+    if columns.layout == "coordinates":
         poses = G.exp(table.get(columns.names))
     else:
         poses = table.get(columns.names).reshape(len(table), G.size, G.size)
     if isinstance(G, EuclideanGroup):
-        return _in_axes(G, G.rotation(poses), G.translations(poses), said)
-    _require_no_axes(said, G)
+        return _in_axes(G, G.rotation(poses), G.translations(poses), mapping)
+    _require_no_axes(mapping, G)
     return poses
 
 
-@np.errstate(over="ignore")  # which is not 1, either
+@np.errstate(over="ignore")  # an infinite norm is reported as different from 1
 def quaternion_norms(table: Table, columns: PoseColumns) -> dict[str, Array]:
-    """The norm of the quaternion in each row, by the suffix of its columns."""
+    """Return the norm of the quaternion in each row, by the suffix of its columns."""
     suffixes = [name.removeprefix("qw") for name in columns.names if name.startswith("qw")]
     return {
         suffix: np.linalg.norm(table.get([each + suffix for each in QUATERNION]), axis=-1)
@@ -198,7 +202,7 @@ def quaternion_norms(table: Table, columns: PoseColumns) -> dict[str, Array]:
 
 
 def require_norms(table: Table, columns: PoseColumns) -> None:
-    """Raise an `InputError` for the first quaternion that is none of a rotation."""
+    """Raise an `InputError` for the first quaternion whose norm is not 1."""
     for norms in quaternion_norms(table, columns).values():
         wrong = np.flatnonzero(abs(norms - 1) > QUATERNION_TOLERANCE)
         if len(wrong):
@@ -207,29 +211,30 @@ def require_norms(table: Table, columns: PoseColumns) -> None:
 
 
 def _assembled(
-    table: Table, G: MatrixLieGroup, suffix: str, way: tuple[str, ...], said: LogMapping
+    table: Table, G: MatrixLieGroup, suffix: str, in_space: tuple[str, ...], mapping: LogMapping
 ) -> Array:
+    """Return poses from the columns of rotations and translations."""
     if isinstance(G, ProductGroup):
         return G.assemble(
             [
-                _assembled(table, factor, str(k), way, said)
+                _assembled(table, factor, str(k), in_space, mapping)
                 for k, factor in enumerate(G.factors, start=1)
             ]
         )
     assert isinstance(G, EuclideanGroup)
-    columns = pose_columns(G, suffix, way)
-    turn = columns[: len(_turn(G, way))]
+    columns = pose_columns(G, suffix, in_space)
+    rotation = columns[: len(_rotation(G, in_space))]
     rotations = np.broadcast_to(np.eye(G.space), (len(table), G.space, G.space))
-    if len(turn) == 1:
-        angle = table.get(turn)
+    if len(rotation) == 1:
+        angle = table.get(rotation)
         rotations = G.rotation(G.exp(np.pad(angle, ((0, 0), (0, G.dimension - 1)))))
-    elif turn and way == EULER:
-        rotations = _from_euler(said.euler, table, suffix)
-    elif turn:
-        rotations = G.rotation_towards(table.get(turn))
-    moves = table.get(columns[len(turn) :]) if G.columns else np.zeros((len(table), 0))
-    columns_of = moves.reshape(len(table), len(G.columns), G.space).swapaxes(-1, -2)
-    return _in_axes(G, rotations, columns_of, said)
+    elif rotation and in_space == EULER:
+        rotations = _from_euler(mapping.euler, table, suffix)
+    elif rotation:
+        rotations = G.rotation_towards(table.get(rotation))
+    rows = table.get(columns[len(rotation) :]) if G.columns else np.zeros((len(table), 0))
+    translations = rows.reshape(len(table), len(G.columns), G.space).swapaxes(-1, -2)
+    return _in_axes(G, rotations, translations, mapping)
 
 
 def _from_euler(sequence: str, table: Table, suffix: str) -> Array:
@@ -240,19 +245,21 @@ def _from_euler(sequence: str, table: Table, suffix: str) -> Array:
     return Rotation.from_euler(sequence, angles).as_matrix()
 
 
-def _in_axes(G: EuclideanGroup, rotations: Array, moves: Array, said: LogMapping) -> Array:
-    """Poses of body to world in the axes that are wanted: A_w R A_bᵀ and A_w x."""
-    if said.attitude == "world_to_body":
+def _in_axes(
+    G: EuclideanGroup, rotations: Array, translations: Array, mapping: LogMapping
+) -> Array:
+    """Return poses, body to world, in the wanted axes: A_w R A_bᵀ and A_w x."""
+    if mapping.attitude == "world_to_body":
         rotations = transpose(rotations)
     if G.space != 3:
-        _require_no_axes(said, G)
-        return G.assemble(rotations, moves)
-    world, body = said.axes("world"), said.axes("body")
-    turned = world @ rotations @ body.T if G.rotations else rotations
-    return G.assemble(turned, world @ moves)
+        _require_no_axes(mapping, G)
+        return G.assemble(rotations, translations)
+    world, body = mapping.axes("world"), mapping.axes("body")
+    rotations = world @ rotations @ body.T if G.rotations else rotations
+    return G.assemble(rotations, world @ translations)
 
 
-def _require_no_axes(said: LogMapping, G: MatrixLieGroup) -> None:
+def _require_no_axes(mapping: LogMapping, G: MatrixLieGroup) -> None:
     for key in ("world", "body"):
-        if value := getattr(said, key):
+        if value := getattr(mapping, key):
             raise MappingError((key,), f"{value} are axes of space, which {G.name} does not have")

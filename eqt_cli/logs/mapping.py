@@ -1,6 +1,5 @@
-"""What somebody says of a file of poses: its columns, units, frames and times; it reads none."""
+"""Mapping of a recording file: its columns, units, frames and times. Does not read the file."""
 
-import re
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
 
@@ -17,7 +16,7 @@ TrajectoryFormat: TypeAlias = Literal["csv", "tum", "euroc"]
 
 
 def trajectory_format(text: str) -> TrajectoryFormat:
-    """The format of this name; raises an `InputError` if there is none."""
+    """Return the format of this name, or raise an `InputError` if there is none."""
     known: tuple[TrajectoryFormat, ...] = get_args(TrajectoryFormat)
     for name in known:
         if text == name:
@@ -26,18 +25,18 @@ def trajectory_format(text: str) -> TrajectoryFormat:
 
 
 MAPPING = "mapping"
-"""The key of a configuration that holds one."""
+"""The key of a mapping in a configuration."""
 
-_CHANGES: dict[str, Array] = {
+_AXIS_CHANGES: dict[str, Array] = {
     "NED to ENU": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
     "FRD to FLU": np.diag([1.0, -1.0, -1.0]),
 }
-_CHANGES |= {" to ".join(reversed(name.split(" to "))): A for name, A in _CHANGES.items()}
-"""Axes of a file in those of eqt; each of them undoes itself."""
+_AXIS_CHANGES |= {" to ".join(reversed(name.split(" to "))): A for name, A in _AXIS_CHANGES.items()}
+"""Rotations from the axes of a file to those wanted; each is its own inverse."""
 
 PARTNERS = {"NED to ENU": "FRD to FLU", "ENU to NED": "FLU to FRD"}
 PARTNERS |= {body: world for world, body in PARTNERS.items()}
-"""Changes of axes that usually go together."""
+"""The change of the body's axes that usually goes with one of the world's, and back."""
 
 
 def _offset_kind(value: Any) -> str | None:
@@ -53,7 +52,7 @@ _Offset = Annotated[
 
 
 class MappingError(InputError):
-    """A mapping that does not fit its file; `path` is the key of it that is wrong."""
+    """Raised where a mapping does not fit its file; `path` is the wrong key of the mapping."""
 
     def __init__(self, path: KeyPath, message: str) -> None:
         super().__init__(message)
@@ -62,18 +61,18 @@ class MappingError(InputError):
 
 @dataclass(frozen=True)
 class TimeMapping:
-    """What times of a file stand for.
+    """How the times of a file are read.
 
     Attributes
     ----------
     scale
-        A factor of the times in s, such as that of a clock that runs fast.
+        Factor of the times in s, for example to correct a clock that runs fast.
     begin, end
-        The first and the last time that is kept, s, before the offset; in the formats tum and
-        euroc after the first row.
+        The first and the last time to keep, s, before the offset is added; in the formats tum and
+        euroc counted from the first row.
     offset
-        s that are added to the times that are kept; with ``first``, the first of them is at 0 s.
-        Without it, a recording that is compared with a run is aligned with it.
+        Time to add to the times that are kept, s; ``first`` puts the first of them at 0 s.
+        Without it, a recording that is compared with a run is aligned with the run.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
@@ -86,28 +85,28 @@ class TimeMapping:
 
 @dataclass(frozen=True)
 class LogMapping:
-    """What a file of poses does not say of itself.
+    """How a file of poses is read, where the file itself does not say it.
 
     Attributes
     ----------
     columns
-        The heading of a column in the file by eqt's name of it, as in ``{t: stamp, qw: q_w}``.
+        The heading of a column in the file by eqt's name for it, as in ``{t: stamp, qw: q_w}``.
     units
         The unit of a column by its name, where its heading has none, as in ``{t: ms, yaw: deg}``.
     quaternion
         The order of columns ``q0 … q3``, ``q1 … q4``, ``q[0] … q[3]``, and of those of the formats
-        tum and euroc where these have another than their own; w is the scalar part.
+        tum and euroc where a file departs from its format; w is the scalar part.
     euler
-        The order of ``yaw``, ``pitch`` and ``roll``: ZYX about turned axes, zyx about fixed ones.
+        The order of ``yaw``, ``pitch`` and ``roll``: ZYX about rotated axes, zyx about fixed axes.
     attitude
-        Whether the rotation takes coordinates of the body to those of the world, or back.
+        Whether the rotation maps body coordinates to world coordinates, or back.
     world, body
-        Axes of the file, and those to have them in.
+        Axes of the file, and the axes to convert them to.
     rates, velocity, torque, force
-        Of which frame the coordinates of recorded ``wx, wy, wz``, ``vx, vy, vz``, ``tx, ty, tz``
-        and ``fx, fy, fz`` are. The velocity is that of the body's origin; the torque is about it.
+        The frame of the recorded ``wx, wy, wz``, ``vx, vy, vz``, ``tx, ty, tz`` and
+        ``fx, fy, fz``. The velocity is that of the body's origin; the torque is about it.
     time
-        What its times stand for.
+        How the times are read.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
@@ -126,17 +125,15 @@ class LogMapping:
     time: TimeMapping = field(default_factory=TimeMapping)
 
     def axes(self, which: str) -> Array:
-        """The rotation from the axes of the file to those that are wanted, ``(3, 3)``."""
-        return _CHANGES.get(getattr(self, which), np.eye(3))
+        """Return the rotation from the file's axes to the wanted ones, ``(3, 3)``."""
+        return _AXIS_CHANGES.get(getattr(self, which), np.eye(3))
 
     def check(self, problems: Problems) -> None:
-        """What is wrong with it, whatever the file is."""
-        if sorted(self.euler.lower()) != list("xyz") or not re.fullmatch(
-            "[xyz]{3}|[XYZ]{3}", self.euler
-        ):
+        """Note errors that do not depend on the file."""
+        if sorted(self.euler) not in (list("xyz"), list("XYZ")):
             problems.at("euler").add(
                 "expected each of the three axes once, such as ZYX (yaw, pitch, roll about the "
-                f"turned axes) or zyx (about the fixed ones), got '{self.euler}'"
+                f"rotated axes) or zyx (about the fixed ones), got '{self.euler}'"
             )
         begin, end = self.time.begin, self.time.end
         if begin is not None and end is not None and not begin < end:

@@ -9,23 +9,23 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.logs.check import notes
-from eqt_cli.logs.columns import VELOCITY, WRENCH, columns_beside, names_beside
+from eqt_cli.logs.columns import VELOCITY, WRENCH, recorded_columns, recorded_names
 from eqt_cli.logs.mapping import LogMapping, TrajectoryFormat
 from eqt_cli.logs.reading import Log, read_log
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What was measured of a motion on a group.
+    """A measured motion on a group.
 
     Attributes
     ----------
     name, place
-        The file, and the line of its header, for messages.
+        The file and the line of its header, for messages.
     group
         G.
     times : (n,)
-        s, rising.
+        Rising times, s.
     poses : (n, d, d)
         Q.
     velocities : (n, m)
@@ -33,11 +33,11 @@ class Recording:
     wrenches : (n, m)
         The wrench in the dual, body frame; NaN in the coordinates that were not measured.
     gaps : (k,)
-        The rows behind which others are missing.
+        The rows after which rows are missing.
     timed
-        Whether the mapping says what its clock is off by.
+        Whether the mapping gives the offset of the clock.
     notes
-        What is odd in the file.
+        Remarks on oddities in the file.
     """
 
     name: str
@@ -52,33 +52,33 @@ class Recording:
     notes: tuple[str, ...] = ()
 
     def require_velocities(self) -> Array:
-        """Raise an `InputError` if a coordinate was not measured; the velocities."""
-        return self._whole(self.velocities, VELOCITY, "a velocity")
+        """Return the velocities, or raise an `InputError` if one was not measured."""
+        return self._complete(self.velocities, VELOCITY, "a velocity")
 
     def require_wrenches(self) -> Array:
-        """Raise an `InputError` if a coordinate was not measured; the wrenches."""
-        return self._whole(self.wrenches, WRENCH, "a wrench")
+        """Return the wrenches, or raise an `InputError` if one was not measured."""
+        return self._complete(self.wrenches, WRENCH, "a wrench")
 
-    def _whole(self, found: Array, kinds: dict[str, str], what: str) -> Array:
+    def _complete(self, measured: Array, kinds: dict[str, str], quantity: str) -> Array:
         G = self.group
-        if not np.isnan(found).any():
-            return found
-        names = names_beside(G, kinds)
+        if not np.isnan(measured).any():
+            return measured
+        names = recorded_names(G, kinds)
         if len(names) < G.dimension:
-            raise InputError(f"{self.place}: no columns of {what} on {G.name} are known")
+            raise InputError(f"{self.place}: no columns of {quantity} on {G.name} are known")
         missing = [
             name
-            for each in columns_beside(G)
-            if each.kind in kinds and np.isnan(found[:, each.axes]).any()
-            for name in each.names
+            for columns in recorded_columns(G)
+            if columns.kind in kinds and np.isnan(measured[:, columns.axes]).any()
+            for name in columns.names
         ]
         raise InputError(
-            f"{self.place}: missing column {', '.join(missing)}; {what} on {G.name} has "
+            f"{self.place}: missing column {', '.join(missing)}; {quantity} on {G.name} has "
             f"{', '.join(names)}"
         )
 
     def part(self, first: int, last: int, step: int = 1) -> Self:
-        """The same with every so many of its rows, from the first to before the last."""
+        """Return every `step`-th row from `first` to before `last`."""
         rows = slice(first, last, step)
         times = self.times[rows]
         gaps = np.unique((self.gaps - first) // step)
@@ -92,24 +92,24 @@ class Recording:
         )
 
     def shifted(self, offset: float) -> Self:
-        """The same with s added to its times."""
+        """Return the recording with `offset`, s, added to its times."""
         return replace(self, times=self.times + offset)
 
 
 def recording_of(log: Log) -> Recording:
-    """The motion of a file.
+    """Return the motion in a log.
 
     Raises
     ------
     InputError
-        For what makes it none: its times, its poses, their axes.
+        If its times, its poses or their axes make it no motion.
     """
     log.require_usable()
     G = log.group
     velocities, wrenches = np.full((2, len(log.times), G.dimension), np.nan)
-    for beside in log.recorded:
-        found = velocities if beside.kind in VELOCITY else wrenches
-        found[:, beside.axes] = log.in_body(beside)
+    for columns in log.recorded:
+        measured = velocities if columns.kind in VELOCITY else wrenches
+        measured[:, columns.axes] = log.in_body(columns)
     return Recording(
         log.table.name,
         log.sheet.header_place,
@@ -119,13 +119,13 @@ def recording_of(log: Log) -> Recording:
         velocities,
         wrenches,
         log.gaps,
-        log.said.time.offset is not None,
+        log.mapping.time.offset is not None,
         tuple(notes(log)),
     )
 
 
 def read_recording(
-    text: str, name: str, kind: TrajectoryFormat, G: MatrixLieGroup, said: LogMapping
+    text: str, name: str, form: TrajectoryFormat, G: MatrixLieGroup, mapping: LogMapping
 ) -> Recording:
-    """The motion in the text of a file; errors as of `read_log` and `recording_of`."""
-    return recording_of(read_log(text, name, kind, G, said))
+    """Return the motion in the text of a file; raises as `read_log` and `recording_of` do."""
+    return recording_of(read_log(text, name, form, G, mapping))

@@ -1,6 +1,6 @@
-"""Numbers of a file by the names of its columns, read in C; it knows no pose.
+"""Reads the numbers of a table file by column names.
 
-Of a file with another header, no message shows a part: it may be any file.
+Messages never quote text of a file other than headings and numbers: it may be any file.
 """
 
 import csv
@@ -25,34 +25,34 @@ NUMBERED = tuple(
     tuple(form.format(k) for k in range(first, first + 4))
     for form, first in (("q{}", 0), ("q{}", 1), ("q[{}]", 0), ("q[{}]", 1), ("q_{}", 0))
 )
-"""Names of the four numbers of a quaternion that do not say their order."""
+"""Column names of a quaternion that do not show which is the scalar part."""
 
 _WITHOUT_HEADER = {
     "tum": ("t", "x", "y", "z", *QUATERNION),
     "euroc": ("t", "x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz"),
 }
-"""What stands in the columns of formats that have no header of their own."""
+"""Columns of the formats that have no header."""
 
-LEAST = 8
-"""Entries of a row of them: a time and a pose."""
+MIN_ENTRIES = 8
+"""Smallest number of entries in a row of these formats: a time and a pose."""
 
 LOOKS_LIKE = {"t": ("time", "timestamp", "stamp", "secs", "seconds")}
-"""Headings that a column without eqt's name of it may have; eqt names them, and takes none."""
+"""Usual headings of a column in other programs; eqt suggests them, but does not accept them."""
 
-MOST_IN_LINE = 100_000
-"""Characters; a pose takes a few hundred."""
+MAX_LINE = 100_000
+"""Longest line, characters; a pose takes a few hundred."""
 
-MOST_SHOWN = 30
-"""Characters of an entry, in a message."""
+MAX_SHOWN = 30
+"""Longest entry that a message quotes, characters."""
 
-MOST_DIGITS = 19
-"""Of a time in nanoseconds; the year 2262 has as many."""
+MAX_DIGITS = 19
+"""Most digits of a time in nanoseconds; enough until the year 2262."""
 
 CHUNK = 20_000
-"""Lines that are read at once; of those that cannot be read, the first is looked for."""
+"""Number of lines to read at once; where that fails, they are searched for the first error."""
 
-_OURS = re.compile(r"q[xyzw]\d?|q_?\d|q\[\d\]|V\w+|Q\d+")
-"""Names of columns that have no unit."""
+_WITHOUT_UNIT = re.compile(r"q[xyzw]\d?|q_?\d|q\[\d\]|V\w+|Q\d+")
+"""Names of eqt's columns without a unit."""
 
 _HEADING = re.compile(r"(.*?)\s*(?:\[(?!\d+\])([^\]]*)\]|\((?!\d+\))([^)]*)\))")
 """A name and a unit: ``angle (deg)``, ``t [ms]``; ``q[0]`` has none."""
@@ -69,9 +69,9 @@ class Table:
     columns
         The numbers of each column by its name, ``(rows,)``, in rad, m and s.
     lines
-        The line of the file that each row stands in.
+        The line of each row in the file.
     since
-        s: a time that was taken from those in column t, which are exact then.
+        Time subtracted from column t, s, so that the rest is exact.
     """
 
     name: str
@@ -83,38 +83,38 @@ class Table:
         return len(self.lines)
 
     def error(self, row: int, message: str) -> InputError:
-        """What is wrong in a row."""
+        """Return the error of a row."""
         return InputError(f"{self.name}:{self.lines[row]}: {message}")
 
     def get(self, names: Sequence[str]) -> Array:
-        """The numbers of some columns, ``(rows, len(names))``."""
+        """Return the numbers of some columns, ``(rows, len(names))``."""
         return np.stack([self.columns[name] for name in names], axis=-1)
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A file as lines, and what its columns are called.
+    """A file as lines, and the names of its columns.
 
     Attributes
     ----------
     name
         The file, for messages.
     names
-        eqt's name for each column; that of the heading where it has no other.
+        eqt's name for each column, or its heading where eqt has none.
     headings
-        The same as they stand in the file, without their units.
+        The headings in the file, without units.
     units
-        Those that a heading or a mapping gives, by eqt's name.
+        The units given by headings or by a mapping, by eqt's name.
     delimiter
-        What parts the entries; None for spaces.
+        The separator of entries; None for spaces.
     lines, numbers
-        The rows that are not empty, and where they stand.
+        The rows that are not empty, and their line numbers.
     head
         The line of the header.
     more
         Whether rows may have entries beyond the columns.
     order
-        That of its quaternions: xyzw or wxyz; empty where they are named.
+        The order of quaternions, xyzw or wxyz; empty where their columns are named.
     damaged
         Whether parts of the file were skipped.
     """
@@ -133,29 +133,29 @@ class Sheet:
 
     @property
     def header_place(self) -> str:
-        """The line of the header."""
+        """The file and the line of the header, for messages."""
         return f"{self.name}:{self.head}"
 
-    def require_different(self) -> None:
-        """Raise an `InputError` if two columns have one name."""
+    def require_distinct(self) -> None:
+        """Raise an `InputError` if two columns have the same name."""
         counts = Counter(self.names)
-        if twice := next((name for name in self.names if counts[name] > 1), None):
-            raise InputError(f"{self.header_place}: two columns are named {twice}")
+        if repeated := next((name for name in self.names if counts[name] > 1), None):
+            raise InputError(f"{self.header_place}: two columns are named {repeated}")
 
     def table(self, wanted: Collection[str]) -> Table:
-        """The numbers of some of the columns.
+        """Return the numbers of some of the columns.
 
         Raises
         ------
         InputError
-            That says in which line what is wrong.
+            With the line and the error.
         """
         names = [name for name in self.names if name in wanted]
         if not self.lines:
             raise InputError(f"{self.name}: holds no rows of numbers")
         self._require_widths()
         since, columns = 0.0, {}
-        if "t" in names and self.units.get("t") == "ns":
+        if "t" in names and self.units.get("t") == "ns":  # floats cannot hold them exactly
             since, columns["t"] = self._nanoseconds()
             names.remove("t")
         if names:
@@ -199,43 +199,44 @@ class Sheet:
         return found
 
     def _wrong(self, first: int, count: int, names: list[str], places: list[int]) -> InputError:
-        """The first entry of some lines that is no finite number."""
+        """Return the error of the first entry of some lines that is no finite number."""
         for row in range(first, first + count):
             entries = _entries(self.lines[row], self.delimiter)
             for name, place in zip(names, places, strict=True):
                 entry = entries[place]
                 if not (_is_number(entry) and math.isfinite(float(entry))):
-                    wanted = f"expected a finite number in column {name}"
-                    place_of = f"{self.name}:{self.numbers[row]}"
-                    return InputError(f"{place_of}: {wanted}, got {_shown(entry)}")
+                    return InputError(
+                        f"{self.name}:{self.numbers[row]}: expected a finite number in column "
+                        f"{name}, got {_shown(entry)}"
+                    )
         last = self.numbers[first + count - 1]
         return InputError(f"{self.name}:{self.numbers[first]}: expected numbers up to line {last}")
 
     def _nanoseconds(self) -> tuple[float, Array]:
-        """The first time and those after it, s; exact until they are divided."""
-        place, found = self.names.index("t"), []
+        """Return the first time and the times since then, s, subtracted as whole numbers."""
+        place, times = self.names.index("t"), []
         for number, line in zip(self.numbers, self.lines, strict=True):
             entry = _entries(line, self.delimiter)[place] if '"' in line else ""
             entry = entry or line.split(self.delimiter, place + 1)[place].strip()
-            if not (entry.isdecimal() and len(entry) <= MOST_DIGITS):
+            if not (entry.isdecimal() and len(entry) <= MAX_DIGITS):
                 raise InputError(
                     f"{self.name}:{number}: expected whole nanoseconds, got {_shown(entry)}"
                 )
-            found.append(int(entry))
-        first = found[0]
-        return first / 1e9, np.array([float(each - first) for each in found]) / 1e9
+            times.append(int(entry))
+        first = times[0]
+        return first / 1e9, np.array([float(time - first) for time in times]) / 1e9
 
 
-def open_sheet(text: str, name: str, kind: TrajectoryFormat, mapping: LogMapping) -> Sheet:
-    """The lines of a file, and its columns by eqt's names.
+def open_sheet(text: str, name: str, form: TrajectoryFormat, mapping: LogMapping) -> Sheet:
+    """Return the lines of a file, and its columns by eqt's names.
 
     Raises
     ------
     InputError
-        For a header that names no columns, and a mapping that does not fit it.
+        If the header names no columns; a `MappingError` where the mapping does not fit it.
     """
-    if kind != "csv":
-        return _without_header(text, name, kind, mapping)
+    if form != "csv":
+        return _without_header(text, name, form, mapping)
     lines, numbers = _lines(text, name)
     damaged = bool(lines) and lines[0] == DAMAGED
     lines, numbers = lines[damaged:], numbers[damaged:]
@@ -246,7 +247,7 @@ def open_sheet(text: str, name: str, kind: TrajectoryFormat, mapping: LogMapping
         headings.append(heading)
         units[heading] = unit
     if _is_tum(header):
-        raise InputError(f"{name}:{number}: has 8 numbers parted by spaces; use the format tum")
+        raise InputError(f"{name}:{number}: has 8 numbers separated by spaces; use the format tum")
     if not header or any(not entry or _is_number(entry) for entry in headings):
         raise InputError(
             f"{name}:{number}: expected a header that names the columns, such as t, qx, qy, qz, qw"
@@ -260,12 +261,12 @@ def open_sheet(text: str, name: str, kind: TrajectoryFormat, mapping: LogMapping
 
 
 def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Sheet:
-    """The same with the units of the mapping, after a look at those of the columns that are used.
+    """Return the sheet with the units of the mapping, once the units in use are checked.
 
     Raises
     ------
     InputError
-        For a unit that its column cannot have, at its place.
+        For a unit that its column cannot have, with its place.
     """
     units = dict(sheet.units)
     for name, unit in mapping.units.items():
@@ -290,100 +291,103 @@ def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Shee
 
 
 def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
-    """eqt's name for each heading."""
+    """Return eqt's name for each heading."""
     for name, heading in mapping.columns.items():
         if heading not in headings:
             hint = suggestion(heading, headings) or "; write a heading of the file, without a unit"
-            if name in headings and not _is_ours(name):
+            if name in headings and not _is_eqt_name(name):
                 hint = f"; eqt's name is first: write `{{{heading}: {name}}}`"
             raise MappingError(("columns", name), f"{place}: no column '{heading}'{hint}")
-        if not _is_ours(name):
-            some = ", ".join(("t", *QUATERNION, "yaw, pitch, roll, x, y, z, wx, vx"))
+        if not _is_eqt_name(name):
+            examples = ", ".join(("t", *QUATERNION, "yaw, pitch, roll, x, y, z, wx, vx"))
             raise MappingError(
-                ("columns", name), f"eqt has no column of this name; it knows {some} and others"
+                ("columns", name), f"eqt has no column of this name; it knows {examples} and others"
             )
-    given = {heading: name for name, heading in mapping.columns.items()}
-    # A column that has the name which the mapping gives to another is none of eqt's.
+    mapped = {heading: name for name, heading in mapping.columns.items()}
+    # Where the mapping gives a name to another column, the column with this heading is not eqt's.
     known = {each: name for each, name in PX4.items() if name not in mapping.columns}
     names = [
-        given.get(each, f"{each} (file)" if each in mapping.columns else known.get(each, each))
+        mapped.get(each, f"{each} (file)" if each in mapping.columns else known.get(each, each))
         for each in headings
     ]
-    named = next((four for four in NUMBERED if set(four) <= set(names)), None)
-    if named is None or set(QUATERNION) & set(names):
+    numbered = next((four for four in NUMBERED if set(four) <= set(names)), None)
+    if numbered is None or set(QUATERNION) & set(names):
         if mapping.quaternion is not None:
             raise MappingError(
                 ("quaternion",),
-                f"the columns of {place.rpartition(':')[0]} have names that say their order, "
+                f"the columns of {place.rpartition(':')[0]} have names that show their order, "
                 "such as qx, qy, qz, qw; remove this key",
             )
         return names
     if mapping.quaternion is None:
         raise MappingError(
             ("quaternion",),
-            f"{place}: columns {', '.join(named)} do not say which is the scalar part w; add "
-            f"`quaternion: wxyz` if it is {named[0]}, `quaternion: xyzw` if it is {named[3]}",
+            f"{place}: columns {', '.join(numbered)} do not show which is the scalar part w; add "
+            f"`quaternion: wxyz` if it is {numbered[0]}, `quaternion: xyzw` if it is {numbered[3]}",
         )
-    order = dict(zip(named, (f"q{axis}" for axis in mapping.quaternion), strict=True))
+    order = dict(zip(numbered, (f"q{axis}" for axis in mapping.quaternion), strict=True))
     return [order.get(each, each) for each in names]
 
 
-def _without_header(text: str, name: str, kind: str, mapping: LogMapping) -> Sheet:
-    """A file of a format that has no header of names."""
+def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> Sheet:
+    """Return the sheet of a file whose format has no header."""
     if name.lower().endswith(SUFFIX):
-        raise InputError(f"{name}: a flight of PX4 has a format of its own; leave out {kind}")
+        raise InputError(
+            f"{name}: eqt recognises a PX4 flight by its suffix; leave out the format {form}"
+        )
     if mapping.columns:
         raise MappingError(
-            ("columns",), f"the format {kind} has no header; remove this key, or use format: csv"
+            ("columns",), f"the format {form} has no header; remove this key, or use format: csv"
         )
-    delimiter = "," if kind == "euroc" else None
+    is_euroc = form == "euroc"
+    delimiter = "," if is_euroc else None
     lines, numbers = _lines(text, name, "#")
-    names = list(_WITHOUT_HEADER[kind])
+    names = list(_WITHOUT_HEADER[form])
     if mapping.quaternion is not None:
         parts = iter(f"q{axis}" for axis in mapping.quaternion)
         names = [next(parts) if each in QUATERNION else each for each in names]
     if lines:
         found = len(_entries(lines[0], delimiter))
-        if found < LEAST or (found > LEAST and kind == "tum"):
-            parted = "by commas" if delimiter else "by spaces"
+        if found < MIN_ENTRIES or (found > MIN_ENTRIES and not is_euroc):
+            separator = "commas" if delimiter else "spaces"
             raise InputError(
-                f"{name}:{numbers[0]}: expected {LEAST} entries parted {parted}, got {found}"
+                f"{name}:{numbers[0]}: expected {MIN_ENTRIES} entries separated by "
+                f"{separator}, got {found}"
             )
-        names = names[: max(min(len(_entries(line, delimiter)) for line in lines), LEAST)]
-    units = {"t": "ns"} if kind == "euroc" else {}
-    order = mapping.quaternion or ("wxyz" if kind == "euroc" else "xyzw")
-    euroc = kind == "euroc"
-    return Sheet(name, names, names, units, delimiter, lines, numbers, 1, euroc, order)
+        names = names[: max(min(len(_entries(line, delimiter)) for line in lines), MIN_ENTRIES)]
+    units = {"t": "ns"} if is_euroc else {}
+    order = mapping.quaternion or ("wxyz" if is_euroc else "xyzw")
+    return Sheet(name, names, names, units, delimiter, lines, numbers, 1, is_euroc, order)
 
 
-def _is_ours(name: str) -> bool:
-    """Whether a column of this name means something to eqt."""
-    return bool(units_of(name) or _OURS.fullmatch(name))
+def _is_eqt_name(name: str) -> bool:
+    """Whether eqt has a column of this name."""
+    return bool(units_of(name) or _WITHOUT_UNIT.fullmatch(name))
 
 
 def _is_tum(line: str) -> bool:
     entries = line.split()
-    return len(entries) == LEAST and all(map(_is_number, entries))
+    return len(entries) == MIN_ENTRIES and all(map(_is_number, entries))
 
 
 def _heading(entry: str) -> tuple[str, str]:
-    """The name and the unit of a heading."""
+    """Return the name and the unit of a heading."""
     found = _HEADING.fullmatch(entry)
     return (found[1], (found[2] or found[3] or "").strip()) if found else (entry, "")
 
 
 def _lines(text: str, name: str, comment: str = "") -> tuple[list[str], Sequence[int]]:
-    """Every line that is not empty, nor begins as comments do, and their numbers."""
+    """Return the lines that are neither empty nor comments, and their line numbers."""
     lines = text.removeprefix("\ufeff").splitlines()
     numbers: Sequence[int] = range(1, len(lines) + 1)
     if comment or not all(map(str.strip, lines)):
         stripped = ((number, line.lstrip()) for number, line in zip(numbers, lines, strict=True))
         numbers = [k for k, line in stripped if line and not (comment and line[0] == comment)]
         lines = [lines[number - 1] for number in numbers]
-    if max(map(len, lines), default=0) > MOST_IN_LINE:
-        row = next(row for row, line in enumerate(lines) if len(line) > MOST_IN_LINE)
+    if max(map(len, lines), default=0) > MAX_LINE:
+        row = next(row for row, line in enumerate(lines) if len(line) > MAX_LINE)
         raise InputError(
-            f"{name}:{numbers[row]}: expected a line of at most {MOST_IN_LINE} characters, "
+            f"{name}:{numbers[row]}: expected a line of at most {MAX_LINE} characters, "
             f"got {len(lines[row])}"
         )
     return lines, numbers
@@ -395,8 +399,8 @@ def _entries(line: str, delimiter: str | None) -> list[str]:
 
 
 def _shown(entry: str) -> str:
-    """What stands where a number should; other text may be of any file, and is not shown."""
-    return f"'{entry}'" if _is_number(entry) and len(entry) <= MOST_SHOWN else "text"
+    """Return a wrong entry for a message; text is not quoted, because it may be of any file."""
+    return f"'{entry}'" if _is_number(entry) and len(entry) <= MAX_SHOWN else "text"
 
 
 def _is_number(entry: str) -> bool:

@@ -1,6 +1,6 @@
-"""A flight of PX4 as a table of text; it knows no group.
+"""Converts a PX4 flight log (ULog) to a table of text.
 
-The formats of messages and their frames are those of PX4's documentation,
+Message formats and frames are those of PX4's documentation,
 https://docs.px4.io/main/en/msg_docs/: attitudes are quaternions (w, x, y, z) from the body FRD to
 NED, positions and velocities are in NED, rates are of the body FRD, and setpoints of torque and
 thrust have no unit.
@@ -22,34 +22,33 @@ from eqt_cli.core.regular_files import TooLargeError, content_of
 from eqt_cli.notation.poses import QUATERNION_TOLERANCE
 
 SUFFIX = ".ulg"
-"""How files of this format end."""
+"""Suffix of files in this format."""
 
-MOST_BYTES = 400_000_000
-"""Of a file; the table that is made of it has a bound of its own."""
+MAX_BYTES = 400_000_000
+"""Largest size of a file; its table has a bound of its own."""
 
 SMALLER = "log fewer topics, or a part of the flight"
-"""What to do about a larger one."""
+"""Advice for a larger file."""
 
 DAMAGED = "# parts of the file are damaged and were skipped"
-"""The first line of a table that is made of such a file."""
+"""First line of the table of a damaged file."""
 
-MOST_FIELDS = 2000
-"""Of a message, whose format in the file may ask for any number of them."""
+MAX_FIELDS = 2000
+"""Largest number of fields of a message; a format in a file could ask for any number."""
 
 GAP = 5.0
-"""Times the median step of a topic: what is longer is a gap, across which nothing is interpolated.
-"""
+"""Multiple of a topic's median step beyond which a step is a gap; gaps are not interpolated."""
 
 CHUNK = 20_000
-"""Rows that are written at once; as numbers of Python, they take 10 times their memory."""
+"""Number of rows to write at once, because rows as Python numbers take 10 times the memory."""
 
 _START = b"ULog\x01\x12\x35"
 
 
 class _Source(NamedTuple):
-    """Where a quantity is found: a topic, its fields, and those that say whether they are known.
+    """The place of a quantity in a log: a topic, its fields, and the flags of their validity.
 
-    The frame of their numbers is in another field, for those of odometry.
+    In odometry, the field `frame` holds the frame of the numbers.
     """
 
     topic: str
@@ -65,7 +64,7 @@ def _array(name: str, size: int = 3) -> tuple[str, ...]:
 _LOCAL, _ODOMETRY = "vehicle_local_position", "vehicle_odometry"
 
 _FRAMES = (1, 2)
-"""Axes of odometry: NED, and FRD of any heading that stands still."""
+"""Accepted frames of odometry: NED, and a fixed FRD of arbitrary heading."""
 
 _SOURCES: dict[str, tuple[tuple[str, ...], str, tuple[_Source, ...]]] = {
     "position": (
@@ -101,15 +100,18 @@ _SOURCES: dict[str, tuple[tuple[str, ...], str, tuple[_Source, ...]]] = {
         ),
     ),
 }
-"""eqt's columns of each quantity, its unit, and where it is found: the first that a file has."""
+"""For each quantity eqt's columns, the unit, and its sources; the first one in a file is used."""
 
 _COMMANDS = tuple(
     _Source(f"vehicle_{kind}_setpoint", _array("xyz")) for kind in ("torque", "thrust")
 )
-"""What holds until the next; it is normalised to −1 … 1, so eqt takes it for no torque or force."""
+"""Setpoints, each held until the next.
+
+They are normalised to −1 … 1, so eqt does not use them as torque or force.
+"""
 
 _TIMES = ("timestamp_sample", "timestamp")
-"""Of the measurement where that is known, and else of the message; µs since the start."""
+"""Fields of the time, µs since the start: of the measurement if given, otherwise of the message."""
 
 NAMES = {
     f"{source.topic}.{field}": name
@@ -122,11 +124,11 @@ NAMES = {
     for source in sources
     for time in _TIMES
 }
-"""eqt's name of a column by its heading in such a table."""
+"""eqt's name of a column by its heading in the table of a flight."""
 
 
 class _Series(NamedTuple):
-    """Numbers of a topic: their times, µs, and the heading of these."""
+    """Numbers of a topic, with their times, µs, and the heading of the times."""
 
     source: _Source
     clock: str
@@ -134,34 +136,34 @@ class _Series(NamedTuple):
     numbers: Array
 
 
-def recording_text(path: Path, missing: str, kind: type[EqtError], most: int, smaller: str) -> str:
-    """The text of a recording that a user names; that of a PX4 flight is its table.
+def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, smaller: str) -> str:
+    """Return the text of a recording; a PX4 flight is converted to a table.
 
     Raises
     ------
     EqtError
-        Of this kind, as `eqt_cli.core.files.text_of`; of an `InputError` for a flight that cannot
+        Of this kind, as by `eqt_cli.core.files.text_of`; an `InputError` for a flight that cannot
         be read.
     """
     if path.suffix.lower() != SUFFIX:
-        return text_of(path, missing, kind, most=most, smaller=smaller)
+        return text_of(path, missing, kind, limit=limit, smaller=smaller)
 
-    def read(path: Path, most_of_file: int) -> str:
-        table = table_of(content_of(path, most_of_file), str(path))
-        if len(table) > most:
-            raise TooLargeError(most, len(table))
+    def read(path: Path, most_bytes: int) -> str:
+        table = table_of(content_of(path, most_bytes), str(path))
+        if len(table) > limit:
+            raise TooLargeError(limit, len(table))
         return table
 
-    return text_of(path, missing, kind, most=MOST_BYTES, smaller=SMALLER, read=read)
+    return text_of(path, missing, kind, limit=MAX_BYTES, smaller=SMALLER, read=read)
 
 
-@np.errstate(all="ignore")  # of numbers that are none, which are found afterwards
+@np.errstate(all="ignore")  # numbers that are not finite are handled later
 def table_of(content: bytes, name: str) -> str:
-    """The table of a flight, with PX4's names as headings.
+    """Return the table of a flight, with PX4's names as headings.
 
-    A row stands at each time of the position, or else of the attitude. Attitudes are interpolated
-    along the shortest rotation, positions, velocities and rates linearly, and setpoints hold. Where
-    another topic has a gap, there is no row.
+    There is a row at each time of the position, or of the attitude in a log without positions.
+    Attitudes are interpolated along the shortest rotation, positions, velocities and rates
+    linearly; setpoints are held. Where another topic has a gap, there is no row.
 
     Raises
     ------
@@ -169,120 +171,120 @@ def table_of(content: bytes, name: str) -> str:
         If the file cannot be read, or holds neither attitudes nor positions.
     """
     topics, damaged = _topics(content, name)
-    found = {
+    recorded = {
         quantity: series
         for quantity, (*_, sources) in _SOURCES.items()
-        for series in [next(_found(sources, topics, name), None)]
+        for series in [next(_series(sources, topics, name), None)]
         if series is not None
     }
-    if "position" not in found:
-        found.pop("velocity", None)
-    lead = found.get("position", found.get("attitude"))
+    if "position" not in recorded:
+        recorded.pop("velocity", None)
+    lead = recorded.get("position", recorded.get("attitude"))
     if lead is None:
         raise InputError(
             f"{name}: holds no poses; expected the topics vehicle_attitude and "
             f"vehicle_local_position, or {_ODOMETRY}"
         )
-    covered = np.all([_covers(series, lead.times) for series in found.values()], axis=0)
+    covered = np.all([_covers(series, lead.times) for series in recorded.values()], axis=0)
     times = lead.times[covered]
     if not len(times):
-        raise InputError(f"{name}: {', '.join(found)} were recorded at no common time")
+        raise InputError(f"{name}: {', '.join(recorded)} were recorded at no common time")
     headings, columns = [f"{lead.clock} [us]"], [times]
-    for quantity, series in found.items():
+    for quantity, series in recorded.items():
         headings += _headings(series, _SOURCES[quantity][1])
         try:
-            columns += list(_at(times, series, quantity == "attitude").T)
+            columns += list(_interpolated(times, series, quantity == "attitude").T)
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
-    for series in filter(None, (next(_found((each,), topics, name), None) for each in _COMMANDS)):
+    for series in filter(None, (next(_series((each,), topics, name), None) for each in _COMMANDS)):
         headings += _headings(series, "normalised")
         columns += list(_held(times, series).T)
     parts = [f"{DAMAGED}\n"] * damaged + [",".join(headings), "\n"]
-    form = ",".join(["%d", *["%.9g"] * (len(columns) - 1)]) + "\n"  # whole µs, single precision
+    row_format = ",".join(["%d", *["%.9g"] * (len(columns) - 1)]) + "\n"  # µs, single precision
     for first in range(0, len(times), CHUNK):
         some = np.stack([column[first : first + CHUNK] for column in columns], axis=-1)
-        parts.append("".join(form % tuple(row) for row in some.tolist()))
+        parts.append("".join(row_format % tuple(row) for row in some.tolist()))
     return "".join(parts)
 
 
 def _headings(series: _Series, unit: str) -> list[str]:
-    said = f" ({unit})" if unit else ""
-    return [f"{series.source.topic}.{field}{said}" for field in series.source.fields]
+    in_unit = f" ({unit})" if unit else ""
+    return [f"{series.source.topic}.{field}{in_unit}" for field in series.source.fields]
 
 
 def _topics(content: bytes, name: str) -> tuple[dict[str, Mapping[str, Array]], bool]:
-    """The fields of each topic that is wanted, and whether parts of the file were skipped."""
+    """Return the fields of each topic in use, and whether parts of the file were skipped."""
     if find_spec("pyulog") is None:
         raise EqtError(f"{name}: a PX4 ULog needs pyulog; install it with: pip install pyulog")
     from pyulog import ULog
 
     if not content.startswith(_START):
-        raise InputError(f"{name}: is no PX4 ULog; such a file begins with 'ULog'")
+        raise InputError(f"{name}: not a PX4 ULog; such a file begins with 'ULog'")
     sources = [source for *_, each in _SOURCES.values() for source in each]
     wanted = sorted({source.topic for source in (*sources, *_COMMANDS)})
     try:
-        with redirect_stdout(io.StringIO()):  # it prints its warnings
+        with redirect_stdout(io.StringIO()):  # pyulog prints its warnings
             formats = ULog(_Bounded(content), parse_header_only=True).message_formats
             _require_small(formats, name)
             log = ULog(_Bounded(content), wanted)
     except _ExhaustedError:
-        raise InputError(f"{name}: is too damaged to be read") from None
+        raise InputError(f"{name}: too damaged to be read") from None
     except InputError:
         raise
-    except Exception as error:  # whatever a file from outside makes of the library
+    except Exception as error:  # a foreign file may make pyulog raise anything
         raise InputError(f"{name}: cannot be read as a PX4 ULog: {error}") from error
     topics = {each.name: each.data for each in log.data_list if each.multi_id == 0}
     return topics, bool(log.file_corruption)
 
 
 class _ExhaustedError(Exception):
-    """More was read than a file holds."""
+    """Raised where pyulog reads far more than the file holds."""
 
 
 class _Bounded(io.BytesIO):
-    """Bytes that are read a few times; in some damaged files, pyulog reads on without an end."""
+    """Bytes with a bound on reading, because pyulog reads some damaged files without end."""
 
     def __init__(self, content: bytes) -> None:
         super().__init__(content)
         self._reads, self._bytes = 3 * len(content) + 1000, 2 * len(content) + 10**9
 
     def read(self, size: int | None = -1, /) -> bytes:
-        found = super().read(size)
+        content = super().read(size)
         self._reads -= 1
-        self._bytes -= len(found)
+        self._bytes -= len(content)
         if min(self._reads, self._bytes) < 0:
             raise _ExhaustedError
-        return found
+        return content
 
 
 def _require_small(formats: Mapping[str, Any], name: str) -> None:
-    """Raise an `InputError` for a message of too many fields, before they are made."""
-    known: dict[str, int] = {}
+    """Raise an `InputError` for a message of too many fields, before pyulog creates them."""
+    counts: dict[str, int] = {}
 
     def fields_of(message: str) -> int:
-        if message not in known:
-            known[message] = MOST_FIELDS + 1  # of one that holds itself
-            known[message] = min(
+        if message not in counts:
+            counts[message] = MAX_FIELDS + 1  # for a message that contains itself
+            counts[message] = min(
                 sum(
                     max(1, size) * (fields_of(kind) if kind in formats else 1)
                     for kind, size, _ in formats[message].fields
                 ),
-                MOST_FIELDS + 1,
+                MAX_FIELDS + 1,
             )
-        return known[message]
+        return counts[message]
 
     for message in formats:
-        if fields_of(message) > MOST_FIELDS:
+        if fields_of(message) > MAX_FIELDS:
             raise InputError(
-                f"{name}: expected at most {MOST_FIELDS} fields of a message, got more of "
+                f"{name}: expected at most {MAX_FIELDS} fields in a message, got more in "
                 f"{message[:40]!r}"
             )
 
 
-def _found(
+def _series(
     sources: Sequence[_Source], topics: Mapping[str, Mapping[str, Array]], name: str
 ) -> Iterator[_Series]:
-    """What a file has of a quantity: rows without a number are left out."""
+    """Yield the numbers of a quantity from each of its sources, without rows that are not known."""
     for source in sources:
         data = topics.get(source.topic, {})
         clock = next((key for key in _TIMES if key in data and np.all(data[key] > 0)), None)
@@ -301,7 +303,7 @@ def _found(
 
 
 def _valid(source: _Source, data: Mapping[str, Array]) -> Array:
-    """Rows of which PX4 says that they are known, in axes of the world that point down."""
+    """Mark the rows that PX4 flags as valid, in an accepted frame."""
     rows = np.ones(len(data[source.fields[0]]), bool)
     for flag in source.flags:
         rows &= data.get(flag, rows).astype(bool)
@@ -312,18 +314,18 @@ def _valid(source: _Source, data: Mapping[str, Array]) -> Array:
 
 
 def _covers(series: _Series, times: Array) -> Array:
-    """At which times there are numbers, or such closely before and after."""
-    own = series.times
-    inside = (own[0] <= times) & (times <= own[-1])
-    after = np.clip(np.searchsorted(own, times), 1, len(own) - 1)
-    step = own[after] - own[after - 1]
-    close = (step <= GAP * np.median(np.diff(own))) | (own[after] == times)
-    return inside & (close | (own[after - 1] == times))
+    """Mark the times inside the series and outside its gaps."""
+    known = series.times
+    inside = (known[0] <= times) & (times <= known[-1])
+    after = np.clip(np.searchsorted(known, times), 1, len(known) - 1)
+    step = known[after] - known[after - 1]
+    close = (step <= GAP * np.median(np.diff(known))) | (known[after] == times)
+    return inside & (close | (known[after - 1] == times))
 
 
-def _at(times: Array, series: _Series, turns: bool) -> Array:
-    """Numbers between those of a topic."""
-    if not turns:
+def _interpolated(times: Array, series: _Series, is_attitude: bool) -> Array:
+    """Return the numbers of a topic at some times."""
+    if not is_attitude:
         columns = [np.interp(times, series.times, column) for column in series.numbers.T]
         return np.stack(columns, axis=-1)
     from scipy.spatial.transform import Rotation, Slerp  # slow to import
@@ -339,6 +341,6 @@ def _at(times: Array, series: _Series, turns: bool) -> Array:
 
 
 def _held(times: Array, series: _Series) -> Array:
-    """The latest numbers of a topic; none before the first."""
+    """Return the latest numbers of a topic at some times; NaN before the first."""
     row = np.searchsorted(series.times, times, side="right") - 1
     return np.where(row[:, None] >= 0, series.numbers[row], np.nan)

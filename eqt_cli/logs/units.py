@@ -1,4 +1,4 @@
-"""Units that columns of a file may be in, and their factors to s, rad, m and N."""
+"""Units of the columns of a file, with their factors to s, rad, m and N."""
 
 import math
 import re
@@ -16,7 +16,7 @@ _SPEEDS = _LENGTHS | {f"{unit}/s": factor for unit, factor in _LENGTHS.items()} 
 _FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
 _TORQUES = {f"{unit}{m}": factor for unit, factor in _FORCES.items() for m in (" m", "m", "·m")}
 
-_OF_COLUMNS: tuple[tuple[str, Mapping[str, float]], ...] = (
+_UNITS_BY_NAME: tuple[tuple[str, Mapping[str, float]], ...] = (
     (r"t", _TIMES),
     (r"(angle|roll|pitch|yaw)\d?", _ANGLES),
     (r"[xyz]\d?", _LENGTHS),
@@ -25,39 +25,39 @@ _OF_COLUMNS: tuple[tuple[str, Mapping[str, float]], ...] = (
     (r"t[xyz]\d?", _TORQUES),
     (r"f[xyz]\d?", _FORCES),
 )
-"""The units of a column by its name; those of others have none."""
+"""Units by a pattern of column names; other columns have none."""
 
 
 def units_of(name: str) -> Mapping[str, float]:
-    """The units that a column of this name may be in; the first is the one that eqt takes."""
-    found = (units for pattern, units in _OF_COLUMNS if re.fullmatch(pattern, name))
-    return next(found, {})
+    """Return the units that a column may have; the first is the default."""
+    matching = (units for pattern, units in _UNITS_BY_NAME if re.fullmatch(pattern, name))
+    return next(matching, {})
 
 
-def is_turn(name: str) -> bool:
-    """Whether a column of a pose holds angles by this name, or a part of a rotation vector."""
+def is_angular(name: str) -> bool:
+    """Whether a pose column of this name holds an angle or a rotation vector's component."""
     return units_of(name) in (_ANGLES, _RATES)
 
 
 def is_known(name: str, unit: str) -> bool:
-    """Whether a column may be in this unit; none is that which eqt takes."""
+    """Whether a column may have this unit; an empty unit stands for the default."""
     return not unit or unit in units_of(name)
 
 
 def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:
-    """What numbers of a column are multiplied by.
+    """Return the factor that converts a column to eqt's units.
 
     Raises
     ------
     InputError
-        For a unit that it cannot be in; a `MappingError` where the `path` is given.
+        If the column cannot have this unit; a `MappingError` where `path` is given.
     """
     if not unit:
         return 1.0
     units = units_of(name)
     if unit in units:
         return units[unit]
-    expected = ", ".join(dict.fromkeys(each for each in units if each.isascii()))
-    wanted = f"a unit of {expected}" if units else "no unit"
-    message = f"column {name}: expected {wanted}, got '{unit}'"
+    known = ", ".join(unit for unit in units if unit.isascii())
+    expected = f"a unit of {known}" if units else "no unit"
+    message = f"column {name}: expected {expected}, got '{unit}'"
     raise MappingError(path, message) if path else InputError(message)

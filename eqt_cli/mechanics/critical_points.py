@@ -1,9 +1,9 @@
 """The critical points of the navigation function Υ, in closed form where the group allows it.
 
 On SO(n) ⋉ (R^n)^k with the weight K = [[A, B], [Bᵀ, C]] the translations of a critical point
-follow from its rotation, X = −(R − I) B C⁻¹, and what is left is Υ of the rotation alone with the
-Schur complement A − B C⁻¹Bᵀ as its weight. Its critical points are I and the half-turns: about the
-unit eigenvectors of that weight in space, all of an eigenspace where an eigenvalue repeats.
+follow from its rotation, X = −(R − I) B C⁻¹. The rest is Υ of the rotation alone, with the Schur
+complement A − B C⁻¹Bᵀ as its weight. Its critical points are I and half-turns: in space about the
+unit eigenvectors of that weight, where a repeated eigenvalue has a whole eigenspace of them.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
 
 SAME_EIGENVALUE = 1e-9
-"""Eigenvalues of the weight this close, relative to the largest, count as one: numbers written in
-decimal, and the rounding of their eigenvalues."""
+"""Relative distance up to which eigenvalues of the weight count as equal.
+
+It allows for numbers written in decimal and for rounding of their eigenvalues.
+"""
 
 
 @dataclass(frozen=True)
@@ -33,11 +35,11 @@ class CriticalSet:
     Attributes
     ----------
     name
-        What it is: ``half-turn about (1, 0, 0)``.
+        A description: ``half-turn about (1, 0, 0)``.
     dimension
-        Of the set: 0 for a point.
+        The dimension of the set: 0 for a point.
     Q : (d, d)
-        A point of it.
+        A point of the set.
     hessian : (m,)
         The eigenvalues of the Hessian of Υ there, rising.
     axes : (n, k), or None
@@ -58,12 +60,12 @@ class CriticalSet:
 
     @property
     def nullity(self) -> int:
-        """How many eigenvalues of the Hessian are 0."""
+        """The number of eigenvalues of the Hessian that are 0."""
         return int((np.abs(self.hessian) <= self._zero).sum())
 
     @property
     def index(self) -> int:
-        """How many are negative: directions in which Υ falls."""
+        """The number of negative eigenvalues: directions in which Υ falls."""
         return int((self.hessian < -self._zero).sum())
 
     @property
@@ -71,7 +73,7 @@ class CriticalSet:
         return SAME_EIGENVALUE * float(np.abs(self.hessian).max(initial=0.0))
 
     def squared_distance(self, Q: Array) -> Array:
-        """The least ‖Q − Q_c‖_F² over the points Q_c of the set, ``(..., d, d) -> (...)``."""
+        """Return the least ‖Q − Q_c‖_F² over points Q_c of the set, ``(..., d, d) -> (...)``."""
         if self.factors:
             start, total = 0, np.zeros(Q.shape[:-2])
             for factor in self.factors:
@@ -84,35 +86,35 @@ class CriticalSet:
         return self._distance_to_half_turns(Q, self.axes)
 
     def _distance_to_half_turns(self, Q: Array, axes: Array) -> Array:
-        """With R_n = 2nnᵀ − I the squared distance is a constant less a quadratic form in n."""
+        """With R_n = 2nnᵀ − I the squared distance is a constant minus a quadratic form in n."""
         size = axes.shape[0]
         D = np.zeros((size, 0)) if self.offset is None else self.offset
         R, Y = Q[..., :size, :size], Q[..., :size, size:] - 2 * D
         trace = _sum(R[..., axis, axis] for axis in range(size))
         constant = _square_norm(R) + size + 2 * trace + _square_norm(Y)
         if axes.shape[1] == size and not D.any():
-            # A rotation leaves its own axis as it is: the largest eigenvalue of R + Rᵀ is 2.
+            # A rotation does not change its axis, so the largest eigenvalue of R + Rᵀ is 2.
             return maximum(constant - 4, 0.0)
         form = 2 * (R + transpose(R)) - 2 * (D @ transpose(Y) + Y @ D.T) - 4 * D @ D.T
-        finite = np.isfinite(constant)  # runs that failed are NaN, which LAPACK does not take
+        finite = np.isfinite(constant)  # failed runs are NaN, which LAPACK does not accept
         within = np.where(finite[..., None, None], axes.T @ form @ axes, 0.0)
         return np.maximum(constant - np.linalg.eigvalsh(within)[..., -1], 0.0)
 
 
 def _square_norm(matrices: Array) -> Array:
-    """‖A‖_F² of each."""
+    """Return ‖A‖_F² of each matrix."""
     rows, columns = matrices.shape[-2:]
     entries = (matrices[..., i, j] for i in range(rows) for j in range(columns))
     return _sum(entry * entry for entry in entries)
 
 
 def _sum(terms: Iterable[Array]) -> Any:
-    """Of floats or symbols, in the order of the terms, so that both round alike."""
+    """Return the sum of floats or symbols in the order of the terms, so that both round alike."""
     return reduce(operator.add, terms, 0.0)
 
 
 def critical_sets(G: MatrixLieGroup, K: Array) -> list[CriticalSet] | None:
-    """Every critical point of Υ, the identity first; None on a group where they are not known.
+    """Return all critical sets of Υ, the identity first; None where they are not known.
 
     Parameters
     ----------
@@ -127,7 +129,7 @@ def critical_sets(G: MatrixLieGroup, K: Array) -> list[CriticalSet] | None:
 
 
 def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
-    """The least ‖Q − Q_c‖_F over critical points of Υ but the identity, ``(..., d, d) -> (...)``.
+    """Return the least ‖Q − Q_c‖_F over critical points of Υ other than I, ``(...)``.
 
     NaN where there are none, or they are not known. K may vary along the first axis of Q.
     """
@@ -143,43 +145,43 @@ def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def _unstable_sets(G: MatrixLieGroup, weight: bytes) -> tuple[CriticalSet, ...]:
-    """All but the identity, where they are known; found once for all runs of a weight."""
-    found = critical_sets(G, np.frombuffer(weight).reshape(G.size, G.size))
-    return tuple(found or ())[1:]
+    """Return all sets but the identity, where they are known; cached for all runs of a weight."""
+    sets = critical_sets(G, np.frombuffer(weight).reshape(G.size, G.size))
+    return tuple(sets or ())[1:]
 
 
 def _of_rigid_motions(G: EuclideanGroup, K: Array) -> list[CriticalSet]:
     n = G.space
     A, B, C = K[:n, :n], K[:n, n:], K[n:, n:]
     D = B @ np.linalg.inv(C) if G.columns else np.zeros((n, 0))
-    found = [CriticalSet("identity", 0, G.identity, _hessian(G, K, G.identity))]
+    sets = [CriticalSet("identity", 0, G.identity, _hessian(G, K, G.identity))]
     if not G.rotations:
-        return found
+        return sets
     if n == 2:
         Q = _with_rotation(G, -np.eye(2), D)
-        return [*found, CriticalSet("half-turn", 0, Q, _hessian(G, K, Q))]
+        return [*sets, CriticalSet("half-turn", 0, Q, _hessian(G, K, Q))]
     values, vectors = np.linalg.eigh(A - B @ D.T)
     for axes in _eigenspaces(values, vectors):
         R = 2 * np.outer(axes[:, 0], axes[:, 0]) - np.eye(3)
         Q = _with_rotation(G, R, D)
         dimension = axes.shape[1] - 1
-        found.append(CriticalSet(_name(axes), dimension, Q, _hessian(G, K, Q), axes, D))
-    return found
+        sets.append(CriticalSet(_name(axes), dimension, Q, _hessian(G, K, Q), axes, D))
+    return sets
 
 
 def _of_product(G: ProductGroup, K: Array) -> list[CriticalSet] | None:
-    """Υ is a sum over the factors: blocks of K off the diagonal do not enter the trace."""
-    found = [CriticalSet("", 0, np.zeros((0, 0)), np.zeros(0))]
+    """Υ is a sum over the factors, because off-diagonal blocks of K do not enter the trace."""
+    sets = [CriticalSet("", 0, np.zeros((0, 0)), np.zeros(0))]
     for factor, block in zip(G.factors, G.blocks, strict=True):
-        own = critical_sets(factor, K[block, block])
-        if own is None:
+        of_factor = critical_sets(factor, K[block, block])
+        if of_factor is None:
             return None
-        found = [_paired(left, right) for left in found for right in own]
-    return found
+        sets = [_paired(left, right) for left in sets for right in of_factor]
+    return sets
 
 
 def _paired(left: CriticalSet, right: CriticalSet) -> CriticalSet:
-    from scipy.linalg import block_diag  # slow to import; readers of results do without
+    from scipy.linalg import block_diag  # slow to import, and not needed to read results
 
     return CriticalSet(
         name=f"{left.name} × {right.name}" if left.name else right.name,
@@ -191,7 +193,7 @@ def _paired(left: CriticalSet, right: CriticalSet) -> CriticalSet:
 
 
 def _hessian(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
-    """Eigenvalues of the Hessian at a critical point, ∂²Υ(Q exp(V)) at V = 0.
+    """Return the eigenvalues of the Hessian at a critical point, ∂²Υ(Q exp(V)) at V = 0.
 
     With Q exp(V) = Q + Q V^ + ½Q V^² + … its entries are
     tr(Q E_i K (Q E_j)ᵀ) + ½ tr((Q − I) K (Q{E_i, E_j})ᵀ).
@@ -210,9 +212,9 @@ def _with_rotation(G: EuclideanGroup, R: Array, D: Array) -> Array:
 
 
 def _eigenspaces(values: Array, vectors: Array) -> list[Array]:
-    """Orthonormal bases of the eigenspaces, ``(n, k)`` each, by rising eigenvalue."""
-    apart = np.flatnonzero(np.diff(values) > SAME_EIGENVALUE * np.abs(values).max())
-    return np.split(vectors, apart + 1, axis=1)
+    """Return orthonormal bases of the eigenspaces, ``(n, k)`` each, by rising eigenvalue."""
+    last = np.flatnonzero(np.diff(values) > SAME_EIGENVALUE * np.abs(values).max())
+    return np.split(vectors, last + 1, axis=1)
 
 
 def _name(axes: Array) -> str:
@@ -225,6 +227,6 @@ def _name(axes: Array) -> str:
 
 
 def _direction(axis: Array) -> str:
-    """An axis with its first large entry positive, to three digits."""
+    """Format an axis to three digits, with its largest entry positive."""
     axis = axis * np.sign(axis[np.abs(axis).argmax()])
     return "(" + ", ".join(f"{round(float(entry), 3) + 0.0:g}" for entry in axis) + ")"

@@ -24,14 +24,14 @@ class InertiaLaw(ABC):
 
     @abstractmethod
     def at(self, t: Any) -> Inertia:
-        """The tensor at time t: a number, an array ``(samples,)`` or a symbol."""
+        """Return the tensor at time t: a number, an array ``(samples,)`` or a symbol."""
 
     def matrix_at(self, t: Any) -> Array:
-        """𝕀_t alone, also where it is singular."""
+        """𝕀_t without its inverse, so that it may be singular."""
         return self.at(t).matrix
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
-        """The same law with a new function of time for each of its expressions."""
+        """Return the law with a new function of time for each of its expressions."""
         return self
 
 
@@ -70,7 +70,7 @@ class Inertia(InertiaLaw):
         return apply_matrix(self.change + transpose(self.change), V)
 
     def at(self, t: Any) -> Inertia:
-        """The same at all times."""
+        """Return this tensor at every time."""
         return self
 
 
@@ -101,12 +101,12 @@ class FactoredInertia(InertiaLaw):
         return _matrix_and_rate(self.factor, t)[0]
 
     def matrix_at(self, t: Any) -> Array:
-        """𝕀_t alone, also where it is singular."""
+        """𝕀_t without its inverse, so that it may be singular."""
         S = self.factor_at(t)
         return transpose(S) @ self.initial @ S
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
-        """Any factor."""
+        """Return the law with any factor."""
         return replace(self, factor=tuple(tuple(new() for _ in row) for row in self.factor))
 
 
@@ -128,19 +128,19 @@ class PrescribedInertia(InertiaLaw):
         return Inertia(matrix, inverse_spd(matrix), rate / 2)
 
     def matrix_at(self, t: Any) -> Array:
-        """𝕀_t alone, also where it is singular."""
+        """𝕀_t without its inverse, so that it may be singular."""
         return _matrix_and_rate(self.matrix, t)[0]
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
-        """Any symmetric matrix."""
-        below = [[new() for _ in row[: i + 1]] for i, row in enumerate(self.matrix)]
-        size = range(len(below))
-        rows = tuple(tuple(below[max(i, j)][min(i, j)] for j in size) for i in size)
+        """Return the law with any symmetric matrix."""
+        lower = [[new() for _ in row[: i + 1]] for i, row in enumerate(self.matrix)]
+        size = range(len(lower))
+        rows = tuple(tuple(lower[max(i, j)][min(i, j)] for j in size) for i in size)
         return replace(self, matrix=rows)
 
 
 def _matrix_and_rate(rows: tuple[tuple[Expression, ...], ...], t: Any) -> tuple[Array, Array]:
-    """A matrix of expressions and its time derivative at t, ``(..., m, m)`` each."""
+    """Return a matrix of expressions and its time derivative at t, ``(..., m, m)`` each."""
     pairs = [[value_and_derivative(entry, {"t": t}) for entry in row] for row in rows]
     size = len(rows)
     entries = stack([value for row in pairs for value, _ in row])

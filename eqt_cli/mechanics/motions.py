@@ -1,7 +1,4 @@
-"""Motions in closed form, Q(t) = Q_0 Π_k exp(a_k(t) ξ_k), on any group: products and splines.
-
-It knows no kind of reference.
-"""
+"""Motions in closed form, Q(t) = Q_0 Π_k exp(a_k(t) ξ_k), on any group: products and splines."""
 
 from __future__ import annotations
 
@@ -18,15 +15,15 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
 
 ROUNDING = 1e-14
-"""A change of velocities, relative to the largest, that is no more than rounding."""
+"""Change of velocities that is only rounding, relative to the largest velocity."""
 
 STALLED = 1e-10
-"""A change below which the iteration may stop where it comes no further."""
+"""Relative change below which an iteration that does not improve may stop."""
 
-MOST_ITERATIONS = 300
+MAX_ITERATIONS = 300
 
 SAME_TIME = 1e-12
-"""Relative: what times that are meant to be equal may differ by, as for engines."""
+"""Relative difference up to which times count as equal, as for engines."""
 
 TINY = 1e-300
 
@@ -37,7 +34,7 @@ class Factor(NamedTuple):
     Attributes
     ----------
     numbers : (..., n)
-        Of U, as the group's `screw` gives it.
+        The numbers of U by the group's `screw`.
     angles : (..., 3, k)
         a, a' and a'', each times the rates of the `screw`.
     """
@@ -47,9 +44,9 @@ class Factor(NamedTuple):
 
 
 def screws(G: MatrixLieGroup, pose: Array, vectors: Array) -> tuple[Array, Array, Array]:
-    """Q_0 Π exp(a_k ξ_k) as L_0 exp(U_1) L_1 exp(U_2) … L_K, each in the frame h_k of its axis.
+    """Write Q_0 Π exp(a_k ξ_k) as L_0 exp(U_1) L_1 exp(U_2) … L_K, with U_k in the frame h_k.
 
-    So L_0 = Q_0 h_1, L_k = h_k⁻¹ h_{k+1} and L_K = h_K⁻¹.
+    Here L_0 = Q_0 h_1, L_k = h_k⁻¹ h_{k+1} and L_K = h_K⁻¹.
 
     Parameters
     ----------
@@ -62,7 +59,7 @@ def screws(G: MatrixLieGroup, pose: Array, vectors: Array) -> tuple[Array, Array
     -------
     links : (..., K + 1, d, d)
     numbers, rates : (..., K, n), (..., K, k)
-        The same as the group's `screw` gives it.
+        As by the group's `screw`.
     """
     frames, numbers, rates = G.screw(vectors)
     before = np.concatenate([pose[..., None, :, :], G.inverse(frames)], axis=-3)
@@ -73,17 +70,17 @@ def screws(G: MatrixLieGroup, pose: Array, vectors: Array) -> tuple[Array, Array
 def motion_along(
     G: MatrixLieGroup, links: Array, factors: Sequence[Factor]
 ) -> tuple[Array, Array, Array]:
-    """Q, V = Q⁻¹Q̇ and V̇ of a product of factors.
+    """Return Q, V = Q⁻¹Q̇ and V̇ of a product of factors.
 
-    Q = L_0 exp(U_1) L_1 … exp(U_K) L_K from the last factor to the first: with T_k all that follows
-    exp(U_k), V is the sum of y_k = Ad_{T_k⁻¹}U_k', and y_k changes at the rate
-    Ad_{T_k⁻¹}U_k'' + [y_k, y_{k+1} + … + y_K]. L_K, which is constant, is left to the end, because
-    no entry of the last axis but one is other than 0 before.
+    Q = L_0 exp(U_1) L_1 … exp(U_K) L_K is computed from the last factor to the first. With the
+    product T_k of all that follows exp(U_k), V is the sum of y_k = Ad_{T_k⁻¹}U_k', and y_k changes
+    at the rate Ad_{T_k⁻¹}U_k'' + [y_k, y_{k+1} + … + y_K]. The constant L_K is applied at the end,
+    because before it most entries of the velocities are 0.
 
     Parameters
     ----------
     links : (..., K + 1, d, d)
-        The same as `screws` gives it.
+        As by `screws`.
     """
     T = moving = None  # V and V̇ as rows
     for k in reversed(range(len(factors))):
@@ -108,7 +105,7 @@ def motion_along(
 
 
 class Piece(NamedTuple):
-    """One of `Pieces`, or one for each of some times."""
+    """One of `Pieces`, or an array of pieces for some times."""
 
     since: Array
     links: Array
@@ -116,7 +113,7 @@ class Piece(NamedTuple):
     angles: Array
 
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
-        """Q, V and V̇ at time t."""
+        """Return Q, V and V̇ at time t."""
         local = as_array(as_array(t) - self.since)
         powers = [np.ones_like(local), local]
         for p in range(2, self.angles.shape[-1]):
@@ -139,7 +136,7 @@ class Pieces:
     starts : (N,)
         t_i, s.
     links, numbers : (N, K + 1, d, d), (N, K, n)
-        The same as `screws` gives it.
+        As by `screws`.
     angles : (N, K, 3, k, degree + 1)
         The coefficients of a_ik, a_ik' and a_ik'' in ascending powers, times the rates of the
         `screw`.
@@ -154,7 +151,7 @@ class Pieces:
     def of(
         cls, G: MatrixLieGroup, starts: Array, poses: Array, vectors: Array, polynomials: Array
     ) -> Pieces:
-        """From Q_i, ``(N, d, d)``, ξ_ik, ``(N, K, m)``, and the a_ik, ``(N, K, degree + 1)``."""
+        """Make pieces of Q_i ``(N, d, d)``, ξ_ik ``(N, K, m)`` and a_ik ``(N, K, degree + 1)``."""
         links, numbers, rates = screws(G, poses, vectors)
         rate, second = derivative(polynomials), derivative(derivative(polynomials))
         angles = np.stack([polynomials, rate, second], axis=-2)
@@ -167,24 +164,24 @@ class Pieces:
 
     @cached_property
     def _varying(self) -> Array:
-        """Which numbers are more than a 0, 1 or −1 that all pieces share: these are structure."""
+        """Indices of the numbers that vary; a 0, 1 or −1 that all pieces share is structure."""
         first = self._flat[0]
         plain = np.isin(first, (-1.0, 0.0, 1.0)) & (self._flat == first).all(axis=0)
         return np.flatnonzero(~plain)
 
     def at(self, t: Any) -> tuple[Array, Array]:
-        """When the piece begins that a time, or each of some times, is in; and its numbers."""
-        # An engine may begin a span at a sample time that is t_i but for rounding.
+        """Return the start and the numbers of the piece at a time, or at each of some times."""
+        # An engine may begin a span at a sample time that differs from t_i by rounding.
         late = t + SAME_TIME * np.maximum(1.0, np.abs(t))
         index = np.maximum(np.searchsorted(self.starts, late, side="right") - 1, 0)
         return np.asarray(self.starts[index]), self._flat[index][..., self._varying]
 
     def motion(self, G: MatrixLieGroup, t: Array) -> tuple[Array, Array, Array]:
-        """Q, V and V̇ at some times, ``(n,)``."""
+        """Return Q, V and V̇ at some times, ``(n,)``."""
         return self.piece(*self.at(t)).motion(G, t)
 
     def piece(self, since: Array, varying: Array) -> Piece:
-        """The piece with the numbers of `at`, which may be symbols, and with the structure."""
+        """Return the piece with the numbers of `at`, which may be symbols."""
         flat = np.empty_like(varying, shape=(*varying.shape[:-1], self._flat.shape[1]))
         flat[...] = self._flat[0]
         flat[..., self._varying] = varying
@@ -197,7 +194,7 @@ class Pieces:
 
 
 def derivative(polynomials: Array) -> Array:
-    """That of polynomials by their coefficients in ascending powers, ``(..., degree + 1)``."""
+    """Return the derivative of polynomials, by coefficients in ascending powers."""
     shifted = np.zeros_like(polynomials)
     shifted[..., :-1] = polynomials[..., 1:] * np.arange(1, polynomials.shape[-1])
     return shifted
@@ -208,10 +205,10 @@ CUBIC = np.array([[0.0, 3.0, -3.0, 1.0], [0.0, 0.0, 3.0, -2.0], [0.0, 0.0, 0.0, 
 
 
 def through(G: MatrixLieGroup, times: Array, poses: Array, velocities: Array) -> Pieces:
-    """The motion through poses with body velocities, a cubic Bézier curve between two of them.
+    """Return the motion through poses with body velocities, with a cubic Bézier curve in between.
 
     Each piece is Q_i exp(β₁ω₁) exp(β₂ω₂) exp(β₃ω₃) with ω₁ = hV_i/3, ω₃ = hV_{i+1}/3 and ω₂ such
-    that it ends in Q_{i+1} (Kim, Kim and Shin, SIGGRAPH 1995).
+    that it ends at Q_{i+1} (Kim, Kim and Shin, SIGGRAPH 1995).
 
     Parameters
     ----------
@@ -228,11 +225,11 @@ def through(G: MatrixLieGroup, times: Array, poses: Array, velocities: Array) ->
 
 
 def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
-    """The cubic spline through poses at times that need not be uniform.
+    """Return the cubic spline through poses, whose times need not be uniform.
 
-    It goes `through` them with velocities V_i that are solved for, so that the acceleration has no
-    jumps, and is 0 at both ends. In a vector space this is the natural cubic spline, which equals
-    the B-spline through the same points.
+    The velocities V_i in `through` are such that the acceleration has no jumps and is 0 at both
+    ends. In a vector space this is the natural cubic spline, which equals the B-spline through the
+    same points.
 
     Parameters
     ----------
@@ -242,12 +239,12 @@ def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
     Raises
     ------
     InputError
-        Where consecutive poses are too far apart.
+        If consecutive poses are too far apart.
     """
     h = np.diff(times)[:, None]
     step = G.inverse(poses[:-1]) @ poses[1:]
-    # Newton's method with the matrix of a vector space, where it takes one iteration.
-    from scipy.linalg import solve_banded  # slow to import; readers of results do without
+    # Newton's method with the matrix of a vector space, where one iteration suffices.
+    from scipy.linalg import solve_banded  # slow to import, and not needed to read results
 
     matrix = np.zeros((3, len(times)))
     matrix[0, 1:] = matrix[2, :-1] = 1 / (3 * h[:, 0])
@@ -255,10 +252,10 @@ def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
     matrix[1, 1:] += 2 / (3 * h[:, 0])
     V = np.zeros((len(times), G.dimension))
     sizes: list[float] = []
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         first, last = h * V[:-1] / 3, h * V[1:] / 3
         middle = G.log(G.exp(-first) @ step @ G.exp(-last))
-        jump = np.zeros_like(V)  # of the acceleration at each time, over 6
+        jump = np.zeros_like(V)  # jump of the acceleration at each time, divided by 6
         jump[:-1] += (middle - first) / h**2
         jump[1:] -= (last - G.Ad(G.exp(-last), middle)) / h**2
         change = solve_banded((1, 1), matrix, jump)
@@ -271,7 +268,7 @@ def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
 
 
 def eased(G: MatrixLieGroup, start: float, end: float, pose: Array, turn: Array) -> Pieces:
-    """From rest to rest along the geodesic pose·exp(a·turn), before and after which it stands.
+    """Return a motion along the geodesic pose·exp(a·turn), at rest before and after it.
 
     a(s) = 10s³ − 15s⁴ + 6s⁵, whose velocity and acceleration are 0 at both ends.
     """

@@ -1,4 +1,4 @@
-"""What is given over time, in files and in pieces; it knows no kind of component."""
+"""Base class of components that are given over time, in a file or in pieces."""
 
 from collections.abc import Mapping
 from typing import Any, Self
@@ -10,36 +10,36 @@ from eqt_cli.groups import MatrixLieGroup
 
 
 class GivenOverTime:
-    """A component of a loop of which some is given over time: in a file, or piece by piece."""
+    """A component of a loop that may be given over time, in a file or in pieces."""
 
     def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
-        """The times, s, between which it is given."""
+        """Return the times between which it is given, s."""
         return -np.inf, np.inf
 
     def gaps(self, G: MatrixLieGroup) -> list[tuple[float, float]]:
-        """Where it is not: when a gap begins, and how long it is, s."""
+        """Return the begin and the length of each gap, s."""
         return []
 
-    # Files that hold a part of it.
+    # Files of the component.
 
     @property
     def files(self) -> dict[str, str]:
-        """The files that it needs, relative to the configuration, by the option that names each."""
+        """The files that it needs, relative to the configuration, by the options that name them."""
         return {}
 
     def with_files(self, texts: Mapping[str, str]) -> Self:
-        """The same with the contents of its files, by their names."""
+        """Return the component with the contents of its files, given by their names."""
         return self
 
-    # Instants that are known in advance, at which it goes on in another way.
+    # Instants, known in advance, at which it changes.
 
     def instants(self, G: MatrixLieGroup) -> Array:
-        """The times, s, at which an engine ends a step and begins anew; in order."""
+        """Return the sorted times at which an engine must end a step, s."""
         return np.empty(0)
 
     def held(self, G: MatrixLieGroup, t: Any) -> Any:
-        """The same from time t to the next instant, by numbers that are its leaves.
+        """Return the component from time t to the next instant, with that piece's numbers.
 
-        None where an instant changes no number.
+        None if no number changes at the instants.
         """
         return None

@@ -1,4 +1,4 @@
-"""Whether an inertia can be that of a rigid body, by its principal moments."""
+"""Checks by the principal moments whether a rigid body can have an inertia."""
 
 import numpy as np
 
@@ -7,23 +7,23 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 
 ROUNDING = 1e-9
-"""Of the largest moment; a flat body's is the sum of the other two."""
+"""Tolerance relative to the largest moment, which in a flat body is the sum of the others."""
 
 INSTANTS = 101
-"""How many instants of the horizon a varying inertia is looked at."""
+"""Number of instants of the horizon at which a varying inertia is checked."""
 
 
 def not_rigid(G: MatrixLieGroup, law: InertiaLaw, horizon: float) -> str:
-    """Why no rigid body has this inertia, in words; empty where one can have it.
+    """Describe why no rigid body can have this inertia; empty if one can.
 
-    Its principal moments about the centre of mass, J₁ ≤ J₂ ≤ J₃, are sums over its mass of squared
-    distances, so that J₁ + J₂ ≥ J₃: the triangle inequality.
+    Principal moments about the centre of mass, J₁ ≤ J₂ ≤ J₃, are sums of squared distances over the
+    mass, so that they satisfy the triangle inequality J₁ + J₂ ≥ J₃.
     """
     constant = isinstance(law, Inertia)
     times = np.zeros(1) if constant else np.linspace(0.0, horizon, INSTANTS)
     with np.errstate(all="ignore"):
-        found = law.matrix_at(times)
-    matrices = np.broadcast_to(found, (len(times), G.dimension, G.dimension))
+        matrices = law.matrix_at(times)
+    matrices = np.broadcast_to(matrices, (len(times), G.dimension, G.dimension))
     for moments in G.principal_moments(matrices):
         low, middle, high = moments.T
         broken = np.flatnonzero(low + middle < high * (1 - ROUNDING))

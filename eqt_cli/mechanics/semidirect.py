@@ -1,7 +1,7 @@
 """The semidirect product G ⋉ g*: states (Q, P), inputs (V, τ), and the error X X_d⁻¹.
 
-The paper's own structure, on any group of the registry; it knows no inertia and no control. Pairs
-are plain tuples of arrays with leading batch axes.
+The paper's structure, on any group of the registry. Pairs are plain tuples of arrays with leading
+batch axes.
 """
 
 from dataclasses import dataclass

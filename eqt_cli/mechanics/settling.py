@@ -1,4 +1,4 @@
-"""How far a pose is from the desired one where every part of the group has its own threshold."""
+"""The distance of a pose from the desired one, relative to a threshold for each part."""
 
 from collections.abc import Mapping
 from functools import reduce
@@ -11,15 +11,15 @@ from eqt_cli.groups.angles import distance_of_turn
 def settling_error(
     G: MatrixLieGroup, Q: Array, Qd: Array, thresholds: Mapping[str, float]
 ) -> Array:
-    """max_i ‖(Q − Q_d)_i‖_F / s_i over the parts i with a threshold; settled where at most 1.
+    """Return max_i ‖(Q − Q_d)_i‖_F / s_i over the parts i with a threshold; at most 1 if settled.
 
-    Of a translation it is ‖p − p_d‖, and of a rotation ‖R − R_d‖_F = 2√2 sin(θ/2) with the angle θ
-    of the error: no choice of the spatial frame changes them, as it does p − R_E p_d in Q_E.
+    For a translation this is ‖p − p_d‖, for a rotation ‖R − R_d‖_F = 2√2 sin(θ/2) with the angle θ
+    of the error. Unlike p − R_E p_d in Q_E, both do not depend on the choice of the spatial frame.
 
     Parameters
     ----------
     thresholds
-        By the names of parts: the angle of a rotation, rad, and the distance of all else.
+        Thresholds by the names of parts: an angle, rad, for a rotation, a distance for other parts.
     """
     parts = [part for part in G.parts if part.name in thresholds]
     shares = [
@@ -30,5 +30,5 @@ def settling_error(
 
 
 def as_distance(part: Part, threshold: float) -> float:
-    """The threshold of a part as a distance in the matrix of the pose."""
+    """Return the threshold of a part as a distance in the matrix of the pose."""
     return distance_of_turn(threshold) if part.turns else threshold

@@ -1,10 +1,10 @@
-"""Poses that were measured, smoothed on their group; it knows no reference and no file.
+"""Smooths measured poses on their group.
 
 In a vector space this is the cubic smoothing spline, which minimises Σ|y_i − f(t_i)|² + λ ∫|f''|²
 (Reinsch, Numerische Mathematik 10, 1967). With QᵀQ and R of that article, the second derivatives at
 the inner knots solve (R + λQᵀQ)u = Qᵀy, and the residual is λQu. On a group, differences of
-neighbours are logarithms, and residuals are log(Q_i⁻¹P_i); motions of constant velocity stay as
-they are.
+neighbours are logarithms, and residuals are log(Q_i⁻¹P_i); motions of constant velocity are not
+changed.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,19 +17,19 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
 
 SMALLEST, LARGEST = 1e-6, 1e11
-"""λ over the cube of the mean step, where nothing is smoothed, and where rounding begins to count.
-"""
+"""Range of λ relative to the cube of the mean step: below it, nothing is smoothed; above it,
+rounding becomes visible."""
 
 SETTLED = 1e-12
-"""A change of the poses, relative to the largest residual, after which they are the solution."""
+"""Change of the poses at which the iteration has converged, relative to the largest residual."""
 
 MATCHED = 1e-4
-"""Relative: how close a residual comes to the deviation that was given."""
+"""Relative tolerance of a residual with respect to the requested deviation."""
 
-MOST_ITERATIONS, MOST_MATCHES = 200, 20
+MAX_ITERATIONS, MAX_MATCHES = 200, 20
 
 FEWEST = 5
-"""Poses from which a λ can be found by cross-validation."""
+"""Smallest number of poses for cross-validation."""
 
 
 class Smoothed(NamedTuple):
@@ -39,7 +39,7 @@ class Smoothed(NamedTuple):
     ----------
     poses : (n, d, d)
     residuals
-        Of each part, the root of the mean of |log(Q_i⁻¹P_i)|².
+        For each part, the root mean square of |log(Q_i⁻¹P_i)|.
     weights
         λ of each part.
     """
@@ -50,7 +50,7 @@ class Smoothed(NamedTuple):
 
 
 class _Bending:
-    """The matrices of the second derivatives at knots, as bands."""
+    """The banded matrices of the second derivatives at the knots."""
 
     def __init__(self, times: Array) -> None:
         h = np.diff(times)
@@ -67,26 +67,26 @@ class _Bending:
         self.squares[2, :-2] = c[:-2] * c[1:-1]
 
     def of_steps(self, steps: Array) -> Array:
-        """Qᵀy from the differences of neighbours, ``(n − 1, m)``."""
+        """Return Qᵀy from the differences of neighbours, ``(n − 1, m)``."""
         return np.diff(steps * self.inverse[:, None], axis=0)
 
     def spread(self, u: Array) -> Array:
-        """Qu."""
-        found = np.zeros((len(self.steps) + 1, u.shape[1]))
-        found[:-2] += u * self.inverse[:-1, None]
-        found[1:-1] += u * self.middle[:, None]
-        found[2:] += u * self.inverse[1:, None]
-        return found
+        """Return Qu."""
+        product = np.zeros((len(self.steps) + 1, u.shape[1]))
+        product[:-2] += u * self.inverse[:-1, None]
+        product[1:-1] += u * self.middle[:, None]
+        product[2:] += u * self.inverse[1:, None]
+        return product
 
     def residual(self, weight: float, differences: Array) -> Array:
-        """λQu of the u that solves (R + λQᵀQ)u = Qᵀy."""
-        from scipy.linalg import solveh_banded  # slow to import; readers of results do without
+        """Return λQu for the solution u of (R + λQᵀQ)u = Qᵀy."""
+        from scipy.linalg import solveh_banded  # slow to import, and not needed to read results
 
         bands = self.R + weight * self.squares
         return weight * self.spread(solveh_banded(bands, differences, lower=True))
 
     def freedom(self, weight: float) -> float:
-        """tr(I − A) of the matrix A that smooths: n − 2 − tr(R(R + λQᵀQ)⁻¹).
+        """Return tr(I − A) of the smoothing matrix A: n − 2 − tr(R(R + λQᵀQ)⁻¹).
 
         The inverse is needed on the bands of R only (Hutchinson and de Hoog, Numerische Mathematik
         47, 1985).
@@ -95,7 +95,7 @@ class _Bending:
 
         factor = cholesky_banded(self.R + weight * self.squares, lower=True)
         pivots, first, second = factor[0] ** 2, factor[1] / factor[0], factor[2] / factor[0]
-        here = beside = next_here = 0.0  # entries (i, i), (i, i + 1) of the next rows
+        here = beside = next_here = 0.0  # entries of the inverse in the two rows below
         trace = 0.0
         for d, one, two, r, s in zip(
             *(np.flip(each).tolist() for each in (pivots, first, second, self.R[0], self.R[1])),
@@ -112,35 +112,35 @@ class _Bending:
 def smoothed(
     G: MatrixLieGroup, times: Array, poses: Array, deviations: Sequence[float | None]
 ) -> Smoothed:
-    """Poses on a smooth motion near the given ones.
+    """Return poses on a smooth motion near the given ones.
 
     Parameters
     ----------
     times : (n,)
     poses : (n, d, d)
     deviations
-        For each part of the group, the residual to have; None for the λ of the least generalised
-        cross-validation.
+        The residual requested for each part of the group; None for the λ that minimises
+        generalised cross-validation.
 
     Raises
     ------
     InputError
-        Where there are too few poses, or they are too far apart.
+        If there are too few poses, or they are too far apart.
     """
     if len(times) < FEWEST:
         raise InputError(f"expected at least {FEWEST} waypoints to smooth, got {len(times)}")
     bending, axes = _Bending(times), [part.axes for part in G.parts]
     differences = bending.of_steps(_steps(G, poses))
     aims = list(deviations)
-    for _ in range(MOST_MATCHES):
+    for _ in range(MAX_MATCHES):
         weights = [
-            _validated_weight(bending, differences[:, part])
+            _cross_validated_weight(bending, differences[:, part])
             if aim is None
             else _weight_of(bending, differences[:, part], aim)
             for part, aim in zip(axes, aims, strict=True)
         ]
-        found, left = _solved(G, bending, poses, list(zip(axes, weights, strict=True)))
-        residuals = [_size(left[:, part]) for part in axes]
+        found, remaining = _solved(G, bending, poses, list(zip(axes, weights, strict=True)))
+        residuals = [_size(remaining[:, part]) for part in axes]
         largest = LARGEST * bending.mean**3
         off = [
             deviation is not None
@@ -151,26 +151,27 @@ def smoothed(
         if not any(off):
             break
         for k, deviation in enumerate(deviations):
-            if off[k] and deviation is not None:  # what the group adds to a vector space
-                aims[k] = aims[k] * deviation / residuals[k]  # type: ignore[operator]  # None beside None
+            if off[k] and deviation is not None:  # the λ of a vector space is not exact on a group
+                aims[k] = aims[k] * deviation / residuals[k]  # type: ignore[operator]  # None only where the deviation is
     return Smoothed(found, residuals, weights)
 
 
 def _solved(
     G: MatrixLieGroup, bending: _Bending, poses: Array, parts: list[tuple[slice, float]]
 ) -> tuple[Array, Array]:
-    """The poses whose residuals are λQu with their own second derivatives u, and the residuals.
+    """Return poses whose residuals are λQu with their second derivatives u, and the residuals.
 
-    Newton's method with the matrix of a vector space, where it takes one iteration.
+    Newton's method with the matrix of a vector space, where one iteration suffices.
     """
     found = poses
-    for _ in range(MOST_ITERATIONS):
-        left = G.log(G.inverse(found) @ poses)
-        differences = bending.of_steps(_steps(G, found)) + bending.of_steps(np.diff(left, axis=0))
-        wanted = np.zeros_like(left)
+    for _ in range(MAX_ITERATIONS):
+        actual = G.log(G.inverse(found) @ poses)
+        differences = bending.of_steps(_steps(G, found))
+        differences += bending.of_steps(np.diff(actual, axis=0))
+        wanted = np.zeros_like(actual)
         for part, weight in parts:
             wanted[:, part] = bending.residual(weight, differences[:, part])
-        change = left - wanted
+        change = actual - wanted
         found = found @ G.exp(change)
         size = float(np.abs(change).max())
         if size <= SETTLED * max(float(np.abs(wanted).max()), 1.0):
@@ -187,45 +188,45 @@ def _steps(G: MatrixLieGroup, poses: Array) -> Array:
     return G.log(G.inverse(poses[:-1]) @ poses[1:])
 
 
-def _size(left: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(left * left, axis=1))))
+def _size(residuals: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(residuals * residuals, axis=1))))
 
 
 def _range(bending: _Bending) -> tuple[float, float]:
-    """Logarithms of the least and the largest λ."""
+    """Return the logarithms of the smallest and the largest λ."""
     return tuple(np.log(np.array([SMALLEST, LARGEST]) * bending.mean**3).tolist())
 
 
 def _weight_of(bending: _Bending, differences: Array, aim: float) -> float:
-    """The λ with a residual; it grows with λ."""
+    """Return the λ that gives a residual, which grows with λ."""
 
-    def beyond(power: float) -> float:
+    def excess(power: float) -> float:
         size = _size(bending.residual(float(np.exp(power)), differences))
         return float(np.log(max(size, 1e-300) / aim))
 
     from scipy.optimize import brentq
 
     low, high = _range(bending)
-    if beyond(low) >= 0:
+    if excess(low) >= 0:
         return float(np.exp(low))
-    if beyond(high) <= 0:
+    if excess(high) <= 0:
         return float(np.exp(high))
-    return float(np.exp(brentq(beyond, low, high, xtol=1e-6)))
+    return float(np.exp(brentq(excess, low, high, xtol=1e-6)))
 
 
-def _validated_weight(bending: _Bending, differences: Array) -> float:
-    """The λ with the least generalised cross-validation, n Σ|r_i|² / tr(I − A)²."""
+def _cross_validated_weight(bending: _Bending, differences: Array) -> float:
+    """Return the λ that minimises generalised cross-validation, n Σ|r_i|² / tr(I − A)²."""
 
     def score(power: float) -> float:
         weight = float(np.exp(power))
         size, freedom = _size(bending.residual(weight, differences)), bending.freedom(weight)
         return float(np.log(max(size, 1e-300)) - np.log(freedom))
 
-    return float(np.exp(_least(score, *_range(bending))))
+    return float(np.exp(_minimum(score, *_range(bending))))
 
 
-def _least(score: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function is least: the best of a grid, refined."""
+def _minimum(score: Callable[[float], float], low: float, high: float) -> float:
+    """Return the point of the minimum of a function: the best of a grid, refined."""
     from scipy.optimize import minimize_scalar
 
     grid = np.linspace(low, high, 41)

@@ -1,6 +1,6 @@
 """The true and the desired state, the errors between them, and the Lyapunov function L.
 
-This is all that a control law may read. Everything is computed once, when first asked for.
+This is all that a control law may read. Each quantity is computed once, on its first use.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def pose_error(G: MatrixLieGroup, Q: Array, Qd: Array) -> Array:
 
 @dataclass(frozen=True)
 class Tracking:
-    """What a control law reads: group, inertia, gains, time, state, desired state, errors.
+    """All that a control law reads: group, inertia, gains, time, state, desired state, errors.
 
     Attributes
     ----------
@@ -47,9 +47,9 @@ class Tracking:
     tau_d : (..., m)
         Torque that drives the desired state, body frame.
     memory
-        The states of the law itself by name, ``(..., length)`` each, where it has any.
+        The law's own states by name, ``(..., length)`` each.
     vehicle
-        Those of what is between law and plant, of which a law knows nothing.
+        The states of actuators by name, which a law must not read.
     """
 
     G: MatrixLieGroup
@@ -96,32 +96,32 @@ class Tracking:
 
     @cached_property
     def relative(self) -> Tracking:
-        """The same motion against its reference seen from the body: the errors Q_d⁻¹Q and V − ξ.
+        """The same motion with the errors of the body frame, Q_d⁻¹Q and V − ξ.
 
         The desired velocity carried to the body is ξ = Ad_{Q_L⁻¹} V_d with Q_L = Q_d⁻¹Q; it
         changes at the rate ξ̇ = Ad_{Q_L⁻¹} V̇_d − ad_V ξ, and the torque that drives it is
-        τ_ξ = 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ. With Q_L in the place of the pose, I in that of the desired
-        pose and (𝕀ξ, τ_ξ) in those of its momentum and torque, all that this class calls an error
-        is the error in the body frame, and so a formula for one serves both: Ṽ is V − ξ, Q_E
-        is Q_L, and the gradient is L*_{Q_L}dΥ(Q_L).
+        τ_ξ = 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ. The pose is replaced by Q_L, the desired pose by I, and its
+        momentum and torque by (𝕀ξ, τ_ξ). Then all errors of this class are those of the body
+        frame, so that one formula serves both frames: Ṽ is V − ξ, Q_E is Q_L, and the gradient
+        is L*_{Q_L}dΥ(Q_L).
         """
         G = self.G
         Q_L = G.inverse(self.Qd) @ self.Q
         carry = G.Ad_matrix(G.inverse(Q_L))
         xi = apply_matrix(carry, self.Vd)
         xi_dot = apply_matrix(carry, self.Vd_dot) - G.ad(self.V, xi)
-        seen = replace(self, Q=Q_L, Qd=G.identity)
-        vars(seen).update(V=self.V)  # which need not follow from P, where it is what was measured
-        return seen.following(xi, xi_dot)
+        in_body = replace(self, Q=Q_L, Qd=G.identity)
+        vars(in_body).update(V=self.V)  # a measured V need not follow from P
+        return in_body.following(xi, xi_dot)
 
     def following(self, Vd: Array, Vd_dot: Array) -> Tracking:
-        """The same motion with another desired velocity, which changes at the rate V̇_d."""
+        """Return the motion with another desired velocity V_d and its rate V̇_d."""
         G, inertia = self.G, self.inertia
         Pd, Pd_dot = inertia.momentum(Vd), inertia.momentum(Vd_dot) + inertia.rate_force(Vd)
-        own = {each.name: getattr(self, each.name) for each in fields(self)}
-        other = Following(**own | {"Pd": Pd, "tau_d": Pd_dot - G.ad_star(Vd, Pd)})
-        vars(other).update(V=self.V, Vd=Vd, Vd_dot=Vd_dot, Pd_dot=Pd_dot)  # known already
-        return other
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        following = Following(**values | {"Pd": Pd, "tau_d": Pd_dot - G.ad_star(Vd, Pd)})
+        vars(following).update(V=self.V, Vd=Vd, Vd_dot=Vd_dot, Pd_dot=Pd_dot)  # fills the cache
+        return following
 
     @cached_property
     def Q_E(self) -> Array:
@@ -135,7 +135,7 @@ class Tracking:
 
     @cached_property
     def inertia_force(self) -> Array | float:
-        """Ṡ*S⁻* P̃, which compensates a change of the inertia by itself; 0.0 where it is constant.
+        """Ṡ*S⁻* P̃, which compensates the change of the inertia; 0.0 where it is constant.
 
         Hampsey et al. (2025), eq. (11) in the tracking errors: with 𝕀̄_t = S̄* 𝕀_0 S̄ and
         S̄ = S Ad_{Q_d⁻¹}, the feedforward of Theorem 3.2 is −ad*_{V_d} P̃ + Ṡ*S⁻* P̃ in the body
@@ -146,19 +146,19 @@ class Tracking:
     def feedforward(self, g: Any, c: Any, n: Any, q: Any = None) -> Array:
         """τ_d − g ad*_Ṽ 𝕀V_d − c ad*_{V_d} 𝕀Ṽ + n 𝕀 ad_V V_d + Ṡ*S⁻* 𝕀Ṽ − q ad*_Ṽ 𝕀Ṽ.
 
-        The terms with g and q have no power. Without a q, its term is left out.
+        The terms with g and q have no power. Without q, its term is left out.
         """
-        G, turned = self.G, g * self.Pd
+        momentum = g * self.Pd
         if q is not None:
-            turned = turned + q * self.P_tilde
-        turning = G.ad_star(self.V_tilde, turned)
-        return self._driving(turning, c, n) + self.inertia_force
+            momentum = momentum + q * self.P_tilde
+        gyroscopic = self.G.ad_star(self.V_tilde, momentum)
+        return self._driving(gyroscopic, c, n) + self.inertia_force
 
-    def _driving(self, turning: Array, c: Any, n: Any) -> Array:
-        """τ_d − turning − c ad*_{V_d} 𝕀Ṽ + n 𝕀 ad_V V_d."""
+    def _driving(self, gyroscopic: Array, c: Any, n: Any) -> Array:
+        """τ_d − gyroscopic − c ad*_{V_d} 𝕀Ṽ + n 𝕀 ad_V V_d."""
         G = self.G
         carried = n * self.inertia.momentum(G.ad(self.V, self.Vd))
-        return self.tau_d - turning - G.ad_star(self.Vd, c * self.P_tilde) + carried
+        return self.tau_d - gyroscopic - G.ad_star(self.Vd, c * self.P_tilde) + carried
 
     @cached_property
     def cancelling_feedforward(self) -> Array:
@@ -209,11 +209,11 @@ class Tracking:
 
 
 class Following(Tracking):
-    """A motion whose desired velocity is given with its rate, from which τ_d follows."""
+    """A motion whose desired velocity is given with its rate, so that τ_d follows from them."""
 
-    def _driving(self, turning: Array, c: Any, n: Any) -> Array:
-        """The same from V̇_d by τ_d = 𝕀V̇_d + 𝕀̇V_d − ad*_{V_d} P_d, with one product of each kind."""
+    def _driving(self, gyroscopic: Array, c: Any, n: Any) -> Array:
+        """As above with τ_d = 𝕀V̇_d + 𝕀̇V_d − ad*_{V_d} P_d, with fewer products."""
         G, inertia = self.G, self.inertia
         driving = inertia.momentum(self.Vd_dot + n * G.ad(self.V, self.Vd))
         carried = G.ad_star(self.Vd, self.Pd + c * self.P_tilde)
-        return driving + inertia.rate_force(self.Vd) - turning - carried
+        return driving + inertia.rate_force(self.Vd) - gyroscopic - carried

@@ -1,7 +1,7 @@
-"""Poses, vectors and matrices as they are written in a configuration, as arrays.
+"""Converts poses, vectors and matrices of a configuration to arrays.
 
 A pose is `identity`, a matrix, or a rotation and translations by name; for a product of groups
-also a list with one of these per factor.
+also a list with one pose per factor.
 """
 
 import re
@@ -21,17 +21,17 @@ from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
 
 GROUP_TOLERANCE = 1e-9
-"""Largest ‖QᵀQ − I‖ of a pose written in decimal; less than the integrators' own tolerances."""
+"""Largest ‖QᵀQ − I‖ of a pose written in decimal; below the integrators' tolerances."""
 
 ANGLES = ("rotvec", "angles")
 """Keys of a pose that hold angles."""
 
 QUATERNION_TOLERANCE = 1e-3
-"""Largest difference of a quaternion's norm to 1: what rounding to three digits leaves."""
+"""Largest difference of a quaternion's norm from 1, as left by rounding to three digits."""
 
 
 def square(value: float | list[Any], n: int, group: MatrixLieGroup) -> Array:
-    """The n×n matrix that `value` stands for; raises `InputError` if its shape is wrong."""
+    """Return the n×n matrix of `value`, or raise an `InputError` if its shape is wrong."""
     if not isinstance(value, list):
         return value * np.eye(n)
     if not any(isinstance(row, list) for row in value):
@@ -49,7 +49,7 @@ def square(value: float | list[Any], n: int, group: MatrixLieGroup) -> Array:
 
 
 def vector(value: float | list[float], n: int, group: MatrixLieGroup) -> Array:
-    """The vector of n entries that `value` stands for; raises `InputError` if it has others."""
+    """Return the vector of `value`, or raise an `InputError` if it does not have n entries."""
     if not isinstance(value, list):
         return np.full(n, float(value))
     if len(value) != n:
@@ -58,22 +58,22 @@ def vector(value: float | list[float], n: int, group: MatrixLieGroup) -> Array:
 
 
 def pose_from(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None:
-    """The pose that `value` describes, or None after noting what is wrong with it."""
+    """Return the pose that `value` describes, or None after noting its errors."""
     if value == "identity":
         return G.identity
     if isinstance(G, ProductGroup) and isinstance(value, list) and len(value) != G.size:
         if len(value) != len(G.factors):
             problems.add(f"expected {_alternatives(G)}, got a list of {len(value)}")
             return None
-        found = [
+        parts = [
             pose_from(entry, factor, problems.at(index))
             for index, (entry, factor) in enumerate(zip(value, G.factors, strict=True))
         ]
-        poses = [pose for pose in found if pose is not None]
-        return G.assemble(poses) if len(poses) == len(found) else None
+        poses = [pose for pose in parts if pose is not None]
+        return G.assemble(poses) if len(poses) == len(parts) else None
     if isinstance(value, dict) and isinstance(G, EuclideanGroup):
-        alone = G.columns and value.keys() == {"matrix"} and _rows(value["matrix"]) == G.size
-        if not alone:
+        is_matrix = G.columns and value.keys() == {"matrix"} and _rows(value["matrix"]) == G.size
+        if not is_matrix:
             return _from_parts(value, G, problems)
         problems = problems.at("matrix")
         value = value["matrix"]
@@ -101,27 +101,26 @@ def _rows(value: Any) -> int:
 
 
 def _alternatives(G: MatrixLieGroup) -> str:
-    """The ways to write a pose of this group."""
+    """Describe the ways to write a pose of this group."""
     matrix = f"a {G.size}×{G.size} matrix"
     if isinstance(G, ProductGroup):
         return f"identity, {matrix}, or a list of {len(G.factors)} poses for {G.name}"
     if isinstance(G, EuclideanGroup):
         parts = ", ".join(f"{key}: …" for key in _lengths(G))
-        others = " (quaternion, euler or matrix may replace rotvec)"
-        turns = others if G.rotations == 3 else ""
-        return f"identity, {matrix} or {{{parts}}} for {G.name}{turns}"
+        others = " (quaternion, euler or matrix may replace rotvec)" if G.rotations == 3 else ""
+        return f"identity, {matrix} or {{{parts}}} for {G.name}{others}"
     return f"identity or {matrix} for {G.name}"
 
 
 def _lengths(G: EuclideanGroup) -> dict[str, int]:
-    """The parts of a pose that are vectors, and how many numbers each has."""
-    turn = {"rotvec": G.rotations} if G.rotations else {}
-    return turn | dict.fromkeys(G.columns, G.space)
+    """Return the parts of a pose that are vectors, with their lengths."""
+    rotation = {"rotvec": G.rotations} if G.rotations else {}
+    return rotation | dict.fromkeys(G.columns, G.space)
 
 
 def _from_parts(value: dict[str, Any], G: EuclideanGroup, problems: Problems) -> Array | None:
-    lengths, turns = _lengths(G), _turns(G)
-    known = [*turns, *G.columns]
+    lengths, rotations = _lengths(G), _rotations(G)
+    known = [*rotations, *G.columns]
     parts = {name: np.zeros(length) for name, length in lengths.items()}
     rotation = np.eye(G.space)
     for key, entry in value.items():
@@ -132,12 +131,12 @@ def _from_parts(value: dict[str, Any], G: EuclideanGroup, problems: Problems) ->
             if numbers is not None:
                 with problems.catching(key):
                     parts[key] = vector(numbers, lengths[key], G)
-        elif first := next((turn for turn in turns if turn in value and turn != key), None):
+        elif first := next((form for form in rotations if form in value and form != key), None):
             problems.at(key).add(f"{first} already gives the rotation; give one of the two")
         else:
             with problems.catching(key):
-                found = turns[key](entry, G, problems.at(key))
-                rotation = rotation if found is None else found
+                R = rotations[key](entry, G, problems.at(key))
+                rotation = rotation if R is None else R
     if problems:
         return None
     columns = np.array([parts[name] for name in G.columns]).reshape(-1, G.space).T
@@ -147,8 +146,8 @@ def _from_parts(value: dict[str, Any], G: EuclideanGroup, problems: Problems) ->
 # Rotations ----------------------------------------------------------------------------------------
 
 
-def _turns(G: EuclideanGroup) -> dict[str, Callable[[Any, EuclideanGroup, Problems], Any]]:
-    """The ways to write a rotation of this group; they raise what is wrong, or note it deeper."""
+def _rotations(G: EuclideanGroup) -> dict[str, Callable[[Any, EuclideanGroup, Problems], Any]]:
+    """Return readers of the forms of a rotation; they raise errors, or note them at inner keys."""
     if not G.rotations:
         return {}
     if G.space == 2:
@@ -165,9 +164,9 @@ def _rotvec(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
     numbers = validated(Angle | list[Angle], value, problems)
     if numbers is None:
         return None
-    turn = np.zeros(G.dimension)
-    turn[: G.rotations] = vector(numbers, G.rotations, G)
-    return G.rotation(G.exp(turn))
+    V = np.zeros(G.dimension)
+    V[: G.rotations] = vector(numbers, G.rotations, G)
+    return G.rotation(G.exp(V))
 
 
 def _rotation_matrix(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
@@ -214,17 +213,17 @@ def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
     with problems.catching("sequence"):
         if not isinstance(sequence, str) or not re.fullmatch(r"[xyz]{1,3}|[XYZ]{1,3}", sequence):
             raise InputError(
-                "expected up to three axes such as ZYX (about the turned axes) or xyz (about the "
+                "expected up to three axes such as ZYX (about the rotated axes) or xyz (about the "
                 f"fixed ones), got {shown(sequence)}"
             )
         if any(one == other for one, other in pairwise(sequence)):
             raise InputError(f"expected no axis twice in a row, got {sequence}")
     if not problems and len(angles) != len(sequence):
-        wrong = f"expected {len(sequence)} angles for {sequence}, got {len(angles)}"
-        problems.at("angles").add(wrong)
+        expected = f"expected {len(sequence)} angles for {sequence}"
+        problems.at("angles").add(f"{expected}, got {len(angles)}")
     if problems:
         return None
-    from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
+    from scipy.spatial.transform import Rotation  # slow to import, and not needed to read results
 
     return Rotation.from_euler(sequence, angles).as_matrix().reshape(3, 3)
 
@@ -235,14 +234,14 @@ def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
 def many_turns(
     value: Any, angles: Container[str | int], path: KeyPath = ()
 ) -> Iterator[tuple[KeyPath, str]]:
-    """Angles of more than a turn that are written as numbers, without deg and pi, and what to do.
+    """Yield numbers that are angles of more than a full turn, perhaps in degrees, with advice.
 
     Parameters
     ----------
     value
-        A part of a configuration, as it is written.
+        A part of a configuration, as written.
     angles
-        Keys in it that hold angles; numbers in lists within them are angles, too.
+        Keys of angles, or of lists of angles.
     """
     entries = dict(enumerate(value)) if isinstance(value, list) else value
     for key, entry in entries.items() if isinstance(entries, dict) else ():

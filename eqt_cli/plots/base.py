@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Generic, NamedTuple, Protocol, TypeVar, cast
 
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.component import Component
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.error_origin import blamed
+from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
 from eqt_cli.experiment.experiment import Experiment
@@ -17,6 +18,7 @@ from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.drawing.layout import add_letters, add_remarks, freeze
 from eqt_cli.plots.drawing.style import HOUSE, house_style
 from eqt_cli.plots.shown.certificates import ShownCertificates
+from eqt_cli.plots.shown.controllers import Chosen, TimeRange
 from eqt_cli.plots.shown.fronts import ShownFronts
 from eqt_cli.plots.shown.measured import ShownMeasured
 from eqt_cli.plots.shown.metrics import ShownMetrics
@@ -59,6 +61,9 @@ class Subject(Protocol):
 
 S = TypeVar("S", bound=Subject)
 
+_TYPED = str.maketrans({"ω": "w"})
+"""How letters in names of panels are typed."""
+
 
 @dataclass(frozen=True)
 class Figure(Component, Generic[S]):
@@ -70,12 +75,15 @@ class Figure(Component, Generic[S]):
         As written after ``--figure``, and of the files.
     controllers
         Labels of the controllers to show; all if empty.
+    focus
+        Those of them in colour, and the others in grey; the first six laws if empty.
     """
 
     needs_runs: ClassVar[bool] = True
     """Whether it shows results, and not an experiment that has not been run."""
 
     controllers: Sequence[str] = ()
+    focus: Sequence[str] = ()
 
     def draw(
         self,
@@ -85,6 +93,7 @@ class Figure(Component, Generic[S]):
         style: Style | None = None,
         alongside: Alongside = NOTHING,
         arranged: bool = True,
+        captions: list[str] | None = None,
     ) -> Drawing:
         """Draw what `subject` takes from results, with remarks on what it leaves out.
 
@@ -93,7 +102,7 @@ class Figure(Component, Generic[S]):
         results
             Open; they may be closed afterwards. A figure that needs no runs takes an experiment.
         width
-            One ``column`` of a journal (3.5 in) or the ``page`` (7.16 in).
+            One ``column`` of a journal (3.5 in), the ``page`` (7.16 in) or a ``slide`` (13.3 in).
         style
             The look; eqt's own if None.
         alongside
@@ -101,6 +110,8 @@ class Figure(Component, Generic[S]):
         arranged
             Whether its panels have their places. The numbers behind its curves need none, and to
             find them takes half of the time.
+        captions
+            Where the remarks go; below the panels if None.
 
         Raises
         ------
@@ -114,16 +125,25 @@ class Figure(Component, Generic[S]):
         if self.needs_runs:
             self._require_results(results)
         shown = self.subject(cast(Sequence[Result], results), alongside)
-        with house_style(style or HOUSE):
-            drawing = self.compose(shown, width)
+        with house_style(replace(style or HOUSE, width=width)):
+            with blamed():
+                drawing = self.compose(shown, width)
             add_letters(drawing)
-            add_remarks(drawing, shown.notes())
+            if captions is None:
+                add_remarks(drawing, shown.notes())
+            else:
+                captions += shown.notes()
             if arranged:
                 freeze(drawing)
         return drawing
 
     def check(self, problems: Problems) -> None:
         """Note what of the options will not do, as far as their types cannot say it."""
+
+    @property
+    def chosen(self) -> Chosen:
+        """Which controllers are shown, and in which colours."""
+        return Chosen(self.controllers, self.focus)
 
     def _require_results(self, results: Sequence[Result | Experiment]) -> None:
         for one in results:
@@ -150,12 +170,62 @@ class Figure(Component, Generic[S]):
 
 
 @dataclass(frozen=True)
-class OverTime(Figure[ShownRuns]):
+class Timed(Figure[S]):
+    """A figure over time.
+
+    Attributes
+    ----------
+    start, end
+        s, from when to when it is drawn; all that there is if not given.
+    """
+
+    start: float | None = None
+    end: float | None = None
+
+    @property
+    def chosen(self) -> Chosen:
+        """As of every figure, and of what times."""
+        return super().chosen._replace(time=TimeRange(self.start, self.end))
+
+
+@dataclass(frozen=True)
+class Panelled:
+    """What a figure has whose panels can be chosen.
+
+    Attributes
+    ----------
+    panels
+        Those to draw, by name; all if empty.
+    """
+
+    name: ClassVar[str]
+
+    panels: Sequence[str] = ()
+
+    def picked(self, known: Sequence[str]) -> list[str]:
+        """The names of the panels to draw, in their order.
+
+        Raises
+        ------
+        EqtError
+            If there is none of a name.
+        """
+        plain = {each.translate(_TYPED): each for each in known}
+        wanted = [plain.get(each.translate(_TYPED), "") for each in self.panels]
+        for each, found in zip(self.panels, wanted, strict=True):
+            if not found:
+                hint = suggestion(each, list(plain)) or f"; there are: {', '.join(plain)}"
+                raise EqtError(f"figure '{self.name}': panels: no panel '{each}'{hint}")
+        return [each for each in known if not wanted or each in wanted]
+
+
+@dataclass(frozen=True)
+class OverTime(Timed[ShownRuns]):
     """A figure of trajectories, of one result or several."""
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownRuns:
         """The runs that did not fail."""
-        return ShownRuns(results, self.name, self.controllers)
+        return ShownRuns(results, self.name, self.chosen)
 
 
 @dataclass(frozen=True)
@@ -193,7 +263,7 @@ class OfMetrics(Figure[ShownMetrics]):
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownMetrics:
         """The runs that did not fail, and what was measured of each."""
-        return ShownMetrics(results, self.name, self.controllers, self.metrics)
+        return ShownMetrics(results, self.name, self.chosen, self.metrics)
 
 
 @dataclass(frozen=True)
@@ -202,7 +272,25 @@ class OfSweep(Figure[ShownSweep]):
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownSweep:
         """The points and what was measured at each."""
-        return ShownSweep(self._only(results, "sweep"), self.name, self.controllers)
+        return ShownSweep(self._only(results, "sweep"), self.name, self.chosen)
+
+
+@dataclass(frozen=True)
+class OfOneMetric(OfSweep):
+    """A figure of one metric of a sweep.
+
+    Attributes
+    ----------
+    metric
+        What is shown, by its name in the result; by default the mean pose error, of the first part
+        where parts have units of their own.
+    """
+
+    metric: str = ""
+
+    def metric_of(self, swept: ShownSweep) -> str:
+        """The name of what is shown."""
+        return self.metric or swept.of_one_unit("mean_pose_error")
 
 
 @dataclass(frozen=True)
@@ -212,11 +300,11 @@ class OfCertificates(Figure[ShownCertificates]):
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownCertificates:
         """The certificates that have a number and a bound."""
         shown = self._only(results, "result")
-        return ShownCertificates(shown, alongside.certificates, self.name, self.controllers)
+        return ShownCertificates(shown, alongside.certificates, self.name, self.chosen)
 
 
 @dataclass(frozen=True)
-class OfMeasured(Figure[ShownMeasured]):
+class OfMeasured(Timed[ShownMeasured]):
     """A figure of a recording beside a run of one result.
 
     Attributes
@@ -235,11 +323,12 @@ class OfMeasured(Figure[ShownMeasured]):
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownMeasured:
         """The run of one controller, in time with the recording."""
         shown = self._only(results, "result")
-        return ShownMeasured(shown, alongside.measured, self.name, self.controllers, self.run)
+        time = self.chosen.time
+        return ShownMeasured(shown, alongside.measured, self.name, self.controllers, self.run, time)
 
 
 @dataclass(frozen=True)
-class OfReference(Figure[ShownReference]):
+class OfReference(Timed[ShownReference]):
     """A figure of the desired motion, of one result or of an experiment before it is run."""
 
     needs_runs: ClassVar[bool] = False
@@ -250,7 +339,7 @@ class OfReference(Figure[ShownReference]):
         """The reference over the whole horizon."""
         if len(results) > 1:
             raise EqtError(f"figure '{self.name}' shows one reference at a time")
-        return ShownReference(results[0], self.name, self.controllers)
+        return ShownReference(results[0], self.name, self.chosen)
 
 
 @dataclass(frozen=True)
@@ -259,7 +348,7 @@ class OfTuning(Figure[ShownFronts]):
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownFronts:
         """The fronts of the laws."""
-        return ShownFronts(self._only(results, "search"), self.name, self.controllers)
+        return ShownFronts(self._only(results, "search"), self.name, self.chosen)
 
 
 @dataclass(frozen=True)
@@ -268,7 +357,7 @@ class OfWorst(Figure[ShownWorst]):
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownWorst:
         """The runs along each key."""
-        return ShownWorst(self._only(results, "search"), self.name, self.controllers)
+        return ShownWorst(self._only(results, "search"), self.name, self.chosen)
 
 
 # Beside the base class, so that a plugin that imports one is known to the other.

@@ -1,6 +1,7 @@
 """From results to the files of one figure; it knows no single figure."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
@@ -12,6 +13,7 @@ from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.plots import kept_numbers
 from eqt_cli.plots.base import NOTHING, Alongside, Figure, OfCertificates
 from eqt_cli.plots.curve_data import curves
+from eqt_cli.plots.drawing.latex import sentence
 from eqt_cli.plots.drawing.style import HOUSE, WIDTHS, Style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.kept_numbers import Check
@@ -38,6 +40,7 @@ def render(
     *,
     style: Style = HOUSE,
     alongside: Alongside = NOTHING,
+    caption: bool = False,
 ) -> list[Path]:
     """Draw one figure of results and write it as ``<folder>/<figure_name>.<format>``.
 
@@ -50,18 +53,20 @@ def render(
     figure_name
         One of `eqt_cli.plots.figures`.
     width
-        One ``column`` of a journal (3.5 in) or the ``page`` (7.16 in).
+        One ``column`` of a journal (3.5 in), the ``page`` (7.16 in) or a ``slide`` (13.3 in).
     options
         The fields of the figure to set, as data from a configuration or a command line.
     style
         The look.
     alongside
         What some figures show beside the results.
+    caption
+        Write the remarks to ``<folder>/<figure_name>-caption.tex``, and not below the panels.
 
     Returns
     -------
     list of Path
-        The files, in the order of `formats`.
+        The files, in the order of `formats`; then that of the caption.
 
     Raises
     ------
@@ -71,13 +76,17 @@ def render(
     """
     figure = figure_from(figure_name, options or {})
     wanted = [_one_of("format", given, (*FORMATS, NUMBERS)) for given in formats]
+    of_width = _one_of("width", width, list(WIDTHS))
+    style = replace(style, width=of_width)
     style.prepare([format for format in wanted if format != NUMBERS])
+    told: list[str] = []
     drawing = figure.draw(
         results,
-        _one_of("width", width, list(WIDTHS)),
+        of_width,
         style=style,
         alongside=alongside,
         arranged=set(wanted) != {NUMBERS},
+        captions=told if caption else None,
     )
     title = f"{', '.join(_names(results))}: {figure.name}"
     digests = ", ".join(map(_digest, results))
@@ -88,8 +97,20 @@ def render(
         else encode(drawing, format, title, description, style)
         for format in wanted
     }
+    if caption:
+        files[folder / caption_name(figure.name)] = as_caption(told, title)
     write(files, folder)
     return list(files)
+
+
+def caption_name(figure: str) -> str:
+    """The name of the file with the caption of a figure."""
+    return f"{figure}-caption.tex"
+
+
+def as_caption(remarks: Sequence[str], title: str) -> bytes:
+    r"""Remarks as sentences for ``\input`` within ``\caption``, under a comment that says whose."""
+    return f"% caption by eqt: {title}\n{' '.join(map(sentence, remarks))}%\n".encode()
 
 
 def check(

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from hashlib import sha256
@@ -10,7 +11,7 @@ from pathlib import Path
 from string import ascii_uppercase
 from typing import Any, Literal
 
-from matplotlib import rc_context
+from matplotlib import rc_context, rcParams
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
@@ -18,11 +19,14 @@ from eqt_cli.core.files import refusals
 from eqt_cli.core.own_files import check_within, is_eqts
 from eqt_cli.core.replacement import replace_file
 from eqt_cli.core.version import __version__
-from eqt_cli.plots.drawing.style import HOUSE, Style, house_style
+from eqt_cli.plots.drawing.style import ENLARGED, HOUSE, Style, house_style
 
 Format = Literal["pdf", "svg", "png"]
 
 _DATE = "SOURCE_DATE_EPOCH"
+
+_SIZE = re.compile(rb'(?<= )(width|height)="([0-9.]+)pt"')
+"""Those of the whole are the first in an SVG file."""
 
 _MAKER = f"eqt {__version__}"
 
@@ -39,11 +43,17 @@ def encode(
     It holds no date and no random name.
     """
     buffer = BytesIO()
-    names = _steady_names_of_fonts() if format == "pdf" else nullcontext()
-    with house_style(style), _arranged(), _quiet_font_tools(), names, _without_date():
+    times = ENLARGED[style.width]
+    more: dict[str, Any] = {"metadata": _metadata(format, title, description)}
+    pdf = _steady_names_of_fonts() if format == "pdf" else nullcontext()
+    larger = _larger_pages(times) if format == "pdf" else nullcontext()
+    with house_style(style), _arranged(), _quiet_font_tools(), pdf, larger, _without_date():
         drawing.set_layout_engine(None)
-        drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
-    return buffer.getvalue()
+        if format == "png":
+            dots = drawing.dpi if rcParams["savefig.dpi"] == "figure" else rcParams["savefig.dpi"]
+            more |= {"dpi": times * dots, "pil_kwargs": {"dpi": (dots, dots)}}
+        drawing.savefig(buffer, format=format, **more)
+    return _enlarged(buffer.getvalue(), times) if format == "svg" else buffer.getvalue()
 
 
 def check_targets(paths: Iterable[Path], home: Path) -> None:
@@ -100,6 +110,31 @@ def write(contents: Mapping[Path, bytes], home: Path) -> None:
 def _arranged() -> AbstractContextManager[None]:
     """Not in the layout of the style: for that, Matplotlib draws everything twice."""
     return rc_context({"figure.constrained_layout.use": False})
+
+
+def _enlarged(svg: bytes, times: float) -> bytes:
+    """The same picture so many times as large."""
+    return _SIZE.sub(lambda size: b'%s="%gpt"' % (size[1], times * float(size[2])), svg, count=2)
+
+
+@contextmanager
+def _larger_pages(times: float) -> Iterator[None]:
+    """Make the pages of PDF files so many times as large, with all that is on them."""
+    from matplotlib.backends.backend_pdf import Op, PdfFile  # slow to import
+
+    file: Any = PdfFile
+    own = file.newPage
+
+    def new_page(self: Any, width: float, height: float) -> None:
+        own(self, times * width, times * height)
+        self.output(times, 0, 0, times, 0, 0, Op.concat_matrix)
+
+    if times != 1:
+        file.newPage = new_page
+    try:
+        yield
+    finally:
+        file.newPage = own
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""What a reference is: a desired motion Q_d(t), V_d(t), V̇_d(t) and the force τ_d that it takes."""
+"""Base classes of references: a desired motion Q_d(t), V_d(t), V̇_d(t) and its force τ_d."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator
@@ -23,10 +23,10 @@ T = TypeVar("T")
 
 
 class InExpressions:
-    """What is given by an option with expressions in t, one per coordinate."""
+    """A component with an option that holds expressions in t, one per coordinate."""
 
     expressed: ClassVar[str]
-    """The option."""
+    """The name of the option."""
 
     @cached_property
     def expressions(self) -> list[Expression]:
@@ -34,21 +34,21 @@ class InExpressions:
         return [formula(entry) for entry in getattr(self, self.expressed)]
 
     def at(self, t: Any) -> Array:
-        """Their values, ``(..., m)``."""
+        """Return the values of the expressions, ``(..., m)``."""
         return stack([expression.evaluate({"t": t}) for expression in self.expressions])
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
-        """The same with a new function of time for each of its expressions."""
-        found = copy(self)
-        vars(found)["expressions"] = [new() for _ in self.expressions]
-        return found
+        """Return the component with a new function of time for each of its expressions."""
+        other = copy(self)
+        vars(other)["expressions"] = [new() for _ in self.expressions]
+        return other
 
     def instants(self, *group: MatrixLieGroup) -> Array:
-        """Where an expression changes its piece."""
+        """Return the times at which an expression changes its piece."""
         return instants_of(self.expressions)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Expressions that do not parse, or a number of them that is not m."""
+        """Note expressions that do not parse, and a wrong number of them."""
         problems, entries = problems.at(self.expressed), getattr(self, self.expressed)
         if len(entries) != G.dimension:
             expected = f"expected {G.dimension} expressions for {G.name}"
@@ -59,7 +59,7 @@ class InExpressions:
 
 
 def instants_of(expressions: Iterable[Expression]) -> Array:
-    """Where expressions change their piece, in order."""
+    """Return the sorted times at which expressions change their piece."""
     return np.unique([t for expression in expressions for t in expression.instants])
 
 
@@ -85,55 +85,55 @@ class Desired(NamedTuple):
 
 @dataclass(frozen=True)
 class Reference(GivenOverTime, Component):
-    """A desired motion; this class is of those that a torque drives, from Q_d(0) and V_d(0).
+    """A desired motion; by default one that a torque drives, from Q_d(0) and V_d(0).
 
-    A frozen dataclass whose fields are its options in a configuration, beside those of `pose` and
-    `velocity` that it starts from.
+    A frozen dataclass whose fields are its options in a configuration, in addition to the initial
+    `pose` and `velocity` in `starts_from`.
     """
 
     keeps_velocity: ClassVar[bool] = False
     """Whether V_d(t) = V_d(0) by construction."""
     starts_from: ClassVar[tuple[str, ...]] = ("pose", "velocity")
-    """What of Q_d(0) and V_d(0) is given beside the options; it is integrated with each run."""
+    """The initial values given in addition to the options; these states are integrated."""
 
     @abstractmethod
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
-        """τ_d at time t, body frame, ``(..., m)``."""
+        """Return τ_d at time t, body frame, ``(..., m)``."""
 
     def desired(
         self, G: MatrixLieGroup, inertia: Inertia, t: Any, Qd: Array | None, Pd: Array | None
     ) -> Desired:
-        """The desired state at time t.
+        """Return the desired state at time t.
 
         Parameters
         ----------
         Qd, Pd
-            What of it is integrated; None where it is not.
+            The integrated states; None where they are not integrated.
         """
         assert Qd is not None and Pd is not None
         return Desired(Qd, Pd, self.driving_torque(G, inertia, t, Pd))
 
     def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
-        """Q_d(0) and V_d(0), where `pose` and `velocity` are given beside the options."""
+        """Return Q_d(0) and V_d(0) from the given `pose` and `velocity`."""
         return pose, velocity
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
-        """The same with a new function of time for each of its expressions, where it has any."""
+        """Return the reference with a new function of time for each of its expressions."""
         return self
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
-        """What a user should know of it before it is run, and no error is."""
+        """Yield remarks for the user before a run."""
         yield from ()
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note what of its options does not fit the group."""
+        """Note options that do not fit the group."""
 
 
 class MovingReference(Reference):
     """A reference whose V_d and V̇_d are given, so that τ_d follows from them."""
 
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
-        """τ_d = 𝕀V̇_d − ad*_{V_d} 𝕀V_d + 𝕀̇V_d, which holds V_d in the Lie-Poisson system."""
+        """Return τ_d = 𝕀V̇_d − ad*_{V_d} 𝕀V_d + 𝕀̇V_d, which gives V_d in the Lie-Poisson system."""
         return self.desired(G, inertia, t, None, None).tau
 
     def _driven(
@@ -146,85 +146,85 @@ class MovingReference(Reference):
 
 @dataclass(frozen=True)
 class ReferenceByRates(MovingReference):
-    """A reference whose velocity is given; its pose is integrated from Q_d(0)."""
+    """A reference whose velocity is given, and whose pose is integrated from Q_d(0)."""
 
     starts_from: ClassVar[tuple[str, ...]] = ("pose",)
 
     @abstractmethod
     def velocity(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array]:
-        """V_d and V̇_d at time t, body frame, ``(..., m)`` each."""
+        """Return V_d and V̇_d at time t, body frame, ``(..., m)`` each."""
 
     def desired(
         self, G: MatrixLieGroup, inertia: Inertia, t: Any, Qd: Array | None, Pd: Array | None
     ) -> Desired:
-        """The velocity and the force at time t, at the pose that was integrated."""
+        """Return the velocity and the force at time t, with the integrated pose."""
         return self._driven(G, inertia, Qd, *self.velocity(G, t))
 
     def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
-        """Q_d(0) as given, and V_d(0) = V_d(t) at t = 0."""
+        """Return the given Q_d(0), and the velocity at t = 0."""
         return pose, self.velocity(G, 0.0)[0]
 
 
 @dataclass(frozen=True)
 class ClosedReference(MovingReference):
-    """A reference in closed form: evaluated, not integrated, and no part of a state."""
+    """A reference in closed form, which needs no integration and no state."""
 
     starts_from: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
-        """Q_d ``(..., d, d)``, V_d and V̇_d ``(..., m)`` at time t; body frame."""
+        """Return Q_d ``(..., d, d)``, V_d and V̇_d ``(..., m)`` at time t, body frame."""
 
     def desired(
         self, G: MatrixLieGroup, inertia: Inertia, t: Any, Qd: Array | None, Pd: Array | None
     ) -> Desired:
-        """All of it at time t."""
+        """Return the desired state of the motion at time t."""
         return self._driven(G, inertia, *self.motion(G, t))
 
     def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
-        """Q_d(0) and V_d(0), which follow from the motion."""
+        """Return Q_d(0) and V_d(0) of the motion."""
         Q, V, _ = self.motion(G, 0.0)
         return Q, V
 
     def prepared(self, G: MatrixLieGroup, make: Callable[[MatrixLieGroup], T], name: str = "") -> T:
-        """What `make` makes of a group, which is done once."""
-        kept = vars(self).setdefault("_prepared", {})
-        if (G.name, name) not in kept:
-            kept[G.name, name] = make(G)
-        return kept[G.name, name]
+        """Return `make(G)`, which is computed once for each group and name."""
+        cache = vars(self).setdefault("_prepared", {})
+        if (G.name, name) not in cache:
+            cache[G.name, name] = make(G)
+        return cache[G.name, name]
 
 
 @dataclass(frozen=True)
 class PiecewiseReference(ClosedReference):
-    """A reference in closed form that is given piece by piece, between instants."""
+    """A reference in closed form that consists of pieces between instants."""
 
     @abstractmethod
     def pieces(self, G: MatrixLieGroup) -> Pieces:
-        """All of its pieces."""
+        """Return all pieces."""
 
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
-        """The motion of the pieces that the times are in."""
+        """Return the motion of the pieces at the times."""
         return self.held(G, t).motion(G, t)
 
     def instants(self, G: MatrixLieGroup) -> Array:
-        """Where a piece begins."""
+        """Return the times at which a piece begins."""
         return self.prepared(G, self.pieces).starts
 
     def held(self, G: MatrixLieGroup, t: Any) -> "InPiece":
-        """The piece that a time, or each of some times, is in."""
+        """Return the piece at a time, or at each of some times."""
         return InPiece(self, *self.prepared(G, self.pieces).at(t))
 
 
 @dataclass(frozen=True)
 class InPiece(ClosedReference):
-    """A piece of a motion, or one for each of some times, as if it were all of it.
+    """One piece of a motion as a reference, or an array of pieces for some times.
 
     Attributes
     ----------
     whole
-        All pieces, whose structure it has.
+        The reference with all pieces, which gives the structure.
     since, numbers
-        As `Pieces.at` gives them.
+        As by `Pieces.at`.
     """
 
     whole: PiecewiseReference = field(metadata=STRUCTURE)
@@ -232,7 +232,7 @@ class InPiece(ClosedReference):
     numbers: Array
 
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
-        """By its own numbers."""
+        """Return the motion of the piece."""
         return self.prepared(G, self._piece).motion(G, t)
 
     def _piece(self, G: MatrixLieGroup) -> Piece:

@@ -33,7 +33,7 @@ class ConstantReference(PiecewiseReference):
     velocity: Real | list[Real] = 0.0
 
     def pieces(self, G: MatrixLieGroup) -> Pieces:
-        """One piece, along one factor with a(t) = t."""
+        """Return one piece of one factor with a(t) = t."""
         pose = pose_from(self.pose, G, Problems())
         if pose is None:
             raise InputError(f"expected a pose of {G.name}, got {self.pose}")
@@ -41,7 +41,7 @@ class ConstantReference(PiecewiseReference):
         return Pieces.of(G, np.zeros(1), pose[None], V[None, None], np.array([[[0.0, 1.0]]]))
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A pose or a velocity that will not do."""
+        """Note an invalid pose or velocity."""
         pose_from(self.pose, G, problems.at("pose"))
         with problems.catching("velocity"):
             vector(self.velocity, G.dimension, G)

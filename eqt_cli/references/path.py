@@ -1,4 +1,4 @@
-"""A reference that is a product of turns and moves, each by an expression in time."""
+"""A reference that is a product of rotations and translations, each given by an expression."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,8 +28,7 @@ class PathFactor:
     axis
         ξ: the name of a coordinate of the algebra, such as wz, or m numbers.
     by
-        a(t), an expression in t; about an axis that turns also one in degrees, such as
-        30*t deg.
+        a(t), an expression in t; about an axis of rotation also in degrees, such as 30*t deg.
     """
 
     axis: str | list[Real]
@@ -37,12 +36,12 @@ class PathFactor:
 
     @cached_property
     def expression(self) -> Expression:
-        """`by`, parsed; in rad and m."""
+        """The parsed expression of `by`, in rad and m."""
         degrees = written_in_degrees(self.by)
         return formula(self.by if degrees is None else f"({degrees})*pi/180")
 
     def vector(self, G: MatrixLieGroup) -> Array:
-        """ξ in coordinates; raises `InputError` where the group has no such axis."""
+        """Return ξ in coordinates, or raise an `InputError` if the group has no such axis."""
         if isinstance(self.axis, list):
             return vector(self.axis, G.dimension, G)
         names = coordinate_names(G)
@@ -53,22 +52,22 @@ class PathFactor:
             )
         return np.eye(G.dimension)[names.index(self.axis)]
 
-    def require_turning(self, G: MatrixLieGroup) -> None:
-        """Raise an `InputError` for degrees along an axis that moves."""
-        axis, moves = self.vector(G), [part for part in G.parts if not part.turns]
-        if written_in_degrees(self.by) and any(np.any(axis[part.axes]) for part in moves):
-            raise InputError(f"expected no deg along an axis that moves, got '{self.by}'")
+    def require_rotation(self, G: MatrixLieGroup) -> None:
+        """Raise an `InputError` for degrees along an axis of translation."""
+        axis, linear = self.vector(G), [part for part in G.parts if not part.turns]
+        if written_in_degrees(self.by) and any(np.any(axis[part.axes]) for part in linear):
+            raise InputError(f"expected no deg along an axis of translation, got '{self.by}'")
 
 
 @dataclass(frozen=True)
 class PathReference(ClosedReference):
-    """Q_d(t) = Q_0 exp(a_1(t) ξ_1) exp(a_2(t) ξ_2) …, turns and moves one after the other.
+    """Q_d(t) = Q_0 exp(a_1(t) ξ_1) exp(a_2(t) ξ_2) …, rotations and translations in sequence.
 
     Attributes
     ----------
     factors
-        The axes ξ_k, constant in the frame that the factors before have made, and how far the
-        motion has come along each, a_k(t).
+        The axes ξ_k, each constant in the frame moved by the factors before it, and the
+        displacements a_k(t) along them.
     pose
         Q_0.
     """
@@ -79,13 +78,12 @@ class PathReference(ClosedReference):
     pose: Any = "identity"
 
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
-        """The product, its velocity and its acceleration."""
+        """Return the product, its velocity and its acceleration."""
         links, numbers, rates = self.prepared(G, self._constants)
         factors = []
-        for factor, own, rate in zip(self.factors, numbers, rates, strict=True):
+        for factor, of_factor, rate in zip(self.factors, numbers, rates, strict=True):
             derivatives = value_and_derivatives(factor.expression, t)
-            angles = stack(derivatives)[..., None] * rate
-            factors.append(Factor(own, angles))
+            factors.append(Factor(of_factor, stack(derivatives)[..., None] * rate))
         return motion_along(G, links, factors)
 
     def _constants(self, G: MatrixLieGroup) -> tuple[Array, Array, Array]:
@@ -94,11 +92,11 @@ class PathReference(ClosedReference):
         return screws(G, pose, np.stack([factor.vector(G) for factor in self.factors]))
 
     def instants(self, G: MatrixLieGroup) -> Array:
-        """Where an expression changes its piece."""
+        """Return the times at which an expression changes its piece."""
         return instants_of(factor.expression for factor in self.factors)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A pose, an axis or an expression that will not do, and no factors at all."""
+        """Note an invalid pose, axis or expression, and missing factors."""
         pose_from(self.pose, G, problems.at("pose"))
         if not self.factors:
             problems.at("factors").add(
@@ -111,4 +109,4 @@ class PathReference(ClosedReference):
             with here.catching("by"):
                 _ = factor.expression
                 if not here.at("axis"):
-                    factor.require_turning(G)
+                    factor.require_rotation(G)

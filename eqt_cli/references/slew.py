@@ -1,4 +1,4 @@
-"""A reference that turns, or moves, from one pose to another and is at rest before and after."""
+"""A reference that moves from one pose to another, at rest before and after."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -18,15 +18,15 @@ class SlewReference(PiecewiseReference):
     Attributes
     ----------
     to
-        The pose at which it ends.
+        The final pose.
     duration
-        How long it takes, s.
+        Duration, s.
     from_
-        The pose at which it begins.
+        The initial pose.
     start
-        When it begins, s.
+        Start time, s.
     profile
-        a(t): ``quintic``, 10s³ − 15s⁴ + 6s⁵, by which the jerk is least; velocity and
+        a(t): ``quintic``, 10s³ − 15s⁴ + 6s⁵, which minimises the jerk; velocity and
         acceleration are 0 at both ends.
     """
 
@@ -39,13 +39,13 @@ class SlewReference(PiecewiseReference):
     profile: Literal["quintic"] = "quintic"
 
     def pieces(self, G: MatrixLieGroup) -> Pieces:
-        """Rest, the slew, and rest."""
+        """Return three pieces: rest, the slew, and rest."""
         start, end = (pose_from(pose, G, Problems()) for pose in (self.from_, self.to))
         assert start is not None and end is not None
         turn = G.log(G.inverse(start) @ end)
         return eased(G, self.start, self.start + self.duration, start, turn)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Poses that will not do."""
+        """Note invalid poses."""
         for option, pose in (("from", self.from_), ("to", self.to)):
             pose_from(pose, G, problems.at(option))

@@ -1,4 +1,4 @@
-"""A reference driven by a torque that is given as expressions in time."""
+"""A reference driven by a torque, given as expressions in time."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -1,32 +1,31 @@
-"""A reference that goes through given poses at given times."""
+"""A reference through given poses at given times, or near them."""
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
-from eqt_cli.core.leaves import STRUCTURE
 from eqt_cli.core.option_types import Positive, PositiveAngle, Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import unknown_key, validated
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.logs.check import notes
 from eqt_cli.logs.in_file import InFile
-from eqt_cli.logs.mapping import MAPPING, LogMapping, TrajectoryFormat
+from eqt_cli.logs.mapping import MAPPING
 from eqt_cli.mechanics.motions import Pieces, spline
 from eqt_cli.mechanics.smoothing import Smoothed, smoothed
 from eqt_cli.notation.poses import pose_from
 from eqt_cli.references.base import PiecewiseReference
 
 LATEST, CLOSEST = 1e9, 1e-9
-"""s: bounds of the times, and of the time between two; beyond them, a rate overflows."""
+"""Bounds of the times and of the time between two of them, s; beyond, a rate overflows."""
 
-LESS = 0.01
-"""Relative: by how much a residual may be below the deviation that was asked for."""
+SHORTFALL = 0.01
+"""Relative amount by which a residual may be below the requested deviation without a remark."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class Waypoint:
     Attributes
     ----------
     t
-        When, s.
+        Time, s.
     pose
         The pose.
     """
@@ -56,32 +55,20 @@ class WaypointsReference(InFile, PiecewiseReference):
     points
         Two or more waypoints in the order of time, `{t: …, pose: …}` each.
     file
-        A file that holds them instead, relative to the configuration.
-    format
-        Its format: ``csv`` with a header that names the columns, ``tum`` or ``euroc``.
-    mapping
-        What the file does not say of itself: columns, units, order of quaternions, frames, times.
+        A file that holds the waypoints instead of `points`, relative to the configuration.
     smoothing
-        How far the motion stays from the waypoints, as the root mean square for each part of the
+        The distance of the motion from the waypoints, as the root mean square for each part of the
         group: ``{rotation: 2 deg, translation: 0.02}``; ``auto`` finds it by cross-validation.
-        Without it, the motion goes through them.
+        Without it, the motion goes through all waypoints.
     """
 
     name: ClassVar[str] = "waypoints"
 
     points: list[Waypoint] | None = None
-    file: str | None = None
-    format: TrajectoryFormat = "csv"
-    mapping: LogMapping | None = None
     smoothing: Literal["auto"] | dict[str, str | float] | None = None
-    text: str | None = field(default=None, init=False, repr=False)
-    digest: str = field(default="", init=False)
-    kept: Any = field(
-        default_factory=dict, init=False, repr=False, compare=False, metadata=STRUCTURE
-    )
 
     def pieces(self, G: MatrixLieGroup) -> Pieces:
-        """A piece from each waypoint to the next; raises `InputError` for times out of bounds."""
+        """Return a piece from each waypoint to the next; times must be within bounds."""
         times, poses = self._waypoints(G)
         if not np.all(abs(times) <= LATEST):
             wrong = times[abs(times) > LATEST][0]
@@ -100,42 +87,43 @@ class WaypointsReference(InFile, PiecewiseReference):
         return spline(G, times, poses)
 
     def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
-        """The times of the first and the last waypoint."""
+        """Return the times of the first and the last waypoint."""
         times, _ = self._waypoints(G)
         return float(times[0]), float(times[-1])
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
-        """What is odd in its file, and how far the motion is from the waypoints."""
+        """Yield the oddities of the file, and the residuals of smoothing."""
         if self.file is not None:
             log = self.log(G)
             yield from (f"{self.file}: {note}" for note in notes(log))
         if self.smoothing is None:
             return
-        found = self.prepared(G, self._smoothed, "smoothed")
-        for part, residual, asked in zip(
-            G.parts, found.residuals, self._deviations(G, Problems()), strict=True
-        ):
-            said_of = _in_words(part, residual)
-            if asked is not None and residual < (1 - LESS) * asked:
-                said_of += f" instead of {_in_words(part, asked)}, and cannot be more"
-            yield f"smoothed: the root mean square residual of {part.name} is {said_of}"
+        residuals = self.prepared(G, self._smoothed, "smoothed").residuals
+        requested = self._deviations(G, Problems())
+        for part, residual, deviation in zip(G.parts, residuals, requested, strict=True):
+            size = _in_words(part, residual)
+            if deviation is not None and residual < (1 - SHORTFALL) * deviation:
+                size += f" instead of {_in_words(part, deviation)}, and cannot be larger"
+            yield f"smoothed: the root mean square residual of {part.name} is {size}"
 
     def _smoothed(self, G: MatrixLieGroup) -> Smoothed:
         return smoothed(G, *self._waypoints(G), self._deviations(G, Problems()))
 
     def _deviations(self, G: MatrixLieGroup, problems: Problems) -> list[float | None]:
-        """For each part of the group; None where cross-validation is to find it, or it is wrong."""
+        """Return the deviation of each part; None for cross-validation, or if it is invalid."""
         parts = {part.name: part for part in G.parts}
-        given = dict.fromkeys(parts) if self.smoothing == "auto" else self.smoothing
-        assert isinstance(given, dict)
-        for name in (name for name in given if name not in parts):
+        deviations = dict.fromkeys(parts) if self.smoothing == "auto" else self.smoothing
+        assert isinstance(deviations, dict)
+        for name in (name for name in deviations if name not in parts):
             problems.at(name).add(unknown_key(name, parts))
-        if missing := [name for name in parts if name not in given]:
-            each = f"expected a deviation for each of {', '.join(parts)}"
-            problems.add(f"{each}; missing {', '.join(missing)}")
+        if missing := [name for name in parts if name not in deviations]:
+            expected = f"expected a deviation for each of {', '.join(parts)}"
+            problems.add(f"{expected}; missing {', '.join(missing)}")
         kinds = {name: PositiveAngle if part.turns else Positive for name, part in parts.items()}
         return [
-            None if given.get(name) is None else validated(kind, given[name], problems.at(name))
+            None
+            if deviations.get(name) is None
+            else validated(kind, deviations[name], problems.at(name))
             for name, kind in kinds.items()
         ]
 
@@ -150,7 +138,7 @@ class WaypointsReference(InFile, PiecewiseReference):
         return log.times, log.poses
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Waypoints that will not do, in the configuration or in the file."""
+        """Note invalid waypoints, in the configuration or in the file."""
         if (self.points is None) == (self.file is None):
             given = "neither" if self.file is None else "both"
             problems.add(f"expected the waypoints as `points` or in a `file`, got {given}")
@@ -179,7 +167,7 @@ class WaypointsReference(InFile, PiecewiseReference):
 
 
 def _in_words(part: Part, residual: float) -> str:
-    """A residual of a part of the group with its unit."""
+    """Format a residual of a part of the group with its unit."""
     if part.turns:
         return f"{math.degrees(residual):.3g} deg"
     return f"{residual:.3g} {part.pose_unit}"

@@ -15,7 +15,7 @@ from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.findings import findings
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import text_tables
-from eqt_cli.analysis.extreme_points import extreme_points
+from eqt_cli.analysis.sweep_summary import sweep_tables
 from eqt_cli.core.errors import EqtError
 from eqt_cli.report.animation import animation
 from eqt_cli.report.environment import TEMPLATES, page
@@ -24,7 +24,7 @@ from eqt_cli.report.figures import CASES, COMPARED, DEFAULT, FRONTS, SWEPT, Want
 from eqt_cli.report.point_table import point_table
 from eqt_cli.report.run_curves import curves
 from eqt_cli.report.run_table import columns, run_table
-from eqt_cli.report.summary import accuracy, lead, provenance
+from eqt_cli.report.summary import accuracy, day, lead, provenance
 from eqt_cli.results.result import HEADLINE, Result
 from eqt_cli.tuning.folder import TUNE, WORST
 from eqt_cli.tuning.held_out import side_by_side
@@ -34,6 +34,9 @@ from eqt_cli.tuning.worst_tables import worst_tables
 RANKS = ("mean_pose_error", "early_torque")
 """Numbers by which the run that is animated is the median one; the first that is stored."""
 
+
+MOST_PAIRS = 24
+"""Paired differences that a page shows; more are folded."""
 
 OPTIONAL = (
     "best",
@@ -64,6 +67,8 @@ def report(
     unverified: str = "",
     author: str = "",
     notes: str = "",
+    title: str = "",
+    date: str = "",
 ) -> str:
     """The page about an experiment or a sweep.
 
@@ -82,6 +87,8 @@ def report(
         Why there are no certificates, if there are none.
     author, notes
         Who answers for the page, and remarks for its reader; blank lines part their paragraphs.
+    title, date
+        Of the page; without, the name of the experiment, and the day on which it was run.
     """
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown, certificates)
@@ -94,6 +101,9 @@ def report(
         failed=len(result.failures),
         lead=lead(result),
         author=author,
+        title=title,
+        date=date or day(result),
+        most_pairs=MOST_PAIRS,
         notes=[" ".join(part.split()) for part in re.split(r"\n\s*\n", notes) if part.strip()],
         given=given(result),
         laws=laws(result),
@@ -152,7 +162,7 @@ def _of_experiment(result: Result) -> dict[str, Any]:
 
 def _of_sweep(result: Result) -> dict[str, Any]:
     """No means, since one over all points means little."""
-    best = None if WORST.beside(result) or TUNE.beside(result) else extreme_points(result)
+    best = None if WORST.beside(result) or TUNE.beside(result) else sweep_tables(result)
     return {"best": best, "table": point_table(result)}
 
 

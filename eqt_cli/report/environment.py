@@ -8,6 +8,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from eqt_cli.analysis.comparison.notation import significant
 from eqt_cli.core.printable import printable
 from eqt_cli.core.version import __version__
 
@@ -42,7 +43,13 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         finalize=_finalized,
     )
-    made.filters |= {"typeset": _typeset, "prose": _prose, "minus": _minus, "numeric": _numeric}
+    made.filters |= {
+        "typeset": _typeset,
+        "prose": _prose,
+        "minus": _minus,
+        "numeric": _numeric,
+        "significant": significant,
+    }
     return made
 
 

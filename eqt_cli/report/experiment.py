@@ -120,7 +120,7 @@ def _parts(config: Mapping[str, Any], result: Result) -> Iterator[StatedValue]:
     yield _quantity("Damping", "K_d", gains.get("kd"))
     yield _words("Reference", "Q_d", config.get("reference"))
     yield _words("Target", "", config.get("target"))
-    for name in ("plant", "control", "actuators", "sensors"):
+    for name in ("plant", "control", "actuators", "sensors", "estimator"):
         yield _words(name.capitalize(), "", config.get(name))
     initial = config.get("initial") or {}
     yield _words("Initial poses", "Q(0)", initial.get("pose"))

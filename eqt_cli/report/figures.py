@@ -36,12 +36,19 @@ class Wanted:
         What there is to see; what the figure says of itself if empty.
     needs
         A variable without which there is nothing to see, and no word about it.
+    asked
+        A user asks for it, and is told why it cannot be drawn.
     """
 
     name: str
     options: Mapping[str, Any] = field(default_factory=dict)
     caption: str = ""
     needs: str = ""
+    asked: bool = False
+
+
+class TooLargeError(EqtError):
+    """A figure is too large for a page."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +85,7 @@ DEFAULT = (
         "The thrust of each thruster in run 0; what is beyond its limits is shaded.",
         needs="thrust",
     ),
+    Wanted("estimate", needs="estimated_pose"),
     Wanted("distributions"),
     Wanted("phase", {"runs": 10}),
     Wanted("certificates"),
@@ -131,9 +139,10 @@ def inline_figures(
     wanted: Sequence[Wanted],
     certificates: Sequence[Row] = (),
 ) -> tuple[list[InlineFigure], list[str]]:
-    """The figures that can be drawn of a result, and remarks on the others."""
+    """The figures that can be drawn of a result, and remarks on others that were asked for."""
     drawn: list[InlineFigure] = []
-    remarks = []
+    remarks: list[str] = []
+    refusals: list[str] = []
     due = [
         figure
         for figure in wanted
@@ -144,9 +153,12 @@ def inline_figures(
             try:
                 drawn.append(_draw(result, figure, f"figure{len(drawn) + 1}", certificates))
             except EqtError as error:
-                remarks.append(str(error).removeprefix(f"{result.path}: "))
+                reason = str(error).removeprefix(f"{result.path}: ")
+                # Of a sweep, some default figures are of other axes than those that it has.
+                optional = result.is_sweep and not isinstance(error, TooLargeError)
+                (refusals if optional and not figure.asked else remarks).append(reason)
             reporter().advance(1)
-    return drawn, remarks
+    return drawn, remarks if drawn or remarks else refusals[:1]
 
 
 def _is_idle(result: Result, wanted: Wanted, certificates: Sequence[Row]) -> bool:
@@ -170,7 +182,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     }
     for name in names:
         figures.get(name)
-    return [known.get(name, Wanted(name)) for name in names]
+    return [replace(known.get(name, Wanted(name)), asked=True) for name in names]
 
 
 def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> InlineFigure:
@@ -179,7 +191,7 @@ def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row])
     caption = wanted.caption or description(type(figure))
     svg = inlined(text, key, caption)
     if len(svg) > LARGEST:
-        raise EqtError(
+        raise TooLargeError(
             f"figure '{wanted.name}' has too many curves for a page; "
             f"`eqt plot {result.path.parent} --figure {wanted.name}` draws it"
         )

@@ -10,11 +10,11 @@ from eqt_cli.results.result import Result
 def point_table(result: Result) -> Document:
     """As `run_table`, with a row per controller and point: the swept values, and means over runs.
 
-    A point at which runs failed has no means, and its row counts them; a run that has not settled
-    counts as the horizon.
+    A point at which runs failed has no means, and its row counts them. Times that lie beyond the
+    horizon in some run have no mean either: the share of settled runs stands for them.
     """
     keys = result.swept_keys
-    names = column_names(result)
+    names = [name for name in column_names(result) if not result.censored(name).any()]
     means = np.stack([result.means(name) for name in names], axis=-1)
     counts = [name for name in names if result.quantity(name).counts]
     means = np.concatenate(
@@ -31,13 +31,14 @@ def point_table(result: Result) -> Document:
             *columns(result, names),
             *(column for name in counts for column in _columns_of_ends(result, name)),
         ],
-        "controllers": result.labels,
+        "controllers": result.titles,
+        "labels": result.labels,
         "rows": [
             [
                 c,
                 p,
                 f"{failed[p, c]} of {result.runs} failed" if failed[p, c] else "ok",
-                *(key.value(p) for key in keys),
+                *(key.named(p) for key in keys),
                 *map(plain, means[p, c]),
             ]
             for c, p in sorted(order)

@@ -7,6 +7,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.style import house_style, line_style
+from eqt_cli.plots.shown.controllers import looks as looks_of
 from eqt_cli.report.run_table import columns
 from eqt_cli.results.result import Result
 
@@ -86,7 +87,7 @@ def quantised(values: Array) -> tuple[Array, float]:
 def looks(result: Result) -> list[Document]:
     """Label, title, colour and dashes of every controller, as in the figures."""
     with house_style():
-        styles = [line_style(index) for index in range(len(result.labels))]
+        styles = [line_style(look) for look in looks_of([result], [range(len(result.labels))])]
     return [
         {
             "label": label,

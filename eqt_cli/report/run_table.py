@@ -32,7 +32,8 @@ def run_table(result: Result) -> Document:
     -------
     dict
         ``item``, what a row is about; ``columns`` with a value in any run; ``rows`` of controller,
-        run, status and numbers, where null says none; ``total``, the number of rows there are;
+        run, status and numbers, where null says none; ``controllers``, as the page writes them, and
+        their ``labels``, as a program reads them; ``total``, the number of rows there are;
         ``messages`` of failed runs by row.
     """
     names = [name for name in column_names(result) if np.isfinite(result[name]).any()]
@@ -46,7 +47,8 @@ def run_table(result: Result) -> Document:
     return {
         "item": "run",
         "columns": columns(result, names),
-        "controllers": result.labels,
+        "controllers": result.titles,
+        "labels": result.labels,
         "rows": [
             [int(c), int(r), meaning_of(int(status[c, r])), *(plain(of[c, r]) for of in values)]
             for c, r in order

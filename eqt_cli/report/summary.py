@@ -1,6 +1,8 @@
 """What was run, where and how accurately, as words; it must not know how a page shows them."""
 
 from collections.abc import Iterator
+from contextlib import suppress
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -19,10 +21,19 @@ def lead(result: Result) -> str:
     lasting = f" of {horizon:g} s" if horizon else ""
     controllers = f"{len(labels)} controllers" if len(labels) > 1 else "one controller"
     loop = f" {result.loop_in_words}" if result.loop_in_words and not result.is_sweep else ""
+    comma = "; " if any(", " in title for title in result.titles) else ", "
     return (
-        f"{points}{result.runs} runs{lasting} for each of {controllers} ({', '.join(labels)}) on "
-        f"{result.group_name or 'a group'}; the same initial states for all of them.{loop}"
+        f"{points}{result.runs} runs{lasting} for each of {controllers} "
+        f"({comma.join(result.titles)}) on {result.group_name or 'a group'}; the same initial "
+        f"states for all of them.{loop}"
     )
+
+
+def day(result: Result) -> str:
+    """The day on which it was run, as ``2026-11-22``; nothing where that is not known."""
+    with suppress(ValueError):
+        return datetime.fromisoformat(result.provenance.get("started", "")).date().isoformat()
+    return ""
 
 
 def accuracy(result: Result) -> Iterator[str]:

@@ -1,1 +1,1 @@
-"""What a result holds and what it means: its quantities, and one `Result` that readers share."""
+"""The content of results: the table of quantities, and the class `Result` that all readers use."""

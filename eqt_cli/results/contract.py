@@ -1,7 +1,7 @@
-"""What every reader of a result may rely on; a file that breaks it is refused when it is opened.
+"""Validates a result file when it is opened, so that every reader can rely on its content.
 
-A file may come from a stranger, or from a disk that has failed: it is a sound HDF5 file, and says
-things that eqt never says. It must not know what readers do with it.
+A file may come from anyone, or from a failing disk: it can be a valid HDF5 file with content that
+eqt never writes.
 """
 
 from __future__ import annotations
@@ -15,47 +15,47 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.store.reader import ResultFile
 
 CROSS_CHECK = ("method", "runs", "difference", "bound")
-"""Fields of a cross-check, each an attribute: all of them, or none."""
+"""Fields of a cross-check, each an attribute; a file has all of them or none."""
 
 
 def check_attributes(result: ResultFile) -> None:
-    """Refuse attributes that are of another kind than eqt writes.
+    """Refuse attributes of another kind than eqt writes.
 
     Raises
     ------
     ResultError
-        With the first that is.
+        For the first such attribute.
     """
     for name, expected in _EXPECTED.items():
         if name in result.attributes:
             try:
-                told = _KINDS[expected].validate_python(result.attributes[name], strict=True)
+                value = _KINDS[expected].validate_python(result.attributes[name], strict=True)
             except ValidationError:
                 raise result.refusal(f"its attribute '{name}' is not {expected}") from None
-            if isinstance(told, _ToldOfLaws):
-                _check_labels(result, name, told)
+            if isinstance(value, _AboutLaws):
+                _check_labels(result, name, value)
     there = [name for name in CROSS_CHECK if f"cross_check_{name}" in result.attributes]
     if there and len(there) < len(CROSS_CHECK):
         lacking = next(name for name in CROSS_CHECK if name not in there)
         raise result.refusal(f"it lacks the attribute 'cross_check_{lacking}'")
 
 
-def _check_labels(result: ResultFile, name: str, told: _ToldOfLaws) -> None:
-    """Refuse an attribute that tells something of controllers that the file does not have."""
+def _check_labels(result: ResultFile, name: str, value: _AboutLaws) -> None:
+    """Refuse an attribute about controllers that the file does not have."""
     if "controller" not in result.coordinates:
         return
-    for label in told.labels():
+    for label in value.labels():
         if label not in result.coordinate("controller").tolist():
             raise result.refusal(f"its attribute '{name}' names '{label}', which is no controller")
 
 
 def check_coordinates(result: ResultFile) -> None:
-    """Refuse instants that do not follow each other, and runs that are not counted.
+    """Refuse times that do not increase, runs that are not numbered, and invalid labels.
 
     Raises
     ------
     ResultError
-        With the first that is wrong.
+        For the first invalid coordinate.
     """
     for name in result.coordinates:
         if name == "time" and not _rises(result.coordinate(name)):
@@ -71,12 +71,12 @@ def check_coordinates(result: ResultFile) -> None:
 
 
 def check_status(result: ResultFile, status: Array) -> None:
-    """Refuse a status that is no number of an outcome.
+    """Refuse a status that is not a whole number of at least 0.
 
     Raises
     ------
     ResultError
-        If one is not.
+        If a status is invalid.
     """
     if status.dtype.kind not in "iu" and not (status == np.round(status)).all():  # NaN is not
         raise result.refusal("its 'status' is not whole numbers")
@@ -104,7 +104,7 @@ def _rises(values: Array) -> bool:
 
 
 class _Origin(BaseModel):
-    """Versions and times, and those of other sessions."""
+    """Versions and times of a session, and those of other sessions."""
 
     eqt: str = ""
     python: str = ""
@@ -112,32 +112,32 @@ class _Origin(BaseModel):
     other_sessions: list[dict[str, Any]] = []
 
 
-class _ToldOfLaws(BaseModel):
-    """What is told of some laws, by their labels."""
+class _AboutLaws(BaseModel):
+    """An attribute about some laws, by their labels."""
 
     def labels(self) -> list[str]:
-        """Those of the laws."""
+        """Return the labels of these laws."""
         return []
 
 
-class _Functions(_ToldOfLaws):
-    """Which function L is, by label, and which laws do not claim that it falls."""
+class _Functions(_AboutLaws):
+    """Name of each law's function L by label, and labels of laws that claim no decrease of it."""
 
     functions: dict[str, str] = {}
     unclaimed: list[str] = []
 
     def labels(self) -> list[str]:
-        """Those of functions, and those without a claim."""
+        """Return the labels of both."""
         return [*self.functions, *self.unclaimed]
 
 
-class _Matching(_ToldOfLaws):
-    """Which laws have a stiffness and damping that are not those of the gains."""
+class _Matching(_AboutLaws):
+    """Labels of laws whose stiffness and damping are not those of the gains."""
 
     not_matched: list[str] = []
 
     def labels(self) -> list[str]:
-        """Those of such laws."""
+        """Return the labels of these laws."""
         return self.not_matched
 
 
@@ -162,4 +162,4 @@ _EXPECTED = {
     "cross_check_difference": "a number",
     "cross_check_bound": "a number",
 }
-"""What an attribute is, where a file has it."""
+"""Expected kind of each attribute that a file may have."""

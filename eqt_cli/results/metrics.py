@@ -1,6 +1,6 @@
-"""Numbers per run that follow from its signals: each with its formula, its names and its unit.
+"""Metrics: numbers per run that follow from its signals, each with formula, names and unit.
 
-This is the only file that a new one takes. It knows neither files nor controllers.
+A new metric needs only this file. It knows neither files nor controllers.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,24 +18,41 @@ from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.vehicle import Vehicle
 
 SETTLING = "settling error, by parts"
-"""What settling is judged by where parts have thresholds of their own; settled where at most 1."""
+"""Signal for settling with thresholds by part; a run has settled where it is at most 1."""
+
+ESTIMATE_SETTLING = "settling error of the estimate, by parts"
+"""Signal for the settling of the estimate, from Q̂⁻¹Q; settled where it is at most 1."""
+
+MOST_FREEDOM = 100
+"""Degrees of freedom of an error of pose and bias."""
+
+INSIDE = 0.95
+"""The probability with which the error of a consistent filter is within the ellipsoid."""
 
 EARLY = Window(0.0, 5.0)
 """The paper's "first 5 seconds of the response" (§7)."""
 
 ENERGY_SCALE = 1.0
-"""J; errors of L are relative to L(0), but never to less than this."""
+"""Least scale of errors of L, J; else they are relative to L(0)."""
 
 SMALLEST_RATIO = 1e-12
-"""L(t)/L(0) below which L is rounding and solver error, and says nothing about its rate."""
+"""L(t)/L(0) below which L consists of rounding and solver errors, so that its rate is unknown."""
 
 
 CLOSING = 0.25
-"""The part of the time at whose end a run is looked at for offsets and noise."""
+"""Last share of the time in which offsets and noise are measured."""
 
 
 def _as_it_flies(vehicle: Vehicle) -> bool:
     return not vehicle.is_ideal
+
+
+def _estimates(vehicle: Vehicle) -> bool:
+    return vehicle.estimates
+
+
+def _knows_covariance(vehicle: Vehicle) -> bool:
+    return vehicle.knows_covariance
 
 
 # Formulas, (samples of runs, signals (runs, samples, …)) -> (runs,) ------------------------------
@@ -52,7 +69,7 @@ def effort(over: OverTime, torque_norm: Any) -> Any:
 
 
 def peak(over: OverTime, values: Any) -> Any:
-    """The largest value at a sample; a larger one between two samples is missed."""
+    """The largest value at a sample; larger values between samples are missed."""
     return over.largest(values)
 
 
@@ -77,14 +94,15 @@ def integral_of_square(over: OverTime, values: Any) -> Any:
 
 
 def actuator_work(over: OverTime, torque: Any, velocity: Any) -> Any:
-    """∫|⟨τ, V⟩| dt; a pairing is a power on every group, whatever the units of its coordinates."""
+    """∫|⟨τ, V⟩| dt; the pairing is a power on every group, whatever the units."""
     return over.integral(absolute((torque * velocity).sum(axis=-1)))
 
 
 def settling_time(over: OverTime, error: Any, threshold: float) -> Any:
-    """The last time the error comes down through the threshold; NaN if it ends above it.
+    """The last time at which the error falls below the threshold; NaN if it ends above it.
 
-    The crossing is interpolated linearly between samples. A run that is never above settles at 0.
+    The crossing is interpolated linearly between samples. A run that is never above it settles at
+    0.
     """
     before, time, earlier = over.before(error), over.time, over.before(over.time)
     below = where(less(threshold, error), 0.0, 1.0)
@@ -97,10 +115,10 @@ def settling_time(over: OverTime, error: Any, threshold: float) -> Any:
 
 
 def decay_rate(over: OverTime, lyapunov: Array) -> Array:
-    """λ of √L ~ e^{−λt}: half the least-squares slope of −log L; NaN where L has no slope.
+    """λ of √L ~ e^{−λt}: half the least-squares slope of −log L; NaN without a slope.
 
-    √L is the size of the error, for small ones. Only samples before L first comes below
-    `SMALLEST_RATIO` of its initial value take part.
+    √L is proportional to small errors. Only samples before L first falls below `SMALLEST_RATIO` of
+    its initial value count.
     """
     start, times = over.initial(lyapunov), over.times
     usable = np.cumprod(lyapunov > SMALLEST_RATIO * start, axis=-1).astype(bool) & (start > 0)
@@ -115,7 +133,7 @@ def decay_rate(over: OverTime, lyapunov: Array) -> Array:
 
 
 def largest_rise(over: OverTime, lyapunov: Array) -> Array:
-    """The largest growth of L above an earlier value of it, relative to L(0)."""
+    """The largest growth of L above an earlier value, relative to L(0)."""
     rise = over.largest(lyapunov - np.minimum.accumulate(lyapunov, axis=-1))
     with np.errstate(invalid="ignore", divide="ignore"):
         relative: Array = np.where(rise > 0, rise / lyapunov[:, 0], rise)
@@ -125,24 +143,45 @@ def largest_rise(over: OverTime, lyapunov: Array) -> Array:
 def energy_residual(over: OverTime, lyapunov: Any, balance: Any) -> Any:
     """max |L + W − L(0)| / max(L(0), 1 J), from L and L + W.
 
-    W is 0 at the start, but for a law with memory that jumps there.
+    W is 0 at the start, except for a law with memory that jumps there.
     """
     residual = over.largest(absolute(balance - over.initial(balance)))
     return residual / over.final(maximum(over.initial(lyapunov), ENERGY_SCALE))
 
 
 def settled(over: OverTime, error: Array, threshold: float) -> Array:
-    """1 where the error ends within the threshold, else 0; the mean is the fraction settled."""
+    """1 if the error ends within the threshold, else 0; the mean is the share of runs."""
     within = np.isfinite(settling_time(over, error, threshold)).astype(float)
     return np.where(np.isfinite(error).all(axis=-1), within, np.nan)
 
 
 def closing_rms(over: OverTime, values: Any, share: float = CLOSING) -> Any:
-    """The root of the mean square over the last part of the time, of offsets and of noise."""
+    """The root mean square over the last share of the time."""
     return sqrt(over.closing_mean(values * values, share))
 
 
-# What keys of a configuration make of rows -------------------------------------------------------
+def root_mean_square(over: OverTime, values: Any) -> Any:
+    """√(∫x² dt / T), by the trapezoidal rule."""
+    return sqrt(over.mean(values * values))
+
+
+def mean_ratio(over: OverTime, values: Any, others: Any) -> Any:
+    """The mean over time of one over the other."""
+    return over.mean(values / others)
+
+
+def share_inside(over: OverTime, square: Any, freedom: Any) -> Any:
+    """The share of the samples with a square below its χ² limit."""
+    from scipy.special import chdtri  # slow to import; readers of results do without
+
+    limit = 0.0 * freedom
+    for count in range(1, MOST_FREEDOM + 1):
+        limit = where(less(count - 0.5, freedom), float(chdtri(count, 1 - INSIDE)), limit)
+    inside = where(less(square, limit), 1.0, where(less(square, np.inf), 0.0, np.nan))
+    return over.weighted(np.ones(len(over.times)), inside) / len(over.times)
+
+
+# Rows that depend on keys of the configuration ---------------------------------------------------
 
 
 def _early(window_s: float = EARLY.stop) -> dict[str, Any]:
@@ -168,13 +207,14 @@ def _closing(what: str) -> Callable[..., dict[str, Any]]:
 
 
 def by_thresholds_of_parts(quantity: Quantity, thresholds: Mapping[str, float]) -> Quantity:
-    """A row that takes the settling threshold, where every part has its own."""
+    """Return a row that uses the settling threshold, for separate thresholds of the parts."""
     assert quantity.of is not None
     words = quantity.long_name.replace("||I - Q_E||_F", "the largest error of a part")
+    words = words.replace("||I - Qhat^-1 Q||_F", "the largest error of a part of the estimate")
     return replace(
         quantity,
         long_name=words.replace("the settling threshold", "its settling threshold"),
-        signals=(SETTLING,),
+        signals=(ESTIMATE_SETTLING if quantity.signals == ("estimate_error",) else SETTLING,),
         of=partial(quantity.of, threshold=1.0),
         settings={},
         notes={f"threshold_{name}": value for name, value in thresholds.items()},
@@ -368,5 +408,75 @@ METRICS = (
         chosen=_closing("||tau||"),
         **_closing("||tau||")(),
     ),
+    _less_is_better(
+        "estimate_rms",
+        "root mean square of ||I - Qhat^-1 Q||_F over the horizon",
+        signals=("estimate_error",),
+        label="rms of {}",
+        of=root_mean_square,
+        compared=(WHOLE,),
+        stored_of=_estimates,
+    ),
+    _less_is_better(
+        "bias_rms",
+        "root mean square of ||b - bhat|| over the horizon",
+        signals=("bias_error",),
+        label="rms of {}",
+        of=root_mean_square,
+        stored_of=_estimates,
+    ),
+    _less_is_better(
+        "estimate_settling_time",
+        "last time ||I - Qhat^-1 Q||_F leaves the settling threshold",
+        units="s",
+        signals=("estimate_error",),
+        label="settling time of the estimate",
+        of=settling_time,
+        settings={"threshold": "settling_threshold"},
+        compared=(WHOLE,),
+        censored=True,
+        stored_of=_estimates,
+    ),
 )
-"""What controllers are compared by, in the order of tables; those `stored` are in result files."""
+"""Metrics that compare controllers, in the order of tables; result files hold those `stored`."""
+
+CONSISTENCY = (
+    Quantity(
+        "nees_ratio",
+        "mean of NEES over its degrees of freedom; 1 of a consistent filter",
+        units="1",
+        signals=("nees", "nees_dof"),
+        label="NEES per degree of freedom",
+        of=mean_ratio,
+        stored_of=_knows_covariance,
+    ),
+    Quantity(
+        "ellipsoid_share",
+        "share of the samples whose error is within the 95 % ellipsoid; 0.95 of a consistent "
+        "filter",
+        units="1",
+        signals=("nees", "nees_dof"),
+        label="share within the 95 % ellipsoid",
+        of=share_inside,
+        stored_of=_knows_covariance,
+    ),
+    Quantity(
+        "final_innovation_square",
+        "mean square of the normalised innovations; 1 of a consistent filter",
+        units="1",
+        signals=("innovation_square",),
+        label="mean square of innovations",
+        of=final,
+        stored_of=_knows_covariance,
+    ),
+    Quantity(
+        "final_innovation_correlation",
+        "correlation of successive normalised innovations; 0 of a consistent filter",
+        units="1",
+        signals=("innovation_correlation",),
+        label="correlation of innovations",
+        of=final,
+        stored_of=_knows_covariance,
+    ),
+)
+"""Whether a filter is consistent: numbers that rank no laws."""

@@ -1,4 +1,4 @@
-"""What a result is of: laws, group, configuration, versions, and whether engines agreed."""
+"""The origin of a result: laws, group, configuration, versions, and cross-check."""
 
 import json
 from collections.abc import Mapping
@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Self
 
 from eqt_cli.config.signal_path import loop_in_words
@@ -16,7 +17,7 @@ from eqt_cli.core.errors import ComponentError, ConfigError, EqtError, suggestio
 from eqt_cli.core.printable import printable
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import config_at
-from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.experiment.experiment import Experiment, told_apart
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.results.contract import CROSS_CHECK, check_attributes, check_coordinates
 from eqt_cli.store.reader import ResultFile
@@ -30,14 +31,14 @@ class CrossCheck:
     Attributes
     ----------
     method
-        What redid the runs.
+        Description of the engine that repeated the runs.
     runs
-        How many runs of each controller.
+        Number of runs of each controller.
     difference
-        Largest max(‖ΔQ‖_F, ‖ΔV‖) over samples and over the runs that did not fail; inf where one
-        of these fails when it is redone, NaN where all failed.
+        Largest max(‖ΔQ‖_F, ‖ΔV‖) over samples and over the runs that did not fail; inf if one of
+        these fails in the repetition, NaN if all runs failed.
     bound
-        What it should not exceed.
+        Allowed difference.
     """
 
     method: str
@@ -52,9 +53,9 @@ class CrossCheck:
 
 
 class KnownResult(ResultFile):
-    """An open result that says what it is of.
+    """An open result that describes its origin.
 
-    Labels, titles and all other texts are as they can be shown.
+    Labels, titles and all other texts are safe to display.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -67,19 +68,19 @@ class KnownResult(ResultFile):
             raise
 
     def at(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
-        """As `ResultFile.at`."""
+        """Return a view of one point, as `ResultFile.at`."""
         view = super().at(point, attributes)
-        if self.has_groups:  # each says all of this anew
+        if self.has_groups:  # each group has its own attributes and coordinates
             check_attributes(view)
             check_coordinates(view)
         for kind in type(self).__mro__:
-            for name, value in vars(kind).items():  # what was found out about the whole
+            for name, value in vars(kind).items():  # drop cached values of the whole result
                 if isinstance(value, cached_property):
                     view.__dict__.pop(name, None)
         return view
 
     def point(self, point: int) -> Self:
-        """One point of a sweep as the result of a single experiment, with its configuration.
+        """Return a point of a sweep as the result of a single experiment with its configuration.
 
         Raises
         ------
@@ -88,62 +89,101 @@ class KnownResult(ResultFile):
         """
         view = self.at(point)
         attributes = {"title": f"{view.attributes['title']}, point {point}"}
-        if not self.has_groups:  # which have a configuration each
+        if not self.has_groups:  # else each group has its configuration
             attributes["config"] = dump(config_at(source_of(self), point).data)
         return self.at(point, attributes)
 
     def error(self, message: str) -> EqtError:
-        """An error about this result."""
+        """Return an error about this result."""
         return EqtError(f"{self.path}: {message}")
 
     @property
     def title(self) -> str:
-        """Of the experiment; the folder's name if the file says none."""
+        """Name of the experiment; the folder's name if the file has none."""
         return printable(str(self.attributes.get("title", self.path.parent.name)))
 
     @property
     def group_name(self) -> str:
-        """The group; several of a sweep over groups; nothing if the file says none."""
+        """Name of the group, or of the groups of a sweep; empty if the file has none."""
         return printable(str(self.attributes.get("group", "")))
 
     @cached_property
     def group(self) -> MatrixLieGroup | None:
-        """The group; None if it is of a plugin, which need not be loaded here."""
+        """The group; None if it comes from a plugin that is not loaded."""
         with suppress(ComponentError):
             return group_named(self.group_name)
         return None
 
     @cached_property
     def labels(self) -> list[str]:
-        """The labels of the controllers."""
+        """Labels of the controllers."""
         return [printable(str(label)) for label in self.coordinate("controller")]
+
+    given_names: Mapping[str, str] = MappingProxyType({})
+    """What a user calls laws and quantities, by label and name."""
+
+    def rename(self, names: Mapping[str, str]) -> list[str]:
+        """Call laws and quantities otherwise, in figures and tables; those that are not here.
+
+        Parameters
+        ----------
+        names
+            By a law's label or title, or by the name of a quantity.
+        """
+        found = {self.label_of(name): printable(given) for name, given in names.items()}
+        self.given_names = found
+        for name in ("titles", "titled"):
+            vars(self).pop(name, None)
+        return [
+            name
+            for name, known in zip(names, found, strict=True)
+            if known not in self.labels and not self.knows(known)
+        ]
+
+    def knows(self, name: str) -> bool:
+        """Whether it is the name of a quantity of this result."""
+        return self.has(name)
 
     @cached_property
     def titles(self) -> list[str]:
-        """How the controllers are written: by their laws' titles, or by the labels they have."""
-        if titles := self._told("titles"):
-            return [printable(titles.get(label, label)) for label in self.labels]
-        return [law_title(label) for label in self.labels]
+        """Display names of the controllers: given by the user, titles of their laws, or labels.
+
+        Labels where several laws have one title.
+        """
+        given = {k: name for k, name in self.given_names.items() if k in self.labels}
+        return list(told_apart(self._own_titles | given).values())
+
+    @cached_property
+    def _own_titles(self) -> dict[str, str]:
+        """Titles of the laws by label, without the names that a user gives."""
+        told = self._json("titles")
+        return told_apart(
+            {
+                label: printable(told.get(label, label) if told else law_title(label))
+                for label in self.labels
+            }
+        )
 
     @cached_property
     def titled(self) -> dict[str, str]:
-        """`titles` by label: what tables and figures show for what a user types."""
+        """Display names by label."""
         return dict(zip(self.labels, self.titles, strict=True))
 
     def label_of(self, name: str) -> str:
-        """The label of the controller that a user names by it, or as tables write it: ``EqT``.
+        """Return the label of a controller, given its label or its display name: ``EqT``.
 
-        A name that is neither is returned as it is.
+        Any other name is returned unchanged.
         """
-        return label_named(name, self.titled)
+        found = label_named(name, self.titled)
+        return found if found in self.labels else label_named(name, self._own_titles)
 
     def position_of(self, name: str) -> int:
-        """Where the controller of this label or title stands.
+        """Return the index of the controller with this label or display name.
 
         Raises
         ------
         EqtError
-            If there is none.
+            If there is no such controller.
         """
         label = self.label_of(name)
         if label not in self.labels:
@@ -153,33 +193,33 @@ class KnownResult(ResultFile):
 
     @cached_property
     def lyapunov_functions(self) -> dict[str, str]:
-        """Which function L is, by label; empty where it is the same one for all."""
-        found = self._told("lyapunov_functions").get("functions", {})
+        """Name of each law's function L, by label; empty if it is the same for all."""
+        found = self._json("lyapunov_functions").get("functions", {})
         return found if len(set(found.values())) > 1 else {}
 
     @cached_property
     def unclaimed(self) -> list[str]:
-        """The labels of the laws that do not claim that their L falls."""
-        return list(self._told("lyapunov_functions").get("unclaimed", []))
+        """Labels of the laws that do not claim that their L decreases."""
+        return list(self._json("lyapunov_functions").get("unclaimed", []))
 
     @cached_property
     def without_function(self) -> list[str]:
-        """The labels of laws that claim no decrease, beside laws that do so of their own L."""
+        """Labels of laws that claim no decrease, if other laws claim it for their own L."""
         all_are = len(self.unclaimed) == len(self.labels)
         return self.unclaimed if self.lyapunov_functions and not all_are else []
 
     @cached_property
     def not_matched(self) -> list[str]:
-        """The labels of laws whose stiffness and damping are not those of the gains."""
-        return list(self._told("matching").get("not_matched", []))
+        """Labels of laws whose stiffness and damping are not those of the gains."""
+        return list(self._json("matching").get("not_matched", []))
 
-    def _told(self, name: str) -> dict[str, Any]:
-        """What an attribute holds as JSON; nothing in a file from before there was such a one."""
+    def _json(self, name: str) -> dict[str, Any]:
+        """Return the JSON data of an attribute; empty if the file does not have it."""
         return json.loads(str(self.attributes.get(name, "{}")))
 
     @cached_property
     def kinds(self) -> dict[str, str]:
-        """The controller's kind by label, as the stored configuration has it; else the label."""
+        """Kind of each controller by label, from the stored configuration; else the label."""
         with suppress(KeyError, TypeError):
             entries = self.config["controllers"]
             return {str(entry["label"]): str(entry["kind"]) for entry in entries}
@@ -187,41 +227,41 @@ class KnownResult(ResultFile):
 
     @cached_property
     def loop_in_words(self) -> str:
-        """What the loop has that the paper's has not, in a sentence; nothing for the paper's."""
+        """Sentence about parts of the loop that the paper's loop does not have; may be empty."""
         with suppress(KeyError, TypeError, AttributeError, ValueError):
             return loop_in_words(self.config)
         return ""
 
     @cached_property
     def config(self) -> dict[str, Any]:
-        """The stored configuration, of which nothing is checked; empty if it cannot be read."""
+        """The stored configuration without any checks; empty if it cannot be read."""
         with suppress(ConfigError):
             return load(str(self.attributes.get("config", "")), "config").data
         return {}
 
     @property
     def source(self) -> ConfigSource:
-        """The stored configuration, with the plugins that it was run with."""
+        """The stored configuration with the stored plugins."""
         return source_of(self)
 
     def experiment(self, *, trust_plugins: bool = False) -> Experiment:
-        """The experiment that the result says it is of.
+        """Build the experiment from the stored configuration.
 
         Parameters
         ----------
         trust_plugins
-            Execute the plugin sources that the file holds.
+            Whether to execute the plugin sources that the file holds.
 
         Raises
         ------
         EqtError
-            If it cannot be built, as without its plugins.
+            If it cannot be built, for example without its plugins.
         """
         return build(self.source, trust_plugins=trust_plugins)
 
     @property
     def rtol(self) -> float | None:
-        """The tolerance that all runs were asked for; None where it was swept, or is not known."""
+        """Relative tolerance of all runs; None if it was swept or is unknown."""
         solver = self.config.get("solver")
         swept = any(name.startswith("solver") for name in self.coordinates)
         rtol = solver.get("rtol") if isinstance(solver, dict) else None
@@ -229,23 +269,23 @@ class KnownResult(ResultFile):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """Versions, machine and times, as the file has them; nothing where it has none."""
-        return self._told("provenance")
+        """Versions, machine and times from the file; empty if it has none."""
+        return self._json("provenance")
 
     @property
     def cross_check(self) -> CrossCheck | None:
-        """What came of the cross-check; None where there was none."""
+        """Outcome of the cross-check; None if there was none."""
         kept: Any = {name: self.attributes.get(f"cross_check_{name}") for name in CROSS_CHECK}
         return None if kept["method"] is None else CrossCheck(**kept)
 
 
 def label_named(name: str, titled: Mapping[str, str]) -> str:
-    """The label that a name is, or that has it as its title and is the only one; else the name."""
+    """Return the label for a label or a unique display name; any other name is returned."""
     found = [label for label, title in titled.items() if title == name]
     return found[0] if name not in titled and len(found) == 1 else name
 
 
 def law_title(name: str) -> str:
-    """How a law is written; its name where it is not registered here."""
+    """Return the display name of a law; its name if it is not registered."""
     law = controllers.get(name) if name in controllers.names() else None
     return str(getattr(law, "title", name))

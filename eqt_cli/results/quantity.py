@@ -1,4 +1,4 @@
-"""What a quantity of a result is: its names, its unit, and how it follows from signals."""
+"""The class of quantities: names, unit, and formula from signals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eqt_cli.vehicle import Vehicle
 FLOAT = np.dtype("f8")
 
 Better = Literal["lower", "higher", "neither"]
-"""Which values of a quantity are the better ones."""
+"""Which values of a quantity are better."""
 
 _IN_PLAIN = (
     (r"_{\mathrm{F}}", ""),
@@ -31,17 +31,27 @@ _IN_PLAIN = (
     (r"\int ", "∫"),
     (r"\langle ", "⟨"),
     (r" \rangle", "⟩"),
+    (r"\hat{Q}^{-1}", "Q̂⁻¹"),
+    (r"\hat{Q}", "Q̂"),
+    (r"\hat{V}", "V̂"),
+    (r"\hat{b}", "b̂"),
+    (r"\tilde{b}", "b̃"),
+    (r"\sigma", "σ"),
+    (r"\varepsilon", "ε"),
+    (r"\mathrm{NEES}", "NEES"),
+    (r"\nu", "ν"),
+    (r"\rho_1", "ρ₁"),
     ("^2", "²"),
     ("-", "−"),
 )
-"""The mathematics of symbols and formulas, and the characters that stand for it."""
+"""LaTeX commands of symbols and formulas, and the characters that replace them."""
 
 
 class ValuePer(Enum):
-    """What a quantity has one value for, before its own dimensions."""
+    """The items for each of which a quantity has a value."""
 
     TRAJECTORY = auto()
-    """Every run of every controller whose trajectory is kept; the first of its dims is time."""
+    """Every run of every controller with a stored trajectory; the first of its dims is time."""
     DESIRED = auto()
     """The experiment, or the point of a sweep; the first of its dims is time."""
     INITIAL = auto()
@@ -57,55 +67,57 @@ class Quantity:
     Attributes
     ----------
     name
-        As in a result file, and as commands take it.
+        Name in result files and for commands.
     long_name
-        What it is, in words; the attribute in a result file.
+        Description in words, and the attribute in a result file.
     per
-        What there is one value for.
+        Items for each of which there is a value.
     units
-        In terms of the unit of its signal, for which ``{}`` stands: ``({})^2 s``. In the quantities
-        of a result, the unit itself. Nothing for text.
+        Unit in terms of the unit of its signal, written ``{}``: ``({})^2 s``. In the quantities of
+        a result, the unit itself. Empty for text.
     signals
-        The signals that it is computed from; it takes unit, symbol and parts of the first.
+        Signals from which it is computed. The first one gives its unit, symbol and parts.
     own_symbol
-        In LaTeX, where it is not that of the first signal.
+        Symbol in LaTeX, if it is not that of the first signal.
     label
-        Its short name, with ``{}`` for the symbol: ``mean {}``; the long name if empty.
+        Short name, with ``{}`` for the symbol: ``mean {}``; the long name if empty.
     formula
-        In LaTeX, with ``{}`` for the symbol, where the label does not say it: ``\int {}^2``.
+        Formula in LaTeX, with ``{}`` for the symbol, if the label does not show it: ``\int {}^2``.
     better
-        Which values are the better ones.
+        Which values are better.
     dims, dtype
-        Its dimensions beyond those that `per` stands for, and its type; None for text.
+        Its dimensions besides those of `per`, and its type; None for text.
     stored
-        A result file holds it; all others are computed from trajectories when asked for.
+        Whether result files hold it; else it is computed from trajectories on request.
     of
-        ``(times, *signals, **settings) -> (runs,)``, of signals ``(runs, samples, …)`` within the
-        window; None where the run itself hands it over.
+        ``(times, *signals, **settings) -> (runs,)`` for signals ``(runs, samples, …)`` within the
+        window; None if the run itself provides the value.
     settings
-        Keys of the configuration that `of` takes, by the names of arguments and of attributes.
+        Keys of the configuration that are arguments of `of`, by the names of the arguments, which
+        are also those of attributes in a file.
     choices
         Keys of the configuration that change the row itself, by names of attributes in a file.
     chosen
-        The fields that they change.
+        Returns the fields that they change.
     window
-        Over which it is taken; where that is the whole run, it can be taken over any other as well.
+        Window over which it is taken. If this is the whole run, any other window is possible.
     compared
-        The windows over which controllers are compared by it unless a user chooses.
+        Default windows for comparisons of controllers.
     censored
-        NaN in a run that is good says: later than the end of the run.
+        Whether NaN in a good run means: later than the end of the run.
     counts
-        Its values are 0 or 1, and their mean is a share of the runs.
+        Whether the values are 0 or 1, so that their mean is a share of the runs.
     told_by
-        Where a file does not hold it: another number per run, which has a value where this is 1.
+        Another number per run from which this one follows if a file does not hold it: it has a
+        value where this one is 1.
     of_turns
-        It is there only where the norm is a distance ‖I − R‖_F of rotations.
+        Whether it exists only for norms that are distances ‖I − R‖_F of rotations.
     diagnostic
-        It says how good the numbers are, and is left out where there is no room for all.
-    stored_of
-        The vehicles of whose runs a result file holds it.
+        Whether it describes the quality of the numbers; it is omitted where space is limited.
     notes
         Further attributes in a result file.
+    stored_of
+        Whether result files hold it for a vehicle.
     """
 
     name: str
@@ -135,9 +147,9 @@ class Quantity:
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
 
     def with_choices(self, values: Mapping[str, Any]) -> Quantity:
-        """The row that values, of a configuration or a file, make of it; None leaves the default.
+        """Return the row for values of a configuration or a file; None keeps the default.
 
-        What is no number that a configuration takes is ignored.
+        Values that no configuration accepts are ignored.
         """
         known = {
             name: float(values[name])
@@ -148,7 +160,7 @@ class Quantity:
 
     @property
     def windowed(self) -> bool:
-        """Whether it can be taken over any window, and not only over its own."""
+        """Whether it can be taken over any window, not only over its own."""
         known = all(signal_of(name) for name in self.signals)
         return self.of is not None and known and self.window == WHOLE and not self.settings
 
@@ -159,7 +171,7 @@ class Quantity:
 
     @property
     def stored_by_part(self) -> bool:
-        """Whether a result file holds it for the parts of a norm that have units of their own."""
+        """Whether result files hold it for the parts of a norm if their units differ."""
         is_number = self.per is ValuePer.RUN and self.of is not None and not self.settings
         return is_number and self.stored and self._of_norm
 
@@ -170,25 +182,25 @@ class Quantity:
 
     @property
     def symbol(self) -> str:
-        """In LaTeX: its own, or that of its first signal; nothing without a signal."""
+        """Symbol in LaTeX: its own, or that of its first signal; empty without a signal."""
         signal = signal_of(self.signals[0]) if self.signals else None
         return self.own_symbol or (signal.symbol if signal else "")
 
     def cost(self, values: Any) -> Any:
-        """The values, or their negatives where more of it is better; undoes itself."""
+        """Return the values, or their negatives if higher is better; its own inverse."""
         return -values if self.better == "higher" else values
 
     @property
     def attributes(self) -> dict[str, Attribute]:
-        """What a result file says of it."""
+        """Attributes of the variable in a result file."""
         units = {"units": self.units} if self.units else {}
         window = {} if self.window == WHOLE else {"window_s": self.window.stop}
         return {**units, "long_name": self.long_name, **window, **self.notes}
 
     def unit(self, of_signal: str) -> str:
-        """Its unit where its signal has this one: (N m)^2 s of N m, N^2 s of N.
+        """Return its unit for a unit of its signal: (N m)^2 s for N m, N^2 s for N.
 
-        ``mixed`` gives ``mixed``, and 1 is left out of squares.
+        ``mixed`` stays ``mixed``, and a square of 1 is omitted.
         """
         pattern = self.units
         if of_signal == "mixed" and "{}" in pattern:
@@ -199,12 +211,12 @@ class Quantity:
 
     @property
     def plain(self) -> str:
-        """Its short name in plain characters: ``mean ‖τ‖``, ``effort``."""
+        """Short name in plain characters: ``mean ‖τ‖``, ``effort``."""
         return self.label.replace("{}", plain(self.symbol)) or self.long_name
 
     @property
     def plain_formula(self) -> str:
-        """Its formula in plain characters; nothing where the short name says it."""
+        """Formula in plain characters; empty if the short name shows it."""
         return plain(self.formula.replace("{}", self.symbol))
 
     @property
@@ -213,7 +225,7 @@ class Quantity:
         return f"{self.plain} {self.plain_formula}".rstrip()
 
     def part(self, name: str) -> Quantity:
-        """The same of one part of its norm: ``rotation``."""
+        """Return the same quantity for one part of its norm, such as ``rotation``."""
         words = name.replace("_", " ")
         inside = self.label.replace("{}", f"{{}} {words}")
         return replace(
@@ -234,21 +246,21 @@ class Quantity:
     def measure(
         self, over: OverTime, signals: Mapping[str, Any], window: Window, **settings: float
     ) -> Any:
-        """Its value in every run over a window, ``(runs,)``.
+        """Compute its value in every run over a window, ``(runs,)``.
 
         Parameters
         ----------
         over
             The samples.
         signals
-            Arrays ``(runs, samples, …)`` by name, or what stands for one sample of them.
+            Arrays ``(runs, samples, …)`` by name, or symbols for one sample of them.
         settings
-            What `settings` names.
+            Values of the arguments in `settings`.
 
         Raises
         ------
         EqtError
-            If the window begins only after the last sample.
+            If the window starts after the last sample.
         """
         assert self.of is not None
         columns = [signals[name] for name in self.signals]
@@ -258,14 +270,14 @@ class Quantity:
         return self.of(over, *columns, **settings)
 
     def is_same_as(self, other: Quantity) -> bool:
-        """Whether both are one number wherever they are taken over one window."""
+        """Whether both are the same number over the same window."""
         return self.name == other.name or (
             self.of is not None and (self.of, self.signals) == (other.of, other.signals)
         )
 
 
 def plain(latex: str) -> str:
-    r"""A symbol or formula in plain characters: ``‖I − Q_E‖`` of ``\|I - Q_E\|_{\mathrm{F}}``."""
+    r"""Write LaTeX in plain characters: ``‖I − Q_E‖`` for ``\|I - Q_E\|_{\mathrm{F}}``."""
     for command, characters in _IN_PLAIN:
         latex = latex.replace(command, characters)
     return latex

@@ -1,4 +1,4 @@
-"""The table of quantities: everything that a result holds or can be asked for, by name."""
+"""The table of all quantities that a result holds or that follow from it, by name."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,7 +11,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Status
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.groups import MatrixLieGroup, Part
-from eqt_cli.results.metrics import METRICS, by_thresholds_of_parts, energy_residual
+from eqt_cli.results.metrics import CONSISTENCY, METRICS, by_thresholds_of_parts, energy_residual
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.store.table import Variable
 from eqt_cli.vehicle import Vehicle
@@ -19,7 +19,7 @@ from eqt_cli.vehicle import Vehicle
 STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status in Status)
 
 DESIRED = {"desired_pose": "pose", "desired_velocity": "velocity", "desired_torque": "torque"}
-"""What is stored of the reference, and the signal that each is like."""
+"""Stored quantities of the reference, and the signal that each corresponds to."""
 
 _SIGNALS = {signal.name: signal for signal in SIGNALS}
 
@@ -113,21 +113,21 @@ _OF_THE_RUN = (
     ),
     Quantity("message", "why the run failed", units="", dtype=None),
 )
-"""How good the numbers are, and how the run ended; what has no formula is told by the run."""
+"""Quality of the numbers, and outcome of the run; the run provides those without a formula."""
 
 
 QUANTITIES = {
     quantity.name: quantity
-    for quantity in (*_OVER_TIME, *_DESIRED, *_INITIAL, *METRICS, *_OF_THE_RUN)
+    for quantity in (*_OVER_TIME, *_DESIRED, *_INITIAL, *METRICS, *CONSISTENCY, *_OF_THE_RUN)
 }
-"""All of them by name, those that are stored in the order of a result file."""
+"""All quantities by name; the stored ones are in the order of result files."""
 
 MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.of and q.stored)
-"""What is computed from the signals of a run and stored."""
+"""Stored quantities that are computed from the signals of a run."""
 
 
 def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
-    """The row of a table as the keys of a configuration make it."""
+    """Return the row of the table for the keys of a configuration."""
     thresholds = config.settling_threshold
     if isinstance(thresholds, dict) and "settling_threshold" in quantity.settings.values():
         return by_thresholds_of_parts(quantity, thresholds)
@@ -136,19 +136,19 @@ def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
 
 
 def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Quantity]:
-    """The variables of a result of an experiment, with their units there, in the file's order.
+    """Return the variables of an experiment's result with their units, in the file's order.
 
     Parameters
     ----------
     vehicles
-        Those of all points of a sweep; what is stored of one is stored of all. The experiment's
-        own if empty.
+        Vehicles of all points of a sweep; a variable stored for one is stored for all. Default:
+        the vehicle of the experiment.
     """
     found, group = [], experiment.group
     own = next(iter(experiment.loops.values())).vehicle
     vehicles = vehicles or [own]
     for quantity in QUANTITIES.values():
-        # Points with and without thrusters are results of their own.
+        # Points with and without thrusters have different shapes.
         of = [own] if THRUSTER in quantity.dims else vehicles
         if not (quantity.stored and any(map(quantity.stored_of, of))):
             continue
@@ -168,13 +168,13 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
 def _parts_of_their_own(
     quantity: Quantity, signal: Signal, group: MatrixLieGroup
 ) -> tuple[Part, ...]:
-    """The parts that are stored beside a norm: of numbers, where the units of parts differ."""
+    """Return the parts stored besides a norm; for numbers per run, only if their units differ."""
     mixes = quantity.per is ValuePer.TRAJECTORY or signal.units(group) == MIXED
     return signal.parts(group) if mixes else ()
 
 
 def measured_of(config: Config, group: MatrixLieGroup) -> list[Quantity]:
-    """What is computed from the signals of a run on a group, with what is of a part of them."""
+    """Return the quantities computed from signals on a group, including those of parts."""
     rows = [with_keys_of(config, quantity) for quantity in MEASURED]
     return rows + [
         row.part(part.name)
@@ -185,10 +185,10 @@ def measured_of(config: Config, group: MatrixLieGroup) -> list[Quantity]:
 
 
 def quantity_of(name: str, long_name: str = "") -> Quantity:
-    """The row of a variable, by its name in a result file.
+    """Return the row of a variable by its name in a result file.
 
-    A norm's part has the row of the norm, with its own name. What this version does not know is
-    a number per run without a formula.
+    A part of a norm has the row of the norm with its own name. An unknown variable is a number per
+    run without a formula.
     """
     signal = signal_of(name)
     if name in QUANTITIES:
@@ -202,7 +202,7 @@ def quantity_of(name: str, long_name: str = "") -> Quantity:
 
 
 def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
-    """What the positions along the dimensions mean; `kept` runs keep their trajectories."""
+    """Return the coordinates of all dimensions; `kept` runs have stored trajectories."""
 
     def along(dim: str, values: Array, long_name: str, **units: str) -> Variable:
         return Variable((dim,), values, {**units, "long_name": long_name})

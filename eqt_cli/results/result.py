@@ -1,4 +1,4 @@
-"""A result with its meaning: all that its readers ask for, and the numbers of its runs."""
+"""The class `Result`: reads the numbers of the runs of a result with their meaning."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ HEADLINE: dict[str, Callable[[Array], Any]] = {
     "final_velocity_error": np.mean,
     "energy_residual": np.max,
 }
-"""The numbers that a summary shows, and how runs are summed up."""
+"""Metrics of a summary, and how each is combined over runs."""
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ class PerRun:
     Attributes
     ----------
     quantity, window, unit
-        What it is; the window ends with the runs at the latest.
+        The quantity, its window, which ends with the runs at the latest, and its unit.
     values : (controllers, runs)
-        NaN for runs that failed, have no such number, or have no stored trajectory. For those that
-        are censored, the horizon.
+        NaN for runs that failed, have no such number, or have no stored trajectory; the horizon for
+        censored runs.
     censored : (controllers, runs)
-        The runs whose number lies beyond the horizon.
+        Whether the number of a run lies beyond the horizon.
     runs
-        How many runs of each controller were looked at: those with a trajectory, or all.
+        Number of evaluated runs of each controller: those with a trajectory, or all.
     """
 
     quantity: Quantity
@@ -53,17 +53,20 @@ class PerRun:
     censored: Array
     runs: int
 
+    def __repr__(self) -> str:
+        """What it is, without its values."""
+        return f"PerRun({self.quantity.name}, {self.window}, {self.runs} runs)"
+
 
 class Result(StoredRuns):
-    """An open result: of one experiment, of a point of a sweep, or of a sweep as a whole.
+    """An open result of one experiment, of a point of a sweep, or of a whole sweep.
 
-    All that `ResultFile` reads by name, and what readers want to know besides: here, the numbers of
-    its runs.
+    It reads variables by name as `ResultFile` does, and provides the numbers of its runs.
     """
 
     @cached_property
     def metrics(self) -> list[str]:
-        """The names of all numbers that are stored for every run."""
+        """Names of all numbers that are stored for every run."""
         per_run = ("point", "controller", "run") if self.is_sweep else ("controller", "run")
         return [
             name
@@ -72,90 +75,94 @@ class Result(StoredRuns):
         ]
 
     def metric(self, name: str, controller: int | None = None) -> Array:
-        """A stored number of every run, ``(controllers, runs)`` or of one ``(runs,)``.
+        """Return a number of every run, ``(controllers, runs)``, or ``(runs,)`` for one controller.
 
-        NaN where a run failed or has none. The points of a sweep stand in front.
+        NaN if a run failed or has no value. A sweep has a leading axis of points.
 
         Raises
         ------
         EqtError
-            If there is none of that name.
+            If there is no number of that name.
         """
         self.check_metrics([name])
         found = np.where(self.good, self._number(name), np.nan)
         return found if controller is None else found[..., controller, :]
 
     def _number(self, name: str) -> Array:
-        """A number of every run as it is stored, or as another one tells it."""
+        """Return a number of every run as stored, or as it follows from another one."""
         if name in self.metrics:
             return self[name].astype(float)
         return np.isfinite(self[self.quantity(name).told_by]).astype(float)
 
-    def _is_told(self, name: str) -> bool:
-        """Whether a number per run that is not stored follows from one that is."""
+    def _follows(self, name: str) -> bool:
+        """Whether a number per run is not stored, but follows from a stored one."""
         return name not in self.metrics and self.quantity(name).told_by in self.metrics
 
     def censored(self, name: str, controller: int | None = None) -> Array:
-        """Which good runs have no such number because it lies beyond the horizon, as `metric`."""
+        """Whether the number of each good run lies beyond the horizon, in the shape of `metric`."""
         found = self.good & np.isnan(self.metric(name)) & self.quantity(name).censored
         return found if controller is None else found[..., controller, :]
 
     def counted(self, name: str) -> Array:
-        """A stored number of every run, as `metric`, with every run that did not fail counted.
+        """Return a number of every run, as `metric`, with values for runs beyond the horizon.
 
-        One whose number lies beyond the horizon counts as the horizon, as it does in comparisons:
-        a mean with such runs is less than the true one, and not the mean of those that arrived.
-        Where the points of a sweep differ in the horizon, it stays NaN.
+        A number beyond the horizon counts as the horizon, as in comparisons. A mean with such runs
+        is a lower bound of the true mean, while leaving them out would average only the settled
+        runs. If the points of a sweep differ in the horizon, the value stays NaN.
         """
         end = np.nan if self.horizon is None else self.horizon
         return np.where(self.censored(name), end, self.metric(name))
 
     @property
     def settles(self) -> Array | None:
-        """Which good runs end within the settling threshold, ``(controllers, runs)``.
+        """Whether each good run ends within the settling threshold, ``(controllers, runs)``.
 
-        The points of a sweep stand in front. None where nothing that is stored tells.
+        A sweep has a leading axis of points. None if the result does not store this.
         """
         if not {"settled", self.quantity("settled").told_by} & set(self.metrics):
             return None
-        found: Array = self.metric("settled") > 0  # NaN, of a run that failed, is not
+        found: Array = self.metric("settled") > 0  # NaN (a failed run) is not settled
         return found
 
     def means(self, name: str) -> Array:
-        """The mean of a number over all runs, ``(controllers,)``, at the points of a sweep before.
+        """Return the mean of a number over all runs, ``(controllers,)``; a sweep adds points.
 
-        NaN where a run failed: those that are left say too little of the point.
+        NaN if a run failed, because the remaining runs are a biased sample.
         """
         return np.mean(self.counted(name), axis=-1)
 
     def check_metrics(self, names: Sequence[str], who: str = "") -> None:
-        """Refuse names that are of no stored number per run.
+        """Check that numbers per run of these names exist.
 
         Parameters
         ----------
         who
-            Who asks, for the message: ``figure 'pareto'``.
+            Name of the caller for the message: ``figure 'pareto'``.
 
         Raises
         ------
         EqtError
-            That says which there are.
+            With the existing names.
         """
         for name in names:
-            if name not in self.metrics and not self._is_told(name):
+            if name not in self.metrics and not self._follows(name):
                 hint = suggestion(name, self.metrics) or f"; there are: {', '.join(self.metrics)}"
                 raise self.error(f"{f'{who} ' if who else ''}finds no metric '{name}'{hint}")
 
     def quantity(self, name: str) -> Quantity:
-        """What a variable is: its row of the table, and of what is not there, all the file says."""
+        """Return the row of a variable in the table, with the attributes of the file."""
         if not self.has(name):
             return quantity_of(name)
         return quantity_of(name, self.long_name(name)).with_choices(self.attributes_of(name))
 
-    def part_units(self, name: str) -> list[str]:
-        """The different units of the parts of a norm, as ``["N m", "N"]``.
+    def knows(self, name: str) -> bool:
+        """As of what a result is of; and what can be computed from it."""
+        return super().knows(name) or name in self.comparable
 
-        Empty where all parts have one unit, or the group is of a plugin.
+    def part_units(self, name: str) -> list[str]:
+        """Return the different units of the parts of a norm, as ``["N m", "N"]``.
+
+        Empty if all parts have the same unit, or the group comes from a plugin.
         """
         found = self.quantity(name)
         signal = signal_of(found.signals[0] if found.signals else name)
@@ -163,21 +170,21 @@ class Result(StoredRuns):
         if signal is None or len(parts) < 2:
             return []
         units = [signal.unit_in(part) for part in parts]
-        # A signal says its own unit; a metric has it from that of its signal.
+        # A metric derives its unit from that of its signal.
         of = [unit if self.is_over_time(name) else found.unit(unit) for unit in units]
         return list(dict.fromkeys(of)) if len(set(of)) > 1 else []
 
     @cached_property
     def comparable(self) -> dict[str, Quantity]:
-        """All numbers per run that this result has or that can be computed from it, by name."""
+        """All numbers per run that the result holds or that can be computed from it, by name."""
         found: dict[str, Quantity] = {}
         for quantity in (self.quantity(row.name) for row in METRICS):
             if quantity.of_turns:
                 for part in (name.removeprefix("pose_error") for name in self.attitude_errors):
                     found[quantity.name + part] = quantity.part(part[1:]) if part else quantity
                 continue
-            told = self._is_told(quantity.name)
-            if told or self._has_signals(quantity) or self._metrics_like(quantity):
+            follows = self._follows(quantity.name)
+            if follows or self._has_signals(quantity) or self._metrics_like(quantity):
                 found[quantity.name] = quantity
             for part in self._parts_of(quantity):
                 found[f"{quantity.name}_{part}"] = quantity.part(part)
@@ -186,15 +193,14 @@ class Result(StoredRuns):
         return found
 
     def headline(self) -> list[dict[str, Any]]:
-        """What a run ends with: for every controller, `HEADLINE` over its good runs.
+        """Return the summary of every controller: `HEADLINE` over its good runs.
 
         Returns
         -------
         list of dict
-            ``controller``, ``runs``, ``failed`` and the numbers by name, or of their parts where
-            these have units of their own; NaN where no run is good.
-            How many runs have ``settled``, and their mean ``saturated_share``, as far as these are
-            in the result.
+            ``controller``, ``runs``, ``failed``, and the numbers by name, or those of their parts
+            if the units differ; NaN if no run is good. Also the number of ``settled`` runs and the
+            mean ``saturated_share``, if the result has them.
         """
         good = self.good
         return [
@@ -228,7 +234,7 @@ class Result(StoredRuns):
         return float(of(values)) if values.size else float("nan")
 
     def by_parts(self, name: str) -> list[Quantity]:
-        """A number per run, or those of its parts where it has some; none if it is not here."""
+        """Return a number per run, or those of its parts if it has some; empty if it is unknown."""
         known = self.comparable
         if name not in known:
             return []
@@ -236,7 +242,7 @@ class Result(StoredRuns):
         return [known[at] for part in parts if (at := f"{name}_{part}") in known] or [known[name]]
 
     def _parts_of(self, quantity: Quantity) -> list[str]:
-        """The parts for which a number per run is known: over time, or as it is stored."""
+        """Return the parts for which a number per run is stored or can be computed."""
         over_time = self.parts(quantity.signals[0]) if quantity.parted else []
         stored = [
             part.removeprefix(f"{like.name}_")
@@ -247,27 +253,28 @@ class Result(StoredRuns):
         return list(dict.fromkeys([*over_time, *stored]))
 
     def unit_in_words(self, name: str) -> str:
-        """The unit of a number; "" of a pure one, ``N m and N`` of several parts together."""
+        """Return the unit of a number; "" for a pure one, ``N m and N`` for several parts."""
         unit = self.units(name)
         if unit == "mixed" and (parts := self.part_units(name)):
             return " and ".join(parts)
         return "" if unit == "1" else unit
 
     def in_parts(self, name: str) -> list[str]:
-        """The stored numbers of the parts where they have units of their own, else the number."""
+        """Return the stored numbers of the parts if their units differ, else the number."""
         return [other for other in self.metrics if other.startswith(f"{name}_")] or [name]
 
     def covers(self, quantity: Quantity, window: Window) -> bool:
-        """Whether the result holds what a number per run takes over this window."""
-        return self._stored_as(quantity, window) is not None or self._has_signals(quantity)
+        """Whether a number per run is known over this window."""
+        stored = self._stored_as(quantity, window) is not None
+        return stored or self._has_signals(quantity) or self._follows(quantity.name)
 
     def per_run(self, quantity: Quantity, window: Window = WHOLE) -> PerRun:
-        """A number over a window, of every run: as it is stored, or computed from trajectories.
+        """Return a number of every run over a window, as stored or computed from trajectories.
 
         Raises
         ------
         EqtError
-            If the result does not hold what that takes.
+            If the result lacks the data.
         """
         window = window.within(self.times)
         stored = self._stored_as(quantity, window)
@@ -278,7 +285,7 @@ class Result(StoredRuns):
             runs, unit = self.stored_runs, quantity.unit(self.units(quantity.signals[0]))
             each = [self._computed(quantity, window, c) for c in range(len(self.labels))]
             columns = np.stack(each)
-        elif self._is_told(quantity.name):
+        elif self._follows(quantity.name):
             runs, unit = np.arange(self.runs), quantity.units
             columns = self._number(quantity.name)
         else:
@@ -286,7 +293,7 @@ class Result(StoredRuns):
         values = np.full((len(self.labels), self.runs), np.nan)
         values[:, runs] = columns
         values[~self.good] = np.nan
-        if quantity.name == "decay_rate":  # nobody claims the decay of another function
+        if quantity.name == "decay_rate":  # the decay of L is not claimed for these
             values[[label in self.unclaimed for label in self.labels]] = np.nan
         censored = self.good & np.isnan(values) & quantity.censored
         values[censored] = window.stop
@@ -294,31 +301,31 @@ class Result(StoredRuns):
 
     def _computed(self, quantity: Quantity, window: Window, controller: int) -> Array:
         signals = {name: self.read(name, controller=controller) for name in quantity.signals}
-        with np.errstate(all="ignore"):  # runs that failed hold NaN, and drop out
+        with np.errstate(all="ignore"):  # failed runs hold NaN
             return quantity.measure(Samples(self.times), signals, window)
 
     def _metrics_like(self, quantity: Quantity) -> list[Quantity]:
-        """The stored metrics that are this number over some window."""
+        """Return the stored metrics that are this number over any window."""
         found = [self.quantity(name) for name in self.metrics]
         return [other for other in found if other.is_same_as(quantity)]
 
     def _stored_as(self, quantity: Quantity, window: Window) -> str | None:
-        """The stored metric that is this number over this window."""
+        """Return the stored metric that is this number over this window."""
         window = window.within(self.times)
         same = (q for q in self._metrics_like(quantity) if q.window.within(self.times) == window)
         return next((other.name for other in same), None)
 
     def _has_signals(self, quantity: Quantity) -> bool:
-        """Whether it can be computed from what is stored over time."""
+        """Whether a quantity can be computed from stored signals."""
         return quantity.windowed and all(map(self.is_over_time, quantity.signals))
 
     def comparable_named(self, name: str) -> Quantity:
-        """A number per run by name.
+        """Return a number per run by name.
 
         Raises
         ------
         EqtError
-            If this result has none of that name.
+            If this result has no such number.
         """
         if name in self.comparable:
             return self.comparable[name]
@@ -337,26 +344,28 @@ class Result(StoredRuns):
             return self.error(
                 f"holds no metric '{quantity.name}' over a window; it is one of whole runs"
             )
-        return self.error(f"cannot give {what}: it takes {lacks(quantity.signals)}")
+        return self.error(f"cannot compute {what}: it needs {lacks(quantity.signals)}")
 
 
 def open_result(path: str | os.PathLike[str], point: int | None = None) -> Result:
-    """Open a result, or one point of a sweep's as the result of a single experiment.
+    """Open a result, or one point of a sweep as the result of a single experiment.
 
     Parameters
     ----------
     path
-        The result folder, or the file in it.
+        The result folder, or the result file in it.
+    point
+        Number of a point of a sweep.
 
     Returns
     -------
     Result
-        To be used as a context manager, which closes the file.
+        A context manager that closes the file.
 
     Raises
     ------
     ResultError
-        If there is no such result or point, or its file is damaged or not safe.
+        If there is no such result or point, or its file is damaged or unsafe.
     """
     result = Result(Path(path))
     try:
@@ -367,12 +376,12 @@ def open_result(path: str | os.PathLike[str], point: int | None = None) -> Resul
 
 
 def mean_over_runs(values: Array) -> Array:
-    """The mean over the last axis, without NaN; NaN where there is nothing else."""
+    """Return the mean over the last axis without NaN; NaN if all values are NaN."""
     count = np.isfinite(values).sum(axis=-1)
     total = np.nansum(values, axis=-1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def point_folder(*points: int) -> Path:
-    """Where in a result folder goes what is made of points of a sweep."""
+    """Return the folder within a result folder for files made from points of a sweep."""
     return Path("figures") / "_".join(["point", *map(str, points)])

@@ -1,4 +1,4 @@
-"""The runs of a result: how they ended, at which points of a sweep, and their trajectories."""
+"""The runs of a result: outcomes, points of a sweep, and trajectories."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,33 +18,33 @@ from eqt_cli.store.reserved_names import POINT
 
 
 class StoredRuns(KnownResult):
-    """An open result with its runs; good is a run that ended with status 0."""
+    """An open result with its runs. A run is good if its status is 0."""
 
     # Runs.
 
     @property
     def is_sweep(self) -> bool:
-        """Whether it has several points, each an experiment."""
+        """Whether the result has points, each of which is an experiment."""
         return POINT in self.dimensions
 
     @property
     def points(self) -> int:
-        """How many points a sweep has; 1 for a single experiment."""
+        """Number of points; 1 for a single experiment."""
         return self.dimensions.get(POINT, 1)
 
     @property
     def runs(self) -> int:
-        """Runs per controller, and point."""
+        """Number of runs per controller and point."""
         return self.dimensions["run"]
 
     @cached_property
     def times(self) -> Array:
-        """The sample times of trajectories, s."""
+        """Sample times of trajectories, s."""
         return _fixed(self.coordinate("time"))
 
     @property
     def horizon(self) -> float | None:
-        """How long the runs last, s; None where the points of a sweep differ in it."""
+        """Duration of the runs, s; None if it differs between points."""
         if not self.has("time"):
             return None
         times = self.times
@@ -52,45 +52,45 @@ class StoredRuns(KnownResult):
 
     @cached_property
     def status(self) -> Array:
-        """How every run ended, ``(controllers, runs)``, with the points of a sweep in front."""
+        """Status of every run, ``(controllers, runs)``; a sweep has a leading axis of points."""
         found = self["status"]
         check_status(self, found)
         return _fixed(found)
 
     @property
     def good(self) -> Array:
-        """Which runs ended well, as `status`."""
+        """Whether each run is good, in the shape of `status`."""
         return self.status == 0
 
     @property
     def failed(self) -> dict[str, int]:
-        """How many runs of each controller did not, by label."""
+        """Number of failed runs of each controller, by label."""
         counts = np.count_nonzero(self.status, axis=-1)
         totals = counts.sum(axis=0) if self.is_sweep else counts
         return {label: int(total) for label, total in zip(self.labels, totals, strict=True)}
 
     @property
     def failures(self) -> Array:
-        """Where the failed runs are: positions along (point,) controller and run, one a row."""
+        """Indices (point,) controller and run of the failed runs, one per row."""
         return np.argwhere(self.status)
 
     @property
     def endings(self) -> dict[str, int]:
-        """How many runs failed in which way, the most frequent first."""
+        """Number of failed runs by kind of failure, the most frequent first."""
         codes, counts = np.unique(self.status[self.status != 0], return_counts=True)
         order = np.argsort(-counts, kind="stable")
         return {meaning_of(int(codes[i])): int(counts[i]) for i in order}
 
     def messages(self, where: Array) -> list[str]:
-        """Why runs failed, of rows of `failures`."""
-        # All messages of a million runs would take seconds: only the rows and columns of these.
+        """Return the messages of failed runs, given rows of `failures`."""
+        # Reading all messages of a million runs takes seconds, so only these rows are read.
         axes = [np.unique(where[:, axis], return_inverse=True) for axis in range(where.shape[1])]
         chosen = {dim: k for dim, (k, _) in zip(self.dims("status"), axes, strict=True)}
         found = self.read("message", **chosen)[tuple(position for _, position in axes)]
         return [printable(str(message)) for message in found]
 
     def place(self, where: Sequence[int]) -> str:
-        """A run by its position as in `failures`: ``point 3 eqt run 17``."""
+        """Describe a run given a row of `failures`: ``point 3 eqt run 17``."""
         *point, controller, run = where
         return f"{f'point {point[0]} ' if point else ''}{self.labels[controller]} run {run}"
 
@@ -98,7 +98,7 @@ class StoredRuns(KnownResult):
 
     @cached_property
     def swept_keys(self) -> list[SweptKey]:
-        """The swept keys that take more than one value; one for keys that change together."""
+        """Swept keys with more than one value; keys that change together appear once."""
         found: list[SweptKey] = []
         for name in self.coordinates:
             if name != POINT and self.dims(name) == (POINT,):
@@ -126,13 +126,13 @@ class StoredRuns(KnownResult):
 
     @cached_property
     def _on_log_scales(self) -> set[str]:
-        """The keys for which a range of the sweep asks for a logarithmic scale."""
+        """Keys with a logarithmic range in the sweep."""
         with suppress(KeyError, TypeError, RecursionError):
             return set(log_keys(self.config["sweep"]))
         return set()
 
     def point_name(self, point: int) -> str:
-        """What is swept at a point: ``kp 2, kd 0.5``; a case by its name only."""
+        """Describe a point of a sweep: ``kp 2, kd 0.5``; a case by its name only."""
         keys = [swept.key.rpartition(".")[2] for swept in self.swept_keys]
         if len(set(keys)) < len(keys):
             keys = [swept.key for swept in self.swept_keys]
@@ -142,9 +142,9 @@ class StoredRuns(KnownResult):
         )
 
     def laws(self, controller: int) -> dict[int, str]:
-        """The points where a controller is a law with a name of its own, and its title.
+        """Return the titles of the registered laws that a controller equals, by point.
 
-        Empty where the sweep is not over the controllers' options.
+        Empty if the sweep does not vary the controllers' options.
         """
         if not self.has(LAW):
             return {}
@@ -155,48 +155,48 @@ class StoredRuns(KnownResult):
 
     @property
     def run_dimension(self) -> str:
-        """The dimension along which trajectories lie: ``run``, or ``stored_run``."""
+        """Dimension of the runs with trajectories: ``run`` or ``stored_run``."""
         return next(dim for dim in self.dims("lyapunov") if dim.endswith("run"))
 
     @cached_property
     def stored_runs(self) -> Array:
-        """The numbers of the runs whose trajectories are stored; none without trajectories."""
+        """Numbers of the runs with stored trajectories; empty if there are none."""
         if not self.is_over_time("lyapunov"):
             return np.array([], dtype=int)
         return _fixed(self.coordinate(self.run_dimension))
 
     def is_over_time(self, name: str) -> bool:
-        """Whether the file holds this over time."""
+        """Whether the file holds this variable over time."""
         return self.has(name) and "time" in self.dims(name)
 
     def check_stored(self, *signals: str, who: str) -> None:
-        """Refuse to go on without signals over time.
+        """Check that signals are stored over time.
 
         Parameters
         ----------
         who
-            Who needs them, with the verb: ``figure 'paper' needs``.
+            Name of the caller with the verb: ``figure 'paper' needs``.
 
         Raises
         ------
         EqtError
-            If the file lacks one; the message says how to get it.
+            If the file lacks a signal; the message says how to store it.
         """
         for name in signals:
             if not self.is_over_time(name):
                 raise self.error(f"{who} {lacks([name])}")
 
     def good_stored(self, controller: int) -> Array:
-        """Which of the runs with trajectories are good, ``(stored runs,)``."""
+        """Whether each run with a trajectory is good, ``(stored runs,)``."""
         return self.good[controller][self.stored_runs]
 
     def trajectories(self, signal: str, controller: int, most: int | None = None) -> Array:
-        """A signal of the good runs of a controller, ``(runs, samples, …)``.
+        """Return a signal of the good runs of a controller, ``(runs, samples, …)``.
 
         Parameters
         ----------
         most
-            How many runs to read, the first ones; all if None.
+            Largest number of runs to read, from the first on; all if None.
         """
         good = self.good_stored(controller)
         if most is None:
@@ -205,7 +205,7 @@ class StoredRuns(KnownResult):
         return self.read(signal, controller=controller, **{self.run_dimension: first})
 
     def trajectory(self, signal: str, run: int) -> Array:
-        """A signal of one run of every controller, good or not, ``(controllers, samples, …)``.
+        """Return a signal of one run of every controller, ``(controllers, samples, …)``.
 
         Raises
         ------
@@ -219,7 +219,7 @@ class StoredRuns(KnownResult):
         return self.read(signal, **{self.run_dimension: stored.index(run)})
 
     def parts(self, norm: str) -> list[str]:
-        """The parts of a norm that are stored by themselves, as ``rotation``; often none."""
+        """Return the parts of a norm that are stored separately, such as ``rotation``."""
         return [
             name.removeprefix(f"{norm}_")
             for name in self.names
@@ -228,21 +228,21 @@ class StoredRuns(KnownResult):
 
     @cached_property
     def attitude_errors(self) -> list[str]:
-        """The norms over time that are distances ‖I − R‖_F of rotations, which angles follow from.
+        """Stored norms that are distances ‖I − R‖_F of rotations, from which angles follow.
 
-        None on a group of a plugin, which need not be loaded here.
+        Empty for a group of a plugin that is not loaded.
         """
         parts = () if self.group is None else self.group.parts
         turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
         return [name for end in turns if self.is_over_time(name := f"pose_error{end}")]
 
     def split(self, norm: str) -> list[str]:
-        """The names of a norm's parts where it has some, else its own."""
+        """Return the names of the stored parts of a norm, or else its own name."""
         return [f"{norm}_{part}" for part in self.parts(norm)] or [norm]
 
 
 def meaning_of(status: int) -> str:
-    """A status in words."""
+    """Describe a status in words."""
     try:
         return Status(status).name.lower().replace("_", " ")
     except ValueError:
@@ -250,13 +250,13 @@ def meaning_of(status: int) -> str:
 
 
 def _fixed(values: Array) -> Array:
-    """What is kept for later, and therefore never to be written to."""
+    """Make an array read-only, because it is cached."""
     values.setflags(write=False)
     return values
 
 
 def lacks(signals: Sequence[str]) -> str:
-    """What is said of signals over time that a result does not hold."""
+    """Return the words about missing signals over time, for messages."""
     needed = " and ".join(f"'{name}'" for name in signals)
     return (
         f"the trajectories of {needed}, which the result does not hold; set store.trajectories to "

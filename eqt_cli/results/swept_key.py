@@ -1,8 +1,10 @@
-"""A key that takes several values in a sweep, as figures and tables show it."""
+"""Swept keys with their values as figures and tables show them."""
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,15 +22,15 @@ class SweptKey:
     Attributes
     ----------
     key
-        Of the configuration.
+        Key of the configuration.
     values : (points,)
-        Numbers; text and matrices are numbered.
+        Values as numbers; texts and matrices are numbered.
     texts
-        What is written for the numbers: what they stand for, or expressions such as π/2.
+        Texts to display for the numbers: the numbered values, or expressions such as π/2.
     asks_log
-        Whether the range that they are from asks for a logarithmic scale.
+        Whether the range of the sweep is logarithmic.
     unit
-        ``deg`` of angles that are written in degrees; nothing where the key has its own unit.
+        ``deg`` for angles written in degrees; empty if the key has its own unit.
     is_number
         Whether the values are numbers; else they number texts or matrices.
     """
@@ -42,7 +44,7 @@ class SweptKey:
 
     @property
     def levels(self) -> list[int]:
-        """The values numbered in the order in which they first occur."""
+        """Values numbered in the order of their first occurrence."""
         numbers: dict[float, int] = {}
         return [numbers.setdefault(value, len(numbers)) for value in self.values.tolist()]
 
@@ -57,18 +59,29 @@ class SweptKey:
         return bool(np.ptp(np.diff(np.log(levels))) / np.log(levels[-1] / levels[0]) < 1e-6)
 
     def value(self, point: int) -> float | str:
-        """At a point, as it was given."""
+        """Return the value at a point as configured."""
         found = float(self.values[point])
         return f"{found:g} {self.unit}" if self.unit else self.texts.get(found, found)
 
+    @cached_property
+    def names(self) -> dict[float, str]:
+        """`texts` as figures and tables show them: what of mappings and lists differs, in words."""
+        if self.is_number:
+            return self.texts
+        return dict(zip(self.texts, briefly(list(self.texts.values())), strict=True))
+
+    def named(self, point: int) -> float | str:
+        """`value`, with what stands for a text in figures and tables."""
+        return self.names.get(float(self.values[point]), self.value(point))
+
     def at(self, point: int) -> str:
-        """The value at a point, as text."""
-        value = self.value(point)
+        """Return the value at a point as text."""
+        value = self.named(point)
         return value if isinstance(value, str) else f"{value:.4g}".replace("-", "−")
 
 
 def degrees_of(text: str) -> float | None:
-    """The number of an angle such as ``90 deg``; None of all else."""
+    """Return the number of an angle such as ``90 deg``; None for other texts."""
     written = written_in_degrees(text)
     if written is not None:
         with suppress(ExpressionError):
@@ -77,15 +90,68 @@ def degrees_of(text: str) -> float | None:
 
 
 def constant_of(text: str) -> tuple[float, str] | None:
-    """The number of an expression in quotes such as ``"-pi/2"``, and ``−π/2``; None of all else."""
+    """Return number and display of an expression such as ``"-pi/2"``; None for other texts."""
     given = text.strip('"')
     with suppress(ExpressionError):
         return constant(given), given.replace("*pi", "π").replace("pi", "π").replace("-", "−")
     return None
 
 
+def briefly(texts: Sequence[str]) -> list[str]:
+    """JSON in as few words as tell the texts apart; ``lag, 0.05`` for a mapping.
+
+    Of mappings, what all have in common is left out.
+    """
+    given: list[Any] = []
+    for text in texts:
+        try:
+            given.append(json.loads(text))
+        except (ValueError, RecursionError):
+            given.append(text)
+    found = [_in_words(each) for each in _differing(given)]
+    return found if len(set(found)) == len(texts) else [_in_words(each) for each in given]
+
+
+def _differing(values: list[Any]) -> list[Any]:
+    """Mappings, or lists of one each, without the entries that all have in common."""
+    if all(isinstance(value, list) and len(value) == 1 for value in values):
+        return _differing([value[0] for value in values])
+    if len(values) < 2 or not all(isinstance(value, dict) for value in values):
+        return values
+    first, *others = values
+    same = {key for key in first if all(key in one and one[key] == first[key] for one in others)}
+    left = [{key: value[key] for key in value if key not in same} for value in values]
+    names = {key for value in left for key in value}
+    return (
+        _differing([value[key] for value in left for key in value])
+        if (len(names) == 1 and all(left))
+        else left
+    )
+
+
+def _in_words(value: Any) -> str:
+    """Without quotes, and without the braces around a mapping."""
+    if isinstance(value, dict):
+        own = [str(value["kind"])] if "kind" in value else []
+        named = {key.replace("_", " "): each for key, each in value.items() if key != "kind"}
+        others = (f"{key} {_in_words(each)}" for key, each in named.items())
+        return ", ".join([*own, *others]) or "none"
+    if isinstance(value, list) and (
+        not value or value == [each for each in value[:1] if isinstance(each, dict)]
+    ):
+        return _in_words(value[0]) if value else "none"
+    if isinstance(value, list):
+        inner = (
+            f"{{{_in_words(one)}}}" if isinstance(one, dict) else _in_words(one) for one in value
+        )
+        return f"[{', '.join(inner)}]"
+    if isinstance(value, float | int) and not isinstance(value, bool):
+        return f"{value:g}".replace("-", "−")
+    return value if isinstance(value, str) else json.dumps(value)
+
+
 def log_keys(section: Any) -> Iterator[str]:
-    """The keys of ranges with ``scale: log``, anywhere in the section of a sweep."""
+    """Yield the keys of ranges with ``scale: log`` in the section of a sweep."""
     if isinstance(section, list):
         for entry in section:
             yield from log_keys(entry)

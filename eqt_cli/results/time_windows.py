@@ -1,4 +1,4 @@
-"""A stretch of time over which a quantity is taken; it knows neither results nor quantities."""
+"""Windows of time over which quantities are taken."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from eqt_cli.core.errors import EqtError
 
 @dataclass(frozen=True)
 class Window:
-    """From `start` to `stop`, s, counted from the start of the runs.
+    """A window of time relative to the start of the runs.
 
     Attributes
     ----------
     start, stop
-        Both ends, s; `stop` may be infinite, for the end of the horizon.
+        Ends of the window, s; an infinite `stop` means the end of the horizon.
     """
 
     start: float = 0.0
@@ -26,12 +26,12 @@ class Window:
 
     @classmethod
     def parse(cls, text: str) -> Window:
-        """``0:5``, ``5:`` or ``:5``; ``:`` is the whole horizon.
+        """Parse ``0:5``, ``5:`` or ``:5``; ``:`` is the whole horizon.
 
         Raises
         ------
         EqtError
-            If the text is none of these, or the window is empty.
+            If the text has another form, or the window is empty.
         """
         start, colon, stop = text.partition(":")
         try:
@@ -47,7 +47,7 @@ class Window:
         return window
 
     def within(self, times: Array) -> Window:
-        """The window with its end at the last sample at the latest.
+        """Return the window, cut at the last sample.
 
         Raises
         ------
@@ -62,7 +62,7 @@ class Window:
         return Window(self.start, min(self.stop, horizon))
 
     def cut(self, times: Array, values: Array) -> tuple[Array, Array]:
-        """Samples within the window; its ends are interpolated linearly where none lies there.
+        """Return the samples within the window, with linearly interpolated values at its ends.
 
         A window that ends after the last sample is cut there.
 
@@ -102,7 +102,7 @@ WHOLE = Window()
 
 
 def _at(times: Array, values: Array, t: float) -> Array:
-    """Values at one time between two samples."""
+    """Interpolate values at one time between two samples."""
     right = int(np.clip(np.searchsorted(times, t), 1, len(times) - 1))
     fraction = (t - times[right - 1]) / (times[right] - times[right - 1])
     return (1 - fraction) * values[:, right - 1] + fraction * values[:, right]

@@ -1,4 +1,4 @@
-"""Result files: named, dimensioned arrays in HDF5; it knows no group, controller or physics.
+"""Result files: named, dimensioned arrays in HDF5, without knowledge of their meaning.
 
 This package is the only importer of h5py.
 """

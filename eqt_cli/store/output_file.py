@@ -1,4 +1,4 @@
-"""HDF5 files that appear complete or not at all; it must not know what is written."""
+"""Creates HDF5 files that appear completely or not at all."""
 
 import errno
 import io
@@ -14,19 +14,20 @@ from eqt_cli.core.errors import FullDiskError, Remedy, ResultError
 from eqt_cli.core.replacement import NO_SPACE, replacement
 
 READ_BACK = 2**24
-"""Bytes; HDF5 reads back its own notes and heaps, which are shorter, and no longer data."""
+"""Largest write to keep after an error, bytes; HDF5 reads back only its metadata and heaps, which
+are smaller."""
 
 _FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
 _NO_FOLDER = {errno.ENOENT, errno.ENOTDIR}
 
 
 class Sink:
-    """A file that keeps its first error to itself until asked.
+    """A file that raises its first error only at the end of its `with` block.
 
-    When a write fails while HDF5 closes a file, HDF5 leaves objects behind whose destruction
-    crashes the process later. So this file takes every write; after the first error it writes
-    nothing more, and leaving its `with` block raises that error, once HDF5 is done. Until then
-    HDF5 may read back what it wrote, and trusts it: what no longer reaches the disk is kept here.
+    If a write fails while HDF5 closes a file, HDF5 leaves objects behind whose destruction crashes
+    the process later. So this file accepts every write. After the first error it writes nothing
+    more to the disk, and raises that error at the end of the block, when HDF5 is done. Until then
+    HDF5 may read back what it wrote, so later writes are kept in memory.
     """
 
     def __init__(self, file: io.FileIO) -> None:
@@ -42,15 +43,15 @@ class Sink:
             raise self._error
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Go to a position, as HDF5 asks before it reads, writes, or measures the file."""
+        """Go to a position, as HDF5 requests before it reads, writes, or measures the file."""
         return self._file.seek(offset, whence)
 
     def tell(self) -> int:
-        """The position."""
+        """Return the position."""
         return self._file.tell()
 
     def readinto(self, buffer: memoryview) -> int:
-        """Read back what HDF5 wrote earlier, whether it reached the disk or not."""
+        """Read back what HDF5 wrote, from the disk or from memory."""
         start, view = self._file.tell(), memoryview(buffer).cast("B")
         count = self._file.readinto(view)
         if self._error is not None:
@@ -70,7 +71,7 @@ class Sink:
                 rest = memoryview(data)
                 while rest:
                     rest = rest[self._file.write(rest) :]
-            except BaseException as error:  # also an interruption: HDF5 must come to its end first
+            except BaseException as error:  # even an interruption must wait for HDF5
                 self._error = error
         if self._error is not None and len(data) <= READ_BACK:
             self._kept.append((start, bytes(data)))
@@ -84,17 +85,17 @@ class Sink:
                 self._error = error
 
     def flush(self) -> None:
-        """Do nothing: the file has no buffer of its own."""
+        """Do nothing, because the file has no buffer."""
 
 
 @contextmanager
 def created(path: str | Path) -> Iterator[Any]:
-    """A new HDF5 file that takes the place of `path` when the block ends without an error.
+    """Open a new HDF5 file that replaces `path` when the block ends without an error.
 
     Raises
     ------
     ResultError
-        If the disk refuses; `path` is then as it was before.
+        If the file cannot be written; `path` is then unchanged.
     """
     target = Path(path)
     try:
@@ -105,7 +106,7 @@ def created(path: str | Path) -> Iterator[Any]:
 
 
 def _create(sink: Sink) -> Any:
-    """A new HDF5 file in `sink`, as readable as HDF5 1.8 and free of times of its own."""
+    """Create an HDF5 file in `sink`, in the layout of HDF5 1.8 and without time stamps."""
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fileobj_driver(h5py.h5fd.fileobj_driver, sink)
     # From 1.8 on, attributes may exceed 64 KB and metadata carry checksums.

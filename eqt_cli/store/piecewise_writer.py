@@ -1,7 +1,4 @@
-"""A result file that is filled piece by piece, for what does not fit the memory.
-
-It must not know what the numbers mean or where the pieces come from.
-"""
+"""Writes a result file piece by piece, so that it may be larger than the memory."""
 
 from __future__ import annotations
 
@@ -31,16 +28,16 @@ _CHUNK_BYTES = 2**20
 
 @dataclass(frozen=True)
 class Blank:
-    """A variable whose data come later.
+    """A variable whose data are written later.
 
     Parameters
     ----------
     dims
         One name per axis.
     dtype
-        Its type; None for strings.
+        The type of the data; None for strings.
     attributes
-        What describes the array.
+        Descriptions of the array.
     """
 
     dims: tuple[str, ...]
@@ -56,12 +53,12 @@ class Assembly:
     file
         The open HDF5 file, or a group of it.
     sizes, coordinates, variables, compression
-        As of `assemble`; the compression is also that of groups to come.
+        As in `assemble`; the compression also applies to groups.
 
     Attributes
     ----------
     replaces : bool
-        What is written replaces what was written before, text by empty text too.
+        Whether writes may replace earlier data, even text by empty text.
     """
 
     def __init__(
@@ -78,7 +75,7 @@ class Assembly:
             if dim in coordinates:
                 self._add(dim, coordinates[dim]).make_scale(dim)
             else:
-                # Never written, so that it takes no room: only its length counts.
+                # It is never written, so that it takes no space: only its length counts.
                 blank = file.create_dataset(dim, shape=(size,), dtype=">f4")
                 blank.make_scale(f"{PLACEHOLDER}{size:10d}")
         extra = {name: variable for name, variable in coordinates.items() if name not in sizes}
@@ -94,7 +91,7 @@ class Assembly:
         coordinates: Mapping[str, Variable],
         variables: Mapping[str, Blank | Variable],
     ) -> Assembly:
-        """Add a group with dimensions and variables of its own, as `assemble` does for the file."""
+        """Add a group with its own dimensions and variables, as `assemble` does for the file."""
         creation = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
         creation.set_obj_track_times(False)
         creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
@@ -102,13 +99,13 @@ class Assembly:
         return Assembly(group, sizes, coordinates, variables, self._compression)
 
     def shape(self, name: str) -> tuple[int, ...]:
-        """The shape of a variable."""
+        """Return the shape of a variable."""
         return self._file[name].shape
 
     def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
-        """Write part of a variable: at `positions` along its first axes, all of the others."""
-        # Empty strings are left unwritten, which reads the same: the millions of runs without a
-        # message then cost a reference each, but no object in a heap.
+        """Write part of a variable: `positions` along its first axes, and all of the other axes."""
+        # Unwritten strings read as empty ones. So millions of runs without a message need only a
+        # reference each, and no object in a heap.
         is_empty = data.dtype == object and bool((data == "").all())
         if data.size and (self.replaces or not is_empty):
             self._file[name][positions] = data
@@ -120,10 +117,10 @@ class Assembly:
     def _add(
         self, name: str, entry: Blank | Variable, compression: Literal["gzip"] | None = None
     ) -> Any:
-        """Create one dataset, with the data of a variable."""
+        """Create a dataset; for a variable, write its data."""
         shape = tuple(self._sizes[dim] for dim in entry.dims)
         options: dict[str, Any] = {}
-        if entry.dtype is None:  # never compressed: that would reach only the references to strings
+        if entry.dtype is None:  # not compressed, which would affect only references to strings
             dtype = h5py.string_dtype("utf-8")
         else:
             dtype = entry.dtype.newbyteorder("<")
@@ -131,14 +128,14 @@ class Assembly:
                 options = _compressed(shape, dtype)
         dataset = self._file.create_dataset(name, shape=shape, dtype=dtype, **options)
         if entry.dtype is None and 0 not in shape:
-            dataset[(0,) * len(shape)] = ""  # so that the dataset takes its room
+            dataset[(0,) * len(shape)] = ""  # allocates the dataset
         dataset.attrs.update(entry.attributes)
         if isinstance(entry, Variable):
             self.put(name, entry.data.astype(object) if entry.dtype is None else entry.data)
         return dataset
 
     def _attach(self, dataset: Any, dims: tuple[str, ...], extra: Mapping[str, Variable]) -> None:
-        """Name the dimensions of a dataset, and the further coordinates along them."""
+        """Attach the dimensions of a dataset, and name its further coordinates."""
         for axis, dim in enumerate(dims):
             dataset.dims[axis].attach_scale(self._file[dim])
         described = [name for name, variable in extra.items() if set(variable.dims) <= set(dims)]
@@ -154,10 +151,10 @@ def assemble(
     variables: Mapping[str, Blank | Variable],
     compression: Literal["gzip"] | None = None,
 ) -> Iterator[Assembly]:
-    """Create a result file to be filled in the block; every blank must be written.
+    """Create a result file, to be filled in the block; every blank must be written.
 
     The layout is that of HDF5 1.8 with netCDF-4's dimension scales, which HDF5 tools, netCDF and
-    xarray all read. The file appears, complete, when the block ends without an error.
+    xarray can read. The complete file appears when the block ends without an error.
 
     Parameters
     ----------
@@ -168,14 +165,14 @@ def assemble(
     coordinates
         As in a `Table`.
     variables
-        By name: blanks, or variables that are written at once.
+        Blanks by name, or variables that are written immediately.
     compression
-        ``"gzip"`` stores numbers in shuffled, compressed chunks; None, contiguously.
+        ``"gzip"`` stores numbers in shuffled, compressed chunks, None contiguously.
 
     Raises
     ------
     ResultError
-        If the disk refuses; `path` is then as it was before.
+        If the file cannot be written; `path` is then unchanged.
     """
     with created(path) as file:
         file.attrs[FORMAT_ATTRIBUTE] = FORMAT
@@ -184,11 +181,11 @@ def assemble(
 
 
 def _compressed(shape: tuple[int, ...], dtype: np.dtype[Any]) -> dict[str, Any]:
-    """How h5py is told to compress: in blocks of about 1 MiB that hold the last axes whole."""
-    room = max(1, _CHUNK_BYTES // dtype.itemsize)
+    """Return h5py's options for compressed chunks of about 1 MiB, complete along the last axes."""
+    capacity = max(1, _CHUNK_BYTES // dtype.itemsize)
     chunks: list[int] = []
     for size in reversed(shape):
-        pieces = -(-size // room)
+        pieces = -(-size // capacity)
         chunks.insert(0, -(-size // pieces))
-        room = max(1, room // chunks[0])
+        capacity = max(1, capacity // chunks[0])
     return {"compression": "gzip", "shuffle": True, "chunks": tuple(chunks)}

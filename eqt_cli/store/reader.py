@@ -1,4 +1,4 @@
-"""Reading result files, also those of strangers; it must not know what the numbers mean."""
+"""Reads result files safely, even files from others."""
 
 import copy
 import operator
@@ -33,7 +33,7 @@ _RESTORE = f"eqt writes no such file: {_AGAIN}"
 
 
 class ResultFile:
-    """An open result file; arrays are read, anew each time, when asked for.
+    """An open result file; arrays are read from the disk each time they are requested.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class ResultFile:
     path : Path
         The file itself.
     attributes : Mapping
-        What the writer said of the whole.
+        The attributes of the whole file.
     dimensions : Mapping
         The size of every dimension.
     names, coordinates : tuple of str
@@ -67,7 +67,7 @@ class ResultFile:
         self._show(checked.root)
 
     def _show(self, contents: safety.Contents, fixed: Mapping[str, int] | None = None) -> None:
-        """Be about the root or a group, at a position along the `fixed` dimensions."""
+        """Show the root or a group, at a position along the `fixed` dimensions."""
         self._fixed = fixed or {}
         self._entries = {
             name: entry
@@ -93,17 +93,17 @@ class ResultFile:
     # One point of a sweep.
 
     def at(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
-        """One point of a sweep, as the result of a single experiment.
+        """Return one point of a sweep, as the result of a single experiment.
 
-        It has no dimension ``point`` and no swept keys, and what differs in shape between points is
-        that of this one. Both read from one file: closing one closes the other.
+        It has no dimension ``point``, no swept keys, and the shapes of this point. Both results
+        read from the same file: closing one closes the other.
 
         Parameters
         ----------
         point
-            Counted from 0.
+            The number of the point, from 0.
         attributes
-            What is to be said of this point instead of the whole.
+            Attributes of this point, which replace those of the sweep.
 
         Raises
         ------
@@ -118,24 +118,24 @@ class ResultFile:
         if not 0 <= point < points:
             raise ResultError(f"{self.path}: has no point {point}; choose one of 0 to {points - 1}")
         view = copy.copy(self)
-        told = dict(self.attributes)
+        merged = dict(self.attributes)
         if self._points:
             with _guard(self.path):
                 contents = self._points[point]()
-            told |= contents.attributes
+            merged |= contents.attributes
             view._show(contents)
         else:
             view._show(self._root, {POINT: point})
-        view.attributes = _Attributes(self.path, told | dict(attributes or {}))
+        view.attributes = _Attributes(self.path, merged | dict(attributes or {}))
         return view
 
     def single(self, what: str) -> Self:
-        """Give this result back, unless it is a sweep; `what` says who takes none.
+        """Return this result, unless it is a sweep; `what` says what takes no sweep.
 
         Raises
         ------
         ResultError
-            If it is one; the message says how to choose a point.
+            If it is a sweep; the message says how to choose a point.
         """
         points = self.dimensions.get(POINT)
         if points is not None:
@@ -155,7 +155,7 @@ class ResultFile:
         return bool(self._points) and POINT in self.dimensions
 
     def refusal(self, reason: str) -> ResultError:
-        """An error that says what no file of eqt's has."""
+        """Return the error for a feature that eqt's files do not have."""
         return _refused(self.path, reason)
 
     # Reading.
@@ -165,11 +165,11 @@ class ResultFile:
         return name in self._entries
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """A whole variable or coordinate; strings come as an object array of `str`."""
+        """Return a whole variable or coordinate; strings are an object array of `str`."""
         return self.read(name)
 
     def coordinate(self, name: str) -> NDArray[Any]:
-        """The values of a coordinate, usually one per position along the dimension `name`."""
+        """Return the values of a coordinate, usually one per position along its dimension."""
         if name not in self.coordinates:
             raise ResultError(
                 f"{self.path}: holds no coordinate '{name}'{suggestion(name, self.coordinates)}; "
@@ -178,16 +178,16 @@ class ResultFile:
         return self.read(name)
 
     def read(self, name: str, /, **selection: Selection) -> NDArray[Any]:
-        """Part of a variable or coordinate: only what is asked for leaves the disk.
+        """Return part of a variable or coordinate, and read no more than this from the disk.
 
         Parameters
         ----------
         name
             The variable.
         **selection
-            For some dimensions, the positions to read: an integer (which drops the axis), a slice,
-            or a list of integers in any order. Where the coordinate of the dimension is text, a
-            label or a list of labels stands for positions: ``controller="eqt"``.
+            The positions to read along some dimensions: an integer (which drops the axis), a slice,
+            or a list of integers in any order. If the coordinate of the dimension is text, labels
+            may replace positions: ``controller="eqt"``.
 
         Raises
         ------
@@ -201,7 +201,7 @@ class ResultFile:
                     f"{self.path}: '{name}' has no dimension '{dim}'"
                     f"{suggestion(dim, dims)}; its dimensions are: {', '.join(dims)}"
                 )
-        wanted = [
+        positions = [
             self._fixed[dim]
             if dim in self._fixed
             else _positions(
@@ -216,16 +216,16 @@ class ResultFile:
         with _guard(self.path, name):
             if entry.is_text:
                 safety.check_text(entry.dataset, self._view, self._heaps)
-                return _read(entry.dataset.asstr(), wanted).astype(object)
-            return _read(entry.dataset, wanted)
+                return _read(entry.dataset.asstr(), positions).astype(object)
+            return _read(entry.dataset, positions)
 
-    def _labelled(self, name: str, dim: str, wanted: Selection | None) -> Positions | None:
-        """A selection with positions instead of labels."""
-        if isinstance(wanted, str):
-            return self._position_of(name, dim, wanted)
-        if isinstance(wanted, Sequence):
-            return [self._position_of(name, dim, label) for label in wanted]
-        return wanted
+    def _labelled(self, name: str, dim: str, selection: Selection | None) -> Positions | None:
+        """Return a selection with positions in place of labels."""
+        if isinstance(selection, str):
+            return self._position_of(name, dim, selection)
+        if isinstance(selection, Sequence):
+            return [self._position_of(name, dim, label) for label in selection]
+        return selection
 
     def _position_of(self, name: str, dim: str, label: int | str) -> int:
         if not isinstance(label, str):
@@ -247,19 +247,19 @@ class ResultFile:
         return f"<results {self.path}: {len(self.names)} variables over {sizes}{state}>"
 
     def dims(self, name: str) -> tuple[str, ...]:
-        """The dimensions of a variable or coordinate, one per axis."""
+        """Return the dimensions of a variable or coordinate, one per axis."""
         return tuple(dim for dim in self._entry(name).dims if dim not in self._fixed)
 
     def units(self, name: str) -> str:
-        """The units of a variable or coordinate; empty if the file says none."""
+        """Return the units of a variable or coordinate; empty if the file has none."""
         return str(self._entry(name).attributes.get("units", ""))
 
     def long_name(self, name: str) -> str:
-        """What a variable or coordinate is, in words; its name if the file says none."""
+        """Return the description of a variable or coordinate, or its name if there is none."""
         return str(self._entry(name).attributes.get("long_name", name))
 
     def attributes_of(self, name: str) -> Mapping[str, Attribute]:
-        """All that the file says of a variable or coordinate."""
+        """Return all attributes of a variable or coordinate."""
         return self._entry(name).attributes
 
     def _entry(self, name: str) -> safety.Entry:
@@ -282,7 +282,7 @@ def open_results(path: str | Path) -> ResultFile:
     Returns
     -------
     ResultFile
-        To be used as a context manager, which closes the file.
+        A context manager, which closes the file.
 
     Raises
     ------
@@ -294,10 +294,10 @@ def open_results(path: str | Path) -> ResultFile:
 
 
 def _opened(path: Path) -> Any:
-    """The file, open for reading and, where HDF5 lets us, without locks.
+    """Open the file for reading, without locks if possible.
 
-    Result files never change, and some network disks refuse to lock. But HDF5 opens a file twice in
-    one process only with the same flags, and xarray, in a notebook, opens it with locks.
+    Result files never change, and some network disks refuse locks. But HDF5 opens a file twice in
+    one process only with equal flags, and xarray in a notebook opens it with locks.
     """
     try:
         return h5py.File(path, "r", locking=False)
@@ -308,13 +308,13 @@ def _opened(path: Path) -> Any:
 
 
 class MissingAttributeError(ResultError, KeyError):
-    """An attribute that every result has, missing from this one."""
+    """Raised where a result lacks an attribute that every result has."""
 
     __str__ = ResultError.__str__  # KeyError's would quote the message
 
 
 class _Attributes(dict[str, Attribute]):
-    """Root attributes, whose absence is a fault of the file."""
+    """Root attributes; a missing one is an error of the file."""
 
     def __init__(self, path: Path, attributes: Mapping[str, Attribute]) -> None:
         super().__init__(attributes)
@@ -332,8 +332,8 @@ def _find(path: Path) -> Path:
         with open_regular(file) as stream:
             start = stream.read(len(_SIGNATURE))
     except (NotRegularError, IsADirectoryError) as error:
-        wanted = f"give a result folder or its {FILE_NAME}"
-        raise ResultError(f"{file}: is not a file; {wanted}") from error
+        advice = f"give a result folder or its {FILE_NAME}"
+        raise ResultError(f"{file}: is not a file; {advice}") from error
     except FileNotFoundError as error:
         if file == path:
             hint = near(path, lambda entry: (entry / FILE_NAME).is_file())
@@ -358,7 +358,7 @@ def _find(path: Path) -> Path:
 
 @contextmanager
 def _guard(path: Path, name: str = "") -> Iterator[None]:
-    """Turn whatever a bad file makes of the HDF5 library into a `ResultError`."""
+    """Turn every error of the HDF5 library for a bad file into a `ResultError`."""
     subject = f"{path}: '{name}'" if name else f"{path}:"
     try:
         yield
@@ -368,7 +368,7 @@ def _guard(path: Path, name: str = "") -> Iterator[None]:
         raise _refused(path, str(refusal)) from refusal
     except MemoryError as error:
         raise ResultError(f"{subject} does not fit the memory; read it in parts") from error
-    except Exception as error:  # h5py promises no class: seen are OS, Runtime, Value, Key, Type
+    except Exception as error:  # of any class: OS, Runtime, Value, Key, Type were seen
         if "truncated file" in str(error):
             raise ResultError(f"{subject} is cut short; {_AGAIN}") from error
         raise ResultError(f"{subject} is damaged; {_AGAIN}") from error
@@ -392,39 +392,40 @@ def _check_format(path: Path, number: int | None, writer: str | None) -> None:
         )
 
 
-def _positions(place: str, wanted: Positions | None, size: int) -> int | slice | NDArray[Any]:
-    """A selection in the form that h5py reads: in range, and slices forwards."""
-    if wanted is None:
+def _positions(place: str, selection: Positions | None, size: int) -> int | slice | NDArray[Any]:
+    """Return a selection in a form that h5py accepts: in range, with rising slices."""
+    if selection is None:
         return slice(None)
     try:
-        if isinstance(wanted, slice):
-            wanted = range(size)[wanted]
-            if wanted.step > 0:
-                return slice(wanted.start, wanted.stop, wanted.step)
-        if isinstance(wanted, (Sequence, np.ndarray)):
-            listed = [_position(place, k, size) for k in wanted]
+        if isinstance(selection, slice):
+            selection = range(size)[selection]
+            if selection.step > 0:
+                return slice(selection.start, selection.stop, selection.step)
+        if isinstance(selection, (Sequence, np.ndarray)):
+            listed = [_position(place, k, size) for k in selection]
             return np.array(listed) if listed else slice(0, 0)
-        return _position(place, wanted, size)
+        return _position(place, selection, size)
     except TypeError:
         raise ResultError(
-            f"{place}: cannot select {wanted!r}; expected an integer, a slice or a list of integers"
+            f"{place}: cannot select {selection!r}; expected an integer, a slice or a list of "
+            "integers"
         ) from None
 
 
-def _position(place: str, wanted: int, size: int) -> int:
-    if isinstance(wanted, (bool, np.bool_)):
+def _position(place: str, selection: int, size: int) -> int:
+    if isinstance(selection, (bool, np.bool_)):
         raise TypeError
-    position = operator.index(wanted)
+    position = operator.index(selection)
     if not -size <= position < size:
         raise ResultError(f"{place}: {position} is out of range; expected {-size} to {size - 1}")
     return position % size
 
 
-def _read(dataset: Any, wanted: Sequence[int | slice | NDArray[Any]]) -> NDArray[Any]:
-    """Read with one list of rising positions, which is all that h5py takes, and pick the rest."""
+def _read(dataset: Any, selection: Sequence[int | slice | NDArray[Any]]) -> NDArray[Any]:
+    """Read with one rising list of positions, the most that h5py takes, and select the rest."""
     stored: list[int | slice | NDArray[Any]] = []
-    picks: list[NDArray[Any] | None] = []  # one for each axis that is left
-    for choice in wanted:
+    picks: list[NDArray[Any] | None] = []  # one for each remaining axis
+    for choice in selection:
         if isinstance(choice, int):
             stored.append(choice)
         elif isinstance(choice, slice):

@@ -1,33 +1,33 @@
-"""The names that a result file reserves for itself; it must not know what the file is about."""
+"""Names that the layout of a result file reserves."""
 
 import re
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
-"""What variables, dimensions and attributes may be called; all tools that read HDF5 take these."""
+"""Valid names of variables, dimensions and attributes, which all HDF5 tools accept."""
 
 FORMAT = 1
 """Number of the file layout; a reader refuses every other number."""
 
 FORMAT_ATTRIBUTE = "eqt_format"
-"""The root attribute that marks a file as one of eqt's, and holds its `FORMAT`."""
+"""The root attribute that marks a file as eqt's and holds its `FORMAT`."""
 
 VERSION_ATTRIBUTE = "eqt_version"
-"""The root attribute with the version of eqt that wrote the file, of a fixed length."""
+"""The root attribute with the version of eqt that wrote the file, a string of fixed length."""
 
 FILE_NAME = "results.h5"
 """The name of the result file in a result folder."""
 
 PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."
-"""How netCDF-4 labels the scale of a dimension that has a size but no coordinate values."""
+"""Label of netCDF-4 for the scale of a dimension with a size but without coordinate values."""
 
 POINT = "point"
-"""The dimension along which a sweep has its points."""
+"""The dimension of a sweep's points."""
 
 POINT_GROUP = re.compile(r"point_(0|[1-9][0-9]*)")
-"""The groups of a sweep whose points differ in shape: one for each, and no others."""
+"""Names of the groups of points, one for each, in a sweep whose points differ in shape."""
 
 COORDINATES = "coordinates"
-"""The CF attribute that names the further coordinates of a variable, separated by blanks."""
+"""The CF attribute that names further coordinates of a variable, separated by blanks."""
 
 RESERVED = frozenset(
     {
@@ -45,9 +45,9 @@ RESERVED = frozenset(
         "_nc3_strict",
     }
 )
-"""Attribute names that carry the structure of the file; they are never a user's attributes."""
+"""Attributes that hold the structure of the file, and are never a user's."""
 
 
 def point_group(point: int) -> str:
-    """The name of the group of a point."""
+    """Return the name of the group of a point."""
     return f"{POINT}_{point}"

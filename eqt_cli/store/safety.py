@@ -1,8 +1,8 @@
 """Refuses a hostile HDF5 file before any of its data are decoded.
 
-HDF5 lets a file point elsewhere and declare sizes that it does not hold. Only what eqt's own files
-need is let through: datasets of numbers or strings, each in bytes of its own, directly in the root
-or in one group for each point of a sweep.
+An HDF5 file can refer to other files and declare sizes that it does not hold. Only the features
+that eqt uses are accepted: datasets of numbers or strings, in disjoint bytes, in the root or in
+one group for each point of a sweep.
 """
 
 import re
@@ -42,12 +42,12 @@ _REFERENCE = np.dtype([("length", "<u4"), ("collection", "<u8"), ("index", "<u4"
 
 
 class Refusal(Exception):
-    """What is wrong with a file, as the end of a sentence that begins with the file's path."""
+    """Raised for a refused file; the message follows the file's path in a sentence."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One array of a file that passed the checks."""
+    """An array of a checked file."""
 
     dataset: Any
     dims: tuple[str, ...]
@@ -57,7 +57,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a checked file, or a group, holds; entries and dimensions in the order of writing."""
+    """Contents of a checked file or group; entries and dimensions are in the order of writing."""
 
     entries: dict[str, Entry]
     coordinates: set[str]
@@ -67,10 +67,10 @@ class Contents:
 
 @dataclass(frozen=True)
 class Checked:
-    """A file that passed the checks: its root, the groups of its points, its heaps of strings.
+    """A checked file: its root, the groups of its points, and its heaps of strings.
 
-    Where the datasets of all groups are is known, and refused if it cannot be. What is said of them
-    is checked, once, for the points that are asked for: there may be hundreds.
+    The places of all datasets are checked when the file is opened. Because there may be hundreds of
+    groups, the attributes and dimensions of a group are checked when its point is first used.
     """
 
     root: Contents
@@ -79,7 +79,7 @@ class Checked:
 
 
 def format_of(file: Any) -> int | None:
-    """The number of eqt's layout, or None for other people's files."""
+    """Return the number of eqt's layout, or None if eqt did not write the file."""
     if FORMAT_ATTRIBUTE not in file.attrs:
         return None
     handle = h5py.h5a.open(file.id, FORMAT_ATTRIBUTE.encode())
@@ -89,19 +89,19 @@ def format_of(file: Any) -> int | None:
 
 
 def version_of(file: Any) -> str | None:
-    """The version of eqt that wrote the file; None where it does not say so as eqt does."""
+    """Return the version of eqt that wrote the file; None if it is missing or invalid."""
     if VERSION_ATTRIBUTE not in file.attrs:
         return None
     handle = h5py.h5a.open(file.id, VERSION_ATTRIBUTE.encode())
     kind = handle.get_type()
     if handle.shape != () or kind.get_class() != h5py.h5t.STRING or kind.is_variable_str():
         return None
-    found = bytes(file.attrs[VERSION_ATTRIBUTE]).decode("ascii", "replace")
-    return found if _VERSION.fullmatch(found) else None
+    version = bytes(file.attrs[VERSION_ATTRIBUTE]).decode("ascii", "replace")
+    return version if _VERSION.fullmatch(version) else None
 
 
 def inspect(file: Any, view: mmap) -> Checked:
-    """Check an open file, whose bytes are `view`: its structure, its heaps, its attributes."""
+    """Check the structure, the heaps and the attributes of an open file, whose bytes are `view`."""
     size = len(view)
     version, offset_bytes, length_bytes = view[8:11]
     if version not in (2, 3) or (offset_bytes, length_bytes) != (8, 8):
@@ -123,7 +123,7 @@ def inspect(file: Any, view: mmap) -> Checked:
 
 
 def _contents(owner: Any, datasets: Mapping[str, Any], size: int) -> Contents:
-    """Check what belongs together: the datasets of the root, or of one group."""
+    """Check the datasets of the root, or of one group."""
     labels = {name: _scale_label(dataset, size) for name, dataset in datasets.items()}
     scales = [name for name, label in labels.items() if label]
     stored = {k: v for k, v in datasets.items() if not labels[k].startswith(PLACEHOLDER)}
@@ -149,7 +149,7 @@ def _contents(owner: Any, datasets: Mapping[str, Any], size: int) -> Contents:
 
 
 def _heaps(datasets: Iterable[Any], view: mmap) -> dict[int, dict[int, int]]:
-    """Find where the datasets are, and the heaps of strings between them."""
+    """Check the places of the datasets, and return the heaps of strings between them."""
     spans = [span for data in datasets for span in _spans(data.name[1:], data, len(view))]
     gaps, position = [], 0
     for begin, end in sorted(spans):
@@ -165,13 +165,13 @@ def _heaps(datasets: Iterable[Any], view: mmap) -> dict[int, dict[int, int]]:
 
 
 def attributes_of(owner: Any, size: int) -> dict[str, Attribute]:
-    """The user's attributes of an open file or dataset."""
+    """Return the user's attributes of an open file or dataset."""
     names = [name for name in owner.attrs if name not in RESERVED]
     return {name: attribute(owner, name, size) for name in names}
 
 
 def attribute(owner: Any, name: str, size: int) -> Attribute:
-    """One attribute, which must be a single number or string."""
+    """Return an attribute, which must be a single number or string."""
     handle = h5py.h5a.open(owner.id, name.encode())
     space, kind = handle.get_space(), handle.get_type()
     if space.get_simple_extent_npoints() != 1 or not _is_plain(kind, size):
@@ -181,12 +181,12 @@ def attribute(owner: Any, name: str, size: int) -> Attribute:
     if isinstance(value, bytes):
         return value.decode()
     if isinstance(value, str):
-        value.encode()  # fails where h5py has let bytes through that are no UTF-8
+        value.encode()  # fails for bytes that are not UTF-8, which h5py accepts
     return value
 
 
 def _is_plain(kind: Any, size: int) -> bool:
-    """Whether a type is an integer, a float or a string, no larger than makes sense."""
+    """Whether a type is an integer, a float or a string of a plausible size."""
     if kind.get_class() == h5py.h5t.STRING:
         return bool(kind.is_variable_str() or kind.get_size() <= size)
     return _is_number(kind)
@@ -197,19 +197,19 @@ def _is_number(kind: Any) -> bool:
 
 
 def _groups(root: Any) -> list[tuple[bytes, Any]]:
-    """Open the groups of the points, which are all that the root may hold besides datasets."""
-    found = {}
+    """Open the groups of the points; the root may hold only these and datasets."""
+    groups = {}
     for raw in list(root):
         if POINT_GROUP.fullmatch(raw.decode()) and _kind(root, raw, "") == h5py.h5o.TYPE_GROUP:
-            found[raw] = h5py.h5g.open(root, raw)
-    names = [point_group(k).encode() for k in range(len(found))]
-    if set(names) != set(found):
+            groups[raw] = h5py.h5g.open(root, raw)
+    names = [point_group(k).encode() for k in range(len(groups))]
+    if set(names) != set(groups):
         raise Refusal("its groups of points are not numbered from 0")
-    return [(name, found[name]) for name in names]
+    return [(name, groups[name]) for name in names]
 
 
 def _kind(parent: Any, raw: bytes, path: str) -> int:
-    """What a name stands for, without following anything that leads out of the file."""
+    """Return the kind of the object of a name, without following a link out of the file."""
     name = raw.decode()
     if not NAME.fullmatch(name):
         raise Refusal(f"it holds something called {path + name!r}")
@@ -220,7 +220,7 @@ def _kind(parent: Any, raw: bytes, path: str) -> int:
 
 
 def _datasets(parent: Any, names: Iterable[bytes], path: str) -> dict[str, Any]:
-    """Open what must all be datasets; `path` is where they are."""
+    """Open objects in `path`, which must all be datasets."""
     return {raw.decode(): _dataset(parent, raw, path) for raw in names}
 
 
@@ -230,7 +230,7 @@ def _dataset(parent: Any, raw: bytes, path: str) -> Any:
         raise Refusal(f"'{name}' is {_OBJECTS.get(kind, 'an unknown kind of object')}")
     identifier = h5py.h5d.open(parent, raw)
     creation = identifier.get_create_plist()
-    # First of all: asking a virtual dataset even for its shape may open other files.
+    # This check comes first, because even the shape of a virtual dataset may open other files.
     if creation.get_layout() == h5py.h5d.VIRTUAL:
         raise Refusal(f"'{name}' is a virtual dataset")
     if creation.get_external_count():
@@ -254,9 +254,9 @@ def _filters(creation: Any) -> list[int]:
 
 
 def _spans(name: str, dataset: Any, size: int) -> list[tuple[int, int]]:
-    """Where in the file a dataset's bytes are, begin and end; refused unless they hold its shape.
+    """Return the spans of a dataset's bytes in the file; refuse fewer bytes than its shape needs.
 
-    A dataset that was never written has none, which is right only for a dimension without values.
+    A dataset that was never written has none, which is valid only for a dimension without values.
     """
     identifier, is_text = dataset.id, _is_text(dataset.id)
     creation = identifier.get_create_plist()
@@ -271,12 +271,12 @@ def _spans(name: str, dataset: Any, size: int) -> list[tuple[int, int]]:
         raise Refusal(f"'{name}' does not hold its strings in one piece")
     elif layout == h5py.h5d.CHUNKED:
         identifier.chunk_iter(lambda c: spans.append((c.byte_offset, c.byte_offset + c.size)))
-        # Whole chunks are decoded, also those that reach beyond the edge.
+        # Chunks are decoded completely, also those that extend beyond the shape.
         counts = zip(dataset.shape, creation.get_chunk(), strict=True)
         declared = item * prod(-(-length // chunk) * chunk for length, chunk in counts)
         ratio = _DEFLATE_RATIO if _filters(creation) else 1
     else:
-        return []  # compact: within the checked metadata, at most 64 KB
+        return []  # a compact dataset is part of the metadata, which have checksums and a limit
     if any(end > size for _, end in spans):
         raise Refusal(f"'{name}' lies beyond the end of the file")
     stored = sum(end - begin for begin, end in spans)
@@ -286,7 +286,7 @@ def _spans(name: str, dataset: Any, size: int) -> list[tuple[int, int]]:
 
 
 def _scale_label(dataset: Any, size: int) -> str:
-    """The label of a dimension scale; empty if the dataset is none."""
+    """Return the label of a dimension scale; empty for other datasets."""
     name = dataset.name[1:]
     if "CLASS" not in dataset.attrs or attribute(dataset, "CLASS", size) != "DIMENSION_SCALE":
         return ""
@@ -296,11 +296,11 @@ def _scale_label(dataset: Any, size: int) -> str:
 
 
 def _dimensions(datasets: Mapping[str, Any], scales: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """The dimensions of each dataset, by what the scales say they are attached to.
+    """Return the dimensions of each dataset, from the attachments stored with the scales.
 
-    The datasets say it too, but through references in a heap, which would have to be followed.
+    The datasets also hold them, but as references in a heap, which would have to be followed.
     """
-    # Of these datasets only, so that what is in one group means nothing to another.
+    # Only these datasets count, so that a group cannot refer to another group.
     names = {h5py.h5o.get_info(dataset.id).addr: name for name, dataset in datasets.items()}
     dims = {name: [""] * dataset.ndim for name, dataset in datasets.items()}
     for scale in scales:
@@ -321,7 +321,7 @@ def _dimensions(datasets: Mapping[str, Any], scales: Iterable[str]) -> dict[str,
 
 
 def _attached(scale: Any) -> list[tuple[int, int]]:
-    """The addresses of the datasets that a scale is attached to, and along which axis."""
+    """Return the addresses of the datasets that a scale is attached to, with the axes."""
     if "REFERENCE_LIST" not in scale.attrs:
         return []
     handle = h5py.h5a.open(scale.id, b"REFERENCE_LIST")
@@ -334,14 +334,14 @@ def _attached(scale: Any) -> list[tuple[int, int]]:
 
 
 def check_text(dataset: Any, view: mmap, heaps: dict[int, dict[int, int]]) -> None:
-    """Refuse strings that are not in the file's heaps, or claim more room than the file has.
+    """Refuse strings that are not in the file's heaps, or declare more text than the file has.
 
     Each string is a reference (length, address) into a heap. Many references to one long string
-    would fill the memory from a small file, so their lengths are added up before HDF5 follows them.
+    could fill the memory from a small file, so their lengths are added up before HDF5 reads them.
     """
     offset = dataset.id.get_offset()
     if offset is None:
-        return  # without elements
+        return  # the dataset has no elements
     name = dataset.name[1:]
     references = np.frombuffer(view[offset : offset + dataset.id.get_storage_size()], _REFERENCE)
     total = 0

@@ -1,29 +1,29 @@
-"""The heaps in which HDF5 keeps strings, walked here first because HDF5 trusts what it finds there.
+"""Checks the heaps in which HDF5 keeps strings, because HDF5 trusts their contents.
 
 A broken object size makes the HDF5 library loop for ever (its issue 1707, open in 2.0). Unlike the
-rest of what eqt writes, these heaps carry no checksum. It must not know what the strings say.
+rest of a result file, these heaps have no checksum.
 """
 
 from collections.abc import Iterable
 from mmap import mmap
 
 _SIGNATURE = b"GCOL\x01"
-_HEADER = 16  # of a collection, and of each object within
+_HEADER = 16  # size of the header of a collection, and of each object in it, bytes
 
 
 class BrokenHeapError(Exception):
-    """A collection whose objects do not fill it exactly."""
+    """Raised for a collection whose objects do not fill it exactly."""
 
 
 def read_heaps(view: mmap, gaps: Iterable[tuple[int, int]]) -> dict[int, dict[int, int]]:
-    """The sizes of all strings in a file: address of collection → index of object → bytes.
+    """Return the sizes of all strings in a file: address of collection → index of object → bytes.
 
     Parameters
     ----------
     view
         The bytes of the file.
     gaps
-        The spans, begin and end, that hold no data of datasets: only there a signature is one.
+        The spans, begin and end, outside the data of datasets, where data could look like heaps.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def read_heaps(view: mmap, gaps: Iterable[tuple[int, int]]) -> dict[int, dict[in
 
 
 def _objects(view: mmap, at: int, stop: int) -> dict[int, int]:
-    """Walk one collection; a rest too small for a header is free, as is the object of index 0."""
+    """Return the sizes in a collection; object 0, and a rest shorter than a header, are free."""
     sizes: dict[int, int] = {}
     while at + _HEADER <= stop:
         index, size = _number(view, at, 2), _number(view, at + 8, 8)

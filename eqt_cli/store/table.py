@@ -1,4 +1,4 @@
-"""Named, dimensioned arrays in memory; it must not know files or what the numbers mean."""
+"""Named, dimensioned arrays in memory."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Attribute = str | int | float
-"""What an attribute may hold; integers must fit 64 bits."""
+"""The value of an attribute; integers must fit into 64 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Variable:
         Integers of 1 to 8 bytes, floats of 4 or 8 bytes, or strings (of any NumPy string dtype, or
         an object array of `str`).
     attributes
-        What describes the array: ``units``, ``long_name``, and so on.
+        Descriptions of the array: ``units``, ``long_name``, and so on.
     """
 
     dims: tuple[str, ...]
@@ -32,7 +32,7 @@ class Variable:
 
     @property
     def dtype(self) -> np.dtype[Any] | None:
-        """Its type; None for strings."""
+        """The type of the data; None for strings."""
         return None if self.data.dtype.kind in "UTO" else self.data.dtype
 
 
@@ -45,11 +45,11 @@ class Table:
     variables
         The data, by name.
     coordinates
-        What the positions along the dimensions mean, by name: the array of that dimension when the
-        name is a dimension's (it is then 1-D), or else a further coordinate, such as
-        ``gains.kd`` along ``point``. A dimension without a coordinate only counts.
+        The meaning of positions along the dimensions, by name. A 1-D array with the name of a
+        dimension belongs to that dimension; others are further coordinates, such as ``gains.kd``
+        along ``point``. A dimension may have no coordinate.
     attributes
-        What describes the whole.
+        Descriptions of the whole table.
     """
 
     variables: Mapping[str, Variable]

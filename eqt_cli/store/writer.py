@@ -1,4 +1,4 @@
-"""Writing a table to an HDF5 file in one step that either happens or does not."""
+"""Writes a table to an HDF5 file, completely or not at all."""
 
 from pathlib import Path
 from typing import Literal
@@ -12,21 +12,21 @@ def write(
     table: Table,
     compression: Literal["gzip"] | None = None,
 ) -> None:
-    """Write `table` to the HDF5 file `path`, replacing what is there; equal tables, equal bytes.
+    """Write `table` to the HDF5 file `path`, and replace an old one; equal tables give equal bytes.
 
     Parameters
     ----------
     path
         The file; its folder must exist.
     table
-        What to store.
+        The data.
     compression
-        As for `eqt_cli.store.piecewise_writer.assemble`.
+        As in `eqt_cli.store.piecewise_writer.assemble`.
 
     Raises
     ------
     ResultError
-        If the disk refuses; `path` is then as it was before.
+        If the file cannot be written; `path` is then unchanged.
     """
     sizes, coordinates = table.dimensions, table.coordinates
     with assemble(path, sizes, coordinates, table.variables, compression) as file:

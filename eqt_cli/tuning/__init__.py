@@ -1,1 +1,1 @@
-"""Gains found by search: evolution over sweeps, feasibility first, judged on held-out runs."""
+"""Searches for gains and for the worst run: differential evolution over sweeps."""

@@ -1,9 +1,9 @@
-"""Differential evolution in the unit cube, ask and tell; it knows neither laws nor runs.
+"""Differential evolution in the unit cube. It proposes points; the caller scores them.
 
-Written here rather than with `scipy.optimize.differential_evolution`, whose steps these are
-(strategy best1bin with dither), for two reasons: one loop serves one objective and fronts, and a
-generation is a function of the scores of those before it and of a seed, so that a search goes on
-from what is stored, bit for bit.
+The steps are those of `scipy.optimize.differential_evolution` (strategy best1bin with dither). They
+are written here for two reasons: the same loop serves one objective and Pareto fronts, and a
+generation depends only on a seed and on the scores of the generations before it, so that a search
+continues from stored generations bit for bit.
 """
 
 from collections.abc import Sequence
@@ -16,22 +16,22 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.tuning.ranking import Scores, best_of, first_front, survivors
 
 MUTATION = (0.5, 1.0)
-"""The weight of a difference is drawn between these for every generation."""
+"""Range from which each generation draws the weight of the differences."""
 
 CROSSOVER = 0.7
-"""The share of coordinates that a trial takes from the mutant."""
+"""Probability that a trial takes a coordinate from the mutant."""
 
 
 @dataclass(frozen=True)
 class Population:
-    """The points that a generation leaves behind.
+    """The points that survive a generation.
 
     Attributes
     ----------
     shares : (points, dimensions)
-        In the unit cube.
+        Coordinates in the unit cube.
     scores
-        Of each.
+        Scores of the points.
     """
 
     shares: Array
@@ -39,17 +39,17 @@ class Population:
 
     @property
     def best(self) -> int:
-        """The best point by the rules of `ranking`; of several objectives, by the first."""
+        """Index of the best point (`ranking.best_of`); with several objectives, by the first."""
         return best_of(self.scores)
 
     @property
     def front(self) -> Array:
-        """The feasible points that no other betters in all objectives, by the first of these."""
+        """Indices of the feasible points on the Pareto front, sorted by the first objective."""
         return first_front(self.scores)
 
 
 def generator(seed: int, name: str, generation: int) -> np.random.Generator:
-    """The random stream of one generation of a search that has a name."""
+    """Return the random stream of one generation of a named search."""
     sequence = np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()), generation))
     return np.random.Generator(np.random.PCG64DXSM(sequence))
 
@@ -57,10 +57,10 @@ def generator(seed: int, name: str, generation: int) -> np.random.Generator:
 def first_points(
     count: int, keys: Sequence[str], start: Sequence[float] | None, seed: int
 ) -> Array:
-    """A Latin hypercube; its first point makes room for where the search starts, if that is in it.
+    """Return a Latin hypercube whose first point is replaced by `start`, if there is one.
 
-    Each key has a random stream of its own, so that laws start from the same values of the keys
-    that they share.
+    Each key has its own random stream, so that laws start from the same values of the keys that
+    they share.
 
     Returns
     -------
@@ -76,10 +76,10 @@ def first_points(
 
 
 def trials(population: Population, random: np.random.Generator, keeps_ends: bool = False) -> Array:
-    """A point to be tried against each of the population: best + F (a − b), crossed with it.
+    """Return one trial for each point: the mutant best + F (a − b), crossed with the point.
 
-    Coordinates that leave the cube are drawn anew, evenly, or become its ends. Of several
-    objectives, the best is any point of the front, drawn for each trial.
+    Coordinates outside the cube are clipped to it if `keeps_ends`, else drawn again uniformly. With
+    several objectives, `best` is a random point of the front for each trial.
     """
     shares = population.shares
     count, dimensions = shares.shape
@@ -99,13 +99,13 @@ def trials(population: Population, random: np.random.Generator, keeps_ends: bool
 
 
 def _two_others(this: int, count: int, random: np.random.Generator) -> Array:
-    """Two points that are neither this one nor the same."""
+    """Draw two different points, neither of which is `this`."""
     chosen: Array = random.permutation(count)[:3]
     return chosen[chosen != this][:2]
 
 
 def selected(population: Population, tried: Population) -> Population:
-    """What is left of a population and the trials, trial k standing against point k."""
+    """Return the survivors of a population and its trials; trial k competes with point k."""
     kept = survivors(population.scores, tried.scores)
     shares = np.concatenate([population.shares, tried.shares])[kept]
     return Population(shares, Scores.joined(population.scores, tried.scores).at(kept))

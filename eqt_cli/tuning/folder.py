@@ -1,6 +1,6 @@
-"""The folder of a search: the generations, what was found, and whose they are.
+"""The folder of a search: its generations, the configurations that it found, and its record.
 
-The folder itself is that of an ordinary result: the runs by which the outcome is judged.
+The folder is also the result folder of the runs that judge the outcome.
 """
 
 from __future__ import annotations
@@ -38,33 +38,35 @@ GENERATIONS = "generations"
 
 @dataclass(frozen=True)
 class Kind:
-    """What is searched for.
+    """A kind of search: for gains, or for the worst run.
 
     Attributes
     ----------
     command
-        That searches: ``tune``.
-    what
-        Such a search in words.
+        Command that starts the search: ``tune``.
+    title
+        Name of the search in messages.
     record, found
-        The names of the file that says what was found, and of the folder of configurations.
+        Names of the file of the outcome, and of the folder of the configurations that were found.
     fits
-        Whether a record is of such a search whose outcome was judged by a result.
+        Whether a record is complete and belongs to a result.
     runs
-        Whether there are results of these beside them, rather than several for a law.
+        Whether each configuration that was found has its own result folder; else a law may have
+        several configurations.
     """
 
     command: str
-    what: str
+    title: str
     record: str
     found: str
     fits: Callable[[dict[str, Any], Result], bool]
     runs: bool = False
 
     def beside(self, result: Result) -> dict[str, Any] | None:
-        """What a search found whose outcome a result judges; None of any other result."""
+        """Return the record of the search that a result judges; None if there is no such search."""
         record = SearchFolder(result.path.parent, self).record
-        return record if record is not None and self.fits(record, result) else None  # or under way
+        # The record of an unfinished search has no outcome yet, and does not fit.
+        return record if record is not None and self.fits(record, result) else None
 
 
 TUNE = Kind("tune", "tuning", "tuning.json", "tuned", fits_tuning)
@@ -74,14 +76,15 @@ _NUMBERED = OwnFile(r"\d+\.yaml", marked=True)
 
 
 def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
-    """What eqt writes in the folder of a search, beside the result: of laws by their slugs.
+    """Return the entries that eqt writes in the folder of a search, beside those of the result.
 
     Parameters
     ----------
     slug
-        The slugs, as a regular expression.
+        Regular expression for the slugs of the laws.
     marked
-        Whether a configuration is known by its mark, since others may have such a name.
+        Whether only a configuration with eqt's mark counts, because a user's file may match the
+        name.
     """
     generation = OwnFolder(r"\d{3,}(-case-\d+)?", OWN_RESULT, MANIFEST)
     one_search = OwnFolder(r"seed-\d+", (generation,))
@@ -96,52 +99,48 @@ def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
     }
 
 
-def _of_any_law(kind: Kind) -> dict[str, Own]:
-    return _own(kind, r"[A-Za-z0-9._-]+", marked=True)
-
-
 @dataclass(frozen=True)
 class SearchFolder:
-    """Where a search keeps what it finds."""
+    """The folder in which a search keeps its generations and its outcome."""
 
     path: Path
     kind: Kind
 
     @property
     def record(self) -> dict[str, Any] | None:
-        """What the folder says of its search; None where it holds none."""
+        """The record of the search; None if the folder has none."""
         with refusals(self.path, "used", OTHER_FOLDER):
             return read_record(self.path / self.kind.record, "digest")
 
     def write_record(self, record: dict[str, Any]) -> None:
-        """Write it, whole or not at all."""
+        """Write the record atomically."""
         with refusals(self.path, "used", OTHER_FOLDER):
             write_record(self.path / self.kind.record, record)
 
     def generation(self, law: LawSearch, seed: int, number: int, cases: int = 1) -> list[Path]:
-        """The folders of one generation of a search, of each case an ordinary sweep."""
+        """Return the folders of one generation, one for each case; each holds an ordinary sweep."""
         of_search = self.path / GENERATIONS / law.slug / f"seed-{seed}"
         ends = [f"-case-{k + 1}" for k in range(cases)] if cases > 1 else [""]
         return [of_search / f"{number:03d}{end}" for end in ends]
 
     def run_of(self, law: LawSearch) -> Path:
-        """The folder of the result of what was found for a law."""
+        """Return the result folder of the configuration that was found for a law."""
         return self.path / self.kind.found / law.slug
 
     def write_found(
-        self, law: LawSearch, studies: Sequence[Study], numbered: bool = False, said: str = ""
+        self, law: LawSearch, studies: Sequence[Study], numbered: bool = False, comment: str = ""
     ) -> None:
-        """Keep the complete configurations of what was found for a law, and no earlier ones.
+        """Write the complete configurations that were found for a law, and remove earlier ones.
 
         Parameters
         ----------
         numbered
             Whether there may be several.
-        said
-            What stands above them, in lines that begin with ``#``.
+        comment
+            Lines to write above each configuration; each begins with ``#``.
         """
         names = found_files(self.kind, law, len(studies), numbered)
-        mark = FOUND_BY.format(self.kind.command) + said
+        mark = FOUND_BY.format(self.kind.command) + comment
         with refusals(self.path, "used", OTHER_FOLDER):
             for name, study in zip(names, studies, strict=True):
                 path = self.path / name
@@ -152,36 +151,37 @@ class SearchFolder:
                     remove_own(path, _NUMBERED)
 
     def check(self, search: Searches[Any]) -> None:
-        """Refuse the folder, before anything in it changes, where it leads elsewhere.
+        """Check the folder before anything in it changes.
 
         Raises
         ------
         EqtError
-            If an entry that eqt writes or removes is a link, or anything but what eqt wrote.
+            If an entry that eqt would write or remove is a link, or was not written by eqt.
         """
         slugs = "|".join(re.escape(law.slug) for law in search.laws)
         with refusals(self.path, "used", OTHER_FOLDER):
             check_entries(self.path, (*OWN_RESULT, *_own(self.kind, slugs, marked=False).values()))
 
     def claim(self, search: Searches[Any], force: bool) -> None:
-        """Make the folder this search's own.
+        """Claim the folder for this search.
 
         Raises
         ------
         EqtError
-            If it holds another search, or another result, and `force` is not given.
+            If it holds another search or another result, and `force` is false.
         """
-        record, own = self.record, _of_any_law(self.kind)
+        record = self.record
+        own = _own(self.kind, r"[A-Za-z0-9._-]+", marked=True)  # those of any law
         there = [name for name in own if kind_of(self.path / name)]
         if there and record is None:
             raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
         other = record is not None and record["digest"] != search.digest
         result = record is None and ResultFolder(self.path).manifest is not None
         if (other or result) and not force:
-            unlike = f"a result that eqt {self.kind.command} did not write"
-            what = f"another {self.kind.what}" if other else unlike
+            foreign = f"a result that eqt {self.kind.command} did not write"
+            holds = f"another {self.kind.title}" if other else foreign
             raise EqtError(
-                f"{self.path}: holds {what}", OTHER_FOLDER, Remedy("replace it with {}", "force")
+                f"{self.path}: holds {holds}", OTHER_FOLDER, Remedy("replace it with {}", "force")
             )
         with refusals(self.path, "used", OTHER_FOLDER):
             for name in (GENERATIONS, self.kind.found) if force else ():
@@ -192,7 +192,7 @@ class SearchFolder:
 
 
 def found_files(kind: Kind, law: LawSearch, count: int, numbered: bool = False) -> list[str]:
-    """The files of what was found for a law; those of a front are numbered."""
+    """Return the names of the configurations that were found for a law."""
     if not numbered:
         return [f"{kind.found}/{law.slug}.yaml"] * count
     return [f"{kind.found}/{law.slug}/{k + 1}.yaml" for k in range(count)]

@@ -1,4 +1,4 @@
-"""Fronts on held-out runs, and what laws differ by where they cost the same."""
+"""Pareto fronts on held-out runs, and the differences between laws at equal cost."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.comparison.bootstrap import Resampling
-from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.notation import Plain, significant
 from eqt_cli.analysis.comparison.ratios import relative_difference
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
@@ -20,7 +20,7 @@ from eqt_cli.tuning.ranking import front
 Record = Mapping[str, Any]
 
 SHARES = (0.25, 0.5, 0.75)
-"""Where along the range that two fronts share, on a logarithmic scale, they are compared."""
+"""Positions within the common range of two fronts (logarithmic if costs are positive)."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class Front:
     Attributes
     ----------
     law
-        Its label in the search.
+        Label of the law in the search.
     labels
-        Of the winners, in the order of the search.
+        Labels of the winners, in the order of the search.
     cost, error : (winners, runs)
-        Both objectives; NaN where a run failed.
+        The two objectives; NaN where a run failed.
     searches : list of (winners, 2)
-        The means of both on the runs of the search, of the front of each search by itself.
+        For each search, the mean objectives of its own front, on the runs of the search.
     """
 
     law: str
@@ -47,21 +47,21 @@ class Front:
 
     @property
     def means(self) -> Array:
-        """``(winners, 2)``; NaN where a run failed."""
+        """Mean cost and error, ``(winners, 2)``; NaN where a run failed."""
         return np.stack([self.cost.mean(axis=-1), self.error.mean(axis=-1)], axis=-1)
 
     @property
     def best(self) -> Array:
-        """The winners that are on the Pareto front of the held-out runs, too, by rising cost."""
+        """Winners that are also on the Pareto front of the held-out runs, by increasing cost."""
         return front(*self.means.T)
 
     def at(self, cost: float) -> Array:
-        """The error of every run where the mean cost is this, ``(runs,)``.
+        """Return the error of every run at a given mean cost, ``(runs,)``.
 
-        Between two neighbours on the front, each has its share w of the runs, so that costs are
-        `cost` in the mean: e = w e₁ + (1 − w) e₂. Of each run the slope of the front times what its
-        cost lies beside `cost` is taken off, which is 0 in the mean, and carries to the spread what
-        is not known of w (delta method).
+        Two neighbours on the front are mixed with the weight w that makes the mean cost `cost`:
+        e = w e₁ + (1 − w) e₂. The slope of the front times the deviation of a run's cost from
+        `cost` is subtracted. This term is 0 in the mean; it adds the uncertainty of w to the
+        spread (delta method).
         """
         best = self.best
         costs, errors = self.means[best].T
@@ -73,34 +73,34 @@ class Front:
         return mixed[1] - slope * (mixed[0] - cost)
 
     def of_searches(self, cost: float) -> Array:
-        """The mean error at this cost on the front of each search that reaches it."""
-        reach = [found.T for found in self.searches if len(found) > 1]
-        return np.array([np.interp(cost, *two) for two in reach if two[0, 0] <= cost <= two[0, -1]])
+        """Return the mean error at this cost on the front of each search that reaches it."""
+        curves = [means.T for means in self.searches if len(means) > 1]
+        return np.array([np.interp(cost, x, y) for x, y in curves if x[0] <= cost <= x[-1]])
 
     @property
     def span(self) -> tuple[float, float]:
-        """The least and the largest mean cost."""
+        """Smallest and largest mean cost."""
         costs = self.means[self.best, 0]
         return float(costs[0]), float(costs[-1])
 
 
 @dataclass(frozen=True)
 class AtEqualCost:
-    """Two laws where both cost the same in the mean.
+    """Two laws at equal mean cost.
 
     Attributes
     ----------
     better, worse
-        Their labels.
+        Labels of the laws.
     cost
-        The mean cost of both.
+        Mean cost of both.
     error, other_error
-        The mean errors of both.
+        Mean errors of the better and the worse law.
     relative, low, high
-        How much less the error of the better is, as a share of the other's, with an interval.
-    least, most
-        The same between the fronts of single searches on the runs of the search, any search of one
-        law with any of the other; NaN where none reaches this cost.
+        Reduction of the error as a share of the worse law's error, with its interval.
+    smallest, largest
+        Smallest and largest reduction between the front of any search for one law and that of any
+        search for the other, on the runs of the search; NaN where no search reaches this cost.
     """
 
     better: str
@@ -111,30 +111,30 @@ class AtEqualCost:
     relative: float
     low: float
     high: float
-    least: float
-    most: float
+    smallest: float
+    largest: float
 
     @property
     def over_searches(self) -> str:
-        """By how much, from the least to the most of all pairs of searches."""
-        if math.isnan(self.least):
+        """The range of the reduction over all pairs of searches, in percent."""
+        if math.isnan(self.smallest):
             return "-"
-        ends = dict.fromkeys(f"{100 * end:.1f}" for end in (self.least, self.most))
+        ends = dict.fromkeys(f"{100 * end:.1f}" for end in (self.smallest, self.largest))
         return f"{' to '.join(ends)} %"
 
     @property
     def decided(self) -> bool:
-        """Whether the interval leaves out 0."""
+        """Whether the interval excludes 0."""
         return self.low > 0
 
     @property
     def lead(self) -> str:
-        """By how much the one is better, with the interval: ``3.1 % [1.0, 5.2]``."""
+        """The reduction with its interval: ``3.1 % [1.0, 5.2]``."""
         return f"{100 * self.relative:.1f} % [{100 * self.low:.1f}, {100 * self.high:.1f}]"
 
 
 def fronts(result: Result, record: Record) -> list[Front]:
-    """The fronts of a search on its held-out runs, of laws with two winners or more."""
+    """Return the fronts on held-out runs of all laws with at least two points on the front."""
     cost, error = (result.quantity(m).cost(result.counted(m)) for m in record["objectives"])
     found = []
     for law in record["laws"]:
@@ -150,7 +150,7 @@ def fronts(result: Result, record: Record) -> list[Front]:
 def at_equal_cost(
     found: Sequence[Front], how: Resampling, shares: Sequence[float] = SHARES
 ) -> list[AtEqualCost]:
-    """Every two laws at some costs that both their fronts reach."""
+    """Compare all pairs of laws at several costs that both fronts reach."""
     places = []
     for one, other in combinations(found, 2):
         low = max(one.span[0], other.span[0])
@@ -159,8 +159,6 @@ def at_equal_cost(
             log = low > 0
             costs = [low * (high / low) ** x if log else low + x * (high - low) for x in shares]
             places += [(one, other, cost) for cost in costs]
-    if not places:
-        return []
     return [_compared(one, other, cost, how.confidence) for one, other, cost in places]
 
 
@@ -175,33 +173,33 @@ def _compared(one: Front, other: Front, cost: float, confidence: float) -> AtEqu
 
 
 def sentences(result: Result, record: Record, how: Resampling) -> list[str]:
-    """Every two laws in the middle of the range that both fronts reach, in words."""
+    """Compare all pairs of laws in the middle of their common range of costs, in words."""
     cost, error = map(result.quantity, record["objectives"])
     write = Plain()
     unit = write.unit(result.units(cost.name))
     more = "more" if error.better == "higher" else "less"
-    told = []
+    lines = []
     for pair in at_equal_cost(fronts(result, record), how, (0.5,)):
         better, worse = law_title(pair.better), law_title(pair.worse)
         at = f"At equal {write.name(cost)} of {abs(pair.cost):.3g}{f' {unit}' if unit else ''}"
         what = f"has {pair.lead} {more} {write.name(error)} than {worse}."
         if not pair.decided:
             what = (
-                f"and {worse} do not differ in {write.name(error)} as far as these runs tell "
+                f"and {worse} differ in {write.name(error)} by less than these runs can resolve "
                 f"({pair.lead})."
             )
-        told.append(f"{at}, {better} {what}")
-    return told
+        lines.append(f"{at}, {better} {what}")
+    return lines
 
 
 def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampling) -> TextTable:
-    """Every two laws at some costs that both fronts reach."""
+    """Return the table of all pairs of laws at several costs that both fronts reach."""
     cost, error = record["objectives"]
     rows = [
         [
             write.text(f"{law_title(pair.better)}, {law_title(pair.worse)}"),
-            f"{abs(pair.cost):.4g}",
-            *(f"{abs(x):.4g}" for x in (pair.error, pair.other_error)),
+            significant(abs(pair.cost)),
+            *(significant(abs(x)) for x in (pair.error, pair.other_error)),
             write.text(pair.lead),
             write.text(pair.over_searches),
         ]
@@ -213,9 +211,10 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
         f"{write.name(result.quantity(cost))}{f', {unit}' if unit else ''}"
     )
     note = (
-        "Between two neighbours on a front, costs and errors are mixed. Intervals are of paired "
-        "differences and hold one by one; how near the search came to a front is not in them. Over "
-        "searches: the same between the fronts of single searches, on the runs of the search."
+        "Between two neighbours on a front, costs and errors are interpolated. Each interval is "
+        "that of a paired difference; it does not include how close the search came to the true "
+        "front. Over searches: the same between the fronts of single searches, on the runs of the "
+        "search."
     )
     header = [
         *("laws, the better first", "cost", "error", "error of the other"),

@@ -1,4 +1,4 @@
-"""Generation after generation of the search for a law, each an ordinary sweep in a folder."""
+"""Runs the generations of a search; each generation is an ordinary sweep in a folder."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.searches import Searches
 
 SWEEP, GROUP = 0.2, 0.07
-"""s, of a sweep beside its runs, and of each point where points differ in shape, as measured."""
+"""Measured overhead of a sweep, and of each of its points where points differ in shape, s."""
 
 Scored = Callable[[Result], Scores]
-"""The scores of all points of a sweep with one law."""
+"""Returns the scores of all points of a sweep with one law."""
 
 After = Callable[[dict[int, Population]], None]
-"""Called after every generation with what each search has left."""
+"""Called after every generation with the population of each search."""
 
 
 @dataclass(frozen=True)
 class Computing:
-    """Has points computed, or finds that they were."""
+    """Computes generations, and reuses those that a folder already holds."""
 
     executor: Executor
 
     def generation(self, law: LawSearch, out: Path, shares: Array, scored: Scored) -> Scores:
-        """The scores of the points of a generation, which is an ordinary sweep."""
+        """Return the scores of the points of a generation."""
         columns = _columns(law, shares)
         if _holds(out, columns):
             with open_result(out) as result:
@@ -54,14 +54,15 @@ class Computing:
             return scored(result)
 
     def execute(self, source: ConfigSource, out: Path) -> Execution:
-        """Compute an experiment, or what is missing of it."""
+        """Compute an experiment, or the missing parts of it."""
         found = study(source, trust_plugins=True)
         there = ResultFolder(out).manifest
         done = execute(
             found,
             out,
             executor=self.executor,
-            force=there is not None and there["digest"] != found.digest,  # of fewer generations
+            # A search with fewer generations left another result here.
+            force=there is not None and there["digest"] != found.digest,
         )
         if done.was_complete:
             reporter().skip(done.runs)
@@ -76,7 +77,7 @@ def evolve(
     scored: Scored,
     after: After = lambda searches: None,
 ) -> dict[int, Population]:
-    """All generations of all searches for one law; returns what each has left, by its seed."""
+    """Run all generations of all searches for one law; return the last population by seed."""
     section, cases = search.section, search.in_cases(law).values()
     searches: dict[int, Population] = {}
     for count, seed in enumerate(search.seeds):
@@ -99,18 +100,18 @@ def evolve(
 
 @dataclass(frozen=True)
 class Expected:
-    """What searches will take.
+    """The expected size and duration of a search.
 
     Attributes
     ----------
     points
-        Of all generations of all searches.
+        Points of all generations of all searches.
     runs
-        Of these points, and of the runs by which the outcome is judged, at the most.
+        Largest number of runs, including those that judge the outcome.
     seconds
         Wall time, s.
     workers
-        How many of them will be at work.
+        Number of workers.
     """
 
     points: int
@@ -120,7 +121,7 @@ class Expected:
 
 
 def expected(search: Searches[Any], executor: Executor) -> Expected:
-    """Compute part of the first generation of each law, without keeping it, and scale."""
+    """Estimate the cost of a search from part of the first generation of each law."""
     section, seconds, workers = search.section, 0.0, 1
     for law in search.laws:
         shares = first_points(section.population, list(law.axes), law.start, section.seed)
@@ -137,13 +138,13 @@ def expected(search: Searches[Any], executor: Executor) -> Expected:
 
 
 def _columns(law: LawSearch, shares: Array) -> dict[str, list[float]]:
-    """The values of each key at the points of a generation."""
+    """Return the values of each key at the points of a generation."""
     points = [law.values(row) for row in shares.tolist()]
     return expanded({key: [point[key] for point in points] for key in law.axes})
 
 
 def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:
-    """A sweep over listed points, which keeps metrics only and is not judged run by run."""
+    """Return a sweep over listed points that stores only metrics and skips cross-checks."""
     data = law.source.data
     solver = dict(data.get("solver") or {})
     if "max_error" not in solver:
@@ -157,7 +158,7 @@ def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:
 
 
 def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
-    """Whether a folder holds the finished sweep over these points."""
+    """Whether a folder holds a complete sweep over these points."""
     if not (out / FILE_NAME).exists():
         return False
     with open_result(out) as result:

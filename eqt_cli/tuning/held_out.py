@@ -1,4 +1,4 @@
-"""The runs by which a tuning over cases is judged, read as those of one experiment."""
+"""Combines the held-out runs of a tuning over cases into those of one experiment."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,57 +18,57 @@ Record = Mapping[str, Any]
 
 
 def cases_of(result: Result, record: Record) -> dict[str, Result]:
-    """The held-out runs in each case, by its name; the result itself where there are no cases."""
+    """Return the held-out runs in each case by name; without cases, the result itself."""
     return {name: result.point(k) for k, name in enumerate(record["cases"])} or {"": result}
 
 
 def held_out(result: Result, record: Record) -> Result:
-    """The held-out runs of a tuning as those of one experiment."""
+    """Return the held-out runs of a tuning as those of one experiment."""
     if not record["cases"]:
         return result
     return OverCases(cases_of(result, record), worst=record["over_cases"] == "worst")
 
 
 class OverCases(Result):
-    """Run k in all cases as one run, whose numbers are the mean over the cases.
+    """A result whose run k combines run k of all cases, by the mean of its numbers.
 
-    If the worst counts, those of the case in which the mean over all runs is worst, for each law
-    and each number by itself.
+    If the worst case counts, the numbers are those of the case with the worst mean over all runs,
+    for each law and each number separately.
     """
 
     def __init__(self, cases: Mapping[str, Result], *, worst: bool) -> None:
         self._cases, self._worst = list(cases.values()), worst
-        self.__dict__.update(vars(self._cases[0]))  # which is open, and has all but the numbers
+        self.__dict__.update(vars(self._cases[0]))  # an open result with all other data
 
     @cached_property
     def status(self) -> Array:
-        """As of a result; a run that fails in any case has failed."""
+        """Status as in `Result`; a run that fails in any case has failed."""
         found: Array = np.max([case.status for case in self._cases], axis=0)
         return found
 
     def metric(self, name: str, controller: int | None = None) -> Array:
-        """As of a result."""
+        """Return the same as in `Result`, combined over the cases."""
         found = self._over(self.quantity(name), [case.metric(name) for case in self._cases])
         return found if controller is None else found[controller]
 
     def counted(self, name: str) -> Array:
-        """As of a result."""
+        """Return the same as in `Result`, combined over the cases."""
         return self._over(self.quantity(name), [case.counted(name) for case in self._cases])
 
     def censored(self, name: str, controller: int | None = None) -> Array:
-        """As of a result: in any case."""
+        """Return the same as in `Result`: censored in any case."""
         found: Array = np.any([case.censored(name) for case in self._cases], axis=0)
         return found if controller is None else found[controller]
 
     def per_run(self, quantity: Quantity, window: Window = WHOLE) -> PerRun:
-        """As of a result."""
+        """Return the same as in `Result`, combined over the cases."""
         found = [case.per_run(quantity, window) for case in self._cases]
         values = self._over(quantity, [one.values for one in found])
         censored = np.any([one.censored for one in found], axis=0)
         return replace(found[0], values=values, censored=censored)
 
     def _over(self, quantity: Quantity, values: Sequence[Array]) -> Array:
-        """The numbers of every run, ``(controllers, runs)``, from those in each case."""
+        """Combine the numbers ``(controllers, runs)`` of all cases."""
         cases = np.stack(values)
         if not self._worst:
             found: Array = cases.mean(axis=0)
@@ -79,9 +79,9 @@ class OverCases(Result):
 
 
 def side_by_side(result: Result) -> list[str]:
-    """Whom a figure of cases compares: two laws, the winners of two, or a winner and its start.
+    """Return the labels that a figure of cases compares: two laws or winners, or winner and start.
 
-    Empty where the result has no cases, or no such two.
+    Empty if the result has no cases, or no such pair.
     """
     if [one.key for one in result.swept_keys] != [CASE]:
         return []

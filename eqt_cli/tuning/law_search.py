@@ -1,4 +1,4 @@
-"""The search for one law: its experiment, and the numbers that are varied within ranges."""
+"""The search for one law: its experiment and the ranges of the varied keys."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity_table import quantities
 
 MOST_ENTRIES = 100
-"""Of a list, that one number is for."""
+"""Largest number of list entries that one searched number can set."""
 
 T = TypeVar("T")
 
@@ -31,17 +31,17 @@ class LawSearch:
     Attributes
     ----------
     label, slug
-        Its label in the configuration, and the name of its files.
+        Label of the law in the configuration, and name of its files.
     source
         The experiment with this law only, its gains in the section `gains`.
     axes
-        What is varied, by key of that configuration.
+        Ranges of the varied keys of `source`.
     given
-        The same keys, in the same order, as the configuration of all laws has them.
+        The same keys, in the same order, as the user's configuration writes them.
     index
-        Of its entry among the controllers that the user wrote.
+        Index of the law among the user's controllers.
     start
-        Where the search starts, in the unit cube; None where that is not in it.
+        The user's values in the unit cube; None where one is outside its range.
     """
 
     label: str
@@ -53,14 +53,14 @@ class LawSearch:
     start: tuple[float, ...] | None
 
     def values(self, shares: Sequence[float]) -> dict[str, float]:
-        """The values at a point of the unit cube, by key."""
+        """Return the values at a point of the unit cube, by key."""
         return {
             key: axis.at(share)
             for (key, axis), share in zip(self.axes.items(), shares, strict=True)
         }
 
     def as_written(self, path: str) -> str:
-        """A path of its configuration as the user wrote it."""
+        """Translate a path of `source` into one of the user's configuration."""
         pairs = (
             pair
             for own, given in zip(self.axes, self.given, strict=True)
@@ -70,7 +70,7 @@ class LawSearch:
         return dict(pairs).get(path, own)
 
     def at(self, values: dict[str, float]) -> ConfigSource:
-        """The experiment with these values."""
+        """Return the experiment with these values."""
         data = self.source.data
         for key, value in expanded(values).items():
             data = with_value(data, parse_key(key), value)
@@ -81,7 +81,7 @@ _SLICE = re.compile(r"(.+)\[(\d+):(\d+)\]")
 
 
 def entries_of(key: str) -> list[str]:
-    """The keys that one number is for: ``kp[0]``, ``kp[1]`` for ``kp[0:2]``; else the key itself.
+    """Return the keys that a searched key sets: ``kp[0]`` and ``kp[1]`` for ``kp[0:2]``.
 
     Raises
     ------
@@ -101,17 +101,17 @@ def entries_of(key: str) -> list[str]:
 
 
 def expanded(values: Mapping[str, T]) -> dict[str, T]:
-    """Values by the keys of a configuration."""
+    """Repeat each value for every key of the configuration that it sets."""
     return {entry: value for key, value in values.items() for entry in entries_of(key)}
 
 
 def coordinate_of(key: str) -> str:
-    """The coordinate of a sweep that holds the values of a key."""
+    """Return the sweep coordinate that holds the values of a key."""
     return entries_of(key)[0].replace("[", ".").replace("]", "")
 
 
 def range_of(given: TunedAxis, problems: Problems) -> DrawnRange | None:
-    """The range that was given for a key, or None after noting what is wrong with it."""
+    """Return the range of a key, or None after noting its problems."""
     if isinstance(given, list):
         axis = DrawnRange(low=given[0], high=given[1])
     elif isinstance(given, LogRange):
@@ -126,7 +126,7 @@ def range_of(given: TunedAxis, problems: Problems) -> DrawnRange | None:
 
 
 def require_metric(name: str, base: Experiment) -> None:
-    """Raise an `InputError` if generations do not store a metric of this name."""
+    """Raise an `InputError` unless every run stores a metric of this name."""
     stored = {quantity.name for quantity in quantities(base)}
     known = [q.name for q in METRICS if q.name in stored or q.told_by in stored]
     if name not in known:
@@ -135,7 +135,7 @@ def require_metric(name: str, base: Experiment) -> None:
 
 
 def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch, ...]:
-    """One search for each law, over the keys that are its own and those of all."""
+    """Return one search for each law, over its own keys and the shared keys."""
     found: list[LawSearch] = []
     shared = base.resolved["gains"]
     ranges = dict(sorted(ranges.items(), key=lambda item: item[0].startswith("controllers[")))
@@ -155,7 +155,7 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
 
 
 def _own_key(key: str, index: int) -> str:
-    """A key in the configuration of one law; empty where it is another law's."""
+    """Return a key in the configuration of one law; empty if it belongs to another law."""
     path = parse_key(entries_of(key)[0])
     if path[0] != "controllers":
         return key
@@ -166,14 +166,14 @@ def _own_key(key: str, index: int) -> str:
 
 
 def _slug(label: str, taken: Sequence[str]) -> str:
-    """A label as the name of a file, unlike those of others."""
+    """Return a file name for a label that differs from the names already taken."""
     slug = file_name(label, "law")
     same = sum(other == slug or other.startswith(f"{slug}-") for other in taken)
     return f"{slug}-{same + 1}" if slug in taken else slug
 
 
 def _start(data: dict[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ...] | None:
-    """Where the starting values are in the unit cube; None where one is not in its range."""
+    """Return the starting values in the unit cube; None if one is outside its range."""
     shares = []
     for key, axis in axes.items():
         held, *others = (value_at(data, parse_key(entry)) for entry in entries_of(key))
@@ -185,7 +185,7 @@ def _start(data: dict[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ..
 
 
 def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:
-    """Note two keys of a law that vary the same entry."""
+    """Note pairs of keys of a law that vary the same entry."""
     for law in laws:
         for (one, own), (other, others) in combinations(zip(law.given, law.axes, strict=True), 2):
             if any(overlap(a, b) for a in entries_of(own) for b in entries_of(others)):
@@ -193,7 +193,7 @@ def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:
 
 
 def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:
-    """Build a law at both ends of all ranges; what is wrong there is said at the ranges."""
+    """Build a law at both ends of all ranges, and note the problems at the ranges."""
     for share in (0.0, 1.0):
         try:
             build(law.at(law.values([share] * len(law.axes))), trust_plugins=True)
@@ -205,12 +205,12 @@ def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:
 
 
 def without_search(data: dict[str, Any]) -> dict[str, Any]:
-    """A configuration without what says that it is searched, or swept."""
+    """Return a configuration without its sections for searches and sweeps."""
     return {key: value for key, value in data.items() if key not in (*SEARCHES, "sweep")}
 
 
 def value_at(data: Any, path: KeyPath) -> Any:
-    """What a configuration holds at a path; None where it holds nothing."""
+    """Return the value at a path of a configuration; None if there is none."""
     for step in path:
         inside = isinstance(data, dict) and step in data
         inside |= isinstance(data, list) and isinstance(step, int) and step < len(data)
@@ -219,7 +219,7 @@ def value_at(data: Any, path: KeyPath) -> Any:
 
 
 def values_text(values: Mapping[str, float]) -> str:
-    """Values by key, the keys as short as they are told apart: ``kp 2.1, kd[0] 0.5``."""
+    """Format values with short unambiguous keys: ``kp 2.1, kd[0] 0.5``."""
     short = {key: key.rpartition(".")[2] for key in values}
     if len(set(short.values())) < len(short):
         short = {key: key for key in values}

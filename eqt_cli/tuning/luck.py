@@ -1,10 +1,10 @@
-"""How far a comparison of tuned laws depends on the luck of the searches."""
+"""How far a comparison of tuned laws depends on the random searches."""
 
 from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
-from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.notation import Plain, significant
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result, mean_over_runs
@@ -15,20 +15,20 @@ Range = tuple[float, float]
 
 
 def measured(result: Result, name: str, write: Plain) -> str:
-    """A metric with its unit, as captions write it."""
+    """Return the name of a metric with its unit, for captions."""
     unit = write.unit(result.units(name))
     return f"{write.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
 
 
 def seed_labels(law: Record) -> list[str]:
-    """Under which labels a law of the record has its winners, one for each search that has one."""
+    """Return the labels of the winners of a law's searches."""
     return [found["label"] for found in law["searches"] if found["label"] is not None]
 
 
 def differences(result: Result, record: Record, metric: str) -> list[tuple[str, str, Range]]:
-    """Every two laws, and between what their means differ, any search of one with any of the other.
+    """Return the range of the difference of means over all searches, for each pair of laws.
 
-    Of laws with two searches or more that found something.
+    Only laws with at least two successful searches are compared.
     """
     means = dict(zip(result.labels, mean_over_runs(result.counted(metric)).tolist(), strict=True))
     found = {law["label"]: [means[label] for label in seed_labels(law)] for law in record["laws"]}
@@ -40,13 +40,13 @@ def differences(result: Result, record: Record, metric: str) -> list[tuple[str, 
 
 
 def luck_table(result: Result, record: Record, write: Plain) -> TextTable:
-    """The differences between laws over all searches of both."""
+    """Return the table of the differences between laws over all searches of both."""
     (name,) = record["objectives"]
     what = measured(result, name, write)
     rows = [
         [
             write.text(f"{law_title(one)} − {law_title(two)}"),
-            *(write.number(f"{end:.3g}") for end in ends),
+            *(write.number(significant(end, 3)) for end in ends),
             "yes" if ends[0] > 0 or ends[1] < 0 else "no",
         ]
         for one, two, ends in differences(result, record, name)

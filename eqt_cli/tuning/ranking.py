@@ -1,4 +1,4 @@
-"""Which of two scored points is better, and which of many survive: feasibility first."""
+"""Ranks scored points: feasible points first, then by objectives."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from eqt_cli.core.arrays import Array
 
 @dataclass(frozen=True)
 class Scores:
-    """What was found at some points.
+    """The scores of several points.
 
     Attributes
     ----------
     objectives : (points, objectives)
-        The less the better; NaN where no run has a value.
+        Lower is better; NaN where no run has a value.
     violation : (points,)
-        By how much constraints are violated, in shares of their bounds, plus the share of runs
-        that failed; 0 where the point is feasible.
+        Violations of the constraints as shares of their bounds, plus the share of failed runs; 0
+        where the point is feasible.
     failed, unsettled : (points,)
-        How many runs of each point.
+        Numbers of runs at each point that failed, and that did not settle.
     """
 
     objectives: Array
@@ -35,24 +35,24 @@ class Scores:
 
     @property
     def feasible(self) -> Array:
-        """Which points violate nothing."""
+        """Whether each point violates nothing."""
         return self.violation == 0
 
     def at(self, points: Array) -> Scores:
-        """Those of some points."""
+        """Return the scores of selected points."""
         return Scores(*(getattr(self, field.name)[points] for field in fields(self)))
 
     @classmethod
     def joined(cls, *several: Scores) -> Scores:
-        """Those of all points, one after the other."""
+        """Concatenate scores."""
         names = (field.name for field in fields(cls))
         return cls(*(np.concatenate([getattr(one, name) for one in several]) for name in names))
 
     @classmethod
     def over_cases(cls, cases: Sequence[Scores], *, worst: bool) -> Scores:
-        """Those of the same points over several cases: the mean objective, or the worst of them.
+        """Combine the scores of the same points in several cases: mean or worst objectives.
 
-        Violations are the mean of all cases, so that a feasible point is feasible in each.
+        Violations are averaged, so that a point is feasible only if it is feasible in every case.
         """
         objectives = np.stack([case.objectives for case in cases])
         return cls(
@@ -64,24 +64,24 @@ class Scores:
 
 
 def best_of(scores: Scores) -> int:
-    """The point that no other betters by the rules of Deb (2000).
+    """Return the best point by the rules of Deb (2000).
 
-    Of two feasible points the one with the lesser objective is better, a feasible one is better
-    than one that is not, and of two that are not the one that violates less. Of equals the first.
+    A feasible point is better than an infeasible one. Feasible points are ordered by their first
+    objective, infeasible ones by their violation. Among equal points the first one wins.
     """
     least = np.where(scores.feasible, scores.objectives[:, 0], np.inf)
     return int(np.lexsort((least, scores.violation))[0])
 
 
 def first_front(scores: Scores) -> Array:
-    """The feasible points that no other dominates, by the first objective; of equals the first."""
+    """Return the feasible non-dominated points, by the first objective; of equals the first."""
     feasible = np.flatnonzero(scores.feasible)
     objectives = scores.objectives[feasible]
     return feasible[front(objectives[:, 0], objectives[:, -1])]
 
 
 def front(cost: Array, error: Array) -> Array:
-    """The points that no other betters in both, by rising cost; NaN is bettered by all."""
+    """Return the Pareto front by increasing cost; points with NaN are left out."""
     order = np.lexsort((error, cost))
     order = order[np.isfinite(cost[order]) & np.isfinite(error[order])]
     least = np.minimum.accumulate(error[order])
@@ -91,10 +91,11 @@ def front(cost: Array, error: Array) -> Array:
 
 
 def dominates(one: Scores, other: Scores) -> Array:
-    """Whether points of one dominate those of the other, pairwise by broadcasting ``(…,)``.
+    """Whether the points of `one` dominate those of `other`, pairwise by broadcasting ``(…,)``.
 
-    With constraints, after Deb (2000): the feasible before the others, those by their violation,
-    and among feasible points one that is no worse in any objective and better in one.
+    Constrained dominance after Deb (2000): a feasible point dominates an infeasible one, a smaller
+    violation dominates a larger one, and among feasible points a point dominates another if it is
+    no worse in every objective and better in at least one.
     """
     both = one.feasible & other.feasible
     less = np.all(one.objectives <= other.objectives, axis=-1) & np.any(
@@ -104,7 +105,7 @@ def dominates(one: Scores, other: Scores) -> Array:
 
 
 def ranks(scores: Scores) -> Array:
-    """0 for the points that none dominates, 1 for those that only these dominate, and so on."""
+    """Return the front of each point: 0 if non-dominated, 1 for the next front, and so on."""
     size = len(scores)
     rows, columns = np.divmod(np.arange(size * size), max(size, 1))
     beats = dominates(scores.at(rows), scores.at(columns)).reshape(size, size)
@@ -118,7 +119,7 @@ def ranks(scores: Scores) -> Array:
 
 
 def crowding(objectives: Array) -> Array:
-    """How far apart the neighbours of each point are along the objectives (Deb et al. 2002)."""
+    """Return the crowding distance of each point (Deb et al. 2002)."""
     found = np.zeros(len(objectives))
     for values in objectives.T:
         order = np.argsort(values, kind="stable")
@@ -132,11 +133,12 @@ def crowding(objectives: Array) -> Array:
 
 
 def survivors(points: Scores, tried: Scores) -> Array:
-    """Which of points and trials, numbered one after the other, survive; as many as there were.
+    """Return the indices of the survivors among the points followed by the trials.
 
-    Trial k stands against point k. Of one objective, the better survives, and of equals the trial.
-    Of several, both may stay where neither dominates (GDE3, Kukkonen and Lampinen 2005); then the
-    last front is thinned where it is dense.
+    Trial k competes with point k, and the number of points stays the same. With one objective, the
+    better survives, and the trial if they are equal. With several, both survive where neither
+    dominates (GDE3, Kukkonen and Lampinen 2005), and the last front is then thinned where it is
+    crowded.
     """
     size = len(points)
     lost = dominates(points, tried)

@@ -1,4 +1,4 @@
-"""Whether a record of a search is one: the file may come from anybody, or from another program."""
+"""Validates records of searches, because such a file may come from anyone."""
 
 from contextlib import suppress
 from typing import Any
@@ -12,7 +12,7 @@ _METRICS = {metric.name for metric in METRICS}
 
 
 def fits_tuning(record: dict[str, Any], result: Result) -> bool:
-    """Whether it says what `tune` writes, of laws and metrics that the result has."""
+    """Whether a record has the form that `tune` writes, with laws and metrics of the result."""
     with suppress(TypeError, KeyError, AttributeError, ValueError):
         searches = [found for law in record["laws"] for found in law["searches"]]
         winners = [winner for law in record["laws"] for winner in law["winners"]]
@@ -53,7 +53,7 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
 
 
 def fits_worst(record: dict[str, Any], result: Result) -> bool:
-    """Whether it says what `worst` writes, of laws and a metric that the result has."""
+    """Whether a record has the form that `worst` writes, with laws and a metric of the result."""
     with suppress(TypeError, KeyError, AttributeError, ValueError):
         laws = record["laws"]
         labels = [law["label"] for law in laws]

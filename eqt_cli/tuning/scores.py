@@ -1,4 +1,4 @@
-"""What the runs of a result say of its points: objectives, violated bounds, failed runs."""
+"""Scores the points of a sweep: objectives, violated bounds, failed runs."""
 
 from collections.abc import Sequence
 
@@ -12,10 +12,10 @@ from eqt_cli.tuning.search import Constraint
 
 
 def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Constraint]) -> Scores:
-    """The scores of all points of a sweep with one law.
+    """Return the scores of all points of a sweep with one law.
 
-    A run that failed, or has no value, is no part of a mean; its share of all runs violates the
-    point. A run whose value lies beyond the horizon counts with the horizon.
+    A run that failed or has no value is left out of the means, and the share of such runs is added
+    to the violation. A run whose time is beyond the horizon counts with the horizon.
     """
     good = result.good[:, 0]
     values = {
@@ -35,7 +35,7 @@ def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Cons
 
 
 def excess(bound: Constraint, values: Array) -> Array:
-    """By how much a bound is violated at each point, in shares of it; 0 where it is kept."""
+    """Return the violation of a bound at each point as a share of the bound; 0 where it holds."""
     if bound.every_run:
         reduced = np.nanmax if bound.above else np.nanmin
         found = np.array([reduced(row) if np.isfinite(row).any() else np.nan for row in values])

@@ -1,4 +1,4 @@
-"""What is searched for: the section `tune` of a configuration, read for each of its laws."""
+"""The search for gains: reads and checks the section `tune` of a configuration."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -31,22 +31,22 @@ from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.searches import Searches
 
 MOST_TRAJECTORIES = 50
-"""Of each law, that the confirmation keeps unless the configuration says how many; a front has
-too many laws, and keeps none."""
+"""Trajectories of each law that the confirmation stores unless the configuration sets the number.
+The confirmation of a front stores none, because it has too many laws."""
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """A bound that a metric keeps to.
+    """A bound on a metric.
 
     Attributes
     ----------
     metric, bound
-        Of what, and which.
+        Name of the metric, and its bound.
     above
-        Whether the metric may not be more than the bound, rather than not less.
+        Whether the bound is an upper bound; else it is a lower bound.
     every_run
-        Whether this is asked of the worst run, rather than of the mean.
+        Whether the bound applies to every run; else to the mean.
     """
 
     metric: str
@@ -68,33 +68,33 @@ class Search(Searches[TuneSection]):
 
     @cached_property
     def objectives(self) -> tuple[str, ...]:
-        """The metrics to be made best."""
-        return _named(self.section)
+        """The metrics to optimise."""
+        return _objective_names(self.section)
 
     @cached_property
     def constraints(self) -> tuple[Constraint, ...]:
-        """What must hold besides."""
+        """The bounds that a feasible point satisfies."""
         return tuple(_constraints(self.section))
 
     @property
     def confirm_seed(self) -> int:
-        """Of the held-out runs."""
+        """Seed of the held-out runs."""
         seed = self.section.confirm.seed
         return self.base.config.ensemble.seed + 1 if seed is None else seed
 
     @property
     def seeks_front(self) -> bool:
-        """Whether there are two objectives, and so many winners for each law."""
+        """Whether there are two objectives, so that a law can have several winners."""
         return len(self.objectives) > 1
 
     @property
     def cases(self) -> dict[str, dict[str, Any]]:
-        """What each case changes, by its name."""
+        """The changed settings of each case, by its name."""
         return self.section.cases or {}
 
     def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
         found = {
-            name: replace(law, source=_changed(law.source, name, settings))
+            name: replace(law, source=_in_case(law.source, name, settings))
             for name, settings in self.cases.items()
         }
         return found or super().in_cases(law)
@@ -110,19 +110,19 @@ class Search(Searches[TuneSection]):
 
     @property
     def judging_runs(self) -> int:
-        """Of all winners and starting gains, held out."""
+        """Largest number of held-out runs of all winners and starting gains."""
         section = self.section
         winners = section.population if self.seeks_front else section.seeds
         each = section.confirm.runs * max(1, len(self.cases))
         return len(self.laws) * (winners + 1) * each
 
     def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> ConfigSource:
-        """Winners and starting gains side by side, from initial states that no search has seen.
+        """Return the experiment of the winners and the starting gains on held-out initial states.
 
         Parameters
         ----------
         chosen
-            By law and by the label in the confirmation, values by key.
+            Values by key, by the label in the confirmation, by law.
         """
         tuned = [
             _entry(law.at(values).data, label)
@@ -140,7 +140,7 @@ class Search(Searches[TuneSection]):
         return replace(self.base.source, data=without_search(data) | own)
 
     def so_far(self, law: LawSearch, population: Population) -> str:
-        """The best of a law so far, in words."""
+        """Describe the best point of a law so far."""
         best, scored = population.best, population.scores
         if not scored.feasible[best]:
             return f"no feasible point so far, least violation {scored.violation[best]:.3g}"
@@ -151,14 +151,14 @@ class Search(Searches[TuneSection]):
 
     @classmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
-        """Of a key that is a law's to choose."""
+        """Return the range of a key that belongs to the laws."""
         path = parse_key(entries_of(key)[0])
         if path[0] == "gains" and len(path) > 1:
             return axis
         if path[0] != "controllers":
             raise InputError(
-                "expected a key of gains or controllers, which a law may choose; all else is the "
-                "task"
+                "expected a key of gains or controllers; all other keys define the task, which is "
+                "the same for all laws"
             )
         count = len(base.loops)
         if len(path) < 3 or not isinstance(path[1], int) or path[1] >= count:
@@ -169,14 +169,14 @@ class Search(Searches[TuneSection]):
 
     @classmethod
     def _check(cls, section: TuneSection, base: Experiment, problems: Problems) -> None:
-        for each in [base, *_bases_of_cases(section, base, problems)]:
+        for each in [base, *_build_cases(section, base, problems)]:
             _check_objectives(section, each, problems)
             for name in section.subject_to:
                 with problems.catching("subject_to", name):
                     require_metric(name, each)
             if each.config.initial.file is not None:
                 problems.add(
-                    "initial.file gives all runs their states, so that none are held out; draw them"
+                    "initial.file sets the states of all runs, so none can be held out; draw them"
                 )
         for name, bound in section.subject_to.items():
             if isinstance(bound, WorstRunSection) and bound.max is None and bound.min is None:
@@ -189,12 +189,12 @@ class Search(Searches[TuneSection]):
 
 
 def started(label: str) -> str:
-    """The label of a law at its starting gains."""
+    """Return the label of a law at its starting gains."""
     return f"{label}, start"
 
 
 def seeded(label: str, seed: int) -> str:
-    """The label of a law as the search with a seed found it, where another one found better."""
+    """Return the label of the winner of one search, where another search found a better one."""
     return f"{label}, seed {seed}"
 
 
@@ -203,11 +203,11 @@ OF_LAWS = {
     "controllers": "belongs to the laws, and is tuned by `over`",
     "ensemble": "is that of the search and of `confirm`",
 }
-"""Sections that cases do not change, and why."""
+"""Sections that cases cannot change, with the reasons."""
 
 
-def _bases_of_cases(section: TuneSection, base: Experiment, problems: Problems) -> list[Experiment]:
-    """The experiment with all laws in each case; notes what is wrong with cases."""
+def _build_cases(section: TuneSection, base: Experiment, problems: Problems) -> list[Experiment]:
+    """Build the experiment with all laws in each case, and note the problems of the cases."""
     if section.cases is None:
         if section.over_cases is not None:
             problems.at("over_cases").add("there are no cases; add `cases`, or leave it out")
@@ -223,22 +223,22 @@ def _bases_of_cases(section: TuneSection, base: Experiment, problems: Problems) 
     found = []
     for name, settings in section.cases.items() if not here else ():
         try:
-            found.append(build(_changed(base.source, name, settings), trust_plugins=True))
+            found.append(build(_in_case(base.source, name, settings), trust_plugins=True))
         except ConfigError as error:
             for problem in error.problems:
                 here.at(name).add(f"{problem.path}: {problem.message}")
     return found
 
 
-def _changed(source: ConfigSource, case: str, settings: dict[str, Any]) -> ConfigSource:
-    """A configuration in a case."""
+def _in_case(source: ConfigSource, case: str, settings: dict[str, Any]) -> ConfigSource:
+    """Return a configuration with the settings of a case."""
     for key, value in settings.items():
         place = source.place(("tune", "cases", case, key))
         source = changed_at(source, parse_key(key), value, place)
     return source
 
 
-def _named(section: TuneSection) -> tuple[str, ...]:
+def _objective_names(section: TuneSection) -> tuple[str, ...]:
     return tuple(section.objectives or (str(section.objective),))
 
 
@@ -249,7 +249,7 @@ def _check_objectives(section: TuneSection, base: Experiment, problems: Problems
     elif given is not None and (len(given) != 2 or given[0] == given[1]):
         problems.at("objectives").add(f"expected two different metrics, got {shown(given)}")
     else:
-        for index, name in enumerate(_named(section)):
+        for index, name in enumerate(_objective_names(section)):
             with problems.catching(*(("objectives", index) if given else ("objective",))):
                 require_metric(name, base)
 
@@ -267,5 +267,5 @@ def _constraints(section: TuneSection) -> Iterator[Constraint]:
 
 
 def _entry(data: dict[str, Any], label: str) -> dict[str, Any]:
-    """The law of a configuration of one law, with its gains, under another label."""
+    """Return the only law of a configuration with its gains, under another label."""
     return data["controllers"][0] | {"gains": dict(data["gains"]), "label": label}

@@ -1,4 +1,4 @@
-"""What every search has in common: how its section is read, and how long it searches."""
+"""Common base of the searches: reads the section, and counts generations and runs."""
 
 import json
 from abc import ABC, abstractmethod
@@ -26,23 +26,24 @@ S = TypeVar("S", bound=SearchSection)
 
 @dataclass(frozen=True)
 class Searches(ABC, Generic[S]):
-    """Searches for each law of an experiment, as many and as long for every law.
+    """Searches for each law of an experiment, with equal numbers of generations and seeds.
 
     Attributes
     ----------
     kind
-        What is searched for.
+        Kind of the search.
     example
-        Of the section that asks for it.
+        Example of the section, for messages.
     continuing
-        The keys of the section that change no generation, but which of them there are.
+        Keys of the section that only change how many generations there are. A search whose other
+        keys are equal reuses the stored generations.
     keeps_ends
-        Whether values beyond an end of a range become that end, where the worst often is; else they
-        are drawn anew.
+        Whether values outside a range are clipped to its ends, where the worst run often is; else
+        they are drawn again.
     base
         The experiment with all laws.
     section
-        The section that asks for it.
+        The section of the configuration.
     laws
         One search for each law.
     """
@@ -58,14 +59,14 @@ class Searches(ABC, Generic[S]):
 
     @classmethod
     def read(cls, source: ConfigSource, *, trust_plugins: bool = False) -> Self:
-        """Read and check what a configuration wants to be searched.
+        """Read and check the section of a configuration.
 
         Raises
         ------
         ConfigError
             With every problem, each at its place.
         EqtError
-            If it wants no such search.
+            If it has no such section.
         """
         name = cls.kind.command
         if not source.data.get(name):
@@ -108,70 +109,70 @@ class Searches(ABC, Generic[S]):
     @classmethod
     @abstractmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
-        """The range of a key, if it was understood; raises an `InputError` if it may not vary."""
+        """Return the range of a key (None if it was invalid); `InputError` if it cannot vary."""
 
     @classmethod
     @abstractmethod
     def _check(cls, section: S, base: Experiment, problems: Problems) -> None:
-        """Note what else is wrong with the section."""
+        """Note the other problems of the section."""
 
     @property
     def name(self) -> str:
-        """Of the experiment."""
+        """Name of the experiment."""
         return self.base.name
 
     @property
     def folder(self) -> Path:
-        """Where it keeps its results unless it is told."""
+        """Default result folder."""
         return Path("results") / f"{self.name}-{self.kind.found}"
 
     def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
-        """The search for a law in each case, by its name; one without a name if there are none."""
+        """Return the search for a law in each case by name; without cases, one named ''."""
         return {"": law}
 
     def over_cases(self, cases: Sequence[Scores]) -> Scores:
-        """The scores of points over all cases."""
+        """Combine the scores of the same points in all cases."""
         (only,) = cases
         return only
 
     @abstractmethod
     def so_far(self, law: LawSearch, population: Population) -> str:
-        """What was found of a law so far, in words."""
+        """Describe the best point of a law so far."""
 
     @property
     def seeds(self) -> range:
-        """Of the searches for each law."""
+        """Seeds of the searches for each law."""
         return range(self.section.seed, self.section.seed + self.section.seeds)
 
     @property
     def all_generations(self) -> int:
-        """Of all searches for one law."""
+        """Number of generations of all searches for one law."""
         return len(self.seeds) * self.section.budget
 
     @property
     def runs_at_a_point(self) -> int:
-        """By which it is scored."""
+        """Number of runs that score a point."""
         return self.base.config.ensemble.runs
 
     @property
     def searched_runs(self) -> int:
-        """Over all laws and generations."""
+        """Number of runs of all laws and generations."""
         each = self.all_generations * self.section.population
         return len(self.laws) * each * self.runs_at_a_point
 
     @property
     @abstractmethod
     def judging_runs(self) -> int:
-        """By which the outcome is judged, at the most."""
+        """Largest number of runs that judge the outcome."""
 
     @property
     def all_runs(self) -> int:
-        """Of the search, and by which its outcome is judged."""
+        """Number of runs of the search and of the judgement of its outcome."""
         return self.searched_runs + self.judging_runs
 
     @property
     def settings(self) -> dict[str, Any]:
-        """How long it searches, as plain data."""
+        """The size of the search, for its record."""
         return {
             "name": self.name,
             "digest": self.digest,
@@ -183,8 +184,8 @@ class Searches(ABC, Generic[S]):
 
     @cached_property
     def digest(self) -> str:
-        """Hash of all that decides where a generation looks, but for how many there are."""
+        """Hash of everything that decides the points of a generation, whatever their number."""
         section = self.section.model_dump(exclude=set(self.continuing), warnings="none")
-        ordered = json.dumps(section)  # of cases and keys, too
+        ordered = json.dumps(section)  # keeps the order of cases and keys
         text = json.dumps([self.base.numeric_config, ordered], sort_keys=True)
         return sha256(text.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""From a search to its folder: the generations of all laws, and the runs that judge the outcome."""
+"""Carries out a search in its folder."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ from eqt_cli.tuning.searches import Searches
 S = TypeVar("S", bound=Searches[Any])
 
 Conclude = Callable[[S, SearchFolder, Computing], tuple[Execution, dict[str, Any]]]
-"""Searches for every law; gives the runs that judge the outcome, and what the record says of it."""
+"""Searches for every law; returns the runs that judge the outcome, and the outcome's record."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a search has found that has come to its end.
+    """The outcome of a finished search.
 
     Attributes
     ----------
     search
-        What for.
+        The search.
     judged
-        The result in its folder: of the runs by which the outcome is judged.
+        Result of the runs that judge the outcome.
     record
-        What was found, as plain data, as the folder has it.
+        The record of the search, as its folder holds it.
     """
 
     search: Searches[Any]
@@ -40,12 +40,12 @@ class Found:
 def carry_out(
     search: S, out: Path, conclude: Conclude[S], do: Computing, *, force: bool = False
 ) -> Found:
-    """Search in a folder; generations that are there are not computed again.
+    """Carry out a search in a folder, reusing the generations that it already holds.
 
     Parameters
     ----------
     force
-        Start over.
+        Whether to start over.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a tuning found, as tables of text: from its record and its held-out runs."""
+"""Tables of the outcome of a tuning, from its record and its held-out runs."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,14 +29,14 @@ Record = Mapping[str, Any]
 
 
 def tuning_tables(result: Result, record: Record) -> list[TextTable]:
-    """Winners against the starting gains, what they were bound to, and winners in pairs.
+    """Return the tables of winners against starting gains, of bounds, and of pairs of winners.
 
     Parameters
     ----------
     result
-        The held-out runs, open.
+        The opened result of the held-out runs.
     record
-        Of the search, as its folder has it.
+        Record of the search.
     """
     write = Plain()
     cases, result = cases_of(result, record), held_out(result, record)
@@ -56,7 +56,7 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
 
 
 def _by_case(cases: Mapping[str, Result], record: Record, write: Plain) -> TextTable:
-    """The objective of each winner in each case; a table without rows where there are none."""
+    """Return the table of each winner's objective in each case; empty without cases."""
     labels = [winner["label"] for law in record["laws"] for winner in law["winners"]]
     (name,) = record["objectives"]
     rows = []
@@ -74,14 +74,14 @@ def _by_case(cases: Mapping[str, Result], record: Record, write: Plain) -> TextT
 
 
 def _spreads(values: Array, how: Resampling, write: Plain) -> list[str]:
-    """The means over runs with half their intervals, of each row."""
+    """Format the mean over runs of each row with half its interval."""
     found = intervals_of_means(values.T, how)
     ends = zip(found.mean.tolist(), found.low.tolist(), found.high.tolist(), strict=True)
     return [write.spread(*three) for three in ends]
 
 
 def _front_points(result: Result, record: Record, how: Resampling) -> TextTable:
-    """Every winner of the fronts, and the starting gains."""
+    """Return the table of all winners of the fronts and of the starting gains."""
     write = Plain()
     cells = [_spreads(result.counted(name), how, write) for name in record["objectives"]]
     rows = []
@@ -104,7 +104,7 @@ def _front_points(result: Result, record: Record, how: Resampling) -> TextTable:
 
 
 def compared(result: Result, record: Record) -> Comparison:
-    """The comparison by the objectives, and by what was bounded."""
+    """Compare the laws by the objectives and the bounded metrics."""
     names = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
     return compare(result, metrics=list(dict.fromkeys(names)))
 
@@ -143,7 +143,7 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
 
 
 def _notes(result: Result, record: Record) -> Iterator[str]:
-    """How long the search was, and runs that are not as they should be."""
+    """Notes on the size of the search, its cases, and failed or unsettled runs."""
     yield (
         f"{searched(record)} The best of these searches is shown; over searches: the smallest and "
         "the largest mean of their winners."
@@ -161,7 +161,7 @@ def _notes(result: Result, record: Record) -> Iterator[str]:
 
 
 def searched(record: Record) -> str:
-    """How long a search was, in a sentence."""
+    """Describe the size of a search in a sentence."""
     generations, runs, seeds = record["generations"], record["runs"], record["seeds"]
     cases = f" in each of {len(record['cases'])} cases" if record.get("cases") else ""
     return (
@@ -172,29 +172,29 @@ def searched(record: Record) -> str:
 
 
 def _counted(result: Result) -> Iterator[str]:
-    """How many of the held-out runs failed, or had not settled by their end."""
+    """Count the held-out runs that failed, or had not settled at the end."""
     unsettled = result.censored("settling_time").sum(axis=-1)
     for what, counts in (("failed", result.failed.values()), ("unsettled at the end", unsettled)):
-        listed = [f"{x} {n}" for x, n in zip(result.titles, counts, strict=True) if n]
+        listed = [f"{x}: {n}" for x, n in zip(result.titles, counts, strict=True) if n]
         if listed:
             yield f"Runs {what}, of {result.runs}: {'; '.join(listed)}."
 
 
 def _bounds(cases: Mapping[str, Result], record: Record, write: Plain) -> TextTable:
-    """What the winners were bound to, on the held-out runs, in each case."""
+    """Return the table of the bounds on the held-out runs, in each case."""
     rows: list[list[str]] = []
     for entry in record["constraints"]:
         for case, result in cases.items():
-            rows += _kept(Constraint(**entry), result, record, f", {case}" if case else "")
+            rows += _rows(Constraint(**entry), result, record, f", {case}" if case else "")
     return TextTable(
         "bounds",
-        "What was asked for, on the held-out runs",
-        ["law", "asked", "found", "runs beyond", "verdict"],
+        "Constraints on the held-out runs",
+        ["law", "constraint", "measured", "runs beyond", "verdict"],
         [Block("", rows)] if rows else [],
     )
 
 
-def _kept(bound: Constraint, result: Result, record: Record, where: str) -> Iterator[list[str]]:
+def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iterator[list[str]]:
     values = result.counted(bound.metric)
     over = excess(bound, values)
     worst = np.nanmax if bound.above else np.nanmin
@@ -213,14 +213,16 @@ def _kept(bound: Constraint, result: Result, record: Record, where: str) -> Iter
 
 
 def _relative(found: Array, start: Array) -> str:
-    """The mean change as a share of the mean at the start, with its interval."""
+    """Format the mean change relative to the mean at the starting gains, with its interval."""
     shares = relative_difference(resolved_differences(found, start), start, Resampling.confidence)
     mean, low, high = (f"{100 * share:+.1f}" for share in shares)
+    if not math.isfinite(shares.value):  # of too few runs
+        return f"{100 * (found.mean() / start.mean() - 1):+.1f} %" if start.mean() else "-"
     return f"{mean} % [{low}, {high}]" if all(map(math.isfinite, shares)) else f"{mean} %"
 
 
 def _range(means: Sequence[float], half: float) -> str:
-    """``0.1790 to 0.1812``; one number where there is one search, and - where there is none."""
+    """Format a range: ``0.1790 to 0.1812``; one number for one search, - for none."""
     digits = decimals(half, means[0] if means else 0.0)
     ends = dict.fromkeys(fixed(end, digits) for end in (min(means), max(means)) if means)
     return " to ".join(ends) or "-"

@@ -1,4 +1,4 @@
-"""The search: generation after generation for each law, and then the held-out runs."""
+"""The search for gains: the generations of each law, and then the held-out runs."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from eqt_cli.tuning.search import Search, seeded, started
 
 @dataclass(frozen=True)
 class Tuned:
-    """What the searches found for a law.
+    """The outcome of the searches for a law.
 
     Attributes
     ----------
     law
-        Which, over which values.
+        The search for the law.
     searches
-        The points of the last generation of each search, by its seed.
+        The last population of each search, by its seed.
     seeks_front
         Whether the winners are a front.
     """
@@ -40,39 +40,39 @@ class Tuned:
 
     @cached_property
     def population(self) -> Population:
-        """The points that are left of all searches together; the best are among them."""
+        """The survivors of all searches together."""
         return reduce(selected, self.searches.values())
 
     @cached_property
     def winners(self) -> tuple[int, ...]:
-        """Which points are the best: one, or a front; none where no point is feasible."""
+        """Indices of the best point or of the front; empty if no point is feasible."""
         return _winners(self.population, self.seeks_front)
 
     @cached_property
     def by_seed(self) -> dict[int, tuple[int, ...]]:
-        """The winners of each search by itself, by its seed."""
+        """Winners of each search, by its seed."""
         return {seed: _winners(left, self.seeks_front) for seed, left in self.searches.items()}
 
     def values(self, point: int) -> dict[str, float]:
-        """The values at a point, by key."""
+        """Return the values at a point, by key."""
         return self.law.values(self.population.shares[point].tolist())
 
     @property
     def chosen(self) -> list[dict[str, float]]:
-        """The values of the winners."""
+        """Values of the winners."""
         return [self.values(point) for point in self.winners]
 
     @cached_property
     def labels(self) -> list[str]:
-        """Of the winners in the confirmation; those of a front are numbered."""
+        """Labels of the winners in the confirmation; those of a front are numbered."""
         label = self.law.label
         return [f"{label} {k + 1}" if self.seeks_front else label for k in range(len(self.winners))]
 
     @cached_property
     def seed_labels(self) -> dict[int, str]:
-        """Under which label the confirmation has the winner of each search, if it has one.
+        """Label in the confirmation of the winner of each search, by its seed.
 
-        A front has many, and those of single searches are not confirmed.
+        Empty for a front: only the front of all searches together is confirmed.
         """
         found: dict[int, str] = {}
         for seed, winners in self.by_seed.items():
@@ -85,7 +85,7 @@ class Tuned:
 
     @property
     def confirmed(self) -> dict[str, dict[str, float]]:
-        """All that is run on held-out states, values by label: the winners first."""
+        """Values of all tuned laws in the confirmation, by label: the winners first."""
         found = dict(zip(self.labels, self.chosen, strict=True))
         for seed, label in self.seed_labels.items():
             shares = self.searches[seed].shares[self.by_seed[seed][0]]
@@ -94,7 +94,7 @@ class Tuned:
 
     @property
     def least_violation(self) -> float:
-        """Of any point of the last generation; 0 where one is feasible."""
+        """Smallest violation of any surviving point; 0 if one is feasible."""
         return float(self.population.scores.violation.min())
 
 

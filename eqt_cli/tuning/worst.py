@@ -23,20 +23,20 @@ from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.worst_search import Line, WorstSearch
 
 AGREEING = 0.01
-"""Searches agree that find worst values within this share of the worst of all."""
+"""Searches agree if their worst values are within this share of the worst value of all."""
 
 
 def costs_of_runs(result: Result, metric: str) -> Array:
-    """How bad each run is by a metric, as `Result.metric`: ∞ where it failed, −∞ without a value.
+    """Return the cost of each run by a metric, in the shape of `Result.metric`.
 
-    So the worst of several runs is the largest of these numbers.
+    The worst run has the largest cost: ∞ for a failed run, −∞ for a run without a value.
     """
     found = result.quantity(metric).cost(result.counted(metric))
     return np.where(result.good, np.where(np.isnan(found), -np.inf, found), np.inf)
 
 
 def badness(metric: str, result: Result) -> Scores:
-    """The scores of the points of a sweep with one law: the worse its worst run, the better."""
+    """Score the points of a sweep with one law: a point is better if its worst run is worse."""
     worst = costs_of_runs(result, metric)[:, 0].max(axis=-1)
     good = result.good[:, 0]
     late = good & np.isnan(result.metric("settling_time")[:, 0])
@@ -47,7 +47,7 @@ def badness(metric: str, result: Result) -> Scores:
 def worst(
     search: WorstSearch, folder: SearchFolder, do: Computing
 ) -> tuple[Execution, dict[str, Any]]:
-    """Search for the worst run of each law, and run all laws along each key through it."""
+    """Search for the worst run of each law, and run all laws along each key through that point."""
     found, first = {}, {}
     scored = partial(badness, search.objective)
     for law in search.laws:
@@ -60,9 +60,9 @@ def worst(
         source = law.at(law.values(shares[law.label]))
         do.execute(source, folder.run_of(law))
         with open_result(folder.run_of(law)) as result:
-            told_of = alone[law.label] = _alone(search, result)
+            worst_run = alone[law.label] = _worst_run(search, result)
         single = study(source, trust_plugins=True)
-        folder.write_found(law, [single], said=_said(search, law, told_of))
+        folder.write_found(law, [single], comment=_comment(search, law, worst_run))
     lines = search.lines(shares)
     along = do.execute(search.along(lines), folder.path)
     laws = [
@@ -70,8 +70,8 @@ def worst(
             "label": law.label,
             "config": found_files(WORST, law, 1)[0],
             **alone[law.label],
-            **_searched(search, law, found[law.label], first[law.label], shares[law.label]),
-            "lines": _places(lines, law.label),
+            **_search_record(search, law, found[law.label], first[law.label], shares[law.label]),
+            "lines": _line_ranges(lines, law.label),
         }
         for law in search.laws
     ]
@@ -79,21 +79,21 @@ def worst(
 
 
 def _first(out: Path, scored: Scored) -> Scores:
-    """Of the points of a first generation, which are spread evenly over the box."""
+    """Return the scores of a first generation, whose points are spread evenly over the ranges."""
     with open_result(out) as result:
         return scored(result)
 
 
-def _said(search: WorstSearch, law: LawSearch, record: dict[str, Any]) -> str:
-    """What stands above the configuration: which of its runs is meant."""
-    what = "failed" if record["failed"] else f"{search.objective} {record['value']!r}"
-    return f"# run {record['run']} of {law.label}: {what}\n"
+def _comment(search: WorstSearch, law: LawSearch, record: dict[str, Any]) -> str:
+    """Return the comment above the configuration, which names the worst of its runs."""
+    outcome = "failed" if record["failed"] else f"{search.objective} {record['value']!r}"
+    return f"# run {record['run']} of {law.label}: {outcome}\n"
 
 
-def _alone(search: WorstSearch, result: Result) -> dict[str, Any]:
-    """The worst run of what was found for a law, run by itself.
+def _worst_run(search: WorstSearch, result: Result) -> dict[str, Any]:
+    """Describe the worst run at the point that was found, computed without other points.
 
-    The engine may give runs other last digits beside those of other points.
+    The last digits of a run can depend on the runs that the engine integrates with it.
     """
     costs = costs_of_runs(result, search.objective)[0]
     run = int(np.argmax(costs))
@@ -105,20 +105,20 @@ def _alone(search: WorstSearch, result: Result) -> dict[str, Any]:
     settled = np.isfinite(result.metric("settling_time")[0])
     return {
         "run": run,
-        **_valued(search, float(costs[run])),
+        **_value_record(search, float(costs[run])),
         "runs": result.runs,
         "unsettled": int(np.count_nonzero(~settled)),
     }
 
 
-def _searched(
+def _search_record(
     search: WorstSearch,
     law: LawSearch,
     searches: dict[int, Population],
     first: list[Scores],
     shares: tuple[float, ...],
 ) -> dict[str, Any]:
-    """Where the worst was found, by which searches, and how many runs of the box settle."""
+    """Describe where each search found its worst run, and how many runs did not settle."""
     worst = {seed: -float(left.scores.objectives[left.best, 0]) for seed, left in searches.items()}
     axes = dict(zip(law.given, law.axes.values(), strict=True))
     points = sum(len(scored) for scored in first)
@@ -126,7 +126,7 @@ def _searched(
         "over": {key: [axis.low, axis.high] for key, axis in axes.items()},
         "log": [key for key, axis in axes.items() if axis.scale == "log"],
         "values": dict(zip(law.given, law.values(shares).values(), strict=True)),
-        "searches": [{"seed": seed, **_valued(search, cost)} for seed, cost in worst.items()],
+        "searches": [{"seed": seed, **_value_record(search, cost)} for seed, cost in worst.items()],
         "agreeing": sum(_agree(cost, max(worst.values())) for cost in worst.values()),
         "first": {
             "runs": points * search.base.config.ensemble.runs,
@@ -135,8 +135,8 @@ def _searched(
     }
 
 
-def _places(lines: list[Line], label: str) -> list[dict[str, Any]]:
-    """Where the lines of a law are among the points of all."""
+def _line_ranges(lines: list[Line], label: str) -> list[dict[str, Any]]:
+    """Return the ranges of points that the lines of a law occupy in the sweep."""
     ends = np.cumsum([0, *(len(line.points) for line in lines)]).tolist()
     return [
         {"key": line.key, "points": [ends[k], ends[k + 1]]}
@@ -145,8 +145,8 @@ def _places(lines: list[Line], label: str) -> list[dict[str, Any]]:
     ]
 
 
-def _valued(search: WorstSearch, cost: float) -> dict[str, Any]:
-    """A value of the objective; None of a run that failed."""
+def _value_record(search: WorstSearch, cost: float) -> dict[str, Any]:
+    """Return the value of the objective; None for a failed run."""
     failed = cost == math.inf
     value = None if failed else float(QUANTITIES[search.objective].cost(cost))
     return {"value": value, "failed": failed}

@@ -1,4 +1,4 @@
-"""What the worst run is searched over: the section `worst` of a configuration."""
+"""The search for the worst run: reads and checks the section `worst` of a configuration."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -26,10 +26,10 @@ from eqt_cli.tuning.law_search import (
 from eqt_cli.tuning.searches import Searches
 
 MOST_ON_A_LINE = 21
-"""Values of a key at which every law is run, with the found point, to show how the worst grows."""
+"""Largest number of values along a key, besides the found point, at which every law is run."""
 
 MOST_LINE_POINTS = 900
-"""Of all lines together: points that differ in shape have a group of the file each."""
+"""Largest number of points of all lines. Points that differ in shape need one HDF5 group each."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class Line:
     Attributes
     ----------
     law
-        The label of the law.
+        Label of the law.
     key
-        As the configuration of all laws has it.
+        Key of the user's configuration that varies along the line.
     points
-        Values of all keys, at each point.
+        Values of all keys at each point.
     """
 
     law: str
@@ -52,7 +52,7 @@ class Line:
 
 
 class WorstSearch(Searches[WorstSection]):
-    """A search for the worst run, checked: the section `worst`."""
+    """A checked search for the worst run: the section `worst`."""
 
     kind = WORST
     example = "{over: {gains.kp: [0.8, 1.2]}, objective: final_pose_error}"
@@ -61,12 +61,12 @@ class WorstSearch(Searches[WorstSection]):
 
     @property
     def objective(self) -> str:
-        """The metric whose worst value is looked for."""
+        """The metric whose worst value is searched."""
         return self.section.objective
 
     @property
     def judging_runs(self) -> int:
-        """Of what was found, and of all laws along each key through it."""
+        """Number of runs at the points that were found, and of all laws along each key."""
         each = len(self.laws) * self.runs_at_a_point
         return each + self._per_line * self._lines * each
 
@@ -79,7 +79,7 @@ class WorstSearch(Searches[WorstSection]):
         return max(2, min(MOST_ON_A_LINE, MOST_LINE_POINTS // self._lines)) + 1
 
     def lines(self, found: dict[str, tuple[float, ...]]) -> list[Line]:
-        """The lines through the points that were found, in the unit cube, by the law."""
+        """Return the lines through the points that were found (in the unit cube, by law)."""
         at = {law.label: law.values(found[law.label]) for law in self.laws}
         given = {
             key: value
@@ -96,7 +96,7 @@ class WorstSearch(Searches[WorstSection]):
         return lines
 
     def along(self, lines: list[Line]) -> ConfigSource:
-        """All laws at all points of lines, as an ordinary sweep that keeps metrics only."""
+        """Return a sweep of all laws over all lines, by default without trajectories."""
         points = [point for line in lines for point in line.points]
         columns = expanded({key: [point[key] for point in points] for key in points[0]})
         data = self.base.source.data
@@ -107,14 +107,14 @@ class WorstSearch(Searches[WorstSection]):
         return replace(self.base.source, data=without_search(data) | own)
 
     def so_far(self, law: LawSearch, population: Population) -> str:
-        """The worst of a law so far, in words."""
+        """Describe the worst run of a law so far."""
         values = values_text(law.values(population.shares[population.best].tolist()))
         cost = QUANTITIES[self.objective].cost(-population.scores.objectives[population.best, 0])
         return f"worst so far: {self.objective} {cost:.4g} at {values}"
 
     @classmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
-        """Of a key that holds a number and that a sweep may vary."""
+        """Return the range of a key that holds a number and can be swept."""
         whole = _is_whole(key, base)
         return _as_whole(axis, key) if whole and axis is not None else axis
 
@@ -134,7 +134,7 @@ def _along(axis: DrawnRange, count: int) -> list[float]:
 
 
 def _is_whole(key: str, base: Experiment) -> bool:
-    """Whether a key takes whole numbers; raises an `InputError` if it cannot be varied."""
+    """Whether a key takes whole numbers; raises an `InputError` if it cannot vary."""
     first = entries_of(key)[0]
     require_sweepable(first)
     held = value_at(base.resolved, parse_key(first))
@@ -144,7 +144,7 @@ def _is_whole(key: str, base: Experiment) -> bool:
 
 
 def _as_whole(axis: DrawnRange, key: str) -> DrawnRange:
-    """The range with whole numbers only."""
+    """Return the range restricted to whole numbers."""
     if not (float(axis.low).is_integer() and float(axis.high).is_integer()):
         raise InputError(
             f"expected whole numbers at both ends, since {key} takes whole numbers, "

@@ -1,9 +1,9 @@
-"""What a search for the worst run found, as a table of text."""
+"""The table of the outcome of a search for the worst run."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.notation import Plain, significant
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result
@@ -16,20 +16,20 @@ Record = Mapping[str, Any]
 
 
 def worst_tables(result: Result, record: Record) -> list[TextTable]:
-    """The worst run of each law that was found, where, and how often searches agree.
+    """Return the table of the worst run of each law, its place, and the agreement of the searches.
 
     Parameters
     ----------
     result
-        Of all laws at the points along each key, open.
+        The opened result of all laws along each key.
     record
-        Of the search, as its folder has it.
+        Record of the search.
     """
     what = measured(result, record["objective"], Plain())
     rows = [
         [
             law_title(law["label"]),
-            "a run failed" if law["failed"] else f"{law['value']:.4g}",
+            "a run failed" if law["failed"] else significant(law["value"]),
             values_text(law["values"]),
             str(law["run"]),
             f"{law['unsettled']} of {law['runs']}",
@@ -44,14 +44,14 @@ def worst_tables(result: Result, record: Record) -> list[TextTable]:
 
 
 def _notes(record: Record) -> Iterator[str]:
-    yield f"{searched(record)} Worse runs may exist: a search finds, and proves nothing."
+    yield f"{searched(record)} Worse runs may exist: a search is not a proof."
     for law in record["laws"]:
         seen = [one["value"] for one in law["searches"]]
         if not law["failed"] and (None in seen or not _same(law["value"], seen)):
-            told = ", ".join("a failed run" if v is None else f"{v:.4g}" for v in seen)
+            values = ", ".join("a failed run" if v is None else f"{v:.4g}" for v in seen)
             yield (
-                f"{law_title(law['label'])}: beside other points, the searches found {told}; "
-                "the run amplifies rounding, so its value is no more certain than that."
+                f"{law_title(law['label'])}: together with other points, the searches found "
+                f"{values}; the run amplifies rounding, so its value is no more certain than that."
             )
     yield (
         "Not settled there: of the runs at the point that was found; in the box: of all runs of "
@@ -62,5 +62,5 @@ def _notes(record: Record) -> Iterator[str]:
 
 
 def _same(value: float, seen: list[float]) -> bool:
-    """Whether a run by itself has the value that some search found beside others."""
+    """Whether a run computed alone has the value that some search found."""
     return any(abs(value - other) <= AGREEING * abs(other) for other in seen)

@@ -24,6 +24,11 @@ class Distribution:
     def mean(self) -> float:
         """Its mean, which stands for it where no run is meant."""
 
+    @property
+    @abstractmethod
+    def variance(self) -> float:
+        """Its variance."""
+
     @abstractmethod
     def draw(self, random: np.random.Generator) -> float:
         """The number of one run."""
@@ -49,6 +54,11 @@ class Uniform(Distribution):
     def mean(self) -> float:
         """Halfway between the two."""
         return (self.uniform[0] + self.uniform[1]) / 2
+
+    @property
+    def variance(self) -> float:
+        """A twelfth of the square of their distance."""
+        return (self.uniform[1] - self.uniform[0]) ** 2 / 12
 
     def draw(self, random: np.random.Generator) -> float:
         """Of the half-open interval."""
@@ -83,6 +93,11 @@ class Normal(Distribution):
     def mean(self) -> float:
         """The first of the two."""
         return self.normal[0]
+
+    @property
+    def variance(self) -> float:
+        """The square of the second."""
+        return self.normal[1] ** 2
 
     def draw(self, random: np.random.Generator) -> float:
         """One number, of either sign."""
@@ -176,6 +191,13 @@ def drawn(value: Any, random: np.random.Generator | None, positive: bool = False
     while positive and number <= 0:  # the mean is greater, so this ends soon
         number = value.draw(random)
     return number
+
+
+def mean_square(value: float | Distribution) -> float:
+    """The mean of the square of a number."""
+    if isinstance(value, Distribution):
+        return value.mean**2 + value.variance
+    return float(value) ** 2
 
 
 def lowest(value: float | Distribution) -> float:

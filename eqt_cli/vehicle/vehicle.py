@@ -8,16 +8,19 @@ from typing import Any, Self
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, less, stack, where
 from eqt_cli.core.leaves import STRUCTURE
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle.actuators import Actuator
+from eqt_cli.vehicle.estimators import Estimator
+from eqt_cli.vehicle.estimators.base import Deviations, Measured
+from eqt_cli.vehicle.estimators.schedule import Schedule
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.inertia import TrueInertia
 from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors import Sensor
-from eqt_cli.vehicle.sensors.channels import Channel, Errors, channels
+from eqt_cli.vehicle.sensors.channels import MEASURED, Channel, Errors, channels
 
 INERTIA = "plant.inertia"
 """Where the true inertia stands in a configuration."""
@@ -27,6 +30,12 @@ FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
 
 POSE, VELOCITY = "sensors.pose", "sensors.velocity"
 """Where the lists of errors of measurement stand."""
+
+ESTIMATOR = "estimator"
+"""Where the estimator stands; the names of its states begin with it."""
+
+LOST = f"{ESTIMATOR}_lost"
+"""The state that says whether the covariance of an estimate is no longer definite."""
 
 COMMANDS, HELD = "commands", "held"
 """The states of a sampled loop: the commands on their way, the first to arrive first, and what the
@@ -55,6 +64,8 @@ class Vehicle:
         The clock of the law; None where it acts continuously.
     pose_sensors, velocity_sensors
         The errors of what the law is told, which add up.
+    estimator
+        What tells the law pose and velocity; None where it is told what is measured.
     configured
         Of what flies, the vehicle that it was made of.
     """
@@ -65,6 +76,7 @@ class Vehicle:
     control: Sampling | None = field(default=None, metadata=STRUCTURE)
     pose_sensors: tuple[Sensor, ...] = field(default=(), metadata=STRUCTURE)
     velocity_sensors: tuple[Sensor, ...] = field(default=(), metadata=STRUCTURE)
+    estimator: Estimator | None = None
     configured: Self | None = field(default=None, compare=False, repr=False, metadata=STRUCTURE)
 
     # The parts and their numbers.
@@ -80,6 +92,7 @@ class Vehicle:
             (VELOCITY, self.velocity_sensors),
         ):
             found |= {f"{name}[{index}]": part for index, part in enumerate(parts)}
+        found |= {} if self.estimator is None else {ESTIMATOR: self.estimator}
         return found if self.control is None else {**found, CONTROL: self.control}
 
     @property
@@ -101,14 +114,21 @@ class Vehicle:
             inertia=None if self.inertia is None else flying(INERTIA),
             forces=tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces))),
             actuators=tuple(flying(f"{ACTUATORS}[{k}]") for k in range(len(self.actuators))),
+            estimator=configured._flying_estimator(G, random_of),
             configured=configured,
         )
 
+    def _flying_estimator(self, G: MatrixLieGroup, random_of: RandomOf | None) -> Estimator | None:
+        if self.estimator is None:
+            return None
+        random = random_of(ESTIMATOR) if random_of else None
+        return self.estimator.completed(G, self.deviations(G)).of_run(G, random)
+
     @property
     def linear_part(self) -> Self:
-        """The same without limits, steps and dead zones of actuators."""
+        """The same without limits, steps and dead zones of actuators, and told what is measured."""
         return dataclasses.replace(
-            self, actuators=tuple(part.linear_part for part in self.actuators)
+            self, actuators=tuple(part.linear_part for part in self.actuators), estimator=None
         )
 
     # What the law is told.
@@ -156,26 +176,67 @@ class Vehicle:
         """
         assert self.control is not None
         n = {name: np.zeros((instants, G.dimension)) for name in (POSE, VELOCITY)}
+        bias = np.zeros((instants, 0 if self.estimator is None else G.dimension))
         for place, sensor, every, axes, own in self.drawings(G):
             count, period = -(-instants // every), every * self.control.period
             drawn = sensor.errors(G, count, period, random_of(place))
-            n[place.partition("[")[0]][:, axes] += np.repeat(drawn[:, own], every, 0)[:instants]
+            errors, signal = np.repeat(drawn[:, own], every, 0)[:instants], place.partition("[")[0]
+            n[signal][:, axes] += errors
+            if self.estimator and signal == VELOCITY and sensor.bias_deviation(G) is not None:
+                bias[:, axes] += errors
         arrived = [
             channel.arrivals(instants, random_of(f"{channel.name}.arrived"))
             for channel in self.holding(G)
         ]
-        found = np.array(arrived).reshape(len(arrived), instants).T
-        return Errors(G.exp(n[POSE]), n[VELOCITY], found)
+        flags = np.array(arrived).reshape(len(arrived), instants).T
+        return Errors(G.exp(n[POSE]), n[VELOCITY], flags, bias)
 
     def after_measuring(
-        self, G: MatrixLieGroup, Q: Array, V: Array, arrived: Array, states: Mapping[str, Array]
+        self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Mapping[str, Array]
     ) -> dict[str, Array]:
-        """The states of the sensors behind an instant at which Q and V may be measured."""
-        found = {}
-        for k, channel in enumerate(self.holding(G)):
-            value = Q if channel.signal == "pose" else V
-            found[channel.name] = channel.measured(value, states[channel.name], arrived[..., k])
-        return found
+        """The states of sensors and estimator behind an instant, at which Q and V are true."""
+        found, holding = {}, self.holding(G)
+        Q_m, V_m = Q @ errors.pose, V + errors.velocity
+        for k, channel in enumerate(holding):
+            value, flags = Q_m if channel.signal == "pose" else V_m, errors.arrived[..., k]
+            found[channel.name] = channel.measured(value, states[channel.name], flags)
+        if self.estimator is None:
+            return found
+        schedule, own = self.schedule(G), estimator_states(states)
+        arrived = {channel.name: errors.arrived[..., k] for k, channel in enumerate(holding)}
+        fresh = [
+            where(less(0.5 * MEASURED, arrived[fix.name]), 1.0, 0.0) if fix.holds else 1.0
+            for fix in schedule.fixes
+        ]
+        now = stack([flag + 0.0 * V[..., 0] for flag in fresh])
+        measured = Measured(*self.as_arrived(G, Q_m, V_m, found), now, Q, errors.bias)
+        after = self.estimator.after(schedule, measured, own)
+        return found | {f"{ESTIMATOR}_{name}": values for name, values in after.items()}
+
+    # What an estimator makes of it.
+
+    def schedule(self, G: MatrixLieGroup) -> Schedule:
+        """When what is measured, for an estimator."""
+        return Schedule(G, self.channels(G), self._period)
+
+    def deviations(self, G: MatrixLieGroup) -> Deviations:
+        """What the sensors say of their errors."""
+        squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY)}
+        bias = np.zeros((2, G.dimension))
+        for place, sensor, every, axes, own in self.drawings(G):
+            white = sensor.drawn(None).white_deviation(G, every * self._period)
+            if white is not None:
+                squares[place.partition("[")[0]][axes] += white[own] ** 2
+            known = sensor.bias_deviation(G)
+            if known is not None and place.startswith(VELOCITY):
+                bias[:, axes] += np.array(known)[:, own] ** 2
+        found = [np.sqrt(squares[name]) for name in (POSE, VELOCITY)]
+        return Deviations(*found, *np.sqrt(bias))
+
+    def estimated(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Q̂ and V̂."""
+        own = estimator_states(states)
+        return G.unpack(own["pose"]), own["velocity"]
 
     def as_arrived(
         self, G: MatrixLieGroup, Q: Array, V: Array, states: Mapping[str, Array]
@@ -201,6 +262,16 @@ class Vehicle:
         return ", ".join(dict.fromkeys(part.departs for part in self.parts.values()))
 
     @property
+    def estimates(self) -> bool:
+        """Whether an estimator tells the law pose and velocity."""
+        return self.estimator is not None
+
+    @property
+    def knows_covariance(self) -> bool:
+        """Whether it does so with a covariance."""
+        return self.estimator is not None and self.estimator.has_covariance
+
+    @property
     def limits(self) -> bool:
         """Whether an actuator can be at a limit."""
         return any(actuator.limits for actuator in self.actuators)
@@ -216,6 +287,14 @@ class Vehicle:
         parts: tuple[Any, ...] = self.actuators  # whoever names thrusters has limits for each
         limited = (part for part in parts if part.thruster_names and part.limits)
         return next(((part.low, part.high) for part in limited), None)
+
+    def torque_limits(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
+        """The least and the largest torque along each axis; None where none has such limits."""
+        ranges = [found for part in self.actuators if (found := part.torque_range(G)) is not None]
+        if not ranges:
+            return None
+        lows, highs = zip(*ranges, strict=True)
+        return np.max(lows, axis=0), np.min(highs, axis=0)
 
     @property
     def solves(self) -> int:
@@ -264,7 +343,15 @@ class Vehicle:
             return found
         held = {HELD: G.dimension} if self._at_instants else {}
         told = {channel.name: channel.states for channel in self.holding(G)}
-        return {COMMANDS: (self.control.delay + 1) * G.dimension, **held, **found, **told}
+        commands = {COMMANDS: (self.control.delay + 1) * G.dimension}
+        return {**commands, **held, **found, **told, **self.estimator_lengths(G)}
+
+    def estimator_lengths(self, G: MatrixLieGroup) -> dict[str, int]:
+        """Those of the estimator, which are the last; nothing moves them between instants."""
+        if self.estimator is None or self.control is None:
+            return {}
+        own = self.estimator.states(self.schedule(G))
+        return {f"{ESTIMATOR}_{name}": count for name, count in own.items()}
 
     def _chain(self, start: int = 0) -> Iterator[tuple[str, Actuator]]:
         """The actuators from the first that counts, with the names of their states."""
@@ -393,3 +480,10 @@ class Vehicle:
         free = G.ad_star(s.V, true.momentum(s.V)) - true.rate_force(s.V)
         V_dot = true.velocity(free + torque)
         return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - G.ad_star(s.V, s.P)
+
+
+def estimator_states(states: Mapping[str, Array]) -> dict[str, Array]:
+    """The states of the estimator, by its own names for them."""
+    start = f"{ESTIMATOR}_"
+    own = (name for name in states if name.startswith(start))
+    return {name.removeprefix(start): states[name] for name in own}

@@ -37,6 +37,22 @@ def test_pairs_are_differences_on_the_same_initial_states(torques):
     assert pair.relative == pytest.approx(expected / pair.mean_second, rel=1e-12)
 
 
+def test_a_pair_is_shown_in_a_line(torques):
+    pair = only(compare(torques, metrics=["mean_torque"]).pairs)
+    numbers = f"{pair.difference:.4f} [{pair.low:.4f}, {pair.high:.4f}]"
+    assert repr(pair) == f"Pair(eqt − gt, mean_torque 0–20 s: {numbers}, 40 pairs)"
+
+
+def test_a_mean_of_times_that_lie_beyond_the_horizon_gives_way_to_shares(make_result):
+    def shown(latest):
+        metrics = {"settling_time": [[0.5, latest], [0.5, 0.5]]}
+        levels = compare(make_result(["eqt", "gt"], metrics=metrics)).levels
+        return {x.measured.quantity.name: x.mean for x in levels if x.controller == "eqt"}
+
+    assert shown(0.7) == {"settling_time": 0.6}
+    assert shown(np.nan) == {"settled": 0.5}
+
+
 def test_effect_sizes(torques):
     pair = only(compare(torques, metrics=["mean_torque"]).pairs)
     differences = -0.5 - 0.01 * NOISE**2
@@ -156,7 +172,7 @@ def test_another_window_takes_trajectories(make_result):
     with pytest.raises(EqtError) as caught:
         compare(results, metrics=["mean_torque"], windows=[Window(1, 2)])
     assert str(caught.value) == (
-        f"{results.path}: cannot give mean_torque over 1:2 s: it takes the trajectories of "
+        f"{results.path}: cannot compute mean_torque over 1:2 s: it needs the trajectories of "
         "'torque_norm', which the result does not hold; set store.trajectories to all and run the "
         "experiment again"
     )
@@ -347,15 +363,15 @@ def test_the_horizon_is_from_the_first_sample_to_the_last(torques):
     assert compare(torques, metrics=["mean_torque"]).horizon == 20.0
 
 
-def test_a_pair_that_is_turned_has_its_interval_turned(torques):
+def test_a_swapped_pair_has_its_interval_swapped(torques):
     pair = only(compare(torques, metrics=["mean_torque"]).pairs)
-    turned = pair.turned()
-    assert (turned.first, turned.second) == ("gt", "eqt")
-    assert (turned.low, turned.high) == (-pair.high, -pair.low)
-    assert (turned.difference, turned.cohen_d) == (-pair.difference, -pair.cohen_d)
-    assert (turned.mean_first, turned.mean_second) == (pair.mean_second, pair.mean_first)
-    assert turned.first_better == 0.0
-    assert turned.turned() == pair
+    swapped = pair.swapped()
+    assert (swapped.first, swapped.second) == ("gt", "eqt")
+    assert (swapped.low, swapped.high) == (-pair.high, -pair.low)
+    assert (swapped.difference, swapped.cohen_d) == (-pair.difference, -pair.cohen_d)
+    assert (swapped.mean_first, swapped.mean_second) == (pair.mean_second, pair.mean_first)
+    assert swapped.first_better == 0.0
+    assert swapped.swapped() == pair
 
 
 def test_a_claim_says_which_of_its_controllers_are_not_there(make_result):

@@ -130,5 +130,5 @@ def test_a_run_that_does_not_settle_counts_with_the_horizon(random: np.random.Ge
 
 
 def test_one_law_is_no_comparison() -> None:
-    with pytest.raises(EqtError, match="a map compares two laws or more, and here is one"):
+    with pytest.raises(EqtError, match="a map needs at least two laws, and this result has one"):
         compared(Stored(np.ones((2, 1, RUNS))))

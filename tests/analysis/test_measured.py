@@ -283,7 +283,7 @@ def test_a_run_between_its_samples_is_of_third_order():
 
 
 def test_of_many_rows_some_are_compared(made, monkeypatch):
-    monkeypatch.setattr("eqt_cli.analysis.measured.run.MOST", 100)
+    monkeypatch.setattr("eqt_cli.analysis.measured.run.MOST_ROWS", 100)
     one = pair_of(made, log_of(made))
     seen = one.recording
     assert len(seen.times) == 82  # every fourth of 325
@@ -327,7 +327,7 @@ def test_the_offset_of_the_mapping_is_taken_as_it_is(made):
     one = pair_of(made, log_of(made), time=TimeMapping(offset=0.1))
     assert one.alignment.offset == 0.0  # it is in the times already
     assert one.recording.times[0] == pytest.approx(0.52 - OFFSET + 0.1)
-    assert one.notes[0].endswith("; clock offset as the mapping says")
+    assert one.notes[0].endswith("; clock offset from the mapping")
 
 
 def poses_only(text, names):
@@ -342,7 +342,7 @@ def test_what_was_not_measured(made):
     one = pair_of(made, text)
     assert [error.quantity for error in one.errors] == ["pose"]
     names = "tx, ty, tz" + ", fx, fy, fz" * ("SE3" in str(made))
-    assert one.notes[-1] == f"No wrench was measured; it would be in columns {names}"
+    assert one.notes[-1] == f"No wrench was measured; record it in columns {names}"
 
 
 def test_a_run_that_there_is_not(made):

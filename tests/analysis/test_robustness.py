@@ -121,5 +121,5 @@ def test_as_many_runs_as_are_needed_show_the_share(wanted: float, confidence: fl
 
 def test_three_keys_are_refused() -> None:
     keys = (key(name, [0, 1]) for name in ("a", "b", "c"))
-    with pytest.raises(EqtError, match="a swept number and at most one key more, here are: a, b"):
+    with pytest.raises(EqtError, match="at most one other key; this result sweeps: a, b, c"):
         reaches(Stored([[1], [1]], *keys), 0.9, 0.95)

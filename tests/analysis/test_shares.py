@@ -129,8 +129,3 @@ def test_tables_say_which_intervals_shares_have(settling):
 def test_records_hold_the_p_value_of_shares_only(settling):
     found = records(compare(settling, metrics=["settled", "settling_time"]))["pairs"]
     assert [record.get("p_value") for record in found] == [0.5, None]
-
-
-def test_the_tables_of_an_ideal_loop_are_what_they_were(make_result):
-    comparison = compare(make_result(["a", "b"], metrics={"settling_time": TIMES}))
-    assert {level.measured.quantity.name for level in comparison.levels} == {"settling_time"}

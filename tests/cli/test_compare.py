@@ -135,13 +135,39 @@ def test_csv_has_full_precision(invoke, paper_result):
 def test_latex_is_a_booktabs_table(invoke, paper_result):
     out = invoke("compare", paper_result, "--format", "latex", "--table", "pairs").stdout
     assert out.splitlines()[1:4] == [
-        r"\begin{tabular}{llllrrrrr}",
+        r"\begin{tabular}{llllrrr}",
         r"\toprule",
-        r"measure & window & unit & difference & relative & $d$ & $P(\text{better})$ & pairs & "
-        r"runs to decide \\",
+        r"measure & window & unit & difference & relative & $d$ & $P(\text{better})$ \\",
     ]
     assert out.count(r"\midrule") == 6
     assert "−" not in out.partition(r"\bottomrule")[0]
+
+
+def test_latex_has_a_row_for_each_chosen_law_and_seven_columns(invoke, paper_result):
+    laws = ["--controller", "GT", "--controller", "eqt"]
+    out = invoke("compare", paper_result, *laws, "--format", "latex", "--table", "controllers")
+    tables = [each.splitlines() for each in out.stdout.split("\n\n")]
+    assert len(tables) == 2
+    for table in tables:
+        header, rows = table[3], [line for line in table if line.startswith(("EqT &", "GT &"))]
+        assert header.startswith(r"controller & \shortstack[l]{") and header.count(" & ") <= 6
+        assert [row.count(" & ") for row in rows] == 2 * [header.count(" & ")]
+        assert not any(line.startswith("nog") for line in table)
+
+
+def test_chosen_laws_are_all_that_is_compared(invoke, paper_result):
+    found = json.loads(
+        invoke(
+            "compare", paper_result, "--controller", "eqt", "--controller", "nog", "--json"
+        ).stdout
+    )
+    assert list(found["controllers"]) == ["eqt", "nog"]
+    assert {(pair["first"], pair["second"]) for pair in found["pairs"]} == {("eqt", "nog")}
+    done = invoke("compare", paper_result, "--without-start", code=2)
+    assert done.stderr == (
+        f"eqt: {paper_result}/results.h5: is not the result of a tuning, so it has no starting "
+        "gains\n"
+    )
 
 
 def test_list_shows_what_can_be_compared(invoke, paper_result):
@@ -233,7 +259,7 @@ def test_how_far_laws_carry_is_asked_of_a_sweep(eqt, folder):
     assert eqt("sweep", "c.yaml", *sweep).code == 0
     done = eqt("compare", "s", "--robust", "--share", "0.3")
     assert done.code == 0
-    assert "How far gains.kp may go while 0.3 of the runs settle, at 3 runs a value" in done.out
+    assert "Range of gains.kp in which 0.3 of the runs settle, at 3 runs per value" in done.out
     rows = json.loads(eqt("compare", "s", "--robust", "--json").out)["tested"]
     assert [(row["law"], row["value"]) for row in rows[:3]] == [("eqt", 1), ("eqt", 2), ("gt", 1)]
     assert eqt("run", "c.yaml", "--out", "r", "-q").code == 0

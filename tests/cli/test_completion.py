@@ -67,7 +67,7 @@ def complete(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> Complete:
         ("eqt config check c.yaml --set solver.max_s", ["solver.max_steps="]),
         ("eqt plot out --figure pap", ["paper"]),
         ("eqt report out --figure tor", ["torque"]),
-        ("eqt plot out --figure paper --option lo", ["log="]),
+        ("eqt plot out --figure paper --option lo", ["log=", "log_torque="]),
         ("eqt plot out --width p", ["page"]),
         ("eqt list con", ["controllers", "configs"]),
         ("eqt config new --from pap", ["paper"]),

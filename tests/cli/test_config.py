@@ -82,7 +82,8 @@ def test_check_applies_overrides(eqt: Eqt) -> None:
     done = eqt("config", "check", "c.yaml", "--set", "ensemble.runs=7", "--set", "gains.kd=-1")
     assert (done.code, done.out) == (2, "")
     assert done.err == (
-        "eqt: --set[1]: gains.kd: expected a positive definite matrix, got eigenvalues -1, -1, -1\n"
+        "eqt: --set gains.kd=-1: gains.kd: expected a positive definite matrix, got eigenvalues "
+        "-1, -1, -1\n"
     )
 
 
@@ -132,7 +133,7 @@ def test_check_reports_everything_as_json(eqt: Eqt) -> None:
             {
                 "path": "time.samples",
                 "message": "expected a whole number of at least 2, got 1",
-                "place": "--set[0]",
+                "place": "--set time.samples=1",
             }
         ],
     }
@@ -222,4 +223,4 @@ def test_errors_are_a_document_with_json(eqt: Eqt) -> None:
     assert done.err == f"eqt: {document['error']}\n"
     assert document["exit_code"] == 2
     [problem] = document["problems"]
-    assert (problem["path"], problem["place"]) == ("gains.kq", "--set[0]")
+    assert (problem["path"], problem["place"]) == ("gains.kq", "--set gains.kq=2")

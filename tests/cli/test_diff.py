@@ -149,7 +149,7 @@ def test_points_of_several_shapes(eqt: Any, second: Any) -> None:
 def test_large_datasets_are_read_in_parts(eqt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     eqt("run", "c.yaml", "--set", "gains.kp=2", "--out", "second", "--quiet")
     whole = eqt_cli.diff("first", "second")
-    monkeypatch.setattr(differences, "MOST", 7)
+    monkeypatch.setattr(differences, "BLOCK_ENTRIES", 7)
     assert eqt_cli.diff("first", "second") == whole
 
 

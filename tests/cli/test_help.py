@@ -37,6 +37,12 @@ def commands() -> Iterator[tuple[str, Any]]:
 COMMANDS = dict(commands())
 
 
+@pytest.fixture(autouse=True)
+def wide(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The width of the kept texts."""
+    monkeypatch.setenv("COLUMNS", "100")
+
+
 def snapshot(words: str) -> Path:
     return SNAPSHOTS / ("_".join(["eqt", *words.split()]) + ".txt")
 
@@ -75,6 +81,14 @@ def test_help_names_and_explains_every_argument_and_option(
         assert parameter.help in shown
         for name in (option for option in parameter.opts if option.startswith("-")):
             assert name in shown
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_help_ends_with_an_example_that_parses(words: str) -> None:
+    start, arguments = f"Example: eqt {words}".strip(), COMMANDS[words].epilog
+    assert arguments.startswith(f"{start} ")
+    given = arguments.removeprefix(start).partition(">")[0].split()
+    COMMANDS[words].make_context(words, given)  # which refuses what is no option of it
 
 
 def test_help_is_short_for_minus_h(eqt: Callable[..., Any]) -> None:

@@ -22,6 +22,7 @@ KINDS = [
     "forces",
     "actuators",
     "sensors",
+    "estimators",
     "engines",
     "poses",
     "velocities",
@@ -56,7 +57,12 @@ class Push(Controller):
 def test_everything(eqt: Eqt) -> None:
     done = eqt("list")
     assert (done.code, done.err) == (0, "")
-    titles = [line for line in done.out.splitlines() if line and not line.startswith(" ")]
+    counted, _, listed = done.out.partition("\n\n")
+    first, *lines = counted.splitlines()
+    assert first == "kinds, and how many of each; `eqt list KIND` shows one kind"
+    assert [line.split() for line in lines][1] == ["controllers", str(len(controllers.names()))]
+    assert [line.split()[0] for line in lines] == [*KINDS, "configs"]
+    titles = [line for line in listed.splitlines() if line and not line.startswith(" ")]
     assert titles == [*KINDS, "configs"]
 
 

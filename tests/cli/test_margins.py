@@ -106,10 +106,11 @@ def test_an_unstable_loop_ends_with_4_and_config_check_warns_of_it(eqt: Eqt, fol
     checked = eqt("config", "check", *unstable)
     assert (checked.code, checked.err) == (
         0,
-        "eqt: --set[1]: controllers: the loop of 'eqt' is unstable: small errors grow at 0.0232 "
+        "eqt: --set controllers=[eqt]: controllers: the loop of 'eqt' is unstable: small "
+        "errors grow at 0.0232 "
         "1/s (eigenvalue 1.012 a period), leaving out actuators[0] (torque limited), "
         "sensors.velocity[0] (measurements with noise, period); check the signs and sizes of its "
-        "gains, and the delays; `eqt margins` says more\n"
+        "gains, and the delays; `eqt margins` shows more\n"
         "late.yaml: valid\n",
     )
     assert "unstable" not in eqt("config", "check", "late.yaml").err
@@ -121,8 +122,9 @@ def test_a_law_with_a_wrong_sign_is_told_before_it_is_run(eqt: Eqt, folder: Path
     done = eqt("config", "check", "c.yaml", *at_rest, "--set", "controllers=[reversed]")
     assert (done.code, done.err) == (
         0,
-        "eqt: --set[2]: controllers: the loop of 'reversed' is unstable: small errors grow at 1.19 "
-        "1/s; check the signs and sizes of its gains, and the delays; `eqt margins` says more\n"
+        "eqt: --set controllers=[reversed]: controllers: the loop of 'reversed' is unstable: small "
+        "errors grow at 1.19 "
+        "1/s; check the signs and sizes of its gains, and the delays; `eqt margins` shows more\n"
         "c.yaml: valid\n",
     )
 
@@ -201,8 +203,8 @@ def test_a_law_that_jumps_at_its_reference_has_no_margins(
     assert (done.code, done.out, done.err) == (
         2,
         "",
-        "eqt: the loop of 'jumps' has no derivative where all errors are 0, as of a law that jumps "
-        "there; leave this law out\n",
+        "eqt: the loop of 'jumps' has no derivative where all errors are 0, for example because "
+        "its law jumps there; leave this law out\n",
     )
     assert eqt("config", "check", "c.yaml", *law, f"control={control}").err == "c.yaml: valid\n"
 
@@ -218,5 +220,6 @@ def test_a_law_that_takes_one_time_only_is_named_with_its_line(eqt: Eqt, folder:
     done = eqt("margins", "c.yaml", *law)
     assert (done.code, done.out, done.err) == (2, "", f"eqt: {why}")
     checked = eqt("config", "check", "c.yaml", *law)
-    said = f"eqt: --set[1]: controllers: loops cannot be linearised: {why}c.yaml: valid\n"
+    place = "--set controllers=[branches]: controllers"
+    said = f"eqt: {place}: loops cannot be linearised: {why}c.yaml: valid\n"
     assert (checked.code, checked.err) == (0, said)

@@ -38,6 +38,37 @@ def test_styles_are_laid_over_each_other(eqt: Eqt, result: str) -> None:
     assert svg(eqt, result) == plain
 
 
+def test_names_and_remarks_are_for_print(eqt: Eqt, result: str) -> None:
+    chosen = ("--controller", "eqt", "--from", "0.1", "--title", "eqt=ours & co", "--caption")
+    done = eqt("plot", result, "--format", "json", "--out", "print", "-q", *chosen)
+    assert (done.code, done.err) == (0, "")
+    assert Path("print/paper-caption.tex").read_text(encoding="utf-8").splitlines()[1] == (
+        "Curves: mean over runs, n = 3.%"
+    )
+    kept = json.loads(Path("print/paper.json").read_text(encoding="utf-8"))
+    assert {curve["name"] for curve in kept} == {"eqt"}
+    assert min(curve["x"][0] for curve in kept) >= 0.1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            ("--title", "eqx=ours"),
+            "titles: 'eqx' is neither a controller nor a metric; did you mean 'eqt'?",
+        ),
+        (("--title", "eqt"), "--title: expected NAME=TEXT, got 'eqt'"),
+        (("--figure", "distributions", "--from", "1"), "--from: distributions has no time axis"),
+        (("--figure", "runs", "--panel", "x"), "--panel: runs has no panels to choose from"),
+    ],
+)
+def test_what_cannot_be_drawn_for_print_is_said(
+    options: tuple[str, ...], message: str, eqt: Eqt, result: str
+) -> None:
+    done = eqt("plot", result, *options)
+    assert (done.code, done.out, done.err) == (2, "", f"eqt: {message}\n")
+
+
 def test_a_wrong_style_is_one_line_on_stderr(eqt: Eqt, result: str) -> None:
     Path("mine.mplstyle").write_text("axes.grid: perhaps\n", encoding="utf-8")
     done = eqt("plot", result, "--style", "mine.mplstyle")
@@ -89,8 +120,8 @@ def test_options_go_to_the_figures_that_have_them(eqt: Eqt, result: str) -> None
         ("lgo=true", "none of paper, torque has an option 'lgo'; did you mean 'log'?"),
         (
             "x=1",
-            "none of paper, torque has an option 'x'; they have: controllers, log, bands, degrees, "
-            "share",
+            "none of paper, torque has an option 'x'; they have: controllers, focus, start, end, "
+            "panels, log, log_torque, bands, degrees, share",
         ),
         ("papr.log=true", "figure 'papr' is not drawn; did you mean 'paper'?"),
         ("sweep.metric=effort", "figure 'sweep' is not drawn; drawn are: paper, torque"),
@@ -103,9 +134,9 @@ def test_an_option_that_no_figure_has(eqt: Eqt, result: str, option: str, said: 
 
 
 def test_an_option_of_one_figure_is_refused_by_it(eqt: Eqt, result: str) -> None:
-    done = eqt("plot", result, *BOTH, "--option", "torque.log=true")
+    done = eqt("plot", result, *BOTH, "--option", "torque.lgo=true")
     assert done.code == 2
-    assert done.err.startswith("eqt: figure 'torque': log: unknown key; expected one of ")
+    assert done.err.startswith("eqt: figure 'torque': lgo: unknown key; did you mean 'log'?")
 
 
 def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt: Eqt) -> None:
@@ -118,3 +149,34 @@ def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt: Eqt) ->
     )
     assert done.out.endswith(f"figure   {Path('out/figures/pareto.svg')}\n")
     assert eqt("plot", "out", "--format", "svg", "-q").err == ""
+
+
+DEFINED = """
+from typing import ClassVar
+from dataclasses import dataclass
+
+from eqt_cli.extend import OverTime
+
+
+@dataclass(frozen=True)
+class Spectrum(OverTime):
+    name: ClassVar[str] = "spectrum"
+
+    def compose(self, runs, width):
+        return runs.nothing
+"""
+
+
+def test_a_figure_of_a_plugin_in_a_result(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is known where the plugins are trusted, and an error in it is told with its line."""
+    config = Path("c.yaml").read_text(encoding="utf-8") + "plugins: [own.py]\n"
+    Path("own.yaml").write_text(config, encoding="utf-8")
+    Path("own.py").write_text(DEFINED, encoding="utf-8")
+    assert eqt("run", "own.yaml", "--out", "out", "-q").code == 0
+    monkeypatch.setattr("eqt_cli.plots.base.figures._plugins", {})
+    words = ("plot", "out", "--figure", "spectrum", "--format", "json", "-q")
+    assert eqt(*words).err.startswith("eqt: unknown figure 'spectrum'; known: ")
+    assert eqt(*words, "--trust-plugins").err == (
+        "eqt: AttributeError: 'ShownRuns' object has no attribute 'nothing' at own.py:13: "
+        "return runs.nothing\n"
+    )

@@ -53,4 +53,7 @@ def test_the_same_as_json(eqt: Eqt, kept: Path) -> None:
 def test_check_draws_nothing(eqt: Eqt, kept: Path, more: list[str]) -> None:
     done = eqt("plot", "one", "--check", kept, *more)
     assert (done.code, done.out) == (2, "")
-    assert "--check draws nothing; leave --format, --style, --tex and --out out" in done.err
+    assert (
+        "--check draws nothing; leave --format, --style, --tex, --title, --caption and --out out"
+        in done.err
+    )

@@ -48,14 +48,27 @@ def test_failed_runs_are_3(process: Eqt) -> None:
 def test_wrong_usage_is_2(process: Eqt) -> None:
     done = process("run", "c.yaml", "--nope")
     assert (done.code, done.out) == (2, "")
-    assert "No such option" in done.err
+    assert done.err == "eqt: unknown option --nope; see `eqt run --help`\n"
 
 
-@pytest.mark.parametrize("arguments", [["nope"], ["run"], ["run", "c.yaml", "--workers", "0"]])
-def test_other_wrong_usage_is_2_as_well(eqt: Eqt, arguments: list[str]) -> None:
-    done = eqt(*arguments)
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        ("ruun", "unknown command 'ruun'; did you mean 'run'?; see `eqt --help`"),
+        ("run", "CONFIG: missing; see `eqt run --help`"),
+        ("run c.yaml d", "unexpected argument: d; see `eqt run --help`"),
+        ("run c.yaml --forse", "unknown option --forse; did you mean '--force'?; see `eqt run -"),
+        ("run c.yaml --set", "--set: expected a value; see `eqt --help`"),
+        ("run c.yaml --workers 0", "--workers: expected at least 1, got '0'; see `eqt run --help`"),
+        ("sweep c --workers=x", "--workers: expected a whole number, got 'x'; see `eqt sweep -"),
+        ("config nope", "unknown command 'nope'; see `eqt config --help`"),
+    ],
+)
+def test_wrong_usage_is_told_as_other_errors_are(eqt: Eqt, command: str, told: str) -> None:
+    done = eqt(*command.split())
     assert (done.code, done.out) == (2, "")
-    assert "Error" in done.err
+    assert done.err.startswith(f"eqt: {told}")
+    assert done.err.count("\n") == 1
 
 
 def test_version(process: Eqt) -> None:

@@ -65,6 +65,17 @@ def test_lines_tell_rate_and_remaining_time(
     ]
 
 
+def test_lines_say_when_a_step_is_done(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    with shown("runs", 800) as advance:
+        for second, runs in ((2.0, 400), (40.0, 400)):
+            clock.now = 100.0 + second
+            advance(runs)
+    assert capsys.readouterr().err.splitlines() == [
+        "400/800 runs, 200 runs/s, 2 s left",
+        "800 runs: done in 40.0 s",
+    ]
+
+
 def test_a_guess_waits_for_more_than_the_first_runs(
     clock: Clock, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -75,8 +86,7 @@ def test_a_guess_waits_for_more_than_the_first_runs(
     assert capsys.readouterr().err.splitlines() == [
         "8/100000 points checked, 4.0 points/s",
         "2000/100000 points checked, 200 points/s, 8.2 min left",
-        "100000/100000 points checked, 5000 points/s, 0 s left",
-        "100000/100000 points checked, 3333 points/s, 0 s left",
+        "100000 points checked: done in 30.0 s",
     ]
 
 
@@ -139,10 +149,12 @@ def test_a_run_tells_how_far_it_is(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) ->
     done = eqt("run", "c.yaml", "--set", "solver.block=1")
     lines = done.err.splitlines()
     runs = [line for line in lines if re.fullmatch(r"\d/6 runs, [\d.]+ runs/s, \d+ s left", line)]
-    assert runs[-1].startswith("6/6 runs, ")
+    assert runs[0].startswith("1/6 runs, ")
     packed = [line for line in lines if "parts packed" in line]
-    assert len(packed) > 0
-    assert lines == runs + packed
+    assert re.fullmatch(r"2 parts packed: done in \d\.\d s", packed[-1])
+    end = lines[len(runs)]
+    assert re.fullmatch(r"6 runs: done in \d\.\d s", end)
+    assert lines == [*runs, end, *packed]
     assert "runs/s" not in done.out
 
 

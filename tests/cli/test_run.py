@@ -87,7 +87,7 @@ def test_the_summary(eqt: Eqt) -> None:
         r"6 runs, simulation \d+\.\d s, cross-check \d+\.\d s, writing \d+\.\d s", runs
     )
     assert results == f"results  {Path('results/c/results.h5')}"
-    assert last == f"next     eqt plot {Path('results/c')}"
+    assert last == f"next     eqt compare {Path('results/c')}"
 
 
 def test_the_summary_tells_how_accurate_it_is(eqt: Eqt) -> None:
@@ -297,7 +297,7 @@ def test_a_wrong_configuration(eqt: Eqt, folder: Path) -> None:
         ),
         (["no.h5"], "no.h5: not found; give a result folder or its results.h5"),
         (["."], ".: is a folder without a result; give one of its files: c.yaml"),
-        (["c.yaml", "--set", "gains.kp"], "--set[0]: expected KEY=VALUE, got 'gains.kp'"),
+        (["c.yaml", "--set", "gains.kp"], "--set gains.kp: expected KEY=VALUE, got 'gains.kp'"),
         (
             ["c.yaml", "--engine", "solveivp"],
             "--engine: solver.engine: unknown engine 'solveivp'; did you mean 'solve_ivp'?",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,10 +24,25 @@ def test_the_summary(eqt: Eqt) -> None:
     done = eqt("sweep", "c.yaml", *GRID, "--out", "out")
     assert (done.code, done.err) == (0, "")
     assert "6 points, 36 runs, simulation " in done.out
-    assert done.out.endswith(f"results  {Path('out/results.h5')}\nnext     eqt plot out\n")
+    assert done.out.endswith(f"results  {Path('out/results.h5')}\nnext     eqt compare out\n")
+    assert "settled runs" not in done.out  # nothing over all points
+    won = "Points won by mean ‖I − Q_E‖: EqT 0, GT 0, undecided 6.\n"  # of 3 runs
+    assert re.search(r"^  EqT +best +\d +", done.out, re.M) and won in done.out
     with open_results("out") as results:
         assert results["effort"].shape == (6, 2, 3)
         np.testing.assert_array_equal(results["gains.kd"], [0.5, 1, 2] * 2)
+
+
+def test_scenarios_are_listed_and_none_is_best(eqt: Eqt) -> None:
+    lag = "{actuators: [{kind: lag, time_constant: 0.5}]}"
+    done = eqt("sweep", "c.yaml", "--set", f"sweep=[cases: {{ideal: {{}}, slow: {lag}}}]")
+    assert done.code == 0
+    table = done.out.partition("\n\n")[2].splitlines()
+    assert done.out.startswith("mean ‖I − Q_E‖, each point\n\n")
+    assert table[0].split()[:5] == ["point", "at", "EqT", "GT", "winner"]
+    assert [row.split()[1] for row in table[2:4]] == ["ideal", "slow"]
+    assert table[2].split()[4] == "undecided"
+    assert "best" not in done.out
 
 
 def test_dry_run_stores_nothing(eqt: Eqt) -> None:
@@ -98,7 +114,7 @@ def test_the_result_of_a_sweep_is_swept_again(eqt: Eqt) -> None:
 def test_a_grid_that_is_none(eqt: Eqt, text: str) -> None:
     done = eqt("sweep", "c.yaml", "--grid", text)
     assert done.code == 2
-    assert done.err == f"eqt: --grid[0]: expected KEY=VALUE,VALUE,…, got '{text}'\n"
+    assert done.err == f"eqt: --grid {text}: expected KEY=VALUE,VALUE,…, got '{text}'\n"
 
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b"])
@@ -159,5 +175,6 @@ def test_a_value_that_is_given_twice(eqt: Eqt) -> None:
     done = eqt("sweep", "c.yaml", "--grid", "gains.kp=0.5,1,0.50")
     assert done.code == 2
     assert done.err == (
-        "eqt: --grid[0]: sweep[0].grid.gains.kp[2]: 0.5 is listed twice; give each value once\n"
+        "eqt: --grid gains.kp=0.5,1,0.50: sweep[0].grid.gains.kp[2]: 0.5 is listed twice; give "
+        "each value once\n"
     )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from types import SimpleNamespace
 
 import pytest
 from rich.cells import cell_len
@@ -107,11 +107,13 @@ def test_what_comes_from_a_file_is_escaped() -> None:
 
 
 @pytest.mark.parametrize(("terminal", "expected"), [(True, 40), (False, None)])
-def test_only_terminals_have_a_width(
-    monkeypatch: pytest.MonkeyPatch, terminal: bool, expected: int | None
+@pytest.mark.parametrize("columns", ["40", ""])
+def test_terminals_have_a_width_and_tables_obey_columns(
+    monkeypatch: pytest.MonkeyPatch, terminal: bool, expected: int | None, columns: str
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "40")
-    monkeypatch.setattr(sys, "stdout", SimpleNamespace(isatty=lambda: terminal))
+    monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.setattr("shutil.get_terminal_size", lambda *_, **__: os.terminal_size((40, 24)))
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal)
     assert room() == expected
     lines = table(TABLE.header, ROWS).plain.splitlines()
-    assert (max(map(cell_len, lines)) > 50) is (not terminal)
+    assert (max(map(cell_len, lines)) > 50) is (not terminal and not columns)

@@ -42,7 +42,7 @@ def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt: Eqt, config: P
     for line in (
         "Tuned laws against their starting gains: means over 6 held-out runs ± half the 95 %",
         "Searched: 2 generations of 5 points, each of 3 runs, for every law, with the seed 0.",
-        "What was asked for, on the held-out runs",
+        "Constraints on the held-out runs",
         "Paired differences on the same initial states",
         "EqT − GT",
         "results  results/t-tuned",

@@ -308,7 +308,7 @@ def test_hypotheses_in_doubt_stand_in_the_summary(eqt: Eqt) -> None:
 def test_a_configuration_with_mistakes_ends_with_2(eqt: Eqt) -> None:
     done = eqt("verify", "c.yaml", "--set", "gains.kp=-1")
     assert (done.code, done.out) == (2, "")
-    assert "--set[0]: gains.kp:" in done.err
+    assert "--set gains.kp=-1: gains.kp:" in done.err
 
 
 def test_a_sweep_is_left_out_and_that_is_said(eqt: Eqt, folder: Path) -> None:

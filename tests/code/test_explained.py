@@ -51,8 +51,8 @@ def test_nothing_is_said_of_the_law_itself(law, question):
 @pytest.mark.parametrize("law", ["eqt", "gt", "lee2010", "slotine_li", "goodarzi2013"])
 def test_no_desired_acceleration(law, question):
     asked = question(law)
-    still = asked.told._replace(desired_acceleration=0 * asked.told.desired_acceleration)
-    found = explained(asked, asked.torque(told=still), "double")
+    still = asked.inputs._replace(desired_acceleration=0 * asked.inputs.desired_acceleration)
+    found = explained(asked, asked.torque(inputs=still), "double")
     assert found.words.startswith("lacks desired acceleration: coefficient 0.00 of 1; the same")
 
 

@@ -1,6 +1,7 @@
 """What every control law must do, whoever wrote it."""
 
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -92,6 +93,21 @@ def test_structure_is_hashable_and_leaves_are_arrays(loop):
 def test_figures_and_configurations_have_a_name_for_it(controller_class):
     assert controller_class.title
     assert set(controller_class.tasks) <= {"track", "stabilise"}
+
+
+def test_its_publication_is_one_entry_of_bibtex(controller_class):
+    entry = controller_class.bibtex
+    if not entry:
+        return
+    key, fields = re.fullmatch(
+        r"@(?:article|book|inproceedings|misc)\{(\w+),\n(.*)\n\}", entry, re.S
+    ).groups()
+    names = re.findall(r"^  (\w+) += \{", fields, re.M)
+    assert {"author", "title", "year"} <= set(names) and len(names) == len(set(names))
+    assert entry.count("{") == entry.count("}")
+    year = re.search(r"year += \{(\d{4})\}", fields)[1]
+    assert year in key
+    assert year in controller_class.theorem or "(" not in controller_class.theorem
 
 
 def test_what_it_claims_is_yes_no_or_nothing(make, controller_class):

@@ -13,6 +13,8 @@ from eqt_cli.core.registry import is_foreign, meanings
 from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.base import Alongside, OfCertificates, OfSweep, OfTuning, OfWorst
 from eqt_cli.plots.curve_data import curves
+from eqt_cli.plots.figures.commands import Commands
+from eqt_cli.plots.figures.estimate import Estimate
 from eqt_cli.results.result import open_result
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -27,6 +29,15 @@ CONFIG = {
     "ensemble": {"runs": 3, "seed": 1},
     "time": {"duration": 2.0, "samples": 11},
     "solver": {"rtol": 1e-5, "cross_check": 0},
+}
+ESTIMATED = {
+    "actuators": [{"kind": "limit", "limit": 5.0}],
+    "control": {"period": 0.2},
+    "sensors": {
+        "pose": [{"kind": "noise", "std": 0.1, "period": 0.4}],
+        "velocity": [{"kind": "noise", "std": 0.1}, {"kind": "bias", "value": 0.1}],
+    },
+    "estimator": {"kind": "invariant"},
 }
 SWEEP = {"sweep": [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}]}
 TUNE = {
@@ -59,6 +70,7 @@ def make_results(folder):
         ("single", {}),
         ("bare", {"store": {"trajectories": "none"}}),
         ("sweep", SWEEP),
+        ("estimated", ESTIMATED),
     ):
         done = api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
         if name == "single":
@@ -80,7 +92,7 @@ def recording_of_run(result):
 def results(made_once):
     """As `make_results` has made them, once for all processes of the tests."""
     folder = made_once("figures of every kind", make_results)
-    opened = {name: open_result(folder / name) for name in ("single", "bare", "sweep")}
+    opened = {name: open_result(folder / name) for name in ("single", "bare", "sweep", "estimated")}
     opened |= {name: open_result(folder / name) for name in ("tuned", "worst")}
     rows = pickle.loads((folder / "rows").read_bytes())
     yield opened, Alongside(rows, recording_of_run(opened["single"]))
@@ -98,6 +110,8 @@ def subject(figure_class):
         return "tuned"
     if issubclass(figure_class, OfWorst):
         return "worst"
+    if figure_class in (Commands, Estimate):
+        return "estimated"
     return "sweep" if of_sweep(figure_class) else "single"
 
 

@@ -83,7 +83,7 @@ def test_the_stored_energy_of_an_integral_has_its_force_as_gradient(bound):
         return law._stored(SimpleNamespace(memory={"integral": integral}))
 
     slopes = [(stored(at + h * E) - stored(at - h * E)) / (2 * h) for E in np.eye(3)]
-    force = law.ki * law._limited(SimpleNamespace(memory={"integral": at}))
+    force = law.ki * law._bounded(SimpleNamespace(memory={"integral": at}))
     assert slopes == pytest.approx(force, rel=1e-7)
     assert stored(np.zeros(3)) == pytest.approx(0.0, abs=1e-15)
 

@@ -42,4 +42,4 @@ def test_a_message_is_one_line_and_its_further_lines_are_one_each():
 def test_a_problem_is_one_line_with_its_place_and_path():
     problem = InputProblem("a\x1b[2J", "unknown '\u202e'", "c\n.yaml:1:1")
     assert str(ConfigError([problem])) == r"c\n.yaml:1:1: a\x1b[2J: unknown '\u202e'"
-    assert problem.told(keyword) == r"unknown '\u202e'"
+    assert problem.with_advice(keyword) == r"unknown '\u202e'"

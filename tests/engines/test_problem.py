@@ -67,7 +67,7 @@ class Asked(Engine):
 @pytest.mark.parametrize("times", [[2.0, 12.0], [2.0, 3.0, 12.0]])
 def test_a_billionth_of_the_horizon_is_rehearsed(times):
     engine = Asked()
-    engine.rehearse(Problem(None, np.zeros((1, 1)), np.array(times)))
+    engine.rehearse(Problem(SimpleNamespace(moving_length=1), np.zeros((1, 1)), np.array(times)))
     assert engine.times == [[2.0, pytest.approx(2 + 1e-8, abs=1e-15)]]
 
 
@@ -90,6 +90,7 @@ def test_numbers_of_ends_of_runs_never_change():
         "STEP_LIMIT": 3,
         "ACCURACY": 4,
         "WORKER_LOST": 5,
+        "ESTIMATE_LOST": 6,
     }
     problem = Problem(None, np.zeros((2, 1)), np.arange(3.0))
     assert Solution.empty(problem).status.tolist() == [Status.OK] * problem.runs

@@ -511,9 +511,9 @@ class Branch(Own):
         return -s.V if s.V[..., 0] > 0 else s.V
 
 
-class Exponential(Own):
+class Drift(Own):
     def torque(self, s):
-        return s.G.exp(s.V)[..., 0]
+        return s.G.violation(s.Q) * s.V
 
 
 class Condition(Own):
@@ -574,11 +574,11 @@ def test_message_names_the_line():
 
 
 def test_message_of_a_law_that_asks_the_group_for_what_cannot_be_traced():
-    message = trace_error(Exponential())
+    message = trace_error(Drift())
     assert re.fullmatch(
-        r"group 'SO3' cannot be compiled: .+ at euclidean\.py:LINE: .+, "
-        r"called by controller 'own' at test_taylor\.py:LINE: return s\.G\.exp\(s\.V\)\[\.\.\., 0\]"
-        + re.escape(WAY_OUT),
+        r"group 'SO3' cannot be compiled: .+ at base\.py:LINE: .+, "
+        r"called by controller 'own' at test_taylor\.py:LINE: "
+        r"return s\.G\.violation\(s\.Q\) \* s\.V" + re.escape(WAY_OUT),
         message,
     )
 

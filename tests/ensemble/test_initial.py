@@ -387,7 +387,7 @@ def test_a_speed_of_the_translation_is_in_its_part_of_the_velocity():
             [
                 (
                     "angle",
-                    "expected a number, or a list of the least and the greatest, got [2.0, 1.0]",
+                    "expected a number, or a list of the smallest and the largest, got [2.0, 1.0]",
                 ),
                 ("axis", "expected random, or a list of 3 that are not all 0, got [0.0, 0.0, 0.0]"),
             ],

@@ -11,11 +11,11 @@ from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.execution.batches import batches
 from eqt_cli.execution.cross_check import (
-    FREE,
+    FREE_STEPS,
     MOST_PIECES,
-    SHARE,
+    WORK_SHARE,
     _affordable,
-    _another_way,
+    _other_engine,
     _Pieces,
     _tighter,
 )
@@ -43,28 +43,28 @@ def study(**solver):
 
 def test_a_check_may_cost_a_tenth_of_what_any_experiment_takes_to_begin():
     few = {label: np.full(2, 10.0) for label in STEPS}
-    assert _affordable(study(), _another_way, 1, few) == 1.0
+    assert _affordable(study(), _other_engine, 1, few) == 1.0
 
 
 def test_a_check_of_many_laws_is_of_less():
-    part = _affordable(study(), _another_way, 20, STEPS)
+    part = _affordable(study(), _other_engine, 20, STEPS)
     assert 0 < part < 0.2
-    assert _affordable(study(), _another_way, 40, STEPS) == pytest.approx(part / 2)
+    assert _affordable(study(), _other_engine, 40, STEPS) == pytest.approx(part / 2)
 
 
 def test_more_runs_pay_for_more_of_the_check():
     many = {label: np.full(100_000, 100.0) for label in STEPS}
-    few, more = (_affordable(study(), _another_way, 100, steps) for steps in (STEPS, many))
+    few, more = (_affordable(study(), _other_engine, 100, steps) for steps in (STEPS, many))
     work = 2 * 2 * 100_000 * 100  # each run is solved twice
-    assert more / few == pytest.approx(SHARE * work / FREE)
+    assert more / few == pytest.approx(WORK_SHARE * work / FREE_STEPS)
 
 
 def test_a_check_that_is_asked_for_is_whole():
-    assert _affordable(study(cross_check=5), _another_way, 1000, STEPS) == 1.0
+    assert _affordable(study(cross_check=5), _other_engine, 1000, STEPS) == 1.0
 
 
 def test_a_compiled_check_is_whole():
-    assert _affordable(study(engine="solve_ivp"), _another_way, 1000, STEPS) == 1.0
+    assert _affordable(study(engine="solve_ivp"), _other_engine, 1000, STEPS) == 1.0
 
 
 def test_a_law_that_cannot_be_compiled_is_checked_for_a_tenth_as_well():
@@ -138,7 +138,7 @@ def test_runs_that_an_engine_solves_one_by_one_are_checked_from_their_beginning(
 def test_the_papers_runs_are_checked_over_the_whole_horizon(found):
     problem, _ = found
     laws = {label: np.full(200, 100.0) for label in "abcd"}
-    part = _affordable(study(), _another_way, 1, laws)
+    part = _affordable(study(), _other_engine, 1, laws)
     pieces = _Pieces.of(Problem.joined([problem] * 4), SolveIvp(), part)
     assert len(pieces.starts) * (pieces.length - 1) >= len(problem.times) - 1
 

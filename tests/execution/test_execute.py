@@ -403,7 +403,7 @@ def test_failed_runs_of_a_result_with_other_variables_are_not_mixed_in(make, tmp
     with pytest.raises(EqtError) as caught:
         execute(make(), out, rerun_failed=True)
     assert str(caught.value) == (
-        f"{out}/results.h5: was written by a version of eqt that keeps other variables; compute "
+        f"{out}/results.h5: was written by a version of eqt that stores other variables; compute "
         "its failed runs with that version, or start over with force=True"
     )
 
@@ -435,7 +435,7 @@ def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tm
 def test_failed_runs_of_a_result_that_lacks_an_integer_are_not_computed(make, tmp_path):
     out = tmp_path / "out"
     execute_without("steps", make(), out, executor=Losing({1}))
-    with pytest.raises(EqtError, match=r"was written by a version of eqt that keeps other var"):
+    with pytest.raises(EqtError, match=r"was written by a version of eqt that stores other var"):
         execute(make(), out, rerun_failed=True)
 
 
@@ -523,7 +523,9 @@ def test_shards_and_pack_give_the_same_bits(make, whole, tmp_path):
     out = tmp_path / "out"
     first = execute(make(), out, shard=Shard(1, 2))
     assert not first.packed
-    with pytest.raises(EqtError, match=r": 3 of 6 parts are missing; run every shard to its end"):
+    with pytest.raises(
+        EqtError, match=r": 3 of 6 parts are missing; complete every shard, or use eqt run"
+    ):
         pack_folder(make(), out)
     execute(make(), out, shard=Shard(2, 2))
     assert pack_folder(make(), out).failed == 0
@@ -587,8 +589,8 @@ def test_a_disk_that_refuses_locks_is_told_of_once(
     out = tmp_path / "out"
     execute(make(), out, shard=shard)
     assert remarks == [
-        f"{out}: its disk refuses file locks, so nothing keeps a second eqt from writing to it at "
-        "the same time; run one at a time there, or choose another disk with out=…"
+        f"{out}: its disk does not support file locks, so a second eqt could write to it at the "
+        "same time; run one at a time there, or choose another disk with out=…"
     ]
     assert holder(out) is None
 

@@ -204,7 +204,9 @@ def test_processes_give_the_same_bits(make, text, whole, tmp_path):
 def test_shards_and_pack_give_the_same_bits(make, text, whole, tmp_path):
     out = tmp_path / "out"
     execute(make(text), out, shard=Shard(1, 2))
-    with pytest.raises(EqtError, match=r": 4 of 8 parts are missing; run every shard to its end"):
+    with pytest.raises(
+        EqtError, match=r": 4 of 8 parts are missing; complete every shard, or use eqt run"
+    ):
         pack_folder(make(text), out)
     execute(make(text), out, shard=Shard(2, 2))
     assert pack_folder(make(text), out).failed == 0

@@ -64,12 +64,12 @@ def _no_plugins(monkeypatch):
 def check(folder, invoke):
     """What `config check` says of a law with this torque, or of another text of the plugin."""
 
-    def said(body, *sets, code=2, text=LAW, controllers=OWN, more=""):
+    def said(body, *sets, code=2, text=LAW, controllers=OWN, more="", command="config check"):
         Path("own.py").write_text(HEADER + text.replace("BODY", body), encoding="utf-8")
         config = CONFIG.replace("CONTROLLERS", controllers) + more
         Path("c.yaml").write_text(config, encoding="utf-8")
         words = [f"--set={each}" for each in sets]
-        done = invoke("config", "check", "c.yaml", *words, code=code)
+        done = invoke(*command.split(), "c.yaml", *words, code=code)
         return done.stderr if code else done.stdout
 
     return said
@@ -125,15 +125,17 @@ LYAPUNOV = (
 def test_a_number_goes_into_a_contraction_and_not_before_one(check, text):
     """`dot` has no last axis, along which a number of a run would be (runs, 1)."""
     right, wrong = "dot(self.gain * s.V, s.V)", "self.gain * dot(s.V, s.V)"
-    expected = (
-        "controller 'own': `lyapunov` returns the shape (2, 2, 2) for 2 runs and 2 samples; "
-        "multiply before you contract: dot(self.k * z, z), not self.k * dot(z, z)\n"
-    )
+    method, shapes = "17: lyapunov", "(5, 5) for 5 runs; expected (5,)"
     if text is LAW:
         right, wrong = (f"-({energy})[..., None] * s.V" for energy in (right, wrong))
-        expected = f"controller 'own' {TOGETHER}ValueError: "
+        method, shapes = "14: torque", "(5, 5, 3) for 5 runs; expected (5, 3)"
     check(right, text=text, code=0)
-    assert f"controllers[1]: {expected}" in check(wrong, text=text)
+    assert check(wrong, text=text).partition("controllers[1]: ")[2] == (
+        "controller 'own' is wrong when runs are solved together, with every number of a law as an "
+        f"array (runs, 1): own.py:{method} returns an array of shape {shapes}; multiply before you "
+        "contract: dot(self.k * z, z), not self.k * dot(z, z)\n"
+    )
+    assert check(wrong, text=text, command="run").count("multiply before") == 1
 
 
 def test_two_instances_of_a_law_are_solved_as_one(check):

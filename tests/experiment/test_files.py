@@ -98,7 +98,7 @@ def test_starts_of_a_table_take_a_mapping(config):
         ),
         (
             ["initial.mapping={euler: ZZZ}"],
-            "expected each of the three axes once, such as ZYX (yaw, pitch, roll about the turned "
+            "expected each of the three axes once, such as ZYX (yaw, pitch, roll about the rotated "
             "axes) or zyx (about the fixed ones), got 'ZZZ'",
         ),
     ],

@@ -339,6 +339,26 @@ def test_an_engine_that_leaves_the_walk_to_nobody(message: Message, folder: Path
     )
 
 
+CERTIFICATE = """
+from eqt_cli.extend import Identity
+
+class Own(Identity):
+    name = "bracket"
+
+    def sides(self, sample):
+        yield sample.s.V, sample.s.V
+"""
+
+
+def test_a_class_variable_that_a_base_only_declares(message: Message, folder: Path) -> None:
+    """A report and a table need it, long after the plugin was loaded."""
+    (folder / "own.py").write_text(CERTIFICATE, encoding="utf-8")
+    assert message(plugins="[own.py]").endswith(
+        "own.py: certificate 'bracket' does not define section, statement; "
+        "see eqt_cli.analysis.certificates.base.Certificate"
+    )
+
+
 def test_the_name_of_one_of_eqts_own(message: Message, law: Path) -> None:
     law.write_text(LAW.replace('"push"', '"eqt"'), encoding="utf-8")
     assert message(**PUSH) == (

@@ -32,7 +32,9 @@ UNCLAIMED = {
 AS_IT_FLIES = {
     "tune_flies",
     "satellite_breaks",
+    "satellite_estimated",
     "satellite_wheels",
+    "se3_bluerov2_estimated",
     "se3_bluerov2_flies",
     "se3_bluerov2_thrusters",
     "sweep_lag",

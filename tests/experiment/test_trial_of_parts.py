@@ -50,7 +50,6 @@ def said(message: Message, base: str, body: str) -> str:
 @pytest.mark.parametrize(
     ("line", "found"),
     [
-        ("", "is missing"),
         ("    departs: ClassVar[str] = ' '\n", "is ' '"),
         ("    departs: ClassVar[int] = 3\n", "is 3"),
     ],

@@ -84,8 +84,8 @@ MISTAKES = {
     ],
     "expected different keys, got none": [],
     f"expected different keys, got {INERTIA}, {INERTIA}": [INERTIA, INERTIA],
-    "inertia[0]: has no influence on what is predicted of flight.csv; leave it out, give a "
-    "recording in which it acts, or start at a value of its size": [ABOUT, "inertia[0]"],
+    "inertia[0]: has no influence on the prediction of flight.csv; leave it out, give a "
+    "recording in which it acts, or start at a value of its magnitude": [ABOUT, "inertia[0]"],
 }
 
 
@@ -108,8 +108,8 @@ def test_numbers_that_act_alike_are_named(recorded):
     with pytest.raises(EqtError) as caught:
         eqt_cli.fit(config, "flight.csv", keys, horizon=0.6)
     assert str(caught.value).startswith(
-        "plant.forces[0].linear and plant.forces[1].linear: flight.csv does not tell them apart, "
-        "since a change of one acts as a change of the others (least singular value "
+        "plant.forces[0].linear and plant.forces[1].linear: flight.csv cannot distinguish them, "
+        "because a change of one acts like a change of the others (smallest singular value "
     )
     assert str(caught.value).endswith("); leave one out")
 
@@ -119,8 +119,8 @@ def test_few_windows_give_no_interval(recorded):
     with pytest.raises(EqtError) as caught:
         eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA], horizon=1.0)
     assert str(caught.value) == (
-        "flight.csv: has 3 windows of 1 s without a common row; intervals need 5 at least, so give "
-        "a shorter horizon"
+        "flight.csv: has 3 windows of 1 s that share no row; intervals need at least 5, so give a "
+        "shorter horizon"
     )
 
 

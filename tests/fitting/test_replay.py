@@ -117,7 +117,7 @@ MISTAKES = {
         {},
         [
             f"{key}: has a gap of 0.84 s after t = 0.76 s, within the run; end the run there, "
-            "`time: {duration: 0.76}`, or begin behind it, `mapping: {time: {begin: …, offset: "
+            "`time: {duration: 0.76}`, or begin after it, `mapping: {time: {begin: …, offset: "
             "first}}`"
             for key in ("reference", "controllers[0]")
         ],
@@ -157,8 +157,8 @@ def test_an_engine_that_compiles_sampled_laws_refuses_it(recorded):
     with pytest.raises(EqtError) as caught:
         eqt_cli.run(replayed("native", control={"period": 0.05}), "sampled")
     assert str(caught.value) == (
-        "replay is no law that is compiled by itself: it applies a recorded wrench between its "
-        "rows; remove `control`, use engine solve_ivp, or export another law"
+        "replay cannot be compiled by itself, because its wrench changes at the rows of a "
+        "recording; remove `control`, use engine solve_ivp, or export another law"
     )
 
 
@@ -211,8 +211,8 @@ UNKNOWN = {
     "plant.forces[0]: is drawn for each run; give a number to replay a recording": {
         "plant": {"forces": [{"kind": "drag", "linear": {"uniform": [0, 1]}}]}
     },
-    "actuators[0]: has a state that no recording holds; remove it, and record the wrench behind "
-    "it": {"actuators": [{"kind": "lag", "time_constant": 0.1}]},
+    "actuators[0]: has a state that the recording does not hold; remove the actuator, and record "
+    "the wrench that it applies": {"actuators": [{"kind": "lag", "time_constant": 0.1}]},
 }
 
 

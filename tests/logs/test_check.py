@@ -139,7 +139,7 @@ MISTAKES = {
         {"head": HEAD.replace("qw", "foo")},
         {},
         [
-            "column qw is missing, without which qx, qy, qz are of no use",
+            "column qw is missing, so qx, qy, qz cannot be used",
             "columns qx, qy, qz, foo, wx, wy, wz are not used",
         ],
     ),
@@ -203,7 +203,7 @@ def test_a_level_start_tells_the_order_and_the_axes():
     text = "".join(" ".join(map(repr, row)) + "\n" for row in rows.tolist())
     (order,) = check(text, "tum", quaternion="wxyz").notes
     assert order == (
-        "the first pose is turned by 180 deg, and with `quaternion: xyzw` by 6 deg; correct the "
+        "the first pose is rotated by 180 deg, and with `quaternion: xyzw` by 6 deg; correct the "
         "mapping if the body was level then"
     )
     (axes,) = check(text, "tum", world="NED to ENU").notes
@@ -221,7 +221,7 @@ def test_gaps_columns_that_are_not_used_and_turns_without_a_unit_are_named():
     found = check(text)
     assert found.gaps == [(0.3, 1.0), (1.5, 1.0)]
     assert found.notes == [
-        "column yaw: 234 is more than a turn and has no unit, so it is taken as rad; add "
+        "column yaw: 234 is more than a full turn and has no unit, so it is taken as rad; add "
         "`units: {yaw: deg}` to the mapping, or rad if it is meant",
         "2 gaps, the longest of 1 s after t = 0.3 s, where rows are 0.1 s apart",
         "columns mode, battery are not used",
@@ -299,23 +299,23 @@ FILES = {
     "semicolons": (
         "t;angle\n0;1\n1;2\n",
         {},
-        "log.csv:1: the columns are parted by semicolons; expected commas, and decimals with a "
+        "log.csv:1: the columns are separated by semicolons; expected commas, and decimals with a "
         "point",
     ),
     "tabs": (
         "t\tangle\n0\t1\n",
         {},
-        "log.csv:1: the columns are parted by tabs; expected commas, and decimals with a point",
+        "log.csv:1: the columns are separated by tabs; expected commas, and decimals with a point",
     ),
     "another format": (
         "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n",
         {},
-        "log.csv:1: has 8 numbers parted by spaces; use the format tum",
+        "log.csv:1: has 8 numbers separated by spaces; use the format tum",
     ),
     "an angle is missing": (
         "t,yaw,pitch,rolll\n0,0,0,0\n1,0,0,0\n",
         {},
-        "log.csv:1: column roll is missing, without which yaw, pitch are of no use",
+        "log.csv:1: column roll is missing, so yaw, pitch cannot be used",
     ),
     "names of columns exchanged": (
         POSES.replace("t,", "stamp,", 1),

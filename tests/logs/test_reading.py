@@ -264,14 +264,14 @@ FLAT = "t,yaw,pitch,roll\n0,0,0,0\n1,0,0,0\n"
             .replace("q2,0", "q2,q3"),
             {},
             ("quaternion",),
-            "a.csv:1: columns q0, q1, q2, q3 do not say which is the scalar part w; add "
+            "a.csv:1: columns q0, q1, q2, q3 do not show which is the scalar part w; add "
             "`quaternion: wxyz` if it is q0, `quaternion: xyzw` if it is q3",
         ),
         (
             FLAT,
             {"quaternion": "xyzw"},
             ("quaternion",),
-            "the columns of a.csv have names that say their order, such as qx, qy, qz, qw; remove "
+            "the columns of a.csv have names that show their order, such as qx, qy, qz, qw; remove "
             "this key",
         ),
         (
@@ -345,7 +345,7 @@ def test_what_is_wrong_with_a_mapping_whatever_the_file_is():
     assert [(one.path, one.message) for one in problems] == [
         (
             "euler",
-            "expected each of the three axes once, such as ZYX (yaw, pitch, roll about the turned "
+            "expected each of the three axes once, such as ZYX (yaw, pitch, roll about the rotated "
             "axes) or zyx (about the fixed ones), got 'ZYZ'",
         ),
         ("time.end", "expected a time after 2 s, got 1 s"),

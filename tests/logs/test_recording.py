@@ -6,7 +6,7 @@ import pytest
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import group_named
 from eqt_cli.logs.check import check_text
-from eqt_cli.logs.columns import columns_beside, pose_columns
+from eqt_cli.logs.columns import pose_columns, recorded_columns
 from eqt_cli.logs.mapping import LogMapping
 from eqt_cli.logs.recording import read_recording
 
@@ -44,7 +44,7 @@ def quaternions(poses):
 @pytest.mark.parametrize("name", GROUPS)
 def test_columns_of_each_group(name):
     G, numbers = group_named(name), np.random.default_rng(1)
-    beside = list(columns_beside(G))
+    beside = list(recorded_columns(G))
     names = [each for one in beside for each in one.names]
     assert " ".join(names) == GROUPS[name]
     own = pose_columns(G)

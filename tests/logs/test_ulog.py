@@ -158,8 +158,8 @@ def test_without_pyulog_the_message_says_how_to_get_it(monkeypatch):
 
 QUATERNIONS = "uint64_t timestamp;float[4] q;"
 FILES = {
-    "of something else": (b"t,x\n", "f.ulg: is no PX4 ULog; such a file begins with 'ULog'"),
-    "empty": (b"", "f.ulg: is no PX4 ULog; such a file begins with 'ULog'"),
+    "of something else": (b"t,x\n", "f.ulg: not a PX4 ULog; such a file begins with 'ULog'"),
+    "empty": (b"", "f.ulg: not a PX4 ULog; such a file begins with 'ULog'"),
     "cut in the header": (
         START[:12],
         "f.ulg: cannot be read as a PX4 ULog: Invalid file format (Header too short)",
@@ -196,15 +196,15 @@ FILES = {
     ),
     "that asks for much": (
         START + message("F", b"a:float[65535] x;") + message("F", b"b:a[65535] y;"),
-        "f.ulg: expected at most 2000 fields of a message, got more of 'a'",
+        "f.ulg: expected at most 2000 fields in a message, got more in 'a'",
     ),
     "that holds itself": (
         START + message("F", b"a:uint64_t timestamp;a again;"),
-        "f.ulg: expected at most 2000 fields of a message, got more of 'a'",
+        "f.ulg: expected at most 2000 fields in a message, got more in 'a'",
     ),
     "of which little can be read": (
         START + b"\xff" * 200_000,
-        "f.ulg: is too damaged to be read",
+        "f.ulg: too damaged to be read",
     ),
 }
 

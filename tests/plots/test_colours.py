@@ -7,9 +7,10 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from eqt_cli.plots.drawing.style import house_style, line_style
+from eqt_cli.plots.shown.controllers import MOST_COLOURS
 
-PAPER = range(4)
-"""The positions of the paper's laws."""
+PAPER, ALL = range(4), range(MOST_COLOURS)
+"""The positions of the paper's laws, and of all that have a colour."""
 
 # Machado, Oliveira and Fernandes (2009), severity 1, on linear RGB.
 BLINDNESS = {
@@ -47,9 +48,9 @@ def lab(position, blindness="none"):
 
 
 @pytest.mark.parametrize("blindness", BLINDNESS)
-def test_the_papers_laws_differ_by_colour_alone(blindness):
+def test_six_laws_differ_by_colour_alone(blindness):
     # CIE 1976, in which 2.3 is just seen; 20 is seen in a thin line.
-    colours = [lab(position, blindness) for position in PAPER]
+    colours = [lab(position, blindness) for position in ALL]
     pairs = itertools.combinations(colours, 2)
     assert min(np.linalg.norm(one - other) for one, other in pairs) > 20
 

@@ -25,25 +25,49 @@ def test_what_is_asked_is_drawn_over_what_is_given(flown):
     drawing = Commands(run=2).draw([flown])
     axes = {panel.get_label(): panel for panel in drawing.axes}
     for k, name in enumerate(["ωx", "ωy", "ωz"]):
-        given, asked = axes[f"{name} gt"].lines
+        given, asked = axes[f"{name} gt"].lines[-2:]
         np.testing.assert_array_equal(given.get_ydata(), flown["torque"][1, 2, :, k])
         np.testing.assert_array_equal(asked.get_ydata(), flown["command"][1, 2, :, k])
 
 
-def test_the_time_at_a_limit_is_shaded(flown):
-    at_limit = flown["at_limit"][0, 0] > 0
-    assert at_limit.any() and not at_limit.all()
-    panel = Commands().draw([flown]).axes[0]
-    inside = np.zeros(len(at_limit), dtype=bool)
+def shaded(panel, times):
+    """At which samples a panel is shaded."""
+    inside = np.zeros(len(times), dtype=bool)
     for patch in panel.patches:
         start, end = patch.get_x(), patch.get_x() + patch.get_width()
-        inside |= (flown.times >= start) & (flown.times <= end)
-    np.testing.assert_array_equal(inside, at_limit)
+        inside |= (times >= start) & (times <= end)
+    return inside
 
 
-def test_in_an_ideal_loop_both_are_the_same(so3, opened):
-    given, asked = Commands().draw([opened(so3)]).axes[0].lines
-    np.testing.assert_array_equal(given.get_ydata(), asked.get_ydata())
+def test_each_axis_is_shaded_at_its_own_limit(flown):
+    drawing = Commands().draw([flown])
+    axes = {panel.get_label(): panel for panel in drawing.axes}
+    asked, found = flown["command"][0, 0], []
+    for k, name in enumerate(["ωx", "ωy", "ωz"]):
+        panel = axes[f"{name} eqt"]
+        found.append(shaded(panel, flown.times))
+        np.testing.assert_array_equal(found[-1], np.abs(asked[:, k]) >= 1.0)
+        ends = [line.get_ydata()[0] for line in panel.lines if "limit" in line.get_label()]
+        assert ends == ([-1.0, 1.0] if np.abs(flown["torque"][0, 0, :, k]).max() >= 0.5 else [])
+    assert len({each.tobytes() for each in found}) > 1
+    assert drawing.get_supxlabel().endswith("Run 0.")
+
+
+def test_a_limit_of_another_kind_shades_all_axes(simulate, opened):
+    result = opened(simulate(actuators=[{"kind": "limit", "limit": 1.0, "norm": True}]))
+    at_limit = result["at_limit"][0, 0] > 0
+    assert at_limit.any() and not at_limit.all()
+    for panel in Commands(controllers=["eqt"]).draw([result]).axes:
+        np.testing.assert_array_equal(shaded(panel, result.times), at_limit)
+
+
+def test_a_loop_without_actuators_is_refused(so3, opened):
+    with pytest.raises(EqtError) as caught:
+        Commands().draw([opened(so3)])
+    assert str(caught.value) == (
+        f"{so3}: figure 'commands' finds no actuators in this loop, so what a law asks for is what "
+        "acts; figure 'torque' shows it"
+    )
 
 
 def test_a_run_that_failed_is_named(flown, altered):
@@ -89,13 +113,15 @@ def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened):
     highs = set()
     for k in range(4):
         panel = axes[f"thruster {k + 1} eqt"]
-        (line,) = panel.lines
+        *limits, line = panel.lines
         np.testing.assert_array_equal(line.get_ydata(), result["thrust"][0, 2, :, k])
-        below, above = (patch.get_y() for patch in panel.patches)
-        low = below + panel.patches[0].get_height()
-        assert low == pytest.approx(-0.5 if k == 3 else -1.0)
+        for limit in limits:
+            end = limit.get_ydata()[0]
+            if end < 0:
+                assert end == (-0.5 if k == 3 else -1.0)
+            else:
+                highs.add(end)
         assert panel.get_ylabel() == f"thruster {k + 1} $(\\mathrm{{N}})$"
-        highs.add(above)
     assert len(highs) == 1 and 1.0 < highs.pop() < 2.0
 
 

@@ -5,6 +5,7 @@ import pytest
 from matplotlib.colors import to_rgba
 from scipy.stats import bootstrap
 
+from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
@@ -32,7 +33,7 @@ def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_o
     assert shown == [["eqt", "goodarzi2013", "slotine_li"]] * 3 + [["eqt", "slotine_li"]]
     assert curve_names(drawing) == ["EqT", "Goodarzi 2013", "Slotine–Li"]
     assert drawing.get_supxlabel().splitlines() == [
-        "Not matched, with gains of their own: Goodarzi 2013, Slotine–Li.",
+        "Gains not matched: Goodarzi 2013, Slotine–Li.",
         "Without L, since the law does not claim that it falls: Goodarzi 2013.",
         "Curves: mean over runs, n = 6.",
     ]
@@ -127,16 +128,52 @@ def test_a_norm_without_parts_says_the_units_of_all_parts(se3, altered, opened):
 def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened):
     results = opened(so3)
     drawing = Paper(bands="quantiles").draw([results])
-    band = drawing.axes[2].collections[3].get_paths()[0].vertices
+    panel = next(axes for axes in drawing.axes if axes.get_label() == "torque_norm asym")
+    band = panel.collections[0].get_paths()[0].vertices
     expected = np.quantile(results["torque_norm"][3], [0.1, 0.9], axis=0)
     for time, low, high in zip(results["time"], *expected, strict=True):
         at_time = band[band[:, 0] == time, 1]
         assert (at_time.min(), at_time.max()) == (low, high)
 
 
-def test_log_leaves_the_torque_linear(so3, opened):
-    scales = [axes.get_yscale() for axes in Paper(log=True).draw([opened(so3)]).axes]
-    assert scales == ["log", "log", "linear", "log"]
+def test_log_leaves_the_torque_linear_unless_asked(so3, opened):
+    for options, of_torque in (({}, "linear"), ({"log_torque": True}, "log")):
+        drawing = Paper(log=True, **options).draw([opened(so3)])
+        scales = [axes.get_yscale() for axes in drawing.axes]
+        assert scales == ["log", "log", of_torque, "log"]
+
+
+def test_laws_panels_and_times_are_chosen(so3, opened):
+    chosen = {"controllers": ["EqT", "asym"], "panels": ["lyapunov"], "start": 1.0, "end": 2.0}
+    (panel,) = Paper(**chosen).draw([opened(so3)]).axes
+    assert [line.get_label() for line in panel.lines] == ["eqt", "asym"]
+    assert panel.get_xlim() == (1.0, 2.0)
+    result = opened(so3)
+    within = (result.times >= 1 - 1e-9) & (result.times <= 2 + 1e-9)
+    expected = result["lyapunov"][3].mean(axis=0)[within]
+    np.testing.assert_array_equal(panel.lines[1].get_ydata(), expected)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"start": 9.0},
+            "{path}: figure 'paper' needs two samples or more in the time that it shows, got 9 s "
+            "to 4 s; the result holds 0 s to 4 s",
+        ),
+        (
+            {"panels": ["energy"]},
+            "figure 'paper': panels: no panel 'energy'; there are: pose_error, velocity_error, "
+            "torque_norm, lyapunov",
+        ),
+        ({"focus": ["pid"]}, "{path}: figure 'paper' has no controller 'pid' to focus on"),
+    ],
+)
+def test_what_cannot_be_chosen_is_said(options, message, so3, opened):
+    with pytest.raises(EqtError) as caught:
+        Paper(**options).draw([opened(so3)])
+    assert str(caught.value) == message.format(path=so3)
 
 
 def test_linear_scales_begin_at_zero(so3, opened):

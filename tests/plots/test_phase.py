@@ -84,7 +84,7 @@ def test_half_turns_are_marked_only_where_the_scale_reaches_them(so3, altered, o
     far *= 2.75 / far.max()
     drawing = Phase().draw([altered(so3, pose_error=far)])
     assert [len(marks(axes)) for axes in drawing.axes] == [1] * 4
-    assert [text.get_text() for text in drawing.legends[0].get_texts()][-1] == "half-turns"
+    assert [text.get_text() for text in drawing.legends[0].get_texts()][-1] == "unstable equilibria"
     drawing = Phase().draw([altered(so3, pose_error=far / 2)])
     assert not any(marks(axes) for axes in drawing.axes)
     assert [text.get_text() for text in drawing.legends[0].get_texts()][-1] == "where runs pass"

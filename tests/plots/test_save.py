@@ -1,5 +1,6 @@
 """Writing figures, and what a command gives to `render`."""
 
+import re
 import xml.etree.ElementTree as ElementTree
 
 import pytest
@@ -34,6 +35,19 @@ def test_png_is_for_print(so3, opened, tmp_path):
         assert image.info["Title"] == "small: paper"
         assert image.info["Description"].startswith("Means over runs of pose error")
         assert image.info["Description"].endswith(str(opened(so3).attributes["digest"]))
+
+
+def test_a_slide_is_13_inches_wide_in_every_format(so3, opened, tmp_path):
+    files = render([opened(so3)], "paper", tmp_path, ["png", "svg", "pdf"], "slide", caption=True)
+    with Image.open(files[0]) as image:
+        assert (image.width, round(image.info["dpi"][0])) == (3990, 300)  # 13.3 in
+    assert b'width="957.6pt"' in files[1].read_bytes()[:600]
+    assert re.search(rb"/MediaBox \[ 0 0 957.6 [0-9.]+ \]", files[2].read_bytes())
+    assert b"DejaVuSans" in files[2].read_bytes() and b"STIXGeneral" not in files[2].read_bytes()
+    assert files[3].read_bytes() == (
+        b"% caption by eqt: small: paper\nCurves: mean over runs, n = 6.%\n"
+    )
+    assert is_eqts(files[3])
 
 
 def test_pdf_embeds_fonts_that_can_be_edited(so3, opened):
@@ -112,7 +126,7 @@ def test_options_come_as_data():
         (
             "paper",
             {"x": 1},
-            "figure 'paper': x: unknown key; expected one of controllers, log, bands",
+            "figure 'paper': x: unknown key; expected one of controllers, focus",
         ),
         (
             "paper",
@@ -139,6 +153,6 @@ def test_unknown_formats_and_widths_are_explained(so3, opened, tmp_path):
     assert str(caught.value) == "unknown format 'jpeg'; known: pdf, svg, png, json"
     with pytest.raises(EqtError) as caught:
         render([opened(so3)], "paper", tmp_path, ["pdf"], "columns")
-    assert (
-        str(caught.value) == "unknown width 'columns'; did you mean 'column'? known: column, page"
+    assert str(caught.value) == (
+        "unknown width 'columns'; did you mean 'column'? known: column, page, slide"
     )

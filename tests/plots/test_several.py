@@ -4,6 +4,7 @@ import shutil
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.style import house_style, line_style
@@ -11,7 +12,8 @@ from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.plots.figures.runs import Runs
 from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.torque import Torque
-from eqt_cli.plots.shown.controllers import ShownControllers, names
+from eqt_cli.plots.shown.controllers import Chosen, ShownControllers, looks, names
+from eqt_cli.tuning.folder import TUNE
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -62,6 +64,36 @@ def test_curves_of_more_results_than_dashes_look_different(so3, tmp_path, opened
     assert len(looks) == 20
 
 
+def test_variants_of_a_tuned_law_have_its_colour_and_their_own_dashes(so3, opened, monkeypatch):
+    found = {"label": "eqt", "winners": [{"label": "eqt"}], "start": "gt", "searches": []}
+    record = {"laws": [found, {**found, "label": "nog", "winners": [], "start": "nog"}]}
+    monkeypatch.setattr(type(TUNE), "beside", lambda kind, result: record)
+    winner, start, other, untold = looks([opened(so3)], [range(4)])
+    with house_style():
+        styles = [line_style(look) for look in (winner, start, other, untold)]
+    assert styles[0]["color"] == styles[1]["color"]
+    assert styles[0]["linestyle"] != styles[1]["linestyle"]
+    assert len({style["color"] for style in styles[1:]}) == 3
+
+
+LAWS = [{"kind": "family", "label": label} for label in "abcdefgh"]
+
+
+def test_beyond_six_laws_the_others_are_grey_unless_in_focus(simulate, opened):
+    result = opened(simulate(controllers=LAWS, ensemble={"runs": 1, "seed": 1}))
+
+    def coloured(**chosen):
+        shown = ShownControllers([result], "paper", Chosen(**chosen)).ensembles
+        with house_style():
+            styles = {e.label: line_style(e.look) for e in shown}
+        assert len(set(map(str, styles.values()))) == len(styles)
+        return "".join(k for k, look in styles.items() if len(set(to_rgb(look["color"]))) > 1)
+
+    assert coloured() == "abcdef"
+    assert coloured(focus=["b", "h"]) == "bh"
+    assert coloured(controllers=["f", "g", "h"]) == "fgh"
+
+
 def test_all_curves_of_one_law_differ_in_colour_and_dashes(so3, stiff, opened):
     lines = Paper(controllers=["eqt"]).draw([opened(so3), opened(stiff)]).axes[0].lines
     assert len({line.get_color() for line in lines}) == 2
@@ -70,7 +102,7 @@ def test_all_curves_of_one_law_differ_in_colour_and_dashes(so3, stiff, opened):
 
 def test_torques_are_drawn_with_their_own_reference(so3, opened, simulate):
     other = simulate(name="other", reference={"torque": ["sin(t)", "0", "1"]}, controllers=["eqt"])
-    drawing = Torque(controllers=["eqt"], bands="none").draw([opened(so3), opened(other)])
+    drawing = Torque(controllers=["eqt"], share="total").draw([opened(so3), opened(other)])
     drawn = {line.get_label(): line.get_ydata() for line in drawing.axes[0].lines}
     np.testing.assert_array_equal(drawn["desired, small"], opened(so3)["desired_torque"][:, 0])
     np.testing.assert_array_equal(drawn["desired, other"], opened(other)["desired_torque"][:, 0])

@@ -36,10 +36,10 @@ def test_the_sheet_holds_inside_and_leaves_nothing_behind():
     assert dict(matplotlib.rcParams) == before
 
 
-def test_28_curves_look_different():
+def test_24_curves_look_different():
     with house_style():
-        looks = {str(line_style(index)) for index in range(28)}
-    assert len(looks) == 28
+        looks = {str(line_style(index)) for index in range(24)}
+    assert len(looks) == 24
 
 
 def test_four_neighbours_differ_in_dashes_and_colour():
@@ -117,8 +117,8 @@ def test_ink_is_the_colour_of_text_and_its_tints_are_on_the_paper(style, lines, 
 @unarranged
 def test_what_belongs_to_no_controller_is_drawn_in_ink(so3, opened):
     style = Style(("dark_background",))
-    for name in ("runs", "torque"):
-        drawing = figures.get(name)().draw([opened(so3)], style=style)
+    for name, options in (("runs", {}), ("torque", {"share": "total"})):
+        drawing = figures.get(name)(**options).draw([opened(so3)], style=style)
         colours = {line.get_color() for axes in drawing.axes for line in axes.lines}
         assert colours & {"#ffffff", "#404040"}  # ink, and the tint of it behind torques
         assert "black" not in colours

@@ -20,6 +20,7 @@ from eqt_cli.plots.figures.region import Region
 from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.winners import Winners
 from eqt_cli.plots.shown.sweep import ShownSweep
+from eqt_cli.results.swept_key import briefly
 from eqt_cli.tuning.ranking import front
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -96,8 +97,8 @@ def test_two_keys_give_a_map_per_controller_on_one_scale(swept):
         np.testing.assert_allclose(np.asarray(image.get_array()).reshape(2, 3), found.T)
     assert maps[0].get_clim() == maps[1].get_clim()
     assert [tick.get_text() for tick in drawing.axes[0].get_yticklabels()] == [
-        "[1.0, 2.0, 3.0]",
-        "[1.0, 1.0, 1.0]",
+        "[1, 2, 3]",
+        "[1, 1, 1]",
     ]
 
 
@@ -161,6 +162,43 @@ def test_the_front_is_what_none_betters():
     assert front(cost, error).tolist() == [1, 2, 0]
 
 
+def test_pareto_is_of_design_choices(swept):
+    results = swept([{"grid": {"initial.velocity.std": [0.1, 1.0]}}])
+    with pytest.raises(EqtError) as caught:
+        Pareto().draw([results])
+    assert str(caught.value) == (
+        f"{results.path}: figure 'pareto' shows a trade-off between design choices, which are "
+        "gains and options of laws; here is swept: initial.velocity.std"
+    )
+
+
+def test_equal_best_cells_are_all_framed(swept, altered):
+    def equal(errors):
+        errors[:] = 1.0
+        errors[3] = 2.0  # one point is worse
+        return errors
+
+    result = altered_sweep(swept, altered, BOTH, mean_pose_error=equal)
+    drawing = SweepFigure(controllers=["eqt"]).draw([result])
+    assert len(drawing.axes[0].patches) == 2 * 3  # each frame is seen on every colour
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        (['{"torque": [0, 1]}', '{"torque": ["cos(t)", -1]}'], ["[0, 1]", "[cos(t), −1]"]),
+        (
+            ['[{"kind": "lag", "time_constant": 0.1}]', "[]"],
+            ["lag, time constant 0.1", "none"],
+        ),
+        (['[{"kind": "lag", "k": 1}]', '[{"kind": "lag", "k": 2}]'], ["1", "2"]),
+        (["ideal", "limit"], ["ideal", "limit"]),
+    ],
+)
+def test_swept_mappings_are_in_words(texts, words):
+    assert briefly(texts) == words
+
+
 @pytest.mark.parametrize("figure", [SweepFigure(), Pareto()])
 def test_a_single_experiment_is_refused(figure, so3, opened):
     with pytest.raises(EqtError, match="shows sweeps, and this is a single experiment"):
@@ -219,6 +257,7 @@ def test_a_point_at_which_a_run_failed_has_no_mean(swept, altered):
     )
     assert (np.isnan(first).sum(), np.isnan(second).sum()) == (1, 0)
     assert drawing.get_supxlabel().splitlines()[1] == "1 run failed; 1 of 12 means left out."
+    results = altered_sweep(swept, altered, BOTH, status=failed)
     offsets = Pareto().draw([results]).axes[0].collections[0].get_offsets()
     assert np.ma.count_masked(np.ma.masked_invalid(offsets)) == 2
 
@@ -396,7 +435,7 @@ def test_a_failed_run_has_not_settled(swept, altered):
 
 def test_a_second_key_has_a_panel_for_each_value(swept):
     drawing = Envelope().draw([swept(BOTH)])
-    assert [axes.get_title() for axes in drawing.axes] == ["gains.kp 1", "gains.kp 2"]
+    assert [axes.get_title() for axes in drawing.axes] == ["$k_p$ 1 N m", "$k_p$ 2 N m"]
 
 
 def test_runs_are_not_asked_beyond_their_end(swept):

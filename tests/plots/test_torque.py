@@ -20,7 +20,7 @@ def test_panels_show_the_mean_of_every_law_and_the_desired_torque(so3, altered, 
     status = np.zeros_like(opened(so3)["status"])
     status[2, 0] = 2
     results = altered(so3, status=status)
-    for axis, axes in enumerate(Torque().draw([results]).axes):
+    for axis, axes in enumerate(Torque(share="total").draw([results]).axes):
         drawn = _drawn(axes)
         assert list(drawn) == ["eqt", "gt", "nog", "asym", "desired"]
         for controller, label in enumerate(results.labels):
@@ -32,8 +32,11 @@ def test_panels_show_the_mean_of_every_law_and_the_desired_torque(so3, altered, 
 def test_bands_are_drawn_on_request(so3, opened):
     assert not any(axes.collections for axes in Torque().draw([opened(so3)]).axes)
     drawing = Torque(bands="quantiles").draw([opened(so3)])
-    assert [len(axes.collections) for axes in drawing.axes] == [4, 4, 4]
-    assert drawing.get_supxlabel() == "Curves: mean over runs, n = 6; bands: 10–90 % of runs."
+    assert [len(axes.collections) for axes in drawing.axes] == 12 * [1]  # a column for each law
+    assert [axes.get_title() for axes in drawing.axes[:4]] == ["EqT", "GT", "nog", "asym"]
+    assert drawing.get_supxlabel() == (
+        "Curves: mean of the feedback over runs, n = 6; bands: 10–90 % of runs."
+    )
 
 
 def test_feedback_and_feedforward_add_up_to_the_torque(so3, opened):
@@ -94,7 +97,7 @@ def test_parts_of_different_size_leave_places_empty(width, places, simulate, ope
         ensemble={"runs": 1, "seed": 1},
         controllers=["eqt"],
     )
-    assert _places(ShownRuns([opened(plane)], "torque"), width) == places
+    assert _places(dict(ShownRuns([opened(plane)], "torque").axes), width) == places
 
 
 def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog):

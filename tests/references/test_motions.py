@@ -158,7 +158,7 @@ def test_a_spline_is_found_in_either_direction():
 
 def test_in_a_vector_space_one_iteration_finds_the_spline(monkeypatch):
     """And a second or a third sees that nothing changes any more but for rounding."""
-    monkeypatch.setattr(motions, "MOST_ITERATIONS", 3)
+    monkeypatch.setattr(motions, "MAX_ITERATIONS", 3)
     G, times = group_named("R1"), np.array([0.0, 1.0, 2.0, 4.0])
     pieces = spline(G, times, G.exp(np.array([[0.0], [1.0], [4.0], [2.0]])))
     assert len(pieces.starts) == 3
@@ -403,5 +403,5 @@ def test_degrees_are_none_along_an_axis_that_moves():
     problems = Problems()
     PathReference([PathFactor("vx", "2 deg")]).check(group_named("SE3"), problems)
     assert [(problem.path, problem.message) for problem in problems] == [
-        ("factors[0].by", "expected no deg along an axis that moves, got '2 deg'")
+        ("factors[0].by", "expected no deg along an axis of translation, got '2 deg'")
     ]

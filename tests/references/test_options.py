@@ -164,7 +164,7 @@ def test_the_residual_of_smoothed_waypoints_is_told():
     angles = [point.pose["rotvec"][0] for point in NOISY]
     (squares,) = np.polyfit(TURNS, angles, 1, full=True)[1]  # λ → ∞: a constant velocity
     line = np.rad2deg(np.sqrt(squares / len(TURNS)))
-    assert most == f"{told} {line:.3g} deg instead of 90 deg, and cannot be more"
+    assert most == f"{told} {line:.3g} deg instead of 90 deg, and cannot be larger"
     Q, _, _ = found.motion(G, TURNS)
     left = G.log(np.swapaxes(Q, -1, -2) @ WaypointsReference(NOISY).motion(G, TURNS)[0])
     size = np.sqrt(np.mean(np.sum(left**2, axis=1)))

@@ -83,7 +83,7 @@ def test_every_run_is_in_the_table(text):
 
 
 def test_what_was_run_is_there_to_read(text):
-    assert "60 runs of 20 s for each of 4 controllers (eqt, gt, nog, asym) on SO3" in text
+    assert "60 runs of 20 s for each of 4 controllers (EqT, GT, nog, asym) on SO3" in text
     assert "seed: 2025" in text and "<dt>python</dt>" in text
 
 
@@ -109,15 +109,18 @@ def test_the_experiment_has_its_equations_and_values(text):
 
 def test_author_and_notes_stand_at_the_top(make_result):
     metrics = {name: [[1.0] * 6] for name in (*MEANS, "energy_residual")}
-    results = make_result(["eqt"], metrics=metrics)
-    header = report(results, [], author="A. Noether", notes="One.\n\nTwo\nlines.").partition(
-        "<nav"
-    )[0]
-    assert [
-        text
-        for text in ("A. Noether", '<p class="remark">One.</p>', ">Two lines.<")
-        if text not in header
-    ] == []
+    results = make_result(["eqt"], metrics=metrics | {"final_pose_error": [[1.2e-8] * 6]})
+    head = {"title": "Symmetry", "author": "A. Noether", "date": "1918"}
+    page = report(results, [], notes="One.\n\nTwo\nlines.", **head)
+    texts = (
+        "<title>Symmetry – eqt report</title>",
+        "<h1>Symmetry</h1>",
+        '<p class="author">A. Noether, 1918</p>',
+        '<p class="remark">One.</p>',
+        ">Two lines.<",
+    )
+    assert [text for text in texts if text not in page.partition("<nav")[0]] == []
+    assert '<td class="number">1.200\u00a0·\u00a010<sup>−8</sup></td>' in page  # and no 0.000
 
 
 def test_claims_have_their_verdicts(text):

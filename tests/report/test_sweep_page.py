@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from eqt_cli.analysis.comparison.notation import significant
 from eqt_cli.analysis.extreme_points import extreme_points
 from eqt_cli.report import report
 from eqt_cli.report.point_table import point_table
@@ -83,7 +84,9 @@ def test_the_best_point_has_the_least_mean_and_the_worst_the_largest(results):
         for end, found in (("best", np.argmin), ("worst", np.argmax)):
             point = int(found(means[:, controller]))
             values = [f"{results[key][point]:.4g}" for key in ("gains.kp", "gains.kd")]
-            expected.append([title, end, str(point), *values, f"{means[point, controller]:.4g}"])
+            expected.append(
+                [title, end, str(point), *values, significant(means[point, controller])]
+            )
     assert block.rows == expected
 
 

@@ -49,6 +49,15 @@ EXACT = {
     # Constant over the last quarter, and greater before.
     "closing_pose_error": ({"pose_error": np.where(RAMP < 0.7 * T, 9.0, 2.0)}, 2.0),
     "closing_torque": ({"torque_norm": np.where(RAMP < 0.7 * T, 9.0, 3.0)}, 3.0),
+    # √(T²/3 + h²/6), as for the square of an error.
+    "estimate_rms": ({"estimate_error": RAMP}, np.sqrt(T**2 / 3 + H**2 / 6)),
+    "bias_rms": ({"bias_error": RAMP}, np.sqrt(T**2 / 3 + H**2 / 6)),
+    "estimate_settling_time": ({"estimate_error": 1 - (RAMP + 0.2) / T}, 0.95 * T - 0.2),
+    "nees_ratio": ({"nees": 3 * RAMP, "nees_dof": 6 + 0 * RAMP}, T / 4),
+    # 12.59 is the 95 % limit of χ² with 6 degrees of freedom: from 12.5 at sample 25 to 13.
+    "ellipsoid_share": ({"nees": RAMP, "nees_dof": 6 + 0 * RAMP}, 26 / 41),
+    "final_innovation_square": ({"innovation_square": 1 + RAMP}, 1 + T),
+    "final_innovation_correlation": ({"innovation_correlation": RAMP / T}, 1.0),
     "energy_residual": (
         {"lyapunov": 4 * FALLING, "energy_balance": 4 + 0.02 * np.sin(np.pi * RAMP / T)},
         0.02 / 4,
@@ -209,6 +218,13 @@ def test_result_files_hold_these_numbers():
         "saturated_share",
         "closing_pose_error",
         "closing_torque",
+        "estimate_rms",
+        "bias_rms",
+        "estimate_settling_time",
+        "nees_ratio",
+        "ellipsoid_share",
+        "final_innovation_square",
+        "final_innovation_correlation",
         "energy_residual",
     ]
     ideal = [quantity.name for quantity in MEASURED if quantity.stored_of(Vehicle())]

@@ -307,11 +307,16 @@ def test_pack_executes_no_plugin_unasked(shards, witness, eqt, forgotten):
     assert witness.read_text() == "plugin "
 
 
+SEARCH = '{"over":{"gains.kp":[0.1,10]},"objective":"effort","budget":1,"population":5,"seeds":1}'
 RESULT_COMMANDS = {
     "run": "run shards --out ../out",
     "sweep": "sweep shards --grid gains.kp=1,2 --out ../out",
-    "tune": "tune shards --set tune.budget=1 --out ../out",
-    "worst": "worst shards --set worst.budget=1 --out ../out",
+    "tune": f"tune shards --set tune={SEARCH} --out ../out",
+    "worst": f"worst shards --set worst={SEARCH} --out ../out",
+    "margins": "margins shards",
+    "export": "export shards --out ../out",
+    "replay": "replay shards --measured none.csv",
+    "fit": "fit shards --measured none.csv --over inertia --out ../out",
     "config check": "config check shards",
     "verify": "verify shards",
     "plot": "plot shards --figure torque --format svg --out ../out",
@@ -341,8 +346,14 @@ def test_no_command_executes_the_plugins_of_a_result(shards, witness, eqt, forgo
 
 
 OWN_COMMANDS = {
-    "run": "run c.yaml --out ../out",
-    "sweep": "sweep c.yaml --grid gains.kp=1,2 --out ../out",
+    "run": "run c.yaml --executor serial --out ../out",
+    "sweep": "sweep c.yaml --executor serial --grid gains.kp=1,2 --out ../out",
+    "tune": f"tune c.yaml --executor serial --set tune={SEARCH} --out ../out",
+    "worst": f"worst c.yaml --executor serial --set worst={SEARCH} --out ../out",
+    "margins": "margins c.yaml",
+    "export": "export c.yaml --out ../out",
+    "replay": "replay c.yaml --measured none.csv",
+    "fit": "fit c.yaml --measured none.csv --over inertia --out ../out",
     "config check": "config check c.yaml",
     "verify": "verify c.yaml",
     "plot": "plot c.yaml --format svg --out ../out",

@@ -187,7 +187,7 @@ def test_times_at_the_bounds_are_taken(sent, eqt):
     rows = "-1e9,0,0,0\n0,0,0,1\n1e-9,0,0,2\n1,0,0,1\n1e9,0,0,0\n"
     Path("w.csv").write_text("t,wx,wy,wz\n" + rows, encoding="utf-8")
     done = eqt("config", "check", "c.yaml", "--set", "reference={kind: waypoints, file: w.csv}")
-    assert "waypoints" not in done.err
+    assert done.code == 0
 
 
 @pytest.mark.parametrize(

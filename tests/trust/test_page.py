@@ -43,13 +43,13 @@ def test_the_pages_that_speak_of_files_from_others_link_to_it():
 
 def test_the_page_states_the_bounds():
     from eqt_cli.api.checking_logs import LOG_BYTES
-    from eqt_cli.config.data_files import MOST_BYTES
+    from eqt_cli.config.data_files import DATA_BYTES
     from eqt_cli.config.yaml_source import MAX_BYTES
     from eqt_cli.core.regular_files import RECORD_BYTES, TEXT_BYTES
 
     text = PAGE.read_text(encoding="utf-8")
     assert TEXT_BYTES == MAX_BYTES
     assert f"more than {TEXT_BYTES / 1e6:.0f} MB" in text
-    assert f"at most {MOST_BYTES / 1e6:.0f} MB" in text
+    assert f"at most {DATA_BYTES / 1e6:.0f} MB" in text
     assert f"at most {LOG_BYTES / 1e6:.0f} MB" in text
     assert f"more than {RECORD_BYTES / 2**20:.0f} MiB" in text

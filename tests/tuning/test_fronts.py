@@ -89,7 +89,7 @@ def test_the_fronts_of_single_searches_show_the_luck_of_the_search() -> None:
         for law, scale, errors in laws
     )
     (pair,) = at_equal_cost([one, other], HOW, (0.5,))
-    assert (pair.least, pair.most) == pytest.approx((0.2, 0.5))
+    assert (pair.smallest, pair.largest) == pytest.approx((0.2, 0.5))
     assert pair.over_searches == "20.0 to 50.0 %"
     short = replace(one, searches=[np.array([[3.0, 1.0], [4.0, 0.5]])])  # does not reach 2
     assert at_equal_cost([short, other], HOW, (0.5,))[0].over_searches == "-"

@@ -81,8 +81,8 @@ def test_no_other_command_minds_the_section(small: dict[str, Any]) -> None:
     [
         (
             {"over": {"time.duration": [1, 2]}},
-            "tune.over.time.duration: expected a key of gains or controllers, which a law may "
-            "choose; all else is the task",
+            "tune.over.time.duration: expected a key of gains or controllers; all other keys "
+            "define the task, which is the same for all laws",
         ),
         (
             {"over": {"gains.kp": [1, 2], "controllers[2].gyroscopic": [1, 2]}},

@@ -21,7 +21,7 @@ from eqt_cli.results.result import Result, open_result
 from eqt_cli.tuning.folder import WORST
 from eqt_cli.tuning.record_shape import fits_worst
 from eqt_cli.tuning.searching import Found
-from eqt_cli.tuning.worst import _agree, _alone, badness
+from eqt_cli.tuning.worst import _agree, _worst_run, badness
 from eqt_cli.tuning.worst_search import WorstSearch
 from eqt_cli.tuning.worst_tables import worst_tables
 
@@ -138,7 +138,7 @@ def test_the_table_says_found_and_how_many_do_not_settle(searched: tuple[Found, 
     ]
     assert table.notes == [
         "Searched: 2 generations of 5 points, each of 3 runs, for every law, with the seed 0. "
-        "Worse runs may exist: a search finds, and proves nothing.",
+        "Worse runs may exist: a search is not a proof.",
         "Not settled there: of the runs at the point that was found; in the box: of all runs of "
         "the first generations, whose points are spread over the ranges. A failed run has not "
         "settled. Agree: searches whose worst is within 1 % of the worst of all.",
@@ -150,14 +150,14 @@ def test_the_report_shows_the_table_and_the_figure(
 ) -> None:
     with open_result(searched[1]) as result:
         page = report(result)
-    assert "The worst runs that were found" in page
-    assert "Worse runs may exist: a search finds, and proves nothing." in page
+    assert 'id="worst-1-table"' in page[page.index('id="summary"') : page.index("<figure")]
+    assert "Worse runs may exist: a search is not a proof." in page
     assert 'aria-label="The worst run of each law along each key' in page
 
 
-@pytest.mark.parametrize(("seen", "told"), [(9.0, "9"), (None, "a failed run")])
+@pytest.mark.parametrize(("seen", "value"), [(9.0, "9"), (None, "a failed run")])
 def test_a_run_that_amplifies_rounding_is_told(
-    searched: tuple[Found, Path], seen: float | None, told: str
+    searched: tuple[Found, Path], seen: float | None, value: str
 ) -> None:
     done, folder = searched
     law = done.record["laws"][0]
@@ -165,7 +165,7 @@ def test_a_run_that_amplifies_rounding_is_told(
     with open_result(folder) as result:
         (table,) = worst_tables(result, done.record | {"laws": [law | {"searches": [search]}]})
     assert table.notes[1] == (
-        f"stabilising: beside other points, the searches found {told}; the run amplifies "
+        f"stabilising: together with other points, the searches found {value}; the run amplifies "
         "rounding, so its value is no more certain than that."
     )
 
@@ -304,7 +304,7 @@ def test_an_objective_without_any_value_is_told(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("eqt_cli.tuning.worst.costs_of_runs", lambda *_: np.full((1, 2), -np.inf))
     result: Any = SimpleNamespace(path="w/run/results.h5", labels=["gt"])
     with pytest.raises(EqtError) as raised:
-        _alone(read(objective="settling_time"), result)
+        _worst_run(read(objective="settling_time"), result)
     assert str(raised.value) == (
         "w/run/results.h5: no run of 'gt' has a value of settling_time; choose another objective"
     )

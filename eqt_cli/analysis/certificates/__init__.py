@@ -1,4 +1,4 @@
-"""Certificates: statements of theory; one file per topic, found by scanning."""
+"""Certificates: numerical checks of the theory. One file per topic, found by scanning."""
 
 from collections.abc import Iterable
 from typing import TypeVar
@@ -23,11 +23,11 @@ certificates = Registry("certificate", __name__, Certificate)
 
 
 CHECKED = "certificates checked"
-"""What is counted while identities are."""
+"""Title of the step in which identities are checked."""
 
 
 def identity_rows(common: Sample, laws: Iterable[Sample]) -> list[Row]:
-    """Every identity: on `common` where it is about no law, else on each of the laws."""
+    """Check every identity: on each law or, if it concerns no law, on `common`."""
     laws, rows = list(laws), []
     due = [
         (certificate, sample)
@@ -43,7 +43,7 @@ def identity_rows(common: Sample, laws: Iterable[Sample]) -> list[Row]:
 
 
 def trajectory_rows(runs: Iterable[Runs]) -> list[Row]:
-    """Every statement about solutions, on the runs of every law."""
+    """Check every statement about solutions on the runs of every law."""
     checks = _of_kind(TrajectoryCheck)
     return _in_order(
         [check.check(each) for each in runs for check in checks if check.applies(each)]
@@ -51,7 +51,7 @@ def trajectory_rows(runs: Iterable[Runs]) -> list[Row]:
 
 
 def hypothesis_rows(setting: Setting) -> list[Row]:
-    """Every hypothesis."""
+    """Check every hypothesis."""
     found = [row for hypothesis in _of_kind(Hypothesis) for row in hypothesis.check(setting)]
     return _in_order(found)
 
@@ -61,6 +61,6 @@ def _of_kind(kind: type[T]) -> list[T]:
 
 
 def _in_order(rows: list[Row]) -> list[Row]:
-    """By the paper's sections; a stable sort, so that laws keep their order."""
+    """Sort rows by the paper's sections; laws keep their order."""
     sections = {found.name: (found.section, found.name) for found in certificates.all()}
     return sorted(rows, key=lambda row: sections[row.name])

@@ -1,4 +1,4 @@
-"""What a certificate is: a statement of the paper that a numerical check can confirm or refute."""
+"""Base classes of certificates: statements that a numerical check can confirm or refute."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ Kind = Literal["identity", "trajectory", "hypothesis", "oracle", "code"]
 
 
 class Verdict(StrEnum):
-    """What a certificate finds."""
+    """The outcome of a certificate."""
 
     HOLDS = "holds"
     PROVED = "proved"
@@ -44,19 +44,21 @@ class Row:
     Attributes
     ----------
     name, statement, kind
-        Of the certificate.
+        Name, statement and kind of the certificate.
     controller
-        The label of the law it is about; empty where it is about none.
+        Label of the law; empty if the certificate concerns no law.
     measured, bound
-        What was found and what it must not exceed (for a definiteness, fall below); None where
-        the check has no such number.
+        Measured value, and the bound that it must not exceed (for definiteness: fall below); None
+        if the check has no such number.
+    verdict, remark
+        Verdict, and additional information.
     degree, points, probability
-        Of a proof: the degree of what was 0 at so many exact states, and a bound of the probability
-        of that if it is not 0 everywhere; None where there is no proof.
+        Data of a proof: bound of the degree, number of exact states at which the sides were equal,
+        and bound of the probability of this for different sides; None without a proof.
     not_proved
-        Why there is none, where one was asked for.
+        Reason why a requested proof failed.
     difference
-        Left − right at an exact state, as a fraction, where the sides differ.
+        Left − right at an exact state, as a fraction, if the sides differ.
     """
 
     name: str
@@ -80,13 +82,13 @@ class Certificate(ABC):
     Attributes
     ----------
     name
-        What it says, in a few words.
+        The statement in a few words.
     statement
-        Where the paper says it: ``Theorem 4.1``.
+        Place in the paper: ``Theorem 4.1``.
     section
-        Of the paper, for the order of rows.
+        Section of the paper, for the order of rows.
     kind
-        Identities and trajectories can fail; hypotheses are reported.
+        Identities and trajectories can fail; hypotheses are only reported.
     """
 
     name: ClassVar[str]
@@ -102,7 +104,7 @@ class Certificate(ABC):
         remark: str = "",
         controller: str = "",
     ) -> Row:
-        """A row of this certificate."""
+        """Return a row of this certificate."""
         return Row(
             self.name, self.statement, self.kind, controller, measured, bound, verdict, remark
         )
@@ -110,7 +112,7 @@ class Certificate(ABC):
     def compared(
         self, measured: float, bound: float, remark: str = "", controller: str = ""
     ) -> Row:
-        """A row that holds where what was measured is within its bound, and else fails."""
+        """Return a row that holds if the measured value is within its bound, else fails."""
         verdict = Verdict.HOLDS if measured <= bound else Verdict.FAILS
         return self.row(verdict, measured, bound, remark, controller)
 
@@ -121,9 +123,9 @@ class Identity(Certificate):
     Attributes
     ----------
     per_law
-        Whether it is about a control law, or about the group and the inertia only.
+        Whether it concerns a control law; else only the group and the inertia.
     not_rational
-        Why its sides are no rational functions of the state, where that is known beforehand.
+        Reason why its sides are not rational functions of the state, if this is known.
     """
 
     kind: ClassVar[Kind] = "identity"
@@ -131,24 +133,24 @@ class Identity(Certificate):
     not_rational: ClassVar[str] = ""
 
     def applies(self, loop: ClosedLoop) -> bool:
-        """Whether it says anything about this closed loop."""
+        """Whether the identity applies to this closed loop."""
         return True
 
     @abstractmethod
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The left and the right side of its equations, at random states; none: no claim."""
+        """Yield both sides of its equations at random states; none if it claims nothing."""
 
     def check(self, sample: Sample) -> list[Row]:
-        """The sides by their rounding bounds, and where exact states are given, by a proof."""
+        """Compare the sides within their rounding bounds and, with exact states, by a proof."""
         rows = self._within_rounding(sample)
         return rows if sample.exact is None else [self._exactly(row, sample.exact) for row in rows]
 
     def _within_rounding(self, sample: Sample) -> list[Row]:
-        """The largest difference of two sides against the bound of their rounding errors."""
+        """Compare the largest difference of two sides with the bound of their rounding errors."""
         label = sample.label if self.per_law else ""
         try:
             found = [discrepancy(left, right) for left, right in self.sides(sample)]
-        except Exception as error:  # a law of the user's, on numbers it was not written for
+        except Exception as error:  # a plugin's law may not support these numbers
             reason = f"cannot be evaluated on symbols: {type(error).__name__}: {error}"
             return [self.row(Verdict.UNDECIDED, remark=reason, controller=label)]
         if not found:
@@ -156,7 +158,7 @@ class Identity(Certificate):
         return [self.compared(*max(found, key=_excess), controller=label)]
 
     def _exactly(self, row: Row, states: ExactStates) -> Row:
-        """The row with what exact numbers say; without a word from them it stays as it is."""
+        """Return the row with the outcome of the proof, or with the reason why there is none."""
         try:
             reason = self.not_rational or states.obstacle
             found = None if reason else prove(self.sides, states)
@@ -168,7 +170,7 @@ class Identity(Certificate):
                 row, verdict=Verdict.FAILS, remark=remark, difference=str(found.difference)
             )
         if found is None:
-            remark = _joined(row.remark, f"not proved: {reason}")
+            remark = joined(row.remark, f"not proved: {reason}")
             return replace(row, remark=remark, not_proved=reason)
         shown = f"degree {found.degree}, {found.points} states, p {_at_most(found.probability)}"
         if found.functions:
@@ -179,68 +181,68 @@ class Identity(Certificate):
             degree=found.degree,
             points=found.points,
             probability=found.probability,
-            remark=_joined(row.remark, shown),
+            remark=joined(row.remark, shown),
         )
 
 
 class LiteralForm(Identity):
-    """A registered law against its source's formula, written out as the source does.
+    """Compares a registered law with its source's formula, in the form of the source.
 
-    It is asked of every law that claims to be this one, by its registered name and whatever its
-    numbers are; so a law whose numbers are changed fails it.
+    It applies to every law with this registered name, whatever its numbers are. So a law with
+    changed numbers fails.
 
     Attributes
     ----------
     law
-        The registered name of the law.
+        Registered name of the law.
     """
 
     per_law: ClassVar[bool] = True
     law: ClassVar[str]
 
     def applies(self, loop: ClosedLoop) -> bool:
-        """To the law of this name, where the formula is written for the rest of the loop."""
+        """Whether the loop has this law, and the formula covers the rest of the loop."""
         return registered_name(loop.controller) == self.law and self.is_written_for(loop)
 
     def is_written_for(self, loop: ClosedLoop) -> bool:
-        """Whether the formula is for this group, and for an inertia of this kind."""
+        """Whether the formula covers the group and the kind of inertia."""
         return True
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The law's torque against the formula, with the experiment's gains and with generic ones.
+        """Compare torque and formula for the experiment's gains and for generic ones.
 
-        Gains that are multiples of the identity do not tell one frame from another.
+        Gains that are multiples of the identity could hide a wrong frame.
         """
         for s in (sample.s, sample.generic):
             yield sample.loop.controller.torque(s), self.torque(s, sample.loop.controller)
 
     @abstractmethod
     def torque(self, s: Tracking, law: Any) -> Array:
-        """The formula, body frame; of the law only its options may be read."""
+        """Return the formula's torque in the body frame; it may read only the law's options."""
 
 
 class TrajectoryCheck(Certificate):
-    """A statement about solutions, checked on the runs of a law."""
+    """A statement about solutions that is checked on the runs of a law."""
 
     kind: ClassVar[Kind] = "trajectory"
 
     def applies(self, runs: Runs) -> bool:
-        """Whether it says anything about these runs."""
+        """Whether the statement applies to these runs."""
         return True
 
     @abstractmethod
     def check(self, runs: Runs) -> Row:
-        """What the runs say."""
+        """Judge the statement by the runs."""
 
 
 class Hypothesis(Certificate):
-    """What the theorems assume of group, gains, inertia and reference."""
+    """An assumption of the theorems about group, gains, inertia or reference."""
 
     kind: ClassVar[Kind] = "hypothesis"
 
     @abstractmethod
     def check(self, setting: Setting) -> list[Row]:
-        """What is true of the setting; no row where it says nothing."""
+        """Judge the assumption for the setting; no row if it does not apply."""
 
 
 def registered_name(law: Controller) -> str | None:
@@ -258,7 +260,7 @@ def registered_name(law: Controller) -> str | None:
 
 
 def _reason(error: Exception) -> str:
-    """Why a law cannot be evaluated on exact numbers, with its line."""
+    """Return the reason why a law cannot be evaluated on exact numbers, with its line."""
     if isinstance(error, UnprovableError):
         return str(error)
     place = place_of(error) or place_of(error, _is_law)
@@ -268,21 +270,22 @@ def _reason(error: Exception) -> str:
 
 
 def _is_law(module: str) -> bool:
-    """Whether a module of eqt holds formulas, and not what evaluates them."""
+    """Whether a module of eqt contains formulas, rather than code that evaluates them."""
     return module.startswith("eqt_cli.") and not module.startswith(
         ("eqt_cli.analysis.", "eqt_cli.core.", "eqt_cli.closed_loop.")
     )
 
 
 def _at_most(probability: float) -> str:
-    """A bound with two digits, rounded up."""
+    """Format a bound with two digits, rounded up."""
     if not probability:
         return "= 0"
     power = floor(log10(probability)) - 1
     return f"≤ {ceil(probability / 10.0**power) * 10.0**power:.1e}"
 
 
-def _joined(*remarks: str) -> str:
+def joined(*remarks: str) -> str:
+    """Join the remarks that are not empty."""
     return "; ".join(filter(None, remarks))
 
 

@@ -12,14 +12,14 @@ from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.core.arrays import Array, dot
 
 CLOSED_FORM_ROUNDINGS = 64
-"""Unit roundoffs granted to `exp`, `log` and `drift`, relative to 1 and the largest coordinate: on
+"""Allowed error of `exp`, `log` and `drift` in unit roundoffs of 1 plus the largest coordinate. On
 all groups of eqt they err by fewer than 15 (measured)."""
 
 TERMS = 14
-"""Of the series of exp at a sixteenth of a random velocity, where the next is below rounding."""
+"""Number of terms of the series of exp at a sixteenth of a random velocity, down to rounding."""
 
 PUSH = 1e-3
-"""How far a rotation is scaled to see whether its distance from the group is noticed."""
+"""Relative scaling of a rotation that `drift` must detect."""
 
 
 class DualAdjoint(Identity):
@@ -74,7 +74,7 @@ class Exponential(Identity):
 
 
 class Drift(Identity):
-    """A rotation that is scaled is not in the group, whichever part of the pose it is."""
+    """A scaled rotation is not in the group, whichever part of the pose it is."""
 
     name: ClassVar[str] = "drift of every part"
     statement: ClassVar[str] = "eq. (5)"
@@ -82,7 +82,7 @@ class Drift(Identity):
     not_rational: ClassVar[str] = "a distance is a square root"
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """Whether the drift says so; in the group there is none."""
+        """Check that the drift detects it, and that a pose in the group has no drift."""
         G, Q = sample.G, floats(sample.drawn[0])
         yield _near(G.drift(Q), np.zeros(1)), np.zeros(len(Q))
         for part in G.parts:
@@ -93,6 +93,6 @@ class Drift(Identity):
 
 
 def _near(found: Array, V: Array) -> Array:
-    """What a closed form gives, with the rounding that it is granted."""
+    """Return the value of a closed form with its allowed rounding error."""
     size = np.abs(found).max() + np.abs(V).max() + 1
     return lifted(found, CLOSED_FORM_ROUNDINGS * UNIT * size)

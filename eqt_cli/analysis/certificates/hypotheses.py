@@ -1,4 +1,4 @@
-"""What the theorems assume of group, gains, inertia, reference and laws."""
+"""Assumptions of the theorems about group, gains, inertia, reference and laws."""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -16,16 +16,16 @@ from eqt_cli.mechanics.navigation import hessian_at_identity
 from eqt_cli.mechanics.rigid_body import not_rigid
 
 INSTANTS = 1001
-"""How many instants of the horizon a varying inertia is looked at."""
+"""Number of instants of the horizon at which a varying inertia is evaluated."""
 
 GROWTH = 1e-3
-"""Relative growth that counts; less is the grid's, whose samples miss the true maxima."""
+"""Least relative growth that counts; samples can miss maxima by less than this."""
 
 
 class NavigationFunction(Hypothesis):
-    """Υ is proper and Morse with a unique minimum: measured is the least |Hessian eigenvalue| ≠ 0.
+    """Υ is proper and Morse with a unique minimum. Measured: least |Hessian eigenvalue| ≠ 0.
 
-    Morse-Bott where critical points form manifolds along which alone the Hessian is 0.
+    Morse-Bott if critical points form manifolds and the Hessian is 0 only along them.
     """
 
     name: ClassVar[str] = "Υ is a navigation function"
@@ -88,7 +88,7 @@ def _definite(matrix: Array) -> tuple[Verdict, float]:
 
 
 class InertiaBounds(Hypothesis):
-    """𝕀_t is bounded above and below, and 𝕀̇_t above: measured is the largest ‖𝕀̇_t‖₂."""
+    """𝕀_t is bounded above and below, and 𝕀̇_t above. Measured: the largest ‖𝕀̇_t‖₂."""
 
     name: ClassVar[str] = "𝕀_t and its rate are bounded"
     statement: ClassVar[str] = "Theorem 3.2"
@@ -113,7 +113,7 @@ class InertiaBounds(Hypothesis):
 
 
 class RigidBody(Hypothesis):
-    """The inertia can be a rigid body's, which no theorem asks for; a row where it cannot."""
+    """The inertia can be that of a rigid body, which no theorem needs. A row appears if not."""
 
     name: ClassVar[str] = "𝕀 is a rigid body's"
     statement: ClassVar[str] = "triangle inequality"
@@ -144,7 +144,7 @@ class PoseBounded(Hypothesis):
 
 
 class VelocityBounded(Hypothesis):
-    """sup ‖V_d(t)‖, which the proof of Theorem 6.2 needs and its statement does not ask for."""
+    """sup ‖V_d(t)‖, which the proof of Theorem 6.2 needs but its statement does not assume."""
 
     name: ClassVar[str] = "V_d is bounded"
     statement: ClassVar[str] = "Theorem 6.2, its proof"
@@ -199,12 +199,12 @@ class LawCovered(Hypothesis):
         return self.row(verdicts[loop.claims_decrease], controller=label)
 
     def _where(self, theorem: str) -> str:
-        """Of a published law its own source, of the others the paper's."""
+        """Return the source of a published law, or the paper's statement for other laws."""
         return self.statement if theorem in ("", Controller.theorem) else theorem
 
 
 def _over_horizon(values: Array) -> tuple[float, Verdict]:
-    """The supremum over samples, and `growing` where the second half exceeds the first."""
+    """Return the supremum over samples, and `growing` if the second half exceeds the first."""
     middle = (len(values) + 1) // 2
     first, second = float(values[:middle].max()), float(values[middle:].max(initial=0.0))
     verdict = Verdict.GROWING if second > first * (1 + GROWTH) else Verdict.UNKNOWN

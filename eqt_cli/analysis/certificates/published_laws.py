@@ -1,6 +1,6 @@
-"""The laws of other papers, each written out as its source does, and what all do with small errors.
+"""The laws of other papers in the form of their sources, and the response of all to small errors.
 
-Rates such as ξ̇ are those of the motion itself, so that no formula for them is taken from the laws.
+Rates such as ξ̇ are those of the motion itself, so that no formula for them comes from the laws.
 """
 
 from abc import abstractmethod
@@ -87,7 +87,7 @@ class GoodarziForm(LiteralForm):
 
 
 class GoodarziIntegral(Identity):
-    """ė_I = e + c₂ e_R; where the law is sampled, e_I rises by a period of it at every instant."""
+    """ė_I = e + c₂ e_R; a sampled law adds one period of this rate to e_I at every instant."""
 
     name: ClassVar[str] = "integral of the errors"
     statement: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
@@ -95,11 +95,11 @@ class GoodarziIntegral(Identity):
     per_law: ClassVar[bool] = True
 
     def applies(self, loop: ClosedLoop) -> bool:
-        """To the law with this integral."""
+        """Whether the law has this integral."""
         return GoodarziForm().applies(loop)
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The rate of the memory, or its rise, against the formula."""
+        """Compare the rate of the memory, or its increase over a period, with the formula."""
         s, loop = sample.s, sample.loop
         b, control = Body(s), loop.vehicle.control
         rate = b.e + getattr(loop.controller, "c2", None) * b.e_R
@@ -259,9 +259,9 @@ class Lee2012OnSO3(LeeOnSO3):
 class SmallErrors(Identity):
     """Near a pose at rest the torque is −H x − K_d v: H the Hessian of Υ at I, v the velocity.
 
-    The inertia is held, so that what makes up for its change does not count as damping. A memory is
-    part of the law: what it has taken up on the way to x counts as stiffness, and what it takes up
-    while the body stays at x must not reach the torque.
+    The inertia is held constant, so that the compensation of its change does not count as damping.
+    A memory is part of the law: its change on the way to x counts as stiffness, and its change
+    while the body stays at x must not affect the torque.
     """
 
     name: ClassVar[str] = "stiffness and damping of small errors"
@@ -270,15 +270,15 @@ class SmallErrors(Identity):
     per_law: ClassVar[bool] = True
 
     def applies(self, loop: ClosedLoop) -> bool:
-        """To laws that say whether their gains are matched."""
+        """Whether the law states if its gains are matched."""
         return loop.controller.matched is not None
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The rates of the torque as the pose, and as the velocity, leaves the desired one.
+        """Compare the derivatives of the torque by pose and velocity errors with the gains.
 
         With τ = A x + B v + C z and ż = D x + E v + F z, the memory adds C (s − F)⁻¹(D + E s) to A.
-        In powers of 1/s that is C E, then C Fᵏ(D + F E), which is 0 for all k if it is for as many
-        as z has entries.
+        In powers of 1/s this is C E, then C Fᵏ(D + F E), which is 0 for all k if it is 0 for as
+        many k as z has entries.
         """
         s, law, x = sample.resting, sample.loop.controller, sample.drawn[1]
         still = sample.lifted(0 * x)
@@ -307,7 +307,7 @@ class SmallErrors(Identity):
             taken_up = _memory_rates(law, staying)
 
     def check(self, sample: Sample) -> list[Row]:
-        """Whether they are those of the gains; a law with gains of its own is not matched."""
+        """Check a law with matched gains; for any other law nothing is claimed."""
         if sample.loop.controller.matched:
             return super().check(sample)
         remark = "not matched: the law has gains of its own"
@@ -315,7 +315,7 @@ class SmallErrors(Identity):
 
 
 def _memory_rates(law: Controller, s: Tracking) -> dict[str, Array]:
-    """How fast the rates of a law's memory change."""
+    """Return the derivatives of the rates of a law's memory."""
     rates = law.memory_rate(s)
     return {name: rate_of(rates[name] + 0 * z) for name, z in s.memory.items()}
 

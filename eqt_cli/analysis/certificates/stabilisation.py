@@ -19,18 +19,18 @@ from eqt_cli.mechanics.navigation import gradient, potential
 from eqt_cli.mechanics.tracking import Tracking
 
 FLAT = 1e-9
-"""Eigenvalues of a Hessian this small, relative to the largest, are 0."""
+"""Eigenvalues of a Hessian below this share of the largest count as 0."""
 
 
 class Momentum(Identity):
-    """P = 𝕀_t V: a state made of poses and velocities at a time t has them at that time."""
+    """P = 𝕀_t V: a state made from poses and velocities at a time t returns them at that time."""
 
     name: ClassVar[str] = "momentum of a velocity"
     statement: ClassVar[str] = "eq. (6)"
     section: ClassVar[float] = 3.05
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """What a law reads of a state against what the state was made of."""
+        """Compare a law's arguments with the poses and velocities of the state."""
         s, (Q, V, Qd, Vd) = sample.s, sample.drawn
         yield s.Q, Q
         yield s.Qd, Qd
@@ -41,7 +41,7 @@ class Momentum(Identity):
 class ReferenceMotion(Identity):
     """The reference obeys eq. (5) with its own torque: Q̇_d = Q_d V_d^, Ṗ_d = ad*_{V_d} P_d + τ_d.
 
-    One whose velocity is kept keeps it, V̇_d = 0.
+    If the reference keeps its velocity, V̇_d = 0.
     """
 
     name: ClassVar[str] = "motion of the reference"
@@ -49,7 +49,7 @@ class ReferenceMotion(Identity):
     section: ClassVar[float] = 3.06
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The rates of what the reference gives; nothing of one that is integrated by a torque."""
+        """Check the rates of the reference; none for one that is integrated from a torque."""
         G, reference = sample.G, sample.reference
         if "velocity" in reference.starts_from:
             return
@@ -70,9 +70,9 @@ class ReferenceMotion(Identity):
 
 
 class InertiaRate(Identity):
-    """∂h/∂t = ½⟨P, d(𝕀⁻¹)/dt P⟩ = −⟨Ṡ*S⁻* P, 𝕀⁻¹P⟩, and d𝕀/dt is what the law says it is.
+    """∂h/∂t = ½⟨P, d(𝕀⁻¹)/dt P⟩ = −⟨Ṡ*S⁻* P, 𝕀⁻¹P⟩, and the inertia law states d𝕀/dt correctly.
 
-    Where the configuration gives the factor S, also Ṡ*S⁻* P = Ṡ* 𝕀_0 S V with S* 𝕀_0 S V = P.
+    If the configuration gives the factor S, also Ṡ*S⁻* P = Ṡ* 𝕀_0 S V with S* 𝕀_0 S V = P.
     """
 
     name: ClassVar[str] = "feedforward of a varying inertia"
@@ -80,7 +80,7 @@ class InertiaRate(Identity):
     section: ClassVar[float] = 3.2
 
     def applies(self, loop: ClosedLoop) -> bool:
-        """To an inertia that varies."""
+        """Whether the inertia varies."""
         return not isinstance(loop.inertia, Inertia)
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
@@ -115,7 +115,7 @@ class NavigationGradient(Identity):
 
 
 class CriticalPoints(Identity):
-    """dΥ = 0 at the critical points that are known, with the Hessian and the index said of them."""
+    """dΥ = 0 at the known critical points, with the stated Hessian and index."""
 
     name: ClassVar[str] = "critical points of Υ"
     statement: ClassVar[str] = "Definition 2.1, Example 3.4"
@@ -147,7 +147,7 @@ class StabilisingControl(LiteralForm):
     law: ClassVar[str] = "stabilising"
 
     def torque(self, s: Tracking, law: Any) -> Array:
-        """The sum of its terms; a law may be told to leave out the feedforward."""
+        """Return the sum of its terms; an option leaves out the feedforward."""
         shaping = stack([_slope(s, E) for E in np.eye(s.G.dimension)])
         feedforward = s.inertia.feedforward(s.V) if law.feedforward else 0.0
         return feedforward - apply_matrix(s.gains.K_d, s.V) - shaping
@@ -160,10 +160,10 @@ def _slope(s: Tracking, E: Array) -> Array:
 
 
 class RigidBodyForm(LiteralForm):
-    """A law that its source writes for SO(3) and a constant inertia."""
+    """A law whose source covers SO(3) and a constant inertia."""
 
     def is_written_for(self, loop: ClosedLoop) -> bool:
-        """Rotations of space, with a constant inertia."""
+        """Whether the group is SO(3) and the inertia is constant."""
         return is_rotations_of_space(loop.group) and isinstance(loop.inertia, Inertia)
 
 

@@ -29,13 +29,13 @@ MEMBERS: dict[str | None, Point] = {
     "lee2012": (0.0, 0.0, 1.0, 0.0, "body", "body"),
     "bullo_murray": (0.5, 0.5, 0.5, 0.0, "body", "body"),
 }
-"""Where named laws lie in the family, by registered name; never read from the laws."""
+"""Points of named laws in the family, by registered name; not read from the laws."""
 
 
 def claimed_point(law: Controller) -> Point | None:
-    """Which point of the family a law claims to be: the paper's, by its name, or its own options.
+    """Return the point of the family that a law claims: the paper's by its name, or its options.
 
-    None for a law that is not of the family, or that overrides the family's torque.
+    None for a law outside the family, or one that overrides the family's torque.
     """
     if (named := MEMBERS.get(registered_name(law))) is not None:
         return named
@@ -46,7 +46,7 @@ def claimed_point(law: Controller) -> Point | None:
 
 
 def seen_from_body(s: Tracking) -> Tracking:
-    """The motion in the errors Q_L = Q_d⁻¹Q and V − ξ, with ξ from matrices and ξ̇ by its rate.
+    """Return the motion in the errors Q_L = Q_d⁻¹Q and V − ξ, with ξ from matrices and its rate ξ̇.
 
     It has (Q_L, P) for its state and (I, 𝕀ξ), driven by 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ, for its reference.
     """
@@ -63,10 +63,10 @@ def transported(s: Tracking) -> Array:
 
 
 class MemberForm(LiteralForm):
-    """The form of one of the paper's laws; also of a point of the family that a user sets there."""
+    """The form of one of the paper's laws, and of a family member with the same options."""
 
     def applies(self, loop: ClosedLoop) -> bool:
-        """To whatever claims to be this point."""
+        """Whether the law claims this point and the formula covers the loop."""
         return claimed_point(loop.controller) == MEMBERS[self.law] and self.is_written_for(loop)
 
 
@@ -99,7 +99,7 @@ def tracking_control(s: Tracking) -> Array:
 class FamilyForm(LiteralForm):
     """τ(g, c, n, q) is the control of Theorem 6.2 with other weights, and K_d in its own frame.
 
-    Named laws are asked at the weights of their papers, any other member at its options.
+    Named laws are compared at the weights of their papers, other members at their options.
     """
 
     name: ClassVar[str] = "weights (g, c, n, q) of the law"
@@ -108,11 +108,11 @@ class FamilyForm(LiteralForm):
     law: ClassVar[str] = "family"
 
     def applies(self, loop: ClosedLoop) -> bool:
-        """To whatever claims to be a point of the family."""
+        """Whether the law claims a point of the family."""
         return claimed_point(loop.controller) is not None
 
     def torque(self, s: Tracking, law: Any) -> Array:
-        """The theorem's control, and what the other weights and the other frame change."""
+        """Return the theorem's control with the changes due to other weights and another frame."""
         point = claimed_point(law)
         assert point is not None
         g, c, n, q, error, frame = point
@@ -137,7 +137,7 @@ class FeedforwardPower(Identity):
     per_law: ClassVar[bool] = True
 
     def applies(self, loop: ClosedLoop) -> bool:
-        """To members of the family."""
+        """Whether the law is a member of the family."""
         return claimed_point(loop.controller) is not None
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
@@ -155,7 +155,7 @@ class FeedforwardPower(Identity):
 class LyapunovRate(Identity):
     """dL/dt = −dissipation + ⟨δ, Ṽ⟩ along the closed loop, L differentiated exactly.
 
-    δ is the force that the law does not know of; it is 0 where the loop holds nothing else.
+    δ is the force unknown to the law; it is 0 in an ideal loop.
     """
 
     name: ClassVar[str] = "rate of L"
@@ -164,14 +164,14 @@ class LyapunovRate(Identity):
     per_law: ClassVar[bool] = True
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The derivative of L along the flow against the law's own dissipation, if it says it."""
+        """Compare the derivative of L along the flow with the dissipation of the law, if known."""
         loop, s = sample.loop, sample.s
         outflow = loop.outflow(s, loop.acting_and_rates(s)[0])
         if outflow is not None:
             yield rate_of(loop.lyapunov(s)), -outflow
 
     def check(self, sample: Sample) -> list[Row]:
-        """With the theorem and the function of the law."""
+        """Add the theorem and the function L of the law to the rows."""
         law = sample.loop.controller
         remark = "" if law.energy == Controller.energy else f"L = {law.energy}"
         return [

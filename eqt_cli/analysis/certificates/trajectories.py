@@ -1,4 +1,4 @@
-"""What theorems say of solutions, and what solutions do: energy, decrease of L, tracking."""
+"""Checks solutions against the theorems: energy, decrease of L, convergence, tracking."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
+from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict, joined
 from eqt_cli.analysis.evidence.approach import LEFT, SMALLEST_SCALE, Approach, approach
 from eqt_cli.analysis.evidence.runs import ENERGY_PER_RTOL, STATES_PER_RTOL, Runs, largest
 from eqt_cli.analysis.evidence.tracking import Fifths
@@ -14,36 +14,36 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.results.metrics import ENERGY_SCALE
 
 GROWTH = 0.01
-"""L that grows by this part over the second half of the horizon speaks against convergence."""
+"""Relative growth of L over the second half of the horizon that contradicts convergence."""
 
 
 TRACKED = 0.5
-"""Of the error over the first fifth, how much may be left over the last one. In the shipped
-configurations 0.16 is, at most, but for a sliding mode that is slow (0.71) and forces that no law
-knows of (0.58)."""
+"""Largest ratio of the error over the last fifth to that over the first fifth. In the shipped
+configurations it is at most 0.16, except for a slow sliding mode (0.71) and for forces unknown to
+the laws (0.58)."""
 
 GROWN = 1.0
-"""The same where forces act that no law knows of, noise or limits: they may hold any error up."""
+"""The same with unknown forces, noise or limits, which can keep any error from decaying."""
 
 
 class LyapunovCheck(TrajectoryCheck):
-    """A statement about a law's own L, made where the law's source makes it."""
+    """A statement about a law's own L, with the reference of the law's source."""
 
     statement: ClassVar[str] = "Theorems 3.2, 6.2"
 
     def check(self, runs: Runs) -> Row:
-        """As `judge`, with the function that L is and its theorem."""
+        """Judge the runs, and add the function L and its theorem."""
         row = self.judge(runs)
-        remark = _joined(row.remark, runs.own_function)
+        remark = joined(row.remark, runs.own_function)
         return replace(row, statement=runs.theorem or row.statement, remark=remark)
 
     @abstractmethod
     def judge(self, runs: Runs) -> Row:
-        """What the runs say."""
+        """Judge the runs."""
 
 
 class GroupDrift(TrajectoryCheck):
-    """Q(t) ∈ G: no integrator of eqt projects, so that its drift shows its error."""
+    """Q(t) ∈ G: no integrator of eqt projects, so the drift shows the integrator's error."""
 
     name: ClassVar[str] = "poses stay in the group"
     statement: ClassVar[str] = "eq. (5)"
@@ -65,7 +65,7 @@ class ErrorSystemAlone(TrajectoryCheck):
     section: ClassVar[float] = 6.1
 
     def check(self, runs: Runs) -> Row:
-        """The larger of the differences in pose and momentum."""
+        """Judge the larger of the differences in pose and momentum."""
         if runs.error_system is None:
             return self.row(Verdict.UNDECIDED, remark="no good run", controller=runs.label)
         bound = STATES_PER_RTOL * runs.rtol
@@ -75,7 +75,7 @@ class ErrorSystemAlone(TrajectoryCheck):
 class EnergyBalance(LyapunovCheck):
     """L(t) + ∫(dissipation − ⟨δ, y⟩) = L(0) at every sample, relative to max(L(0), 1 J).
 
-    δ is the force that the law does not know of: what actuators change, forces, another inertia.
+    δ is the force unknown to the law: effects of actuators, forces and a different inertia.
     """
 
     name: ClassVar[str] = "energy balance"
@@ -99,7 +99,7 @@ class LyapunovDecrease(LyapunovCheck):
     section: ClassVar[float] = 6.31
 
     def judge(self, runs: Runs) -> Row:
-        """The largest rise, which only the integrator's error may cause."""
+        """Judge the largest rise, which only the integrator's error may cause."""
         label, L = runs.label, runs.lyapunov
         if L is None or not len(L):
             remark = runs.remark if L is not None else "the result holds no trajectories"
@@ -111,12 +111,12 @@ class LyapunovDecrease(LyapunovCheck):
         if runs.claims_decrease:
             return self.compared(measured, bound, runs.remark, label)
         known = runs.claims_decrease is not None
-        said = "not claimed of this law" if known else "the law says nothing"
-        return self.row(Verdict.UNCLAIMED, measured, bound, said, label)
+        remark = "not claimed of this law" if known else "the law says nothing"
+        return self.row(Verdict.UNCLAIMED, measured, bound, remark, label)
 
 
 class Convergence(LyapunovCheck):
-    """An error that tends to 0: it has decayed at the horizon, or is still under way, or stays.
+    """An error tends to 0: it has decayed at the horizon, still decays, or is an offset.
 
     A finite horizon cannot refute a limit; only a growing L does.
     """
@@ -124,18 +124,18 @@ class Convergence(LyapunovCheck):
     def arrived(
         self, runs: Runs, final: Array, near: Array, found: Approach | None, bound: float | None
     ) -> Row:
-        """Count the runs that are not there yet, and say how fast L decays, and what stays.
+        """Count the runs that have not settled, and report the decay rate of L and offsets.
 
         Parameters
         ----------
         final
-            What is measured of every run.
+            The measured value of every run.
         near
-            Which runs are within the bound.
+            Whether each run is within the bound.
         found
-            How the errors end of the runs whose trajectories are kept.
+            Final behaviour of the errors of the runs with stored trajectories.
         bound
-            What the measured error must not exceed; None where there is no scale for it.
+            Bound of the measured value; None if it has no scale.
         """
         label = runs.label
         if not len(final):
@@ -146,14 +146,14 @@ class Convergence(LyapunovCheck):
         late = int(np.count_nonzero(~arrived))
         rate, span = runs.decay_rate(), float(runs.times[-1] - runs.times[0])
         claimed = runs.claims_decrease and np.isfinite(rate)
-        remark = _joined(
+        remark = joined(
             f"{late} of {len(final)} runs not settled at {runs.times[-1]:g} s" if late else "",
             found.offsets if found else "the result holds no trajectories",
             f"L decays at {rate:.2g} 1/s (median)" if claimed else "",
             runs.remark,
         )
         if runs.departures:
-            verdict, remark = Verdict.NOT_COVERED, _joined(runs.departures, remark)
+            verdict, remark = Verdict.NOT_COVERED, joined(runs.departures, remark)
         elif not late and found is not None:
             verdict = Verdict.HOLDS
         elif not runs.claims_decrease:
@@ -164,7 +164,7 @@ class Convergence(LyapunovCheck):
 
 
 class PoseConvergence(Convergence):
-    """‖I − Q_E‖_F at the horizon: below the settling threshold, and little of what it was."""
+    """‖I − Q_E‖_F at the horizon: below the settling threshold, and a small share is left."""
 
     name: ClassVar[str] = "Q → Q_d"
     section: ClassVar[float] = 6.32
@@ -180,9 +180,9 @@ class PoseConvergence(Convergence):
 
 
 class MomentumConvergence(Convergence):
-    """‖V − V_d‖ at the horizon, as a part of its largest value in the run.
+    """‖V − V_d‖ at the horizon relative to its largest value in the run.
 
-    It vanishes with P − P_d = 𝕀(V − V_d), and has the scale of the run, whatever its units.
+    It vanishes with P − P_d = 𝕀(V − V_d), and the ratio does not depend on units.
     """
 
     name: ClassVar[str] = "P → P_d"
@@ -198,8 +198,8 @@ class MomentumConvergence(Convergence):
 
 
 @dataclass(frozen=True)
-class _Left:
-    """How an error of the runs ends, and whether that fails."""
+class _Ending:
+    """The final behaviour of an error, with its verdict."""
 
     name: str
     left: float
@@ -210,7 +210,7 @@ class _Left:
 class Tracks(TrajectoryCheck):
     """The errors of pose and velocity over the last fifth of the horizon, relative to the first.
 
-    The median over runs. It asks for no theorem and no claim, so it is asked of every law.
+    The median over runs counts. This needs no theorem and no claim, so every law is checked.
     """
 
     name: ClassVar[str] = "tracks"
@@ -218,7 +218,7 @@ class Tracks(TrajectoryCheck):
     section: ClassVar[float] = 6.34
 
     def check(self, runs: Runs) -> Row:
-        """The worse of the two errors."""
+        """Judge the worse of the two errors."""
         given = (
             ("pose", runs.pose_error, runs.threshold),
             ("velocity", runs.velocity_error, LEFT * runs.desired_speed),
@@ -232,65 +232,61 @@ class Tracks(TrajectoryCheck):
             if fifths is None:
                 remark = f"{len(runs.times)} samples are too few"
                 return self.row(Verdict.UNDECIDED, remark=remark, controller=runs.label)
-            found.append(self._ended(runs, name, errors, near, fifths))
+            found.append(self._ending(runs, name, errors, near, fifths))
         worst = max(found, key=lambda each: (_WORSE.index(each.verdict), each.left))
         both = ", ".join(f"{each.name} {each.left:.2g}" for each in found)
         doubts = dict.fromkeys(each.reason for each in found if each.verdict is worst.verdict)
-        remark = _joined(both, *doubts, runs.remark)
+        remark = joined(both, *doubts, runs.remark)
         bound = GROWN if runs.departures else TRACKED
         return self.row(worst.verdict, worst.left, bound, remark, runs.label)
 
-    def _ended(self, runs: Runs, name: str, errors: Array, near: float, fifths: Fifths) -> _Left:
-        """How an error ends, of which so much counts as none."""
+    def _ending(self, runs: Runs, name: str, errors: Array, near: float, fifths: Fifths) -> _Ending:
+        """Judge an error; values below `near` count as none."""
         left, closing = fifths.left, float(np.median(fifths.last))
         size = max(float(np.median(errors.max(axis=1))), runs.desired_speed, SMALLEST_SCALE)
         near = max(near, STATES_PER_RTOL * runs.rtol * size)
         if left < TRACKED or closing < near:
-            return _Left(name, left, Verdict.HOLDS, "")
+            return _Ending(name, left, Verdict.HOLDS, "")
         if fifths.still_falls() or _falls(runs):
-            return _Left(name, left, Verdict.UNDECIDED, "the error still falls")
-        if _begin_on_the_reference(runs):
-            return _Left(name, left, Verdict.UNDECIDED, "the runs begin on the reference")
+            return _Ending(name, left, Verdict.UNDECIDED, "the error still falls")
+        if _start_on_reference(runs):
+            return _Ending(name, left, Verdict.UNDECIDED, "the runs begin on the reference")
         if runs.departures and (left <= GROWN or not _has_grown(runs)):
-            return _Left(name, left, Verdict.UNDECIDED, runs.departures)
+            return _Ending(name, left, Verdict.UNDECIDED, runs.departures)
         if runs.claims_decrease and not _has_grown(runs):
-            return _Left(name, left, Verdict.UNDECIDED, "L has not grown")
-        return _Left(name, left, Verdict.FAILS, "the error no longer falls")
+            return _Ending(name, left, Verdict.UNDECIDED, "L has not grown")
+        return _Ending(name, left, Verdict.FAILS, "the error no longer falls")
 
 
 _WORSE = (Verdict.HOLDS, Verdict.UNDECIDED, Verdict.FAILS)
 
 
 def _falls(runs: Runs) -> bool:
-    """Whether L still falls: while it does, an error may pause, or grow on a short horizon."""
+    """Whether L still falls: an error may then stall, or grow on a short horizon."""
     fifths = _root_of_L(runs)
     return fifths is not None and fifths.still_falls()
 
 
 def _has_grown(runs: Runs) -> bool:
-    """Whether L is larger at the end than at the start, or is not known.
+    """Whether L is larger at the end than at the start, or unknown.
 
-    Runs that begin at rest near an unstable equilibrium need time: their velocity error grows at
-    first, and L is as it was.
+    Runs that start at rest near an unstable equilibrium need time: their velocity error grows at
+    first, while L stays nearly constant.
     """
     fifths = _root_of_L(runs)
     return fifths is None or fifths.left > 1 + ENERGY_PER_RTOL * runs.rtol
 
 
 def _root_of_L(runs: Runs) -> Fifths | None:
-    """√L has the size of the errors."""
+    """Return the means of √L, which scales like the errors; None without L."""
     L = runs.lyapunov
     return None if L is None or not len(L) else Fifths.of(runs.times, np.sqrt(np.abs(L)))
 
 
-def _begin_on_the_reference(runs: Runs) -> bool:
-    """Whether both errors are none at the start."""
+def _start_on_reference(runs: Runs) -> bool:
+    """Whether both errors are small at the start."""
     pose, velocity = runs.pose_error, runs.velocity_error
     assert pose is not None and velocity is not None
     small = LEFT * max(runs.desired_speed, SMALLEST_SCALE)
     near = np.median(pose[:, 0]) <= runs.threshold and np.median(velocity[:, 0]) <= small
     return bool(near)
-
-
-def _joined(*remarks: str) -> str:
-    return "; ".join(filter(None, remarks))

@@ -1,7 +1,7 @@
-"""The vehicle does what the configuration says: each part is compared with a second writing of it.
+"""Checks the vehicle against its configuration: each part is compared with a second form.
 
-The second writing has its own numbers, drawn again from the configuration, and its own formulas. A
-part of a plugin has none, and is named in the remark.
+The second form has its own formulas, and draws its numbers again from the configuration. A part of
+a plugin has no second form; the remark then names it.
 """
 
 from abc import abstractmethod
@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
-from eqt_cli.analysis.certificates.flight import ROUNDING, told_at_samples
+from eqt_cli.analysis.certificates.flight import ROUNDING, inputs_at_samples
 from eqt_cli.analysis.evidence.flight import SLACK, VehicleRuns
 from eqt_cli.analysis.evidence.plain_algebra import ad_matrix, applied, exponential
 from eqt_cli.analysis.evidence.runs import Runs
@@ -21,39 +21,39 @@ from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.mechanics.tracking import Tracking
 
 SAMPLES = 20
-"""Samples of a run at which its rates are looked at: a wrong formula shows at any one of them."""
+"""Number of samples of a run at which rates are compared; any of them shows a wrong formula."""
 
 COMMANDS = 40
-"""Random commands for every run, of sizes between `SIZES`."""
+"""Number of random commands for every run, with sizes between `SIZES`."""
 
 SIZES = -3.0, 3.0
 """Powers of ten: far below and far above what actuators let through."""
 
 OFF_GROUP = 10.0
-"""Q⁻¹ by a formula of the group and by elimination differ by a few drifts of the pose."""
+"""Allowed difference of Q⁻¹ by the group's formula and by elimination, in drifts of the pose."""
 
 Difference = tuple[float, float, str]
-"""How far two sides differ, by how much rounding lets them, and where that is."""
+"""Difference of two sides, its rounding bound, and its place."""
 
 
 class VehicleCheck(TrajectoryCheck):
-    """A statement about what is between the law's command and the motion."""
+    """A check of the parts between the law's command and the motion."""
 
     def applies(self, runs: Runs) -> bool:
-        """To runs of a loop that has what this is about."""
+        """Whether the runs belong to a loop that the check concerns."""
         return runs.flight is not None and self.is_about(runs.flight.problem.loop)
 
     def is_about(self, loop: ClosedLoop) -> bool:
-        """Whether the loop has what this is about."""
+        """Whether the check concerns this loop."""
         return True
 
     def check(self, runs: Runs) -> Row:
-        """The difference that is largest over its bound, and where it is."""
+        """Judge the difference with the largest ratio to its bound, and name its place."""
         flight, label = runs.flight, runs.label
         if flight is None or not len(flight.states):
             return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=label)
         missing = "; ".join(dict.fromkeys(self.without_second_form(second_vehicles(flight)[0])))
-        with np.errstate(all="ignore"):  # a norm of 0, whose quotient is not chosen
+        with np.errstate(all="ignore"):  # a quotient with a norm of 0 is not used
             found = [] if missing else list(self.differences(flight))
         if not found:
             return self.row(Verdict.UNDECIDED, remark=missing or runs.remark, controller=label)
@@ -62,23 +62,23 @@ class VehicleCheck(TrajectoryCheck):
         return self.compared(float(measured), float(bound), remark or runs.remark, label)
 
     def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
-        """What of it cannot be compared, in words."""
+        """Yield the parts that cannot be compared, in words."""
         yield from ()
 
     @abstractmethod
     def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
-        """All of them."""
+        """Yield all differences."""
 
 
 class ForcesAgain(VehicleCheck):
-    """Every force at the states of the runs: the slope of a potential, or term by term."""
+    """Compares every force at the states of the runs with its second form."""
 
     name: ClassVar[str] = "forces are those of the configuration"
     statement: ClassVar[str] = "second form of each force"
     section: ClassVar[float] = 9.01
 
     def is_about(self, loop: ClosedLoop) -> bool:
-        """Where forces act."""
+        """Whether forces act."""
         return bool(loop.vehicle.forces)
 
     def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
@@ -134,21 +134,21 @@ class PlantMoves(VehicleCheck):
             for _, acting in again.forces():
                 assert acting is not None
                 right = right + acting(times, s.Q[k], s.V[k])
-            # What an inverse loses, in units of what it is multiplied with.
+            # The error of an inverse grows with the condition number and the forces.
             loss = float(np.linalg.cond(matrix).max())
             size = float(np.abs(inertial).max() + np.abs(right).max())
             yield _difference(left, right, "", 1 + loss * size, _drift(s))
 
 
 class ActuatorsAgain(VehicleCheck):
-    """What becomes of commands of all sizes: what comes out, the states, and where limits are."""
+    """Compares output, states and limits of the actuators for commands of all sizes."""
 
     name: ClassVar[str] = "actuators are those of the configuration"
     statement: ClassVar[str] = "second form of each actuator"
     section: ClassVar[float] = 9.03
 
     def is_about(self, loop: ClosedLoop) -> bool:
-        """Where there are actuators, or commands wait."""
+        """Whether there are actuators or delayed commands."""
         return bool(loop.vehicle.actuators) or loop.vehicle.control is not None
 
     def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
@@ -156,10 +156,11 @@ class ActuatorsAgain(VehicleCheck):
         yield from _unknown_actuators(again)
 
     def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
-        """Of what they give, of what moves, of the states after an instant, and of the limits."""
+        """Yield differences of torques, rates, states after an instant, and limits."""
         loop, random = flight.loop, np.random.default_rng(flight.seed)
         G, vehicle, runs = loop.group, loop.vehicle, len(flight.states)
-        lengths = vehicle.states(G)
+        of_estimator = vehicle.estimator_lengths(G)  # which no actuator has
+        lengths = {k: n for k, n in vehicle.states(G).items() if k not in of_estimator}
         seconds = second_vehicles(flight)
         if lengths != seconds[0].lengths:
             yield np.inf, ROUNDING, f"states {lengths} instead of {seconds[0].lengths}"
@@ -203,9 +204,9 @@ class ActuatorsAgain(VehicleCheck):
 
 
 class CommandArrives(VehicleCheck):
-    """What acts in a period is what the law asked for `delay` periods earlier; before that, 0.
+    """The command in a period is the law's output `delay` periods earlier; before that, 0.
 
-    So it is in the stored states, wherever they hold both periods.
+    This is checked in the stored states wherever they contain both periods.
     """
 
     name: ClassVar[str] = "command arrives after its delay"
@@ -213,7 +214,7 @@ class CommandArrives(VehicleCheck):
     section: ClassVar[float] = 9.11
 
     def is_about(self, loop: ClosedLoop) -> bool:
-        """Where the law is sampled."""
+        """Whether the law is sampled."""
         return loop.vehicle.control is not None
 
     def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
@@ -246,7 +247,7 @@ class CommandArrives(VehicleCheck):
         arrived: Array,
         sample: int,
     ) -> Iterator[Difference]:
-        """What the actuators at instants have made of it, where these have no states."""
+        """Yield differences of the output of actuators at instants, if these have no states."""
         for again in seconds:
             parts = range(again.at_instants)
             if not parts or any(f"actuators_{k}" in states for k in parts):
@@ -257,19 +258,19 @@ class CommandArrives(VehicleCheck):
 
 
 class TruthAndErrors(VehicleCheck):
-    """What the law is told differs from the truth by the errors that the configuration asks for."""
+    """The law's inputs differ from the true state by the configured measurement errors."""
 
     name: ClassVar[str] = "measurements err as configured"
     statement: ClassVar[str] = "second form of each sensor"
     section: ClassVar[float] = 9.31
 
     def is_about(self, loop: ClosedLoop) -> bool:
-        """Where measurements err."""
+        """Whether there are measurement errors."""
         return loop.vehicle.measures
 
     def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
         """The sensors of plugins."""
-        if again.told() is None:
+        if again.measurement_errors() is None:
             yield "a sensor has no second form"
 
     def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
@@ -279,17 +280,17 @@ class TruthAndErrors(VehicleCheck):
             yield np.inf, ROUNDING, "the law is told the truth"
             return
         for again in second_vehicles(flight):
-            told = again.told()
-            assert told is not None
-            n, b = told
+            drawn = again.measurement_errors()
+            assert drawn is not None
+            n, b = drawn
             yield _difference(errors.pose[again.index], exponential(G, n), "sensors.pose")
             yield _difference(errors.velocity[again.index], b, "sensors.velocity")
 
 
 class MeasurementsArrive(VehicleCheck):
-    """What the law reads in a period is the last measurement, `delay` periods before that.
+    """The law or the filter reads the last measurement made at least `delay` periods earlier.
 
-    So it is wherever the stored states hold the instant of the measurement.
+    This is checked wherever the stored states contain the instant of the measurement.
     """
 
     name: ClassVar[str] = "measurements are held and arrive late"
@@ -297,25 +298,29 @@ class MeasurementsArrive(VehicleCheck):
     section: ClassVar[float] = 9.32
 
     def is_about(self, loop: ClosedLoop) -> bool:
-        """Where the law reads what was measured last."""
+        """Whether the law reads held measurements."""
         return bool(loop.vehicle.holding(loop.group))
 
     def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
         """The sensors of plugins."""
-        if again.told() is None:
+        if again.measurement_errors() is None:
             yield "a sensor has no second form"
 
     def differences(self, flight: VehicleRuns) -> Iterator[Difference]:
-        """Of every part that is held, sample by sample."""
+        """Yield differences of every held part, sample by sample."""
         times, G, periods = flight.problem.times, flight.loop.group, flight.periods
-        s, read = flight.loop.tracking(times, flight.states), told_at_samples(flight)
+        s, vehicle = flight.loop.tracking(times, flight.states), flight.loop.vehicle
+        read = inputs_at_samples(flight)
+        if vehicle.estimator is not None:  # the filter reads them; the law reads the estimate
+            pose, velocity = vehicle.as_arrived(G, s.Q, s.V, s.vehicle)
+            read = read._replace(pose=pose, velocity=velocity)
         # The last sample is the state before its instant.
         at_instants = np.abs(times - periods * flight.period) <= SLACK * flight.period
         sample_of = {int(periods[k]): k for k in np.flatnonzero(at_instants[:-1])}
         for again in second_vehicles(flight):
-            told, run = again.told(), again.index
-            assert told is not None
-            n, b = told
+            drawn, run = again.measurement_errors(), again.index
+            assert drawn is not None
+            n, b = drawn
             for signal, part, delay, measured in again.measuring.held():
                 for sample, period in enumerate(periods[:-1].tolist()):
                     last = max((i for i in measured if i <= period - delay), default=0)
@@ -346,21 +351,21 @@ def _unknown_actuators(again: SecondVehicle) -> Iterator[str]:
 
 
 def _few(flight: VehicleRuns) -> VehicleRuns:
-    """The same runs at a few of their samples, the last of which is before its instant."""
+    """Return the runs at a few samples without the last, which is the state before its instant."""
     return flight.at_samples(
         np.unique(np.linspace(0, len(flight.problem.times) - 2, SAMPLES, dtype=int))
     )
 
 
 def _drift(s: Tracking) -> float:
-    """How far the poses are from the group, where a formula of the group may be off by as much."""
+    """Return the allowed error of the group's formulas due to the drift of the poses."""
     return OFF_GROUP * float(s.G.drift(s.Q).max())
 
 
 def _difference(
     found: Array, expected: Array, place: str, scale: float = 1.0, off_group: float = 0.0
 ) -> Difference:
-    """The largest; relative to the largest entry, or 1."""
+    """Return the largest difference, and its bound relative to the largest entry or 1."""
     largest = max(1.0, scale, float(np.abs(expected).max(initial=0.0)))
     measured = float(np.abs(found - expected).max(initial=0.0))
     return measured, (ROUNDING + off_group) * largest, place

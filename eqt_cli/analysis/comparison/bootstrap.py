@@ -1,9 +1,9 @@
-"""Bootstrap intervals for means of many columns at once; it knows nothing of what they hold.
+"""Bootstrap intervals for the means of many columns at once.
 
-Written here rather than with `scipy.stats.bootstrap` for three reasons: all columns are resampled
-with the same runs, so that all rows of a table refer to the same resamples; values that are missing
-in some columns only drop out of those; and since the acceleration of a mean has a closed form, all
-columns cost one matrix product instead of one jackknife each.
+This does not use `scipy.stats.bootstrap` for three reasons. All columns are resampled with the same
+runs, so that all rows of a table refer to the same resamples. A missing value drops out of its own
+column only. The acceleration of a mean has a closed form, so that all columns together cost one
+matrix product instead of a jackknife each.
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.reporting import reporter, step
 
 FEWEST = 5
-"""Values below which no interval is given: the resamples are then too few to have quantiles."""
+"""Least number of values for an interval: fewer have too few distinct resamples for quantiles."""
 
 MOST_DRAWS = 100_000_000
-"""Runs drawn over all resamples, which takes some seconds; many runs get fewer resamples, and
-`FEWEST_RESAMPLES` at least."""
+"""Largest number of runs drawn over all resamples, which takes some seconds. With many runs there
+are fewer resamples, but at least `FEWEST_RESAMPLES`."""
 
 FEWEST_RESAMPLES = 999
 
@@ -27,16 +27,16 @@ _CHUNK = 4_000_000
 
 @dataclass(frozen=True)
 class Resampling:
-    """How intervals are found.
+    """Settings of the bootstrap.
 
     Attributes
     ----------
     confidence
-        The share of repeated experiments whose interval would hold the true mean, such as 0.95.
+        Share of repeated experiments whose interval contains the true mean, such as 0.95.
     resamples
-        How often runs are drawn, with replacement; limited by `MOST_DRAWS`.
+        Number of resamples with replacement; limited by `MOST_DRAWS`.
     seed
-        Of NumPy's PCG64DXSM.
+        Seed of NumPy's PCG64DXSM.
     """
 
     confidence: float = 0.95
@@ -46,13 +46,14 @@ class Resampling:
 
 @dataclass(frozen=True)
 class Intervals:
-    """Means of columns with their intervals; NaN where a column has fewer than `FEWEST` values.
+    """Means of columns with their intervals.
 
     Attributes
     ----------
     mean, low, high : (columns,)
+        Mean and ends of the interval. The ends are NaN for fewer than `FEWEST` values.
     resamples
-        How many there were.
+        Number of resamples.
     """
 
     mean: Array
@@ -62,12 +63,12 @@ class Intervals:
 
 
 def intervals_of_means(columns: Array, how: Resampling) -> Intervals:
-    """Expanded BCa intervals of the mean of every column.
+    """Return expanded BCa intervals of the mean of every column.
 
     Bias-corrected and accelerated (Efron 1987), with the normal quantiles z replaced by
     sqrt(n/(n − 1)) t_{n−1} (Hesterberg 2015): the spread of resampled means is too small by the
-    former factor, and that of few values is known badly. For n = 200 it widens them by 1 %, for
-    n = 10 by 22 %.
+    former factor, and the spread of few values is uncertain. This widens the intervals by 1 % for
+    n = 200 and by 22 % for n = 10.
 
     Parameters
     ----------
@@ -88,7 +89,7 @@ def intervals_of_means(columns: Array, how: Resampling) -> Intervals:
     low[count < FEWEST] = high[count < FEWEST] = np.nan
     varying = np.flatnonzero((count >= FEWEST) & (spread > 0))
     if varying.size:
-        # Deviations rather than values, for the accuracy of sums.
+        # Sums of deviations are more accurate than sums of values.
         with step("resamples", resamples):
             drawn = _resampled_means(deviations[:, varying], valid[:, varying], resamples, how.seed)
         offsets = _bca(deviations[:, varying], count[varying], drawn, how.confidence)
@@ -98,7 +99,7 @@ def intervals_of_means(columns: Array, how: Resampling) -> Intervals:
 
 
 def _resampled_means(values: Array, valid: Array, resamples: int, seed: int) -> Array:
-    """Means over resampled runs, ``(resamples, columns)``."""
+    """Return the means over resampled runs, ``(resamples, columns)``."""
     runs = len(values)
     complete = bool(valid.all())
     generator = np.random.Generator(np.random.PCG64DXSM(seed))
@@ -117,7 +118,7 @@ def _resampled_means(values: Array, valid: Array, resamples: int, seed: int) -> 
 
 
 def _bca(deviations: Array, count: Array, drawn: Array, confidence: float) -> Array:
-    """Lower and upper ends relative to the mean, ``(2, columns)``."""
+    """Return the lower and upper ends relative to the mean, ``(2, columns)``."""
     from scipy.special import ndtr, ndtri, stdtrit  # slow to import
 
     cubes, squares = (deviations**3).sum(axis=0), (deviations**2).sum(axis=0)

@@ -1,7 +1,7 @@
-"""The comparison of a result's controllers: what is measured, between whom, and what follows."""
+"""Compares the controllers of a result: measures, differences of pairs, and claims."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from eqt_cli.analysis.comparison.bootstrap import Resampling
@@ -26,32 +26,32 @@ _Key = tuple[str, Window]
 
 @dataclass(frozen=True)
 class Comparison:
-    """What `compare` found.
+    """The outcome of `compare`.
 
     Attributes
     ----------
     title, group, labels, runs
-        Of the result; runs per controller.
+        Title, group and labels of the result, and its runs per controller.
     titles
-        How each controller is written, by label.
+        Display name of each controller, by label.
     kinds
-        The kind of each controller, by label.
+        Kind of each controller, by label.
     failed
-        Failed runs of each controller, by label.
+        Number of failed runs of each controller, by label.
     horizon
-        s.
+        Duration of the runs, s.
     levels, pairs
         One row per measure and controller, and per measure and pair of controllers.
     judgements
-        One row per claim and measure; empty where no claim applies.
+        One row per claim and measure; empty if no claim applies.
     lyapunov_functions
-        Which function L is, by label; empty where it is the same one for all.
+        Name of each law's function L, by label; empty if it is the same for all.
     not_matched
-        Labels of laws with gains of their own.
+        Labels of laws whose gains are not matched to those of the others.
     missing
-        What could not be computed, and why.
+        Sentences about numbers that could not be computed.
     confidence, resamples, seed
-        Of the bootstrap.
+        Settings of the bootstrap.
     """
 
     title: str
@@ -78,6 +78,7 @@ def compare(
     *,
     metrics: Sequence[str] = (),
     windows: Sequence[Window] = (),
+    labels: Sequence[str] = (),
     how: Resampling = Resampling(),  # noqa: B008  # it is frozen
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
@@ -85,18 +86,21 @@ def compare(
     Parameters
     ----------
     result
-        Open, of a single experiment or of one point of a sweep.
+        An open result of a single experiment or of one point of a sweep.
     metrics
-        Names of measures; a choice of all there are if empty. Claims are tested on theirs anyway.
+        Names of measures; a default selection if empty. Claims are always tested on their own
+        measures.
     windows
-        Over which measures that have windows are taken; each its own if empty.
+        Windows over which measures are taken; the default windows of each measure if empty.
+    labels
+        Labels of the controllers to compare; all if empty.
     how
-        The intervals are found; each holds by itself, and not all at once.
+        Settings of the intervals. They are not corrected for multiple comparisons.
 
     Raises
     ------
     EqtError
-        If a metric or window does not exist, the result holds too little, or it is a sweep.
+        If a metric or window does not exist, data is missing, or the result is a sweep.
     """
     if not 0 < how.confidence < 1:
         expected = "expected a number between 0 and 1, as 0.95"
@@ -105,7 +109,9 @@ def compare(
         raise EqtError(f"resamples {how.resamples}: expected at least 1")
     result.single("controllers are compared within one experiment")
     chosen = _chosen(result, metrics, windows)
-    claimed = _claimed(result)
+    labels = [label for label in result.labels if not labels or label in labels]
+    kinds = _by_kind(result, labels)
+    claimed = _claimed(result, kinds)
     wanted: dict[_Key, Quantity] = {}
     for measure, window in [*chosen, *claimed]:
         wanted.setdefault((measure.name, window.within(result.times)), measure)
@@ -116,17 +122,25 @@ def compare(
     return Comparison(
         title=result.title,
         group=result.group_name,
-        labels=result.labels,
-        titles=result.titled,
+        labels=labels,
+        titles={label: result.titled[label] for label in labels},
         runs=result.runs,
-        kinds=result.kinds,
-        failed=result.failed,
+        kinds={label: kind for label, kind in result.kinds.items() if label in labels},
+        failed={label: count for label, count in result.failed.items() if label in labels},
         horizon=float(result.times[-1] - result.times[0]),
-        levels=[level for level in levels if _key(level.measured) in shown],
-        pairs=[p for p in pairs if _key(p.measured) in shown and _same_measure(result, p)],
-        judgements=_judgements(result, samples, pairs, how.confidence),
+        levels=[
+            each for each in levels if _key(each.measured) in shown and each.controller in labels
+        ],
+        pairs=[
+            pair
+            for pair in pairs
+            if _key(pair.measured) in shown
+            and _same_measure(result, pair)
+            and {pair.first, pair.second} <= set(labels)
+        ],
+        judgements=_judgements(result, kinds, samples, pairs, how.confidence),
         lyapunov_functions=result.lyapunov_functions,
-        not_matched=result.not_matched,
+        not_matched=[label for label in result.not_matched if label in labels],
         missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
         confidence=how.confidence,
         resamples=resamples,
@@ -135,7 +149,7 @@ def compare(
 
 
 def _same_measure(result: Result, pair: Pair) -> bool:
-    """Whether the two are measured by the same number: laws may have an L of their own."""
+    """Whether the number means the same for both laws: each may have its own L."""
     functions = result.lyapunov_functions
     same = functions.get(pair.first) == functions.get(pair.second)
     return same or "lyapunov" not in pair.measured.quantity.signals
@@ -163,28 +177,39 @@ def _chosen(
 
 
 def _defaults(result: Result) -> list[tuple[Quantity, Window]]:
-    """What is compared unless a user chooses; parts instead of norms with mixed units."""
+    """Return the default measures; parts replace norms with mixed units.
+
+    If some settling times lie beyond the horizon, the shares of settled runs replace their means.
+    """
     early = result.quantity("early_torque").window
     return [
         (quantity, window)
         for base in METRICS
         for quantity in result.by_parts(base.name)
         for window in (early if window == EARLY else window for window in base.compared)
-        if result.covers(quantity, window)
+        if result.covers(quantity, window) and _tells(result, quantity, window)
     ]
 
 
-def _by_kind(result: Result) -> dict[str, str]:
-    """The first controller of every kind."""
+def _tells(result: Result, quantity: Quantity, window: Window) -> bool:
+    """Whether its mean says more than that of the number it follows from, or that follows."""
+    if quantity.censored:
+        return not result.per_run(quantity, window).censored.any()
+    if quantity.told_by and quantity.name not in result.metrics:
+        return bool(result.censored(quantity.told_by).any())
+    return True
+
+
+def _by_kind(result: Result, labels: Sequence[str]) -> dict[str, str]:
+    """Return the first controller of each kind among those with these labels."""
     found: dict[str, str] = {}
-    for label in result.labels:
+    for label in labels:
         found.setdefault(result.kinds.get(label, label), label)
     return found
 
 
-def _claimed(result: Result) -> list[tuple[Quantity, Window]]:
-    """What the claims about these controllers are measured by."""
-    kinds = _by_kind(result)
+def _claimed(result: Result, kinds: Mapping[str, str]) -> list[tuple[Quantity, Window]]:
+    """Return the measures of the claims about these controllers."""
     found: list[tuple[Quantity, Window]] = []
     for _, claim in applicable(claim_sets.all(), list(kinds)):
         for row in claim.rows:
@@ -196,14 +221,17 @@ def _claimed(result: Result) -> list[tuple[Quantity, Window]]:
 
 
 def _judgements(
-    result: Result, samples: dict[_Key, PerRun], pairs: Sequence[Pair], confidence: float
+    result: Result,
+    kinds: Mapping[str, str],
+    samples: dict[_Key, PerRun],
+    pairs: Sequence[Pair],
+    confidence: float,
 ) -> list[Judgement]:
-    kinds = _by_kind(result)
     by_names = {(_key(pair.measured), pair.first, pair.second): pair for pair in pairs}
 
     def pair_of(key: _Key, first: str, second: str) -> Pair:
         found = by_names.get((key, first, second))
-        return found or by_names[(key, second, first)].turned()
+        return found or by_names[(key, second, first)].swapped()
 
     settles = result.settles
 
@@ -240,7 +268,7 @@ def _judgements(
 
 
 def _uncut(chosen: Sequence[tuple[Quantity, Window]], windows: Sequence[Window]) -> list[str]:
-    """Which measures the chosen windows do not apply to."""
+    """Note the measures to which the chosen windows do not apply."""
     names = [measure.name for measure, _ in chosen if not measure.windowed] if windows else []
     if not names:
         return []
@@ -249,7 +277,7 @@ def _uncut(chosen: Sequence[tuple[Quantity, Window]], windows: Sequence[Window])
 
 
 def _clipped(result: Result, windows: Sequence[Window]) -> list[str]:
-    """Which of the chosen windows reach beyond the end of the runs."""
+    """Note the chosen windows that reach beyond the end of the runs."""
     shorter = [(window, window.within(result.times)) for window in windows]
     return [
         f"Window {window} is cut to {cut}, since the runs last {cut.stop:g} s."
@@ -259,7 +287,7 @@ def _clipped(result: Result, windows: Sequence[Window]) -> list[str]:
 
 
 def _missing(result: Result) -> list[str]:
-    """What this result cannot tell, in sentences."""
+    """Note the numbers that need trajectories which are not stored."""
     stored = len(result.stored_runs)
     if stored == 0:
         return [

@@ -1,4 +1,4 @@
-"""What was found, in a sentence per claim or measure; every number is of the comparison."""
+"""Summarises a comparison in a sentence per claim or measure."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,10 +13,10 @@ from eqt_cli.analysis.comparison.verdicts import ClaimVerdict, Judgement
 from eqt_cli.results.result import PerRun
 
 RANKED = ("mean_torque", "mean_pose_error", "settled")
-"""Measures by which laws are ranked where no paper makes a claim about them."""
+"""Measures by which laws are ranked if no claim is about them."""
 
 PARTLY = "partly"
-"""Before a verdict that some of a claim's rows have."""
+"""Prefix of a verdict that only some rows of a claim have."""
 
 _AGREES = (ClaimVerdict.SUPPORTED, ClaimVerdict.SEEN)
 
@@ -25,19 +25,19 @@ _WRITE = Plain()
 
 @dataclass(frozen=True)
 class Finding:
-    """A sentence.
+    """A sentence about a claim or a measure.
 
     Attributes
     ----------
     verdict
-        Of a claim: as of `ClaimVerdict`, with `PARTLY` before it where other rows have another;
-        nothing where nothing was claimed.
+        Verdict of the claim as in `ClaimVerdict`, after `PARTLY` if its rows differ; empty without
+        a claim.
     claim
-        In the words of its source.
+        The claim in the words of its source.
     words
-        What was measured.
+        The measured numbers in words.
     absent
-        Laws that the claim is also about and that are not there.
+        Laws that the claim mentions and the result does not have.
     """
 
     verdict: str
@@ -47,12 +47,12 @@ class Finding:
 
 
 def findings(comparison: Comparison, titles: Mapping[str, str]) -> list[Finding]:
-    """One sentence for each claim; without claims, who is best by the usual measures.
+    """Return one finding for each claim; without claims, the best laws by the usual measures.
 
     Parameters
     ----------
     titles
-        How laws are written, by label.
+        Display names of the laws, by label.
     """
     claimed = groupby(comparison.judgements, key=lambda judgement: judgement.says)
     level = f"{100 * comparison.confidence:g} %"
@@ -73,7 +73,7 @@ def _of_claim(
 
 
 def _together(verdicts: set[ClaimVerdict]) -> str:
-    """The verdict of a claim, from those of its rows."""
+    """Combine the verdicts of the rows of a claim."""
     agrees = [verdict for verdict in _AGREES if verdict in verdicts]
     if verdicts <= set(_AGREES) or len(verdicts) == 1:
         return str([*verdicts - set(agrees), *agrees][-1])
@@ -81,7 +81,7 @@ def _together(verdicts: set[ClaimVerdict]) -> str:
 
 
 def _unsettled(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
-    """``settled at the end: 46 of 200 runs under EqT``, of all laws where not all runs did."""
+    """Yield ``settled at the end: 46 of 200 runs under EqT`` if some runs did not settle."""
     if any(row.verdict is ClaimVerdict.SEEN for row in rows):
         laws = dict.fromkeys(law for row in rows for law in row.settled)
         yield "settled at the end: " + listed(
@@ -92,7 +92,7 @@ def _unsettled(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator
 def _in_every_run(
     rows: Sequence[Judgement], titles: Mapping[str, str], level: str
 ) -> Iterator[str]:
-    """The statement, and in how many runs it held; laws with equal counts together."""
+    """Yield each statement and the number of runs in which it held; equal counts are grouped."""
     for (statement, held, runs, low, open_), alike in groupby(
         rows,
         key=lambda row: (
@@ -109,7 +109,7 @@ def _in_every_run(
 
 
 def _compared(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
-    """The differences; of several, how many agree with the claim, and those that contradict it."""
+    """Yield the differences; of several, the number that agree and those that do not."""
     if len(rows) < 2:
         yield from (_difference(row.pair, titles) for row in rows if row.pair)
         return
@@ -148,8 +148,8 @@ def _ranking(comparison: Comparison, titles: Mapping[str, str]) -> Iterator[Find
         if others:
             named = (id(best.measured), frozenset((best.controller, others[0].controller)))
             if pair := by_laws.get(named):
-                turned = pair if pair.first == best.controller else pair.turned()
-                words += f"; {_difference(turned, titles)}"
+                ordered = pair if pair.first == best.controller else pair.swapped()
+                words += f"; {_difference(ordered, titles)}"
         yield Finding("", "", f"{words}.")
 
 
@@ -170,5 +170,5 @@ def _number(row: Pair | Level, value: float, measured: PerRun) -> str:
 
 
 def listed(words: Sequence[str]) -> str:
-    """``a, b and c``."""
+    """Join words: ``a, b and c``."""
     return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))

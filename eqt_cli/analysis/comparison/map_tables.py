@@ -1,25 +1,25 @@
-"""A map of winners as tables of text, and as plain data; it knows no output format."""
+"""Lays out a map of winners as text tables and as plain data."""
 
 from dataclasses import replace
 from math import isfinite
 from typing import Any
 
 from eqt_cli.analysis.comparison.maps import NOBODY, Cell, Map
-from eqt_cli.analysis.comparison.notation import Plain, fixed
+from eqt_cli.analysis.comparison.notation import Plain, fixed, significant
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.results.result import Result
 
 MOST_POINTS = 60
-"""Listed one by one unless all are asked for; of more points the wins are only counted."""
+"""Largest number of points listed one by one; with more points, wins are only counted."""
 
 
 def map_tables(found: Map, result: Result, write: Plain, *, whole: bool = False) -> list[TextTable]:
-    """How often each law wins, and the points where it does.
+    """Return the table of wins of each law, and the table of points.
 
     Parameters
     ----------
     whole
-        List the points however many there are.
+        Whether to list all points, however many there are.
     """
     name = write.name(found.quantity)
     unit = write.unit(found.unit)
@@ -76,7 +76,7 @@ def _notes(found: Map) -> list[str]:
         )
     if unsettled := sum(cell.settled == 0 for cell in found.cells):
         notes.append(
-            f"At {unsettled} of {len(found.cells)} points no run of the best law settled; nobody "
+            f"At {unsettled} of {len(found.cells)} points no run of the best law settled; no law "
             "wins there."
         )
     if any(censored):
@@ -85,11 +85,11 @@ def _notes(found: Map) -> list[str]:
 
 
 def _listed(found: Map, counts: list[int]) -> str:
-    return ", ".join(f"{label} {n}" for label, n in zip(found.labels, counts, strict=True) if n)
+    return ", ".join(f"{title} {n}" for title, n in zip(found.titles, counts, strict=True) if n)
 
 
 def _where(found: Map, result: Result, law: int, write: Plain) -> list[str]:
-    """The largest lead of a law among the points that it wins, and where that is."""
+    """Return the largest lead of a law and the point where it occurs."""
     won = [cell for cell in found.cells if cell.winner == law]
     if not won:
         return ["-", ""]
@@ -102,19 +102,19 @@ def _row(found: Map, cell: Cell, write: Plain) -> list[str]:
         _mean(found.means[cell.point, law], cell.failed[law], cell.censored[law])
         for law in range(len(found.labels))
     ]
-    winner = "-" if cell.winner == NOBODY else write.text(found.titles[cell.winner])
+    winner = "undecided" if cell.winner == NOBODY else write.text(found.titles[cell.winner])
     p_value = "-" if cell.p_value != cell.p_value else f"{cell.p_value:.2g}"
     return [*means, winner, _lead(cell, write), p_value]
 
 
 def _mean(mean: float, failed: int, censored: int) -> str:
-    """A mean, with the runs that stand behind it not as they should."""
+    """Format a mean with the numbers of failed and unsettled runs."""
     marks = [f"{failed} failed"] * (failed > 0) + [f"{censored} unsettled"] * (censored > 0)
-    return " ".join([f"{mean:.4g}" if mean == mean else "-", *(f"({mark})" for mark in marks)])
+    return " ".join([significant(mean), *(f"({mark})" for mark in marks)])
 
 
 def _lead(cell: Cell, write: Plain) -> str:
-    """The lead over the next law, with its interval, as shares of the next one's mean."""
+    """Format the lead over the next law with its interval, in percent of the next law's mean."""
     if not cell.difference or not all(map(isfinite, cell.lead)):
         return "-"
     mean, low, high = (fixed(100 * share, 1) for share in cell.lead)
@@ -122,7 +122,7 @@ def _lead(cell: Cell, write: Plain) -> str:
 
 
 def map_records(found: Map, result: Result) -> list[dict[str, Any]]:
-    """One record per point, with full precision."""
+    """Return one record per point with full precision."""
     return [
         {
             "metric": found.quantity.name,

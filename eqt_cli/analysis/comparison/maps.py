@@ -1,4 +1,4 @@
-"""Laws compared at every point of a sweep: who wins where, with all the tests counted."""
+"""Compares laws at every point of a sweep, with p-values adjusted for the number of points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from eqt_cli.results.result import Result, mean_over_runs
 NOBODY = -1
 
 _NUMBERS = 10_000_000
-"""Resampled means that are held at once."""
+"""Largest number of resampled means in memory."""
 
 
 @dataclass(frozen=True)
@@ -28,24 +28,24 @@ class Cell:
     Attributes
     ----------
     point
-        Its number.
+        Number of the point.
     best
-        The position of the law with the best mean; of those with the fewest failed runs.
+        Index of the law with the best mean among the laws with the fewest failed runs.
     runner_up
-        That of the next one.
+        Index of the next best law.
     wins
-        Whether the best is better than every other law there, all points of the map counted, and
-        settles in some run.
+        Whether the best law is better than every other law at this point, after the adjustment for
+        all points, and settles in at least one run.
     p_value
-        Of the test whether it is better than all others, adjusted for the number of points.
+        P-value that the best law is better than all others, adjusted for the number of points.
     difference, low, high
-        Best minus next, run by run, with an interval that holds by itself.
+        Paired difference best minus next, with an unadjusted interval.
     lead
-        The difference over the mean of the next, with an interval of that ratio.
+        The difference divided by the mean of the next law, with the interval of the ratio.
     failed, censored : tuple of int
-        Of each law, runs that failed, and runs whose value lies beyond the horizon.
+        Numbers of runs of each law that failed, and whose value lies beyond the horizon.
     settled
-        Runs of the best that settled; None where that was not stored.
+        Number of runs of the best law that settled; None if this is not stored.
     """
 
     point: int
@@ -63,31 +63,30 @@ class Cell:
 
     @property
     def winner(self) -> int:
-        """The position of the law that wins; `NOBODY` where the runs do not tell."""
+        """Index of the winner; `NOBODY` if the runs do not decide."""
         return self.best if self.wins else NOBODY
 
 
 @dataclass(frozen=True)
 class Map:
-    """A metric compared at every point.
+    """The comparison of laws by a metric at every point.
 
     Attributes
     ----------
     quantity, unit
-        What was compared.
+        The metric and its unit.
     labels, titles
-        Of the laws.
+        Labels and display names of the laws.
     runs
-        Of each law and point.
+        Number of runs of each law at each point.
     means : (points, laws)
-        Over the runs that did not fail; the horizon counts for what lies beyond it.
+        Means over the runs that did not fail. A value beyond the horizon counts as the horizon.
     cells
-        One for each point.
+        The comparison at each point.
     tests
-        Points at which laws could be tested.
+        Number of points at which laws could be tested.
     confidence
-        1 minus the share of false ones among the wins that is allowed, in expectation; and of
-        every interval by itself.
+        Confidence of each interval, and 1 minus the allowed expected share of false wins.
     """
 
     quantity: Quantity
@@ -101,7 +100,7 @@ class Map:
     confidence: float
 
     def wins(self, law: int) -> int:
-        """At how many points a law wins."""
+        """Return the number of points that a law wins."""
         return sum(cell.winner == law for cell in self.cells)
 
 
@@ -110,36 +109,39 @@ def compare_map(
     metric: str,
     how: Resampling,
     laws: Sequence[int] | None = None,
+    *,
+    intervals: bool = True,
 ) -> Map:
     """Compare the laws of a sweep at each of its points, run by run on the same initial states.
 
-    A law wins at a point where it is better than every other one there. At each point, the law with
-    the best mean is tested against each other one by the paired t-test of Student, and the largest
-    p-value counts: a win is wrong if it is wrong about one of them (Berger 1982, intersection-union
-    test). These p-values, one for each point, are adjusted after Benjamini and Yekutieli (2001),
-    which allows for tests that depend on each other, as those on the same runs do. A law of which
-    more runs failed than of another cannot win there: what its survivors do says nothing of it. Nor
-    can a law that settles in no run.
+    A law wins at a point if it is better than every other law there. The law with the best mean is
+    tested against each other law by Student's paired t-test, and the largest p-value counts: a win
+    is false if it is false for any other law (intersection-union test, Berger 1982). The p-values
+    of all points are adjusted after Benjamini and Yekutieli (2001), which is valid for dependent
+    tests such as those on the same runs. A law with more failed runs than another cannot win at a
+    point, because its other runs are a biased sample. A law that settles in no run cannot win.
 
     Parameters
     ----------
     result
-        Open, of a sweep.
+        An open result of a sweep.
     metric
         A stored number per run.
     how
-        Resamples of the intervals; and the confidence, of intervals and of the map.
+        Settings of the intervals; the confidence also holds for the map.
     laws
-        The positions of the laws to compare; all if None.
+        Indices of the laws to compare; all if None.
+    intervals
+        Whether differences have intervals, which take most of the time.
 
     Raises
     ------
     EqtError
-        If there is one law only, or no such metric.
+        If there are fewer than two laws, or no such metric.
     """
     chosen = list(range(len(result.labels))) if laws is None else list(laws)
     if len(chosen) < 2:
-        raise result.error("a map compares two laws or more, and here is one")
+        raise result.error("a map needs at least two laws, and this result has one")
     quantity = result.quantity(metric)
     if quantity.better == "neither":
         raise EqtError(f"{metric}: has no better direction, so no law can win on it")
@@ -148,7 +150,7 @@ def compare_map(
     failed = result.runs - np.count_nonzero(result.good[:, chosen], axis=-1)
     means = mean_over_runs(values)
     costs = quantity.cost(means)
-    # Of laws with more failed runs the survivors say nothing: they come last.
+    # Laws with more failed runs come last: their other runs are a biased sample.
     order = np.lexsort((np.where(np.isfinite(costs), costs, np.inf), failed), axis=-1)
     points = np.arange(len(values))
     best, runner_up = order[:, 0], order[:, 1]
@@ -159,7 +161,7 @@ def compare_map(
     p_values = _largest(tests, failed[points[:, None], order] == failed[points, best][:, None])
     p_values = np.where(np.isfinite(costs[points, best]), p_values, np.nan)
     adjusted = _adjusted(p_values)
-    ends = _intervals(differences[:, 0], how)
+    ends = _intervals(differences[:, 0], how) if intervals else np.full((len(points), 3), np.nan)
     settles = result.settles
     settled = None if settles is None else np.count_nonzero(settles[:, chosen], axis=-1)
     cells = [
@@ -187,14 +189,14 @@ def compare_map(
 
 
 def _largest(p_values: Array, comparable: Array) -> Array:
-    """Of the tests of each point against the laws that failed as rarely as the best; 0 if none."""
+    """Return the largest p-value against laws with as few failed runs as the best; 0 if none."""
     rivals = comparable[:, 1:]
-    known = np.where(rivals, p_values, 0.0)  # NaN, of too few values, decides
+    known = np.where(rivals, p_values, 0.0)  # NaN (too few values) is kept
     return known.max(axis=-1)
 
 
 def _intervals(rows: Array, how: Resampling) -> Array:
-    """Mean, lower and upper end of each row, some rows at a time; all are resampled alike."""
+    """Return mean, lower and upper end of each row, with the same resamples for all rows."""
     at_once = max(1, _NUMBERS // how.resamples)
     parts = []
     with step("intervals", len(rows)):
@@ -207,7 +209,7 @@ def _intervals(rows: Array, how: Resampling) -> Array:
 
 
 def _p_values(differences: Array) -> Array:
-    """Of the paired t-test over the last axis; NaN from too few values, 1 where all are 0."""
+    """Return the p-values of paired t-tests over the last axis; NaN for too few values."""
     from scipy.special import stdtr
 
     known = np.isfinite(differences)
@@ -223,7 +225,7 @@ def _p_values(differences: Array) -> Array:
 
 
 def _adjusted(p_values: Array) -> Array:
-    """All of them together, after Benjamini and Yekutieli."""
+    """Adjust p-values after Benjamini and Yekutieli."""
     from scipy.stats import false_discovery_control
 
     known = np.isfinite(p_values)

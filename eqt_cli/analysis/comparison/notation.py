@@ -1,4 +1,4 @@
-"""Quantities, units and numbers as text, plain or for LaTeX; it knows no table."""
+"""Formats quantities, units and numbers, as plain text or for LaTeX."""
 
 import math
 import re
@@ -16,41 +16,41 @@ _LATEX_SPECIAL = {
 
 
 class Plain:
-    """How the cells of a table are written, for terminals and HTML."""
+    """Formats the cells of tables for terminals and HTML."""
 
     plus_minus = "±"
 
     def text(self, words: str) -> str:
-        """Words, such as a label that a user chose."""
+        """Return plain words, such as a user's label."""
         return words
 
     def name(self, quantity: Quantity) -> str:
-        """What a quantity is called, with its formula."""
+        """Return the name of a quantity with its formula."""
         return quantity.described
 
     def unit(self, unit: str) -> str:
-        """A unit; nothing for a pure number."""
+        """Return a unit; empty for a pure number."""
         if unit in ("", "1"):
             return ""
         return re.sub(r"\^(-?\d+)", lambda match: match[1].translate(_SUPERSCRIPTS), unit)
 
     def window(self, window: Window) -> str:
-        """A window in seconds."""
+        """Return a window in seconds."""
         return f"{window.start:g}–{window.stop:g} s"
 
     def number(self, text: str) -> str:
-        """A number that is formatted already."""
+        """Return a number that is already formatted."""
         return text
 
     def interval(self, mean: float, low: float, high: float) -> str:
-        """A mean with its interval, to two digits of its half width."""
+        """Return a mean with its interval, to two digits of the half width."""
         digits = decimals((high - low) / 2, mean)
         ends = f"{fixed(low, digits)}, {fixed(high, digits)}"
         centre = self.number(fixed(mean, digits))
         return f"{centre} [{self.number(ends)}]" if math.isfinite(low) else centre
 
     def spread(self, mean: float, low: float, high: float) -> str:
-        """A mean with half the width of its interval."""
+        """Return a mean with half the width of its interval."""
         half = (high - low) / 2
         digits = decimals(half, mean)
         if not math.isfinite(half):
@@ -59,7 +59,7 @@ class Plain:
 
 
 class Latex(Plain):
-    """The same for LaTeX, with packages booktabs and amsmath."""
+    """Formats the cells of tables for LaTeX with the packages booktabs and amsmath."""
 
     plus_minus = r"$\pm$"
 
@@ -89,9 +89,9 @@ class Latex(Plain):
 
 
 def decimals(half_width: float, mean: float = 0.0) -> int:
-    """Decimal places that show two digits of the half width of an interval.
+    """Return the decimal places that show two digits of the half width of an interval.
 
-    Without one, they show three digits of the mean.
+    Without an interval, they show three digits of the mean.
     """
     if math.isfinite(half_width) and half_width > 0:
         return min(12, max(0, 1 - math.floor(math.log10(half_width))))
@@ -100,8 +100,20 @@ def decimals(half_width: float, mean: float = 0.0) -> int:
     return 3
 
 
+def significant(value: float, digits: int = 4) -> str:
+    """A number with so many digits, zeros at its end among them; ``-`` if there is none."""
+    if not math.isfinite(value):
+        return "-"
+    if value == 0:
+        return "0"
+    size = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if not -3 <= size < 6:
+        return f"{value:.{digits - 1}e}"
+    return f"{value:.{max(0, digits - 1 - size)}f}"
+
+
 def fixed(value: float, digits: int) -> str:
-    """A number with so many decimal places, scientific where those would be many; - if none."""
+    """Format a number with decimal places, or scientifically if there are many; - if not finite."""
     if not math.isfinite(value):
         return "-"
     if digits > 6:

@@ -1,4 +1,4 @@
-"""Statistics of one controller, and of two on the same initial states; it knows no claim."""
+"""Statistics of single controllers, and of pairs on the same initial states."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from itertools import combinations
 import numpy as np
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
+from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.runs_needed import runs_to_decide
 from eqt_cli.analysis.comparison.shares import Interval, PairedShares, share
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.result import PerRun
 
 RESOLUTION = 1e-6
-"""Relative difference of two runs below which they count as equal: laws that are the same on some
-group, such as EqT and GT on a commutative one, still differ by rounding and solver error."""
+"""Relative difference below which two runs count as equal. Laws that coincide on a group, such as
+EqT and GT on a commutative one, still differ by rounding and solver errors."""
 
 
 @dataclass(frozen=True)
@@ -26,15 +27,15 @@ class Level:
     Attributes
     ----------
     measured, controller
-        What of whom.
+        The measure, and the label of the controller.
     runs
-        Good runs with a value.
+        Number of good runs with a value.
     censored
-        Those of them whose value lies beyond the horizon, which stands for it.
+        Number of these whose value lies beyond the horizon and counts as the horizon.
     failed, undefined
-        Runs that failed, and good ones that have no value.
+        Numbers of failed runs, and of good runs without a value.
     mean, low, high
-        The mean over runs and its interval; of what counts runs, a share and that of Wilson.
+        Mean over runs and its interval. For counts of runs: the share and its Wilson interval.
     standard_deviation, median
         Standard deviation and median over runs.
     """
@@ -59,26 +60,26 @@ class Pair:
     Attributes
     ----------
     measured, first, second
-        What of whom; differences are first minus second.
+        The measure, and the labels of the controllers. Differences are first minus second.
     pairs
-        Runs in which both have a value.
+        Number of runs in which both have a value.
     censored
-        Pairs in which one value or both lie beyond the horizon, which stands for them.
+        Number of pairs with at least one value beyond the horizon, which counts as the horizon.
     failed, undefined
-        Runs left out because one of the two failed, or has no value.
+        Numbers of runs left out because one of the two failed, or has no value.
     difference, low, high
-        Mean of the differences and its interval; of shares, that of Newcombe.
+        Mean difference and its interval; for shares of runs the interval of Newcombe.
     mean_first, mean_second
         Means over the pairs.
     cohen_d
-        Mean over standard deviation of the differences.
+        Mean divided by standard deviation of the differences.
     first_better
-        The share of pairs in which the first is better; ties count half.
+        Share of pairs in which the first is better; ties count half.
     runs_to_decide
-        Runs that would tell the difference from 0, as `power.runs_to_decide`; None from fewer
-        than `bootstrap.FEWEST` pairs, whose spread says little.
+        Number of runs that would decide the sign (`runs_needed.runs_to_decide`); None for fewer
+        than `bootstrap.FEWEST` pairs, whose spread is too uncertain.
     p_value
-        Of McNemar's test, for shares of runs; else None.
+        P-value of McNemar's test for shares of runs; else None.
     """
 
     measured: PerRun
@@ -98,13 +99,21 @@ class Pair:
     runs_to_decide: int | None
     p_value: float | None = None
 
+    def __repr__(self) -> str:
+        """The difference with its interval, in a line."""
+        write = Plain()
+        interval = write.interval(self.difference, self.low, self.high)
+        measured = f"{self.measured.quantity.name} {write.window(self.measured.window)}"
+        found = " ".join(filter(None, [interval, write.unit(self.measured.unit)]))
+        return f"Pair({self.first} − {self.second}, {measured}: {found}, {self.pairs} pairs)"
+
     @property
     def relative(self) -> float:
-        """The difference over the mean of the second."""
+        """The difference divided by the mean of the second."""
         return self.difference / self.mean_second if self.mean_second else float("nan")
 
-    def turned(self) -> Pair:
-        """The same with the two exchanged."""
+    def swapped(self) -> Pair:
+        """Return the pair with the two controllers exchanged."""
         return replace(
             self,
             first=self.second,
@@ -125,10 +134,10 @@ def statistics(
     good: Array,
     how: Resampling,
 ) -> tuple[list[Level], list[Pair], int]:
-    """Levels of all controllers, differences of all pairs, and how many resamples there were.
+    """Return the levels of all controllers, all pairs, and the number of resamples.
 
-    All means are resampled together: resample k draws the same runs for every number in the tables.
-    Shares of runs have intervals in closed form.
+    All means are resampled together: resample k draws the same runs for all numbers. Shares of runs
+    have intervals in closed form.
     """
     couples = list(combinations(range(len(labels)), 2))
     resampled = [s for s in measured if not s.quantity.counts]
@@ -217,7 +226,7 @@ def _pair(
 
 
 def resolved_differences(first: Array, second: Array) -> Array:
-    """First minus second; 0 where they differ by less than solvers can tell."""
+    """Return first minus second; 0 where the difference is below `RESOLUTION`."""
     with np.errstate(invalid="ignore"):  # the rise of L relative to L(0) = 0 is infinite
         equal = np.abs(first - second) <= RESOLUTION * np.maximum(np.abs(first), np.abs(second))
         return np.where(equal, 0.0, first - second)

@@ -1,4 +1,4 @@
-"""A mean difference as a share of a mean, with an interval that counts both as estimates."""
+"""Relative differences of means, with intervals for the ratio of two estimates."""
 
 import math
 
@@ -10,23 +10,23 @@ from eqt_cli.core.arrays import Array
 
 
 def relative_difference(differences: Array, second: Array, confidence: float) -> Interval:
-    """The mean of the differences over the absolute mean of the second, with Fieller's interval.
+    """Return the mean difference over the absolute mean of the second, with Fieller's interval.
 
-    The interval holds the shares θ for which Student's paired t-test does not reject that the
-    differences have the mean θ |mean of the second| (Fieller 1954). Where the mean of the second
-    may itself be 0, it is unbounded.
+    The interval contains the ratios θ for which Student's paired t-test does not reject that the
+    differences have the mean θ |mean of the second| (Fieller 1954). It is unbounded if the mean of
+    the second may be 0.
 
     Parameters
     ----------
     differences, second : (runs,)
         First minus second, and second, of the same runs; NaN where a run has no value.
     confidence
-        Of the interval.
+        Confidence of the interval.
 
     Returns
     -------
     Interval
-        NaN from fewer than `FEWEST` runs; ends of ±∞ where it is unbounded.
+        NaN for fewer than `FEWEST` runs; ends of ±∞ if unbounded.
     """
     known = np.isfinite(differences) & np.isfinite(second)
     d, y = differences[known], second[known] * np.sign(second[known].mean())

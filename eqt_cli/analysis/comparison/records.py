@@ -1,4 +1,4 @@
-"""A comparison as plain data with full precision, for JSON and CSV; it knows no file."""
+"""Converts a comparison to plain data with full precision, for JSON and CSV."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ Record = dict[str, Any]
 
 
 def records(comparison: Comparison) -> dict[str, list[Record]]:
-    """Every table by name: a record per measure and controller, or pair, or claim.
+    """Return all tables by name, with a record per measure and controller, pair or claim.
 
     Differences are first minus second.
     """
@@ -78,6 +78,6 @@ def _judgement(judgement: Judgement) -> Record:
 
 
 def _settled(judgement: Judgement) -> Record:
-    """Runs that settled of the first and the second law."""
+    """Return the number of settled runs of the first and the second law."""
     names = ("first_settled", "second_settled")
     return {name: law.count for name, law in zip(names, judgement.settled, strict=False)}

@@ -1,4 +1,4 @@
-"""How far a number may go before runs no longer settle, law by law."""
+"""Finds the range of a swept number in which enough runs of each law settle."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -17,16 +17,16 @@ from eqt_cli.results.swept_key import SweptKey
 
 @dataclass(frozen=True)
 class Tested:
-    """One tested value of a law.
+    """A tested value for one law.
 
     Attributes
     ----------
     value
-        Of the swept number.
+        Value of the swept number.
     settled, runs
-        How many runs have settled at their end, of how many; a failed run has not.
+        Number of runs that settled, and of all runs. A failed run has not settled.
     low, high
-        The ends of the Wilson interval of the share.
+        Ends of the Wilson interval of the share.
     """
 
     value: float
@@ -38,19 +38,19 @@ class Tested:
 
 @dataclass(frozen=True)
 class Reach:
-    """The values around the easiest one at which enough runs of a law settle.
+    """The range of values around the easiest one at which enough runs of a law settle.
 
     Attributes
     ----------
     law, other
-        The label of the law, and the value of the other swept key, if there is one.
+        Label of the law, and value of the other swept key, if there is one.
     values
-        All that were tested, rising.
+        All tested values in increasing order.
     easiest
-        The one at which most runs of all laws settle.
+        The value at which most runs of all laws settle.
     lowest, highest
-        The ends of the range that holds the easiest value, and in which every tested value has a
-        lower bound of at least the share that is asked for; None where the easiest has not.
+        Ends of the range around the easiest value in which every tested value has a lower bound of
+        at least the required share; None if the easiest value has not.
     """
 
     law: str
@@ -61,13 +61,13 @@ class Reach:
     highest: float | None
 
     def holds_at(self, value: float) -> bool:
-        """Whether a value is in the range."""
+        """Whether a value is within the range."""
         if self.lowest is None or self.highest is None:
             return False
         return self.lowest <= value <= self.highest
 
     def beyond(self, *, above: bool) -> Tested | None:
-        """The first tested value outside of the range; None where the range ends with the tests."""
+        """Return the first tested value outside the range; None if there is none."""
         if self.lowest is None or self.highest is None:
             return None
         if above:
@@ -76,19 +76,19 @@ class Reach:
 
 
 def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey, list[Reach]]:
-    """The swept number, and how far each law carries along it.
+    """Return the swept number, and the range of each law along it.
 
-    The easiest value is the one at which most runs of all laws settle; of several, the one nearest
-    to 0. It is 0 of a delay, and the largest of a limit.
+    The easiest value is the one at which most runs of all laws settle; among equals, the one
+    nearest to 0. It is 0 for a delay, and the largest value for a limit.
 
     Parameters
     ----------
     result
-        Open, of a sweep over one number, and at most one key more.
+        An open result of a sweep over one number and at most one other key.
     wanted
-        The share of runs that must settle, by the lower bound of its Wilson interval.
+        Share of runs that must settle, by the lower bound of its Wilson interval.
     confidence
-        Of these intervals.
+        Confidence of these intervals.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
     if not 0 < wanted < 1:
         raise EqtError(f"share {wanted:g}: expected a number between 0 and 1, as 0.9")
     across, other = _keys(result)
-    settled = result.metric("settled") > 0  # NaN, of a run that failed, is not
+    settled = result.metric("settled") > 0  # NaN (a failed run) is not settled
     found = []
     for level in np.unique(other.values) if other else [0.0]:
         points = np.flatnonzero(other.values == level) if other else np.arange(result.points)
@@ -120,19 +120,20 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
 
 
 def _keys(result: Result) -> tuple[SweptKey, SweptKey | None]:
-    """The swept number, and the other key if there is one."""
+    """Return the swept number, and the other key if there is one."""
     keys = result.swept_keys
     numbers = [key for key in keys if key.is_number]
     if not numbers or len(keys) > 2:
         listed = ", ".join(key.key for key in keys) or "none"
         raise result.error(
-            f"robustness is asked over a swept number and at most one key more, here are: {listed}"
+            "robustness needs a sweep over a number and at most one other key; this result sweeps: "
+            f"{listed}"
         )
     return numbers[0], next((key for key in keys if key is not numbers[0]), None)
 
 
 def _around(values: Array, holds: Array, start: int) -> tuple[float | None, float | None]:
-    """The ends of the values around a place at which something holds without a gap."""
+    """Return the ends of the range around `start` in which all values hold."""
     if not holds[start]:
         return None, None
     low = high = start
@@ -146,7 +147,7 @@ def _around(values: Array, holds: Array, start: int) -> tuple[float | None, floa
 def robustness_table(
     result: Result, wanted: float, confidence: float, write: Plain
 ) -> tuple[TextTable, list[dict[str, Any]]]:
-    """How far each law carries, as a table, and every tested value as plain data."""
+    """Return the range of each law as a table, and all tested values as plain data."""
     across, found = reaches(result, wanted, confidence)
     needed = runs_to_show(wanted, confidence)
     blocks: dict[str, list[list[str]]] = {}
@@ -155,20 +156,20 @@ def robustness_table(
         blocks.setdefault(each.other, []).append(row)
     runs = result.runs
     notes = [
-        "A law carries as far as every tested value has a share of settled runs whose "
+        "Every tested value in the range of a law has a share of settled runs whose "
         f"{100 * confidence:g} % Wilson interval begins at {wanted:g} or above. A failed run has "
-        "not settled. In parentheses: the first value tested beyond, the share there, and its "
-        "lower bound."
+        "not settled. In parentheses: the first tested value outside the range, the share there, "
+        "and its lower bound."
     ]
     if runs < needed:
-        most = share(runs, runs, confidence).low
+        reached = share(runs, runs, confidence).low
         notes.append(
             f"{runs} runs cannot show {wanted:g}: even if all settle, the interval begins at "
-            f"{most:.2f}. Use {needed} runs or more (ensemble.runs), or a smaller --share."
+            f"{reached:.2f}. Use {needed} runs or more (ensemble.runs), or a smaller --share."
         )
     table = TextTable(
         "robustness",
-        f"How far {across.key} may go while {wanted:g} of the runs settle, at {runs} runs a value",
+        f"Range of {across.key} in which {wanted:g} of the runs settle, at {runs} runs per value",
         ["law", "from", "to"],
         [Block(write.text(name), rows) for name, rows in blocks.items()],
         [write.text(note) for note in notes],
@@ -183,9 +184,9 @@ def robustness_table(
 
 
 def runs_to_show(wanted: float, confidence: float) -> int:
-    """The fewest runs whose Wilson interval begins at a share or above if all of them settle.
+    """Return the fewest runs whose Wilson interval starts at `wanted` or above if all settle.
 
-    Of n runs that all settle it begins at n / (n + z²).
+    For n runs that all settle, the interval starts at n / (n + z²).
     """
     from scipy.special import ndtri  # slow to import
 
@@ -194,7 +195,7 @@ def runs_to_show(wanted: float, confidence: float) -> int:
 
 
 def _ends(each: Reach, wanted: float, needed: int, write: Plain) -> tuple[str, str]:
-    """Both ends of the range; where there is none, whether the runs show that, or are too few."""
+    """Format both ends of the range; without one, whether the runs decide this or are too few."""
     if each.lowest is not None:
         return _end(each, False, write), _end(each, True, write)
     easiest = each.easiest
@@ -208,7 +209,7 @@ def _ends(each: Reach, wanted: float, needed: int, write: Plain) -> tuple[str, s
 
 
 def _end(each: Reach, above: bool, write: Plain) -> str:
-    """One end of the range, and what was found beyond it."""
+    """Format one end of the range, and the first tested value beyond it."""
     end = each.highest if above else each.lowest
     beyond = each.beyond(above=above)
     if beyond is None:

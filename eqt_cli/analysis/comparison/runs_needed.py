@@ -1,44 +1,44 @@
-"""How many runs would decide a question; it knows no controller and no claim."""
+"""Computes how many runs would decide a question."""
 
 import math
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST
 
 POWER = 0.8
-"""The probability with which that many runs decide, if the effect is as large as measured."""
+"""Probability that so many runs decide, if the effect is as large as measured."""
 
-MOST = 1e9
-"""Runs that nobody will do: an effect that takes more is as good as none."""
+MOST_RUNS = 1e9
+"""Largest number of runs to report; an effect that needs more counts as none."""
 
 SHARE = 0.95
-"""What a statement on every run is about: at least this share of all initial states."""
+"""Share of all initial states for which a claim about every run must hold."""
 
 
 def runs_to_decide(effect: float, confidence: float) -> int | None:
-    """Runs after which the interval of a mean difference leaves out 0, with probability `POWER`.
+    """Return the runs after which the interval of a mean excludes 0 with probability `POWER`.
 
     Parameters
     ----------
     effect
-        Mean over standard deviation of the paired differences, as measured.
+        Measured mean of the paired differences divided by their standard deviation.
     confidence
-        Of the interval.
+        Confidence of the interval.
 
     Returns
     -------
     int or None
         ((z_{1−α/2} + z_power)/d)² + z²_{1−α/2}/2, the normal approximation with the usual
-        correction for an estimated spread (Guenther 1981); None where that is beyond `MOST`.
+        correction for an estimated spread (Guenther 1981); None if it exceeds `MOST_RUNS`.
     """
     from scipy.special import ndtri  # slow to import
 
     z = float(ndtri((1 + confidence) / 2))
     distance = z + float(ndtri(POWER))
-    if not abs(effect) > distance / math.sqrt(MOST):
+    if not abs(effect) > distance / math.sqrt(MOST_RUNS):
         return None
     return max(FEWEST, math.ceil((distance / effect) ** 2 + z**2 / 2))
 
 
 def runs_without_exception(confidence: float) -> int:
-    """Runs without exception that show, with this confidence, that `SHARE` of all have none."""
+    """Return the runs without exception that show `SHARE` of all without one, with confidence."""
     return math.ceil(math.log(1 - confidence) / math.log(SHARE))

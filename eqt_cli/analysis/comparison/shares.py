@@ -1,4 +1,4 @@
-"""Shares of runs in which something happened: their intervals, and paired differences of two."""
+"""Shares of runs: their intervals, and paired differences between two controllers."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from eqt_cli.core.arrays import Array
 
 
 class Interval(NamedTuple):
-    """A number with the ends of its interval; NaN where there are no runs."""
+    """A number with the ends of its interval; NaN without runs."""
 
     value: float
     low: float
@@ -19,18 +19,18 @@ class Interval(NamedTuple):
 
 
 def share(count: int, runs: int, confidence: float, *, exact: bool = False) -> Interval:
-    """The share of runs, with the score interval of Wilson (1927), without continuity correction.
+    """Return the share of runs with the score interval of Wilson (1927), without correction.
 
-    Its ends stay within [0, 1], and it has a width where no run or every run counts.
+    Its ends stay within [0, 1], and it has a positive width even for shares of 0 and 1.
 
     Parameters
     ----------
     exact
-        The interval of Clopper and Pearson (1934) instead, which holds for rare events, too.
+        Whether to use the interval of Clopper and Pearson (1934), which also holds for rare events.
     """
     if not runs:
         return Interval(math.nan, math.nan, math.nan)
-    from scipy.stats import binomtest  # slow to import, and most tables do without
+    from scipy.stats import binomtest  # slow to import, and most tables do not need it
 
     method = "exact" if exact else "wilson"
     found = binomtest(count, runs).proportion_ci(confidence, method=method)
@@ -38,7 +38,7 @@ def share(count: int, runs: int, confidence: float, *, exact: bool = False) -> I
 
 
 def shares(values: Array, confidence: float = Resampling.confidence) -> Array:
-    """`share` over the last axis, of 0 and 1 for each run and NaN for none; ``(..., 3)``."""
+    """Return `share` over the last axis of zeros and ones, NaN for no value; ``(..., 3)``."""
     known = np.isfinite(values)
     counts, runs = np.where(known, values, 0).sum(axis=-1), known.sum(axis=-1)
     found = [
@@ -50,12 +50,12 @@ def shares(values: Array, confidence: float = Resampling.confidence) -> Array:
 
 @dataclass(frozen=True)
 class PairedShares:
-    """In how many runs something happened under two controllers, on the same runs.
+    """Counts of an event under two controllers on the same runs.
 
     Attributes
     ----------
     both, first, second, neither
-        Runs in which it happened under both, under the first only, the second only, none.
+        Numbers of runs with the event under both, only the first, only the second, and neither.
     """
 
     both: int
@@ -65,21 +65,21 @@ class PairedShares:
 
     @classmethod
     def of(cls, first: Array, second: Array) -> Self:
-        """Count the runs; 0 or 1 for each of them, ``(runs,)``."""
+        """Count the runs from arrays of 0 or 1, ``(runs,)``."""
         a, b = first > 0, second > 0
         counts = (a & b, a & ~b, ~a & b, ~a & ~b)
         return cls(*(int(np.count_nonzero(found)) for found in counts))
 
     @property
     def runs(self) -> int:
-        """All of them."""
+        """Number of all runs."""
         return self.both + self.first + self.second + self.neither
 
     def difference(self, confidence: float) -> Interval:
-        """The share under the first minus that under the second, with its interval.
+        """Return the share under the first minus that under the second, with its interval.
 
-        Newcombe (1998), Statistics in Medicine 17, 2635-2650, method 10: from the Wilson intervals
-        of both shares, and their correlation, for which a positive numerator is corrected.
+        Method 10 of Newcombe (1998), Statistics in Medicine 17, 2635-2650. It combines the Wilson
+        intervals of both shares with their correlation, with a correction if that is positive.
         """
         n = self.runs
         if not n:
@@ -102,9 +102,10 @@ class PairedShares:
 
     @property
     def p_value(self) -> float:
-        """McNemar's test, exact and two-sided: whether the two shares may be equal.
+        """P-value of McNemar's exact two-sided test that the two shares are equal.
 
-        Of the runs in which the two differ, each would be as likely either way (McNemar 1947).
+        Under this hypothesis, each run in which the two differ is equally likely to go either way
+        (McNemar 1947).
         """
         differing = self.first + self.second
         if not differing:
@@ -115,5 +116,5 @@ class PairedShares:
 
 
 def _joined(one: float, other: float, correlation: float) -> float:
-    """The distance to an end of the difference, from those to the ends of both shares."""
+    """Combine the distances to the ends of both intervals into that of the difference."""
     return math.sqrt(max(one**2 - 2 * correlation * one * other + other**2, 0.0))

@@ -1,6 +1,7 @@
-"""A comparison as tables of text: per controller, per pair, claims; it knows no output format."""
+"""Lays out a comparison as text tables: controllers, pairs, claims."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST
@@ -14,24 +15,31 @@ from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import PerRun
 
 _KEYS = 3
-"""A row is about a measure over a window, in a unit."""
+"""Number of leading columns that identify a row: measure, window, unit."""
 
 FEW = 20
-"""Pairs below which intervals hold less often than they say (docs/explanation/statistics.md)."""
+"""Pairs below which coverage falls short of the confidence (docs/explanation/statistics.md)."""
 
 
 def text_tables(
-    comparison: Comparison, notation: Plain, against: Sequence[str] = ()
+    comparison: Comparison,
+    notation: Plain,
+    against: Sequence[str] = (),
+    *,
+    laws_as_rows: bool = False,
 ) -> dict[str, TextTable]:
-    """All tables by name; those without rows are left out.
+    """Return all tables that have rows, by name.
 
     Parameters
     ----------
     against
-        Show only the pairs with one of these controllers; all if empty.
+        Show only pairs with one of these controllers; all if empty.
+    laws_as_rows
+        Whether the table of means has a row for each controller instead of each measure.
     """
+    means = _controllers(comparison, notation)
     made = [
-        _controllers(comparison, notation),
+        _with_laws_as_rows(means) if laws_as_rows and means.blocks else means,
         _pairs(comparison, notation, against),
         _claims(comparison, notation),
     ]
@@ -64,7 +72,7 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
         notes += _functions(comparison)
     if comparison.not_matched:
         listed = ", ".join(titles[label] for label in comparison.not_matched)
-        notes.append(f"Not matched, with gains of their own: {listed}.")
+        notes.append(f"Gains not matched: {listed}.")
     failed = [f"{titles[label]} {count}" for label, count in comparison.failed.items() if count]
     if failed:
         notes.append(f"Failed runs, left out: {', '.join(failed)}.")
@@ -80,20 +88,32 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
     return TextTable("controllers", caption, header, blocks, _plain(notes, write), keys=_KEYS)
 
 
+def _with_laws_as_rows(table: TextTable) -> TextTable:
+    """A column for each measure, with its window and unit in the heading."""
+    across = list(zip(table.header, *table.rows, strict=True))
+    measures, windows, units = (column[1:] for column in across[:_KEYS])
+    said = [
+        f"{measure}, {window}{f' ({unit})' if unit else ''}"
+        for measure, window, unit in zip(measures, windows, units, strict=True)
+    ]
+    rows = [list(column) for column in across[_KEYS:]]
+    return replace(table, header=["controller", *said], blocks=[Block("", rows)], keys=1)
+
+
 def _value(level: Level, write: Plain) -> str:
     written = write.interval if level.measured.quantity.counts else write.spread
     return written(level.mean, level.low, level.high)
 
 
 def _functions(comparison: Comparison) -> list[str]:
-    """Which function L is, where laws have different ones."""
+    """Note the functions L of the laws if they differ."""
     if not comparison.lyapunov_functions:
         return []
     by_function: dict[str, list[str]] = {}
     for label, function in comparison.lyapunov_functions.items():
         by_function.setdefault(function, []).append(comparison.titles[label])
-    told = "; ".join(f"{function} of {', '.join(of)}" for function, of in by_function.items())
-    return [f"L is each law's own function: {told}. Different functions are not compared by it."]
+    listed = "; ".join(f"{function} of {', '.join(of)}" for function, of in by_function.items())
+    return [f"L is each law's own function: {listed}. Different functions are not compared by it."]
 
 
 def _pairs(comparison: Comparison, write: Plain, against: Sequence[str]) -> TextTable:
@@ -168,7 +188,7 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
 
 
 def _of_shares(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
-    """How shares of runs are compared, with the p-values, which few tables have."""
+    """Note the method for shares of runs, with the p-values."""
     tested = [pair for pair in shown if pair.p_value is not None]
     if not tested:
         return []

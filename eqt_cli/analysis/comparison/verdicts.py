@@ -1,4 +1,4 @@
-"""Claims against measurements; it knows no single claim and no table."""
+"""Judges claims by measurements. Does not know any particular claim."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eqt_cli.results.time_windows import Window
 
 
 class ClaimVerdict(StrEnum):
-    """What the runs say of a claim."""
+    """The verdict on a claim."""
 
     SUPPORTED = "supported"
     SEEN = "seen, not all settled"
@@ -27,14 +27,14 @@ class ClaimVerdict(StrEnum):
 
 @dataclass(frozen=True)
 class Settled:
-    """How many runs of a law end within the settling threshold.
+    """The number of runs of a law that end within the settling threshold.
 
     Attributes
     ----------
     controller
-        The label of the law.
+        Label of the law.
     count, runs
-        Runs that settled, of those that did not fail.
+        Number of runs that settled, and of runs that did not fail.
     """
 
     controller: str
@@ -49,25 +49,25 @@ class Judgement:
     Attributes
     ----------
     source, says
-        Who says it, in which words.
+        Source of the claim, and its words.
+    verdict
+        Verdict for the available runs.
+    runs_to_decide
+        Number of runs that would decide if all stays as measured; None if no number would.
     pair
-        The controllers and the differences, for a claim that one has less than the other.
+        The difference of two controllers, for a claim that one has less than the other.
     measured, controller
-        The number and whose it is, for a claim on every run.
+        The measure and the controller, for a claim about every run.
     statement
-        Such a claim in words.
+        The claim about every run in words.
     held, runs
-        Runs in which it held, of those with a value.
+        Number of runs in which it held, and of runs with a value.
     low
         Lower end of the one-sided interval for the share of runs in which it holds.
-    verdict
-        For the number of runs at hand.
-    runs_to_decide
-        Runs that would decide, if all stays as measured; None where no number would.
     absent
-        Kinds of controllers that the sentence is also about and that are not there.
+        Kinds of controllers that the claim mentions and the result does not have.
     settled
-        Runs that settled, of each law of the row; empty where nothing that is stored tells.
+        Numbers of settled runs of the laws of the row; empty if not stored.
     """
 
     source: str
@@ -85,10 +85,10 @@ class Judgement:
     settled: tuple[Settled, ...] = ()
 
     def with_settled(self, settled: Sequence[Settled]) -> Judgement:
-        """The same, and no longer supported where a run of its laws did not settle.
+        """Return the judgement with settled runs; if some did not settle, it is at most `SEEN`.
 
-        A claim about a controller is one about runs that arrive: of others, this horizon does not
-        show the end.
+        A claim about a controller concerns runs that settle. This horizon does not show how the
+        others end.
         """
         late = any(law.count < law.runs for law in settled)
         seen = late and self.verdict is ClaimVerdict.SUPPORTED
@@ -97,7 +97,7 @@ class Judgement:
 
 
 def applicable(sets: Sequence[type[ClaimSet]], kinds: Sequence[str]) -> Iterator[tuple[str, Claim]]:
-    """Every claim with at least one row about controllers that are there, and its source."""
+    """Yield the source and the claim for claims with a row about controllers of the result."""
     for found in sets:
         for claim in found.claims:
             if any(set(row.kinds) <= set(kinds) for row in claim.rows):
@@ -105,7 +105,7 @@ def applicable(sets: Sequence[type[ClaimSet]], kinds: Sequence[str]) -> Iterator
 
 
 def measured_by(result: Result, row: Less) -> list[tuple[Quantity, Window]]:
-    """The numbers that a row needs of a result; nothing if it cannot be tested there."""
+    """Return the measures that test a row; empty if the result cannot test it."""
     return [
         (quantity, row.window)
         for quantity in result.by_parts(row.measure)
@@ -115,7 +115,7 @@ def measured_by(result: Result, row: Less) -> list[tuple[Quantity, Window]]:
 
 
 def _is_rotation(result: Result, quantity: Quantity) -> bool:
-    """Whether a number from the pose error is about orientation alone."""
+    """Whether a measure of the pose error concerns only the orientation."""
     if quantity.signals and quantity.signals[0].startswith("pose_error_rotation"):
         return True
     whole = result.units("mean_pose_error") if result.has("mean_pose_error") else ""
@@ -123,10 +123,10 @@ def _is_rotation(result: Result, quantity: Quantity) -> bool:
 
 
 def judge_less(source: str, says: str, pair: Pair) -> Judgement:
-    """Whether the first of a pair has less than the second.
+    """Judge a claim that the first of a pair has less than the second.
 
-    Supported where the whole interval lies below 0, not supported where none of it does, and
-    undecided between.
+    It is supported if the whole interval lies below 0, not supported if none of it does, and
+    undecided otherwise.
     """
     if pair.high < 0:
         verdict = ClaimVerdict.SUPPORTED
@@ -140,10 +140,10 @@ def judge_less(source: str, says: str, pair: Pair) -> Judgement:
 def judge_at_most(
     source: str, says: str, row: AtMost, measured: PerRun, index: int, label: str, confidence: float
 ) -> Judgement:
-    """Whether a bound holds in every run.
+    """Judge a claim that a bound holds in every run.
 
-    Not supported by a single exception; supported when the runs without one are enough to say that
-    at least 95 % of all initial states have none (exact binomial interval of Clopper and Pearson).
+    One exception makes it not supported. It is supported if the runs without exception show that at
+    least 95 % of all initial states have none (exact binomial interval of Clopper and Pearson).
     """
     from scipy.special import betaincinv  # slow to import
 

@@ -1,1 +1,1 @@
-"""What certificates look at: a loop at random states, its runs, and what its experiment assumes."""
+"""The data that certificates check: loops at random states, runs, and assumptions."""

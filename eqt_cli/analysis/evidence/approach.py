@@ -1,4 +1,4 @@
-"""Whether errors of runs tend to 0, as far as the samples of a finite horizon tell."""
+"""Judges from samples on a finite horizon whether the errors of runs tend to 0."""
 
 from dataclasses import dataclass
 
@@ -7,44 +7,47 @@ import numpy as np
 from eqt_cli.analysis.evidence.runs import STATES_PER_RTOL
 from eqt_cli.core.arrays import Array
 
-# Chosen on 2120 errors of 10 shipped experiments, of 20 runs a law, that were integrated for four
-# times their horizon; "The bounds of convergence" in the documentation says what others would do.
+# These values were chosen on 2120 errors of 10 shipped experiments, with 20 runs per law, that were
+# integrated over four times their horizon. "The bounds of convergence" in the documentation
+# describes the effect of other values.
 
 LEFT = 0.05
-"""Of the largest error of a run, what may be left at its end: as a settling time to 5 % has it."""
+"""Largest final error of a settled run as a share of its largest error: 5 %, as for settling."""
 
 DECAYING = 0.9
-"""An error has arrived only if its mean over a quarter of the horizon is at most so much of that
-over the quarter before: it halves within 1.6 horizons, or an offset is left."""
+"""An error has settled only if the ratio of its means over the last two quarters of the horizon is
+at most this. It then halves within 1.6 horizons, or approaches an offset."""
 
 STALLED = 0.98
-"""An error of which so much is left does not decay: to halve would take more than 8 horizons. Nor
-does L, which is quadratic in it, if the square of it is left. Any value from 0.9 to 0.999 gives the
-same verdicts."""
+"""Ratio of the same means at or above which an error does not decay: halving would take more than 8
+horizons. For L, which is quadratic in the error, the square of this ratio counts. Any value from
+0.9 to 0.999 gives the same verdicts."""
 
 STEADY = 0.2
-"""Of its mean, how much an error that stays may vary over the last half of the horizon; slow
-oscillations, whose means do not fall for a while, vary more. Up to 0.4 no error that is said to
-stay was one that decays later; at 0.1 and below no real offset is found."""
+"""Largest variation of a steady error over the last half of the horizon, relative to its mean. Slow
+oscillations, whose means can stall for a while, vary more. Up to 0.4, no error that was judged
+steady decayed later; at 0.1 and below, no real offset was found."""
 
 SMALLEST_SCALE = 1e-6
-"""Of the size of the motion; where nothing moves at all, errors are rounding."""
+"""Least scale of the motion; without any motion, errors are rounding."""
 
 
 @dataclass(frozen=True)
 class Approach:
-    """How the error of every run ends.
+    """The final behaviour of the error of every run.
 
     Attributes
     ----------
     left : (runs,)
-        The error at the horizon, as a part of the largest of the run.
+        Final error as a share of the largest error of the run.
     level : (runs,)
-        The mean error over the last quarter of the horizon.
+        Mean error over the last quarter of the horizon.
     arrived : (runs,)
-        It is at the solver's own error, or at most `LEFT` is left and it still decays.
+        Whether the error is within the solver's error, or at most `LEFT` remains and it still
+        decays.
     stays : (runs,)
-        It is above the solver's own error, steady, and neither it nor L decays: an offset.
+        Whether the error is an offset: above the solver's error and steady, while neither it nor L
+        decays.
     """
 
     left: Array
@@ -54,7 +57,7 @@ class Approach:
 
     @property
     def offsets(self) -> str:
-        """The errors that stay, in words; empty if there are none."""
+        """Description of the offsets; empty if there are none."""
         if not self.stays.any():
             return ""
         typical = np.median(self.level[self.stays])
@@ -64,10 +67,10 @@ class Approach:
 def approach(
     times: Array, errors: Array, rtol: float, size: float, lyapunov: Array | None = None
 ) -> Approach:
-    """The ends of errors ``(runs, samples)`` of a motion of this size, such as the largest ‖V_d‖.
+    """Judge the errors ``(runs, samples)`` of a motion with a given size, such as max ‖V_d‖.
 
-    The solver's own error is relative to that size, or to the largest error of the run. While L, of
-    the same runs, still falls, nothing stays: an error may pause for as long as another decays.
+    The solver's error is relative to the larger of that size and the largest error of the run.
+    While L of a run still falls, its error is no offset: one error can stall while another decays.
     """
     duration = times[-1] - times[0]
     late = times >= times[-1] - duration / 4
@@ -87,7 +90,7 @@ def approach(
 
 
 def _rest(values: Array, before: Array, late: Array) -> Array:
-    """The mean over the later samples, as a part of that over the earlier ones."""
+    """Return the ratio of the mean over the later samples to that over the earlier ones."""
     earlier = np.maximum(values[:, before].mean(axis=1), np.finfo(float).tiny)
     rest: Array = values[:, late].mean(axis=1) / earlier
     return rest

@@ -1,4 +1,4 @@
-"""What code may do otherwise than its law: frames, transposes, axes, units, options."""
+"""Typical mistakes in code of a law: frames, transposes, axes, units, options."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from eqt_cli.mechanics.tracking import Gains
 
 
 class Assumption(NamedTuple):
-    """What is assumed of code, as a law that is asked in its place.
+    """An assumed mistake, with the law that the code then follows.
 
     Attributes
     ----------
     words
-        "" where nothing is assumed.
+        The mistake in words; "" if none is assumed.
     question
-        The law.
+        The law and its inputs.
     pose, rest
-        What its stiffness is told, and what all else is told.
+        Inputs of the stiffness, and of all other parts.
     """
 
     words: str
@@ -37,88 +37,88 @@ class Assumption(NamedTuple):
 
 
 def assumptions(question: Question) -> Iterator[Assumption]:
-    """Nothing, and then all that is known to go wrong where a law is typed in."""
-    told = question.told
-    yield Assumption("", question, told, told)
+    """Yield no mistake first, and then the known mistakes in code of a law."""
+    inputs = question.inputs
+    yield Assumption("", question, inputs, inputs)
     yield from _of_frames(question)
     for words, each in _everywhere(question).items():
         yield Assumption(words, question, each, each)
     for words, changed in _other_laws(question):
-        yield Assumption(words, changed, told, told)
+        yield Assumption(words, changed, inputs, inputs)
 
 
 def _of_frames(question: Question) -> Iterator[Assumption]:
-    """The pose error in the other frame, and the desired velocity in a wrong one, or part of it."""
-    G, told = question.loop.group, question.told
-    Q, Qd = told.pose, told.desired_pose
+    """Yield pose errors in the other frame, and desired velocities in a wrong frame or axis."""
+    G, inputs = question.loop.group, question.inputs
+    Q, Qd = inputs.pose, inputs.desired_pose
     Q_L = G.inverse(Qd) @ Q
     if question.frame == "body":
-        exchanged, named = told._replace(pose=Qd @ Q @ G.inverse(Qd)), "Q Q_d⁻¹ for Q_d⁻¹Q"
+        exchanged, named = inputs._replace(pose=Qd @ Q @ G.inverse(Qd)), "Q Q_d⁻¹ for Q_d⁻¹Q"
         carrying = {
             "V_d is not carried to the body frame": Q_L,
             "V_d is carried the wrong way, by Q_d⁻¹Q for Q⁻¹Q_d": Q_L @ Q_L,
         }
     else:
-        exchanged, named = told._replace(pose=G.inverse(Qd) @ Q @ Qd), "Q_d⁻¹Q for Q Q_d⁻¹"
+        exchanged, named = inputs._replace(pose=G.inverse(Qd) @ Q @ Qd), "Q_d⁻¹Q for Q Q_d⁻¹"
         carrying = {"V_d is carried to the body frame": G.inverse(Q_L)}
     frames = f"the frames are exchanged: the pose error is in the other frame, {named}"
-    ways = {"": told} | {words: _carried(question, told, by) for words, by in carrying.items()}
+    variants = {"": inputs} | {w: _carried(question, inputs, by) for w, by in carrying.items()}
     yield Assumption(f"{frames}, wherever it occurs", question, exchanged, exchanged)
-    for words, rest in ways.items():
+    for words, rest in variants.items():
         yield Assumption(f"{frames}; {words}" if words else frames, question, exchanged, rest)
         if words:
-            yield Assumption(words, question, told, rest)
+            yield Assumption(words, question, inputs, rest)
     for axis, kept in enumerate(np.eye(G.dimension) if G.dimension > 1 else ()):
-        read = told._replace(
-            desired_velocity=kept * told.desired_velocity,
-            desired_acceleration=kept * told.desired_acceleration,
+        read = inputs._replace(
+            desired_velocity=kept * inputs.desired_velocity,
+            desired_acceleration=kept * inputs.desired_acceleration,
         )
         alone = f"V_d is read on axis {axis + 1} only"
-        yield Assumption(alone, question, told, read)
+        yield Assumption(alone, question, inputs, read)
         for words, by in carrying.items():
             rest = _carried(question, read, by)
-            yield Assumption(f"{alone}; {words}", question, told, rest)
+            yield Assumption(f"{alone}; {words}", question, inputs, rest)
 
 
-def _carried(question: Question, told: LawInput, by: Array) -> LawInput:
-    """The desired velocity and acceleration in another frame."""
+def _carried(question: Question, inputs: LawInput, by: Array) -> LawInput:
+    """Return the inputs with desired velocity and acceleration in another frame."""
     G = question.loop.group
-    return told._replace(
-        desired_velocity=G.Ad(by, told.desired_velocity),
-        desired_acceleration=G.Ad(by, told.desired_acceleration),
+    return inputs._replace(
+        desired_velocity=G.Ad(by, inputs.desired_velocity),
+        desired_acceleration=G.Ad(by, inputs.desired_acceleration),
     )
 
 
 def _everywhere(question: Question) -> dict[str, LawInput]:
-    """What is read wrongly wherever it occurs."""
-    G, told = question.loop.group, question.told
-    Q, Qd, V = told.pose, told.desired_pose, told.velocity
+    """Return the inputs with a value that the code reads wrongly everywhere."""
+    G, inputs = question.loop.group, question.inputs
+    Q, Qd, V = inputs.pose, inputs.desired_pose, inputs.velocity
     turned, desired = G.inverse(Q), G.inverse(Qd)
     return {
-        "the pose is transposed": told._replace(pose=turned),
-        "the desired pose is transposed": told._replace(desired_pose=desired),
-        "both poses are transposed": told._replace(pose=turned, desired_pose=desired),
-        "the pose and the desired pose are exchanged": told._replace(pose=Qd, desired_pose=Q),
-        "V is carried to the spatial frame": told._replace(velocity=G.Ad(Q, V)),
-        "V is carried from the spatial frame": told._replace(velocity=G.Ad(turned, V)),
-        "V is converted to degrees": told._replace(velocity=np.degrees(V)),
-        "V is converted from degrees": told._replace(velocity=np.radians(V)),
+        "the pose is transposed": inputs._replace(pose=turned),
+        "the desired pose is transposed": inputs._replace(desired_pose=desired),
+        "both poses are transposed": inputs._replace(pose=turned, desired_pose=desired),
+        "the pose and the desired pose are exchanged": inputs._replace(pose=Qd, desired_pose=Q),
+        "V is carried to the spatial frame": inputs._replace(velocity=G.Ad(Q, V)),
+        "V is carried from the spatial frame": inputs._replace(velocity=G.Ad(turned, V)),
+        "V is converted to degrees": inputs._replace(velocity=np.degrees(V)),
+        "V is converted from degrees": inputs._replace(velocity=np.radians(V)),
     }
 
 
 def _other_laws(question: Question) -> Iterator[tuple[str, Question]]:
-    """The law with transposed gains, in another frame, without an option, with memory moved on."""
+    """Yield the law with transposed gains, another frame, a missing option or later memory."""
     loop = question.loop
     for name, gains in _transposed(loop.gains):
         yield f"{name} is transposed", _with(question, gains=gains)
-    for law in _turned(loop):
+    for law in _in_other_frame(loop):
         words = f"the frames are exchanged: all errors are in the {law.error} frame"
         yield words, _with(question, controller=law)
     for option, without in _without_options(loop.controller):
         yield f"the option {option} is missing", _with(question, controller=without)
     control = loop.vehicle.control
     if question.memory and control is not None:
-        s = question.told.tracking(loop.group, loop.inertia, loop.gains, question.memory)
+        s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
         rates = loop.controller.memory_rate(s)
         later = {name: z + control.period * rates[name] for name, z in question.memory.items()}
         words = "memory goes on before it is used, and not after"
@@ -130,7 +130,7 @@ def _with(question: Question, **changes: Any) -> Question:
 
 
 def _transposed(gains: Gains) -> Iterator[tuple[str, Gains]]:
-    """Gains of which one is transposed, where that changes it."""
+    """Yield the gains with one of them transposed, if that changes it."""
     K, K_d = gains.K.swapaxes(-1, -2), gains.K_d.swapaxes(-1, -2)
     if np.any(K != gains.K):
         yield "kp", Gains(K, gains.K_d)
@@ -138,8 +138,8 @@ def _transposed(gains: Gains) -> Iterator[tuple[str, Gains]]:
         yield "kd", Gains(gains.K, K_d)
 
 
-def _turned(loop: ClosedLoop) -> Iterator[Family]:
-    """A member of the family with all its errors in the other frame."""
+def _in_other_frame(loop: ClosedLoop) -> Iterator[Family]:
+    """Yield a member of the family with all its errors in the other frame."""
     law = loop.controller
     if isinstance(law, Family):
         frame: Frame = "body" if law.error == "spatial" else "spatial"
@@ -148,7 +148,7 @@ def _turned(loop: ClosedLoop) -> Iterator[Family]:
 
 
 def _without_options(law: Controller) -> Iterator[tuple[str, Controller]]:
-    """A law without one of the options that can be left out, such as a bound of an integral."""
+    """Yield the law without one of its optional options, such as the bound of an integral."""
     for each in fields(law):
         if each.init and each.default is None and getattr(law, each.name) is not None:
             yield each.name, replace(law, **{each.name: None})

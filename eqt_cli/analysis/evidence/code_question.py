@@ -1,4 +1,4 @@
-"""A law that is asked for its torque at many states, perhaps without some of what it has."""
+"""Evaluates a law at many states, possibly with changed gains, inputs or memory."""
 
 from __future__ import annotations
 
@@ -18,45 +18,45 @@ from eqt_cli.mechanics.tracking import Gains
 
 @dataclass(frozen=True)
 class Question:
-    """A law that is asked for its torque at many states.
+    """A law and the states at which its torque is computed.
 
     Attributes
     ----------
     loop
-        With the law as a formula.
-    told, memory
-        What it is told, and what it remembers, a row each.
+        The loop, with the law as a formula.
+    inputs, memory
+        Inputs and memory of the law, one row per state.
     """
 
     loop: ClosedLoop
-    told: LawInput
+    inputs: LawInput
     memory: Mapping[str, Array]
 
     def torque(
         self,
         *,
         law: Controller | None = None,
-        told: LawInput | None = None,
+        inputs: LawInput | None = None,
         K: float = 1.0,
         K_d: float = 1.0,
         memory: Mapping[str, Array] | None = None,
     ) -> Array:
-        """The torque of the law or another, perhaps with its gains scaled, ``(rows, m)``."""
-        loop, told = self.loop, told or self.told
+        """Return the torque of this or another law with scaled gains, ``(rows, m)``."""
+        loop, inputs = self.loop, inputs or self.inputs
         gains = Gains(K * loop.gains.K, K_d * loop.gains.K_d)
         kept = self.memory if memory is None else memory
-        s = told.tracking(loop.group, loop.inertia, gains, kept)
+        s = inputs.tracking(loop.group, loop.inertia, gains, kept)
         with np.errstate(all="ignore"):
-            found: Array = (law or loop.controller).torque(s) + 0.0 * told.velocity
+            found: Array = (law or loop.controller).torque(s) + 0.0 * inputs.velocity
         return found
 
     @property
     def forgetful(self) -> dict[str, Array]:
-        """The memory at 0."""
+        """The memory set to 0."""
         return {name: 0 * values for name, values in self.memory.items()}
 
     @cached_property
     def frame(self) -> Frame:
-        """Of the errors that the law is about."""
+        """Frame of the errors of the law."""
         found: Frame = getattr(self.loop.controller, "error", "body")
         return found

@@ -1,8 +1,8 @@
-"""The parts of a law, each as the difference of two evaluations of it, and what C does with each.
+"""Explains the torque of code in C by the parts of a law.
 
-No formula of a law is written here: a law is evaluated without a gain, without an acceleration, or
-with one weight of the family more, and what changes is the part. A torque in C that differs from
-the law is then explained by least squares over these parts.
+No formula of a law is written here. A part is the difference between two evaluations of the law:
+with and without a gain, an acceleration or a weight of the family. If the torque in C differs from
+the law, least squares over these parts explain the difference.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import Array, apply_matrix
 
 EXPLAINED = {"double": 1e-9, "float": 1e-4}
-"""Of the torque: what is left of a difference that is explained."""
+"""Largest unexplained share of the torque in a complete explanation."""
 
 CHANGED = {"double": 1e-7, "float": 1e-3}
-"""By how much a coefficient differs that is another one."""
+"""Least difference of a coefficient that counts as changed."""
 
 ENOUGH = 60
-"""States, of which each gives as many equations as a torque has entries, for a dozen unknowns."""
+"""Number of states used; each gives an equation per torque entry, for about a dozen unknowns."""
 
 ASSUMED = 1.5
-"""What an assumption costs: as much as one term and a half that is another one."""
+"""Cost of an assumed mistake, in units of a changed coefficient."""
 
 VANISHES = 1e-12
-"""Relative to the torque: a part that is 0 on this group, or with these gains."""
+"""Size relative to the torque below which a part is 0 on this group or with these gains."""
 
 
 # The parts ----------------------------------------------------------------------------------------
@@ -48,9 +48,9 @@ class Parts:
     Attributes
     ----------
     columns
-        Their torques by name, ``(rows, m)`` each.
+        Torques of the parts by name, ``(rows, m)`` each.
     expected
-        How often the law has each.
+        Coefficients of the parts in the law.
     """
 
     columns: dict[str, Array]
@@ -58,61 +58,61 @@ class Parts:
 
     @property
     def size(self) -> int:
-        """How many parts the law has."""
+        """Number of parts with a coefficient other than 0."""
         return sum(abs(value) > CHANGED["double"] for value in self.expected.values())
 
 
 def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[Parts]:
-    """The parts of a law in the two ways of writing what is quadratic in velocities.
+    """Return the parts of a law for both ways to split the terms quadratic in velocities.
 
     Parameters
     ----------
     pose, rest
-        What its stiffness is told, and what all else is told.
+        Inputs of the stiffness, and of all other parts.
     """
     own = _own_parts(question, pose, rest)
-    whole = own["stiffness"] + question.torque(told=rest, K=0.0)
+    whole = own["stiffness"] + question.torque(inputs=rest, K=0.0)
     return [_fitted(whole, own, moving) for moving in _quadratic(question, rest)]
 
 
 def _own_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str, Array]:
-    """Those of gains, accelerations and memory."""
+    """Return the parts due to gains, desired acceleration and memory."""
     ask = question.torque
     still = rest._replace(
         desired_velocity=0 * rest.desired_velocity,
         desired_acceleration=0 * rest.desired_acceleration,
     )
-    stiffness = ask(told=pose) - ask(told=pose, K=0.0)
-    damping = ask(told=rest) - ask(told=rest, K_d=0.0)
-    own_damping = ask(told=still) - ask(told=still, K_d=0.0)
+    stiffness = ask(inputs=pose) - ask(inputs=pose, K=0.0)
+    damping = ask(inputs=rest) - ask(inputs=rest, K_d=0.0)
+    own_damping = ask(inputs=still) - ask(inputs=still, K_d=0.0)
     unpushed = rest._replace(desired_acceleration=0 * rest.desired_acceleration)
     found = {
         "stiffness": stiffness,
         "damping": own_damping,
         "damping of the desired velocity": damping - own_damping,
-        "desired acceleration": ask(told=rest) - ask(told=unpushed),
+        "desired acceleration": ask(inputs=rest) - ask(inputs=unpushed),
     }
     for name in question.memory:
         without = dict(question.memory) | {name: 0 * question.memory[name]}
-        found[name] = ask(told=rest) - ask(told=rest, memory=without)
+        found[name] = ask(inputs=rest) - ask(inputs=rest, memory=without)
     return found
 
 
-def _quadratic(question: Question, told: LawInput) -> list[dict[str, Array]]:
-    """What is quadratic in velocities, by the weights of the family, in two ways of writing it."""
-    unpushed = told._replace(desired_acceleration=0 * told.desired_acceleration)
+def _quadratic(question: Question, inputs: LawInput) -> list[dict[str, Array]]:
+    """Return two splits of the terms quadratic in velocities, from the weights of the family."""
+    unpushed = inputs._replace(desired_acceleration=0 * inputs.desired_acceleration)
     nothing = question.forgetful
 
     def family(at: LawInput, **weights: float) -> Array:
         weighted = {"gyroscopic": 0.0, "transport": 0.0, **weights}
         law = Family(**weighted, error=question.frame)  # type: ignore[arg-type]  # floats only
-        return question.torque(law=law, told=at, K=0.0, K_d=0.0, memory=nothing)
+        return question.torque(law=law, inputs=at, K=0.0, K_d=0.0, memory=nothing)
 
     def weighed(name: str, at: LawInput = unpushed) -> Array:
         return family(at, **{name: 1.0}) - family(at)
 
-    of_reference = weighed("quadratic", unpushed._replace(velocity=0 * told.velocity))
-    of_body = weighed("quadratic", unpushed._replace(desired_velocity=0 * told.desired_velocity))
+    of_reference = weighed("quadratic", unpushed._replace(velocity=0 * inputs.velocity))
+    of_body = weighed("quadratic", unpushed._replace(desired_velocity=0 * inputs.desired_velocity))
     g, c, n, q = map(weighed, ("gyroscopic", "transport", "connection", "quadratic"))
     return [
         {
@@ -133,7 +133,7 @@ def _quadratic(question: Question, told: LawInput) -> list[dict[str, Array]]:
 
 
 def _fitted(torque: Array, own: dict[str, Array], moving: dict[str, Array]) -> Parts:
-    """How often a law has each part, and what of it is none of them."""
+    """Find the coefficients of the parts in a law; the remainder becomes a part of its own."""
     scale = np.abs(torque).max()
     columns = {
         name: column
@@ -143,9 +143,9 @@ def _fitted(torque: Array, own: dict[str, Array], moving: dict[str, Array]) -> P
     expected = dict.fromkeys(own.keys() & columns.keys(), 1.0)
     rest = torque - sum((columns[name] for name in own if name in columns), 0 * torque)
     found = _least_squares({name: columns[name] for name in moving if name in columns}, rest)
-    # A law has each of them a whole number of times, or its own weight.
+    # Coefficients are multiples of one half, or weights that the user set.
     expected |= {name: _rounded(value) for name, value in found.items()}
-    for name in [name for name in found if expected[name] < 0]:  # told as "1.00 of 1"
+    for name in [name for name in found if expected[name] < 0]:  # reported as "1.00 of 1"
         columns[name], expected[name] = -columns[name], -expected[name]
     left = rest - sum((expected[n] * columns[n] for n in found), 0 * torque)
     if np.abs(left).max() > EXPLAINED["double"] * scale:
@@ -159,7 +159,7 @@ def _rounded(value: float) -> float:
 
 
 def _least_squares(columns: Mapping[str, Array], torque: Array) -> dict[str, float]:
-    """The smallest coefficients by which columns are nearest to a torque."""
+    """Return the least-squares coefficients of the columns with the smallest norm."""
     if not columns:
         return {}
     matrix = np.stack([column.ravel() for column in columns.values()], axis=1)
@@ -168,7 +168,7 @@ def _least_squares(columns: Mapping[str, Array], torque: Array) -> dict[str, flo
     return dict(zip(columns, found.tolist(), strict=True))
 
 
-# What C does with them ----------------------------------------------------------------------------
+# Explanation of code ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -178,11 +178,11 @@ class Explanation:
     Attributes
     ----------
     assumed
-        What is assumed of the code, in words; "" where nothing is.
+        Assumed mistake of the code in words; "" if none is assumed.
     coefficients
-        How often the code has each part, and how often the law has it.
+        Coefficient of each part in the code, and in the law.
     left
-        What is not explained, as a share of the torque.
+        Unexplained share of the torque.
     real
         ``double`` or ``float``.
     """
@@ -194,12 +194,12 @@ class Explanation:
 
     @property
     def is_complete(self) -> bool:
-        """Whether nothing is left over but rounding."""
+        """Whether only rounding is left unexplained."""
         return self.left <= EXPLAINED[self.real]
 
     @property
     def changed(self) -> dict[str, tuple[float, float]]:
-        """The parts that the code has more or less often than the law."""
+        """Parts whose coefficients in the code and in the law differ."""
         return {
             name: (found, expected)
             for name, (found, expected) in self.coefficients.items()
@@ -208,34 +208,35 @@ class Explanation:
 
     @property
     def cost(self) -> float:
-        """How much it assumes: the less, the better the explanation."""
+        """Cost of the explanation; the smaller, the simpler."""
         return len(self.changed) + (ASSUMED if self.assumed else 0.0)
 
     @property
     def words(self) -> str:
-        """What differs, and what does not."""
+        """Description of the differences, and of what is equal."""
         if not self.is_complete:
             share = f"{100 * self.left:.2g} % of the torque"
             return f"no sum of the law's parts in any frame: {share} is none of them"
-        said = [self.assumed] if self.assumed else []
+        sentences = [self.assumed] if self.assumed else []
         lacking = {name: pair for name, pair in self.changed.items() if _is_zero(pair[0], self)}
         other = {name: pair for name, pair in self.changed.items() if name not in lacking}
         if lacking:
-            said.append("lacks " + ", ".join(_told(n, *pair) for n, pair in lacking.items()))
+            words = ", ".join(_coefficient(n, *pair) for n, pair in lacking.items())
+            sentences.append(f"lacks {words}")
         for name, (found, expected) in other.items():
             hint = NOT_SKEW if name == SYMMETRIC else _sign(found, expected)
-            said.append(f"has {_told(name, found, expected)}{hint}")
+            sentences.append(f"has {_coefficient(name, found, expected)}{hint}")
         same = [n for n, (_, e) in self.coefficients.items() if n not in self.changed and e]
         if same and (lacking or other):
-            said.append(f"the same as in the law: {', '.join(same)}")
-        return "; ".join(said)
+            sentences.append(f"the same as in the law: {', '.join(same)}")
+        return "; ".join(sentences)
 
 
 def _is_zero(found: float, of: Explanation) -> bool:
     return abs(found) <= CHANGED[of.real] * 10
 
 
-def _told(name: str, found: float, expected: float) -> str:
+def _coefficient(name: str, found: float, expected: float) -> str:
     close = abs(found - expected) < 0.005
     one = f"{found:.6g}" if close else f"{found:.2f}".replace("-0.00", "0.00")
     return f"{name}: coefficient {one} of {expected:g}"
@@ -248,15 +249,15 @@ def _sign(found: float, expected: float) -> str:
 
 
 def explained(question: Question, torque: Array, real: str) -> Explanation:
-    """The explanation of a torque in C that assumes least, among those that leave nothing over.
+    """Return the complete explanation of a torque in C with the smallest cost.
 
-    Where all leave something over, the one that leaves least.
+    If none is complete, return the one that leaves the smallest share unexplained.
     """
     finite = np.isfinite(torque).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
     usable = np.flatnonzero(finite)[:ENOUGH]
     few = Question(
         question.loop,
-        LawInput(*(np.asarray(part)[usable] for part in question.told)),
+        LawInput(*(np.asarray(part)[usable] for part in question.inputs)),
         {name: values[usable] for name, values in question.memory.items()},
     )
     found: list[Explanation] = []
@@ -269,7 +270,7 @@ def explained(question: Question, torque: Array, real: str) -> Explanation:
     complete = [each for each in found if each.is_complete]
     if complete:
         return min(complete, key=lambda each: each.cost)
-    # An assumption has to earn its place by what it explains.
+    # An assumed mistake must at least halve what is left.
     return min(found, key=lambda each: each.left * (2.0 if each.assumed else 1.0))
 
 
@@ -295,22 +296,22 @@ def _explanation(
 
 
 def _symmetric(question: Question) -> Array:
-    """What a stiffness returns of the part of the pose error that no rotation's error has.
+    """Return the stiffness torque of the symmetric part of the pose error.
 
-    It is there where a difference to the transpose was forgotten, or is of the wrong matrices.
+    It appears if the code forgets to subtract the transpose, or subtracts that of a wrong matrix.
     """
-    G, told = question.loop.group, question.told
-    error = G.inverse(told.desired_pose) @ told.pose
+    G, inputs = question.loop.group, question.inputs
+    error = G.inverse(inputs.desired_pose) @ inputs.pose
     basis = np.stack([G.hat(row) for row in np.eye(G.dimension)])
     rotates = np.array([np.allclose(B, -B.T) for B in basis])
     even = (error + error.swapaxes(-1, -2)) / 2
     entries = np.einsum("kij,nij->nk", np.abs(basis), even) / 2 * rotates
-    stiffness = told.tracking(G, question.loop.inertia, question.loop.gains, {}).stiffness
+    stiffness = inputs.tracking(G, question.loop.inertia, question.loop.gains, {}).stiffness
     return -apply_matrix(stiffness, entries)
 
 
 def sum_of(columns: Mapping[str, Array], found: Array, bound: float) -> str:
-    """How often each of some columns is in what was found, in words."""
+    """Describe a vector as a sum of columns with coefficients."""
     shares = _least_squares(columns, found)
     left = found - sum((shares[name] * column for name, column in columns.items()), 0 * found)
     if np.abs(left).max() > bound:

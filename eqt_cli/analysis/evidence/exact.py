@@ -1,14 +1,14 @@
 """Exact numbers that carry their time derivative, and their degree in the parameters, through laws.
 
 A number is a fraction n / (c D) of integers: n is the value of a polynomial at integer parameters,
-c a constant, and D a product of divisors, each of which is such a polynomial, too. Beside n stands
-a bound of the polynomial's degree, which each operation computes from those of its operands.
-Divisors are kept as factors, so that the fractions of one rotation, or of one inverse, have one
-denominator; nothing is cancelled that is not a factor by construction.
+c a constant, and D a product of divisors, each of which is the value of such a polynomial. Each
+number carries a bound of the degree of n, which every operation computes from those of its
+operands. Divisors are stored as factors, so that the fractions of one rotation, or of one inverse,
+share a denominator. Only factors known by construction are cancelled.
 
-A function of the state that is not rational becomes a parameter of its own, one for each argument,
-with the derivative that the function has: what is equal for all values of it is equal for its own.
-A square root is also reduced by its equation r² = x. It knows no law.
+A function of the state that is not rational becomes a free parameter for each argument, with the
+function's derivative: sides that are equal for all values of the parameter are equal for its actual
+value. A square root is also reduced by its equation r² = x.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from eqt_cli.core.errors import TraceError
 
 
 class NotRationalError(TraceError):
-    """An operation on the state that is none of + − × ÷, so that no polynomial decides it."""
+    """An operation on the state that is not rational, so that no polynomial decides it."""
 
 
 class Divisor:
-    """A polynomial that something was divided by: its value at the parameters, and its degree."""
+    """A polynomial used as divisor: its value at the parameters, and its degree."""
 
     __slots__ = ("degree", "value")
 
@@ -43,18 +43,18 @@ class Divisor:
 
 
 class Ledger:
-    """What is taken for granted on the way from a state to what has been asked of it.
+    """Records the assumptions of a computation from a state.
 
     Attributes
     ----------
     parameter
         Draws a new parameter.
     degree
-        Of the product of all polynomials that must not be 0, such as those that were divided by.
+        Degree of the product of all polynomials assumed not to be 0, such as divisors.
     compared
-        The sum of the degrees of all differences of two arguments of a function.
+        Sum of the degrees of all differences between two arguments of a function.
     functions
-        The functions that became parameters.
+        Functions that became parameters.
     """
 
     def __init__(self, parameter: Callable[[], Exact]) -> None:
@@ -65,7 +65,7 @@ class Ledger:
         self._values: dict[str, list[tuple[Exact, Exact]]] = {}
 
     def value(self, kind: str, argument: Exact, new: Callable[[], Exact]) -> Exact:
-        """What stands for a function of this argument: what stood for it before, or a new one."""
+        """Return the parameter for a function of this argument: a known or a new one."""
         known = self._values.setdefault(kind, [])
         for other, value in known:
             gap = _sum(argument, -other)
@@ -80,14 +80,14 @@ _ledgers: list[Ledger] = []
 
 
 def _assume_not_zero(degree: int) -> None:
-    """Note that a polynomial of this degree is not 0."""
+    """Record that a polynomial of this degree is assumed not to be 0."""
     if _ledgers:
         _ledgers[-1].degree += degree
 
 
 @contextmanager
 def noting(ledger: Ledger) -> Iterator[None]:
-    """Note what happens within."""
+    """Record the assumptions made within the block."""
     _ledgers.append(ledger)
     try:
         yield
@@ -109,13 +109,13 @@ class Exact(Number):
     numerator
         n, the value of a polynomial.
     degree
-        A bound of the polynomial's degree in the parameters; one of degree 0 is a constant.
+        Bound of the degree of n in the parameters; a polynomial of degree 0 is constant.
     constant
         c > 0.
     factors
-        D.
+        D as divisors with powers.
     rate
-        Itself without a rate; None where the number does not move.
+        The rate of change, a number without a rate; None for a number that does not change.
     """
 
     __slots__ = ("_cleared", "_divisor", "constant", "degree", "factors", "numerator", "rate")
@@ -135,7 +135,7 @@ class Exact(Number):
 
     @classmethod
     def of(cls, x: Any) -> Exact:
-        """A float is the dyadic number that it is."""
+        """Convert a number; a float becomes the exact dyadic fraction."""
         if isinstance(x, Exact):
             return x
         if isinstance(x, float | np.floating) and not isfinite(x):
@@ -146,32 +146,32 @@ class Exact(Number):
 
     @property
     def value(self) -> Fraction:
-        """The number without its rate; it has no roots."""
+        """The number without its rate; only for numbers without roots."""
         return Fraction(_integer(self.numerator), self.constant * _value(self.factors))
 
     @property
     def is_constant(self) -> bool:
-        """Whether it is the same for all parameters, and does not move."""
+        """Whether it is equal for all parameters and does not change in time."""
         return not self.degree and not self.factors and self.rate is None
 
-    # The contract of all numbers.
+    # The interface of all numbers.
 
     @property
     def nearest(self) -> float:
-        """Rounded once."""
+        """The nearest float."""
         return float(self.value)
 
     def derivative(self) -> Exact:
-        """0 where the number does not move."""
+        """Return the rate, or 0."""
         return ZERO if self.rate is None else self.rate
 
     def moving(self, rate: Exact) -> Exact:
-        """A rate of 0 is none."""
+        """Return the number with another rate; a rate of 0 is dropped."""
         still = rate._still()
         return self._with(None if still._is_zero() else still)
 
     def granted(self, error: float) -> Exact:
-        """There is none to grant."""
+        """Return the number itself, which is exact."""
         return self
 
     def _still(self) -> Exact:
@@ -183,7 +183,7 @@ class Exact(Number):
         return found
 
     def _without_roots(self) -> tuple[Exact, Exact]:
-        """The product of all conjugates, and the number times that."""
+        """Return the product of all conjugates, and the number times that product."""
         if self._cleared is None:
             factor, whole, taken = to_integer(self.numerator)
             times = 2**taken
@@ -194,7 +194,7 @@ class Exact(Number):
         return self._cleared
 
     def _is_zero(self) -> bool:
-        """Whether it is 0 for all parameters: a polynomial of degree 0 is the same everywhere."""
+        """Whether it is 0 for all parameters, because a polynomial of degree 0 is constant."""
         return not self.numerator and not self.degree and self.rate is None
 
     # Arithmetic.
@@ -267,7 +267,7 @@ class Exact(Number):
     __radd__ = __add__
     __rmul__ = __mul__
 
-    # What branches: the same for all states only where constants are compared.
+    # Branches are the same for all states only if constants are compared.
 
     def _constant(self, what: str, *, moves: bool = False) -> Fraction:
         if self.degree or self.factors or not (moves or self.rate is None):
@@ -277,7 +277,7 @@ class Exact(Number):
     def _against(self, other: Any) -> tuple[Fraction, Fraction]:
         what, other = "a comparison", Exact.of(other)
         found = [x._constant(what, moves=True) for x in (self, other)]
-        if found[0] == found[1]:  # what moves is equal for an instant only
+        if found[0] == found[1]:  # equal values with rates are equal only for an instant
             found = [x._constant(what) for x in (self, other)]
         return found[0], found[1]
 
@@ -313,7 +313,7 @@ class Exact(Number):
         return float(self._constant("the float"))
 
     def apply(self, name: str) -> Exact:
-        """A function of the expression grammar, by name, with f′(x)ẋ for its rate."""
+        """Apply a function of the expression grammar by name; its rate is f′(x)ẋ."""
         if name == "abs":
             return abs(self)
         argument = self._still()
@@ -327,18 +327,18 @@ ZERO, TWO = Exact(0), Exact(2)
 
 
 def free(value: int) -> Exact:
-    """A parameter with this value."""
+    """Return a parameter with this value."""
     return Exact(value, 1)
 
 
 def difference(left: Any, right: Any) -> Exact:
-    """Left − right of two entries, which may be floats."""
+    """Return left − right of two entries, which may be floats."""
     found: Exact = Exact.of(left) - Exact.of(right)
     return found
 
 
 def inverse(matrix: Array) -> Array:
-    """A⁻¹ = adj A / det A, ``(..., m, m)``, with the degrees of Cramer's rule.
+    """Return A⁻¹ = adj A / det A, ``(..., m, m)``, with the degrees of Cramer's rule.
 
     Its rate is −A⁻¹ȦA⁻¹.
     """
@@ -370,9 +370,9 @@ def _inverse(matrix: Array) -> Array:
 
 
 def _adjugate(rows: list[list[int]], degree: int) -> tuple[list[list[int]], int]:
-    """Of a matrix of integers, by elimination without fractions (Bareiss).
+    """Return adjugate and determinant of an integer matrix by fraction-free elimination (Bareiss).
 
-    Its pivots are the leading minors, of which none may vanish.
+    The pivots are the leading minors, none of which may vanish.
     """
     n = len(rows)
     work = [[*row, *(int(i == j) for j in range(n))] for i, row in enumerate(rows)]
@@ -397,7 +397,7 @@ def _adjugate(rows: list[list[int]], degree: int) -> tuple[list[list[int]], int]
 
 
 def _root(x: Exact) -> Exact:
-    """√x; where x is the square of a rational constant, this number, and else √(n c D) / (c D)."""
+    """Return √x: a rational number if x is the square of a constant, else √(n c D) / (c D)."""
     numerator = _integer(x.numerator)
     if not x.degree and not x.factors:
         reduced = Fraction(numerator, x.constant)
@@ -414,7 +414,7 @@ def _root(x: Exact) -> Exact:
 
 
 def _free_value(name: str, x: Exact) -> Exact:
-    """A parameter, or what follows from one where several functions have one argument."""
+    """Return a parameter, or an expression in one that related functions of an argument share."""
     if x._is_zero() and name in _AT_ZERO:
         return Exact(_AT_ZERO[name])
     ledger = _noted(name)
@@ -443,7 +443,7 @@ _AT_ZERO = {
     **dict.fromkeys("sin tan asin atan sinh tanh asinh atanh".split(), 0),
     **dict.fromkeys("cos cosh exp".split(), 1),
 }
-"""Values that are known without a parameter."""
+"""Values at 0, which need no parameter."""
 
 
 def _noted(name: str) -> Ledger:
@@ -509,7 +509,7 @@ def _integer(number: Whole) -> int:
 
 
 def _over(x: Exact, factors: Factors, constant: int) -> tuple[Whole, int]:
-    """The numerator over a multiple of the denominator, and its degree."""
+    """Return the numerator over a multiple of the denominator, and its degree."""
     numerator = x.numerator if constant == x.constant else x.numerator * (constant // x.constant)
     missing = _beyond(factors, x.factors)
     if not missing:
@@ -538,7 +538,7 @@ def _common(a: Factors, b: Factors) -> Factors:
 
 
 def _beyond(a: Factors, b: Factors) -> Factors:
-    """What of a is not in b."""
+    """Return the factors of a that are not in b."""
     if not a or not b:
         return a
     if a is b:
@@ -555,7 +555,7 @@ def _written(number: Any) -> str:
 
 
 def _off_zero(squares: Any) -> bool:
-    """True: states where a norm is 0 are left out, as those where a denominator is."""
+    """Return True: states with a norm of 0 are excluded, like those with a denominator of 0."""
     squares = Exact.of(squares)
     if not squares.numerator:
         raise ZeroDivisionError("a norm vanishes")

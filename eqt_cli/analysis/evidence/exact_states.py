@@ -1,8 +1,8 @@
-"""A closed loop at random exact states, where all that an identity is about is a free parameter.
+"""Draws random exact states of a closed loop, at which identities are proved.
 
-Free are the Cayley parameters of every pose, the entries of every vector, of the inertia and of the
-gains, and every function of time with its first and second derivative. Numbers in a law are no
-parameters: a float is the dyadic number that it is.
+Free parameters are the Cayley parameters of every pose, the entries of every vector, of the inertia
+and of the gains, and every function of time with its first and second derivative. Numbers in a law
+are not free: a float is its exact dyadic fraction.
 """
 
 from collections.abc import Mapping
@@ -35,13 +35,13 @@ from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.forces import Force
 
 RANGE = 2**64
-"""N, from how many integers each parameter is drawn."""
+"""N, the number of integers from which each parameter is drawn."""
 
 SMALL = 7
-"""From how many where a difference is to be read by people."""
+"""The same for differences that people read."""
 
 MEMBERSHIP = 1e-9
-"""How far a pose in floats may be from the group by rounding."""
+"""Largest distance of a floating-point pose from the group due to rounding."""
 
 
 class Parameters:
@@ -51,26 +51,26 @@ class Parameters:
         self._random, self._count = random, count
 
     def one(self) -> Exact:
-        """One of them."""
+        """Draw a parameter."""
         drawn = int(self._random.integers(self._count, dtype=np.uint64))
         return free(drawn - self._count // 2)
 
     def array(self, *shape: int) -> Array:
-        """So many."""
+        """Draw an array of parameters."""
         found = np.empty(shape, dtype=object)
         for index in np.ndindex(shape):
             found[index] = self.one()
         return found
 
     def symmetric(self, size: int) -> Array:
-        """A symmetric matrix."""
+        """Draw a symmetric matrix."""
         found = self.array(size, size)
         upper = np.triu_indices(size, 1)
         found[upper[::-1]] = found[upper]
         return found
 
     def function(self) -> Expression:
-        """A function of time of which nothing is known."""
+        """Draw an arbitrary function of time."""
         return FreeFunction("f(t)", frozenset("t"), Variable("t", 1), tuple(self.array(3)))
 
 
@@ -81,7 +81,7 @@ class FreeFunction(Expression):
     jet: tuple[Exact, ...] = field(repr=False, compare=False)
 
     def evaluate(self, values: Mapping[str, Any]) -> Any:
-        """At the one time that there is, with the rate that follows from that of the time."""
+        """Return the value at the time of the sample, with its rate if the time has one."""
         t = values["t"]
         if isinstance(t, Dual):
             return Dual(self._derivative(0, t.value), self._derivative(1, t.value) * t.rate)
@@ -97,7 +97,7 @@ class FreeFunction(Expression):
 
 @dataclass(frozen=True)
 class FreeForce(Force):
-    """A force of which nothing is known, in the place of all that is between law and plant."""
+    """An arbitrary force that replaces everything between law and plant."""
 
     name: ClassVar[str] = "free"
     departs: ClassVar[str] = "any force"
@@ -105,32 +105,32 @@ class FreeForce(Force):
     force: Any = field(metadata=STRUCTURE)
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """The force."""
+        """Return the force."""
         return self.force
 
 
 @dataclass
 class State:
-    """One exact state, and all that was divided by on the way to what has been asked of it."""
+    """An exact state, and the assumptions of all computations from it."""
 
     sample: Sample
     ledger: Ledger
 
 
 class ExactStates:
-    """The states of a law that identities are proved at; they share what follows from a state."""
+    """Exact states of a law, drawn once and shared by all identities."""
 
     def __init__(self, label: str, loop: ClosedLoop, random: np.random.Generator) -> None:
         self._label, self._loop, self._random = label, loop, random
         self._drawn: dict[int, list[State]] = {}
 
     def state(self, index: int, count: int = RANGE) -> State:
-        """A state, from so many integers a parameter.
+        """Return a state whose parameters are drawn from `count` integers.
 
         Raises
         ------
         ZeroDivisionError
-            Where the inertia is singular; the next call draws again.
+            If the inertia is singular; the next call draws again.
         """
         drawn = self._drawn.setdefault(count, [])
         while len(drawn) <= index:
@@ -143,7 +143,7 @@ class ExactStates:
 
     @cached_property
     def obstacle(self) -> str:
-        """Why there are no such states: Cayley's transform does not stay in the group."""
+        """Reason why there are no such states; empty if Cayley's transform stays in the group."""
         G = self._loop.group
         V = np.random.default_rng(0).uniform(-0.5, 0.5, G.dimension)
         if G.violation(G.cayley(V)) <= MEMBERSHIP:
@@ -194,7 +194,7 @@ def _with_any_force(vehicle: Vehicle, force: Array) -> Vehicle:
 
 
 def _freed(loop: ClosedLoop, parameters: Parameters) -> dict[str, Array]:
-    """Free tensors and gains, and the law's own numbers as they are."""
+    """Return free tensors and gains, and the exact values of the law's own numbers."""
     found = {path: _constants(value) for path, value in leaves(loop).items()}
     found[K] = parameters.symmetric(len(found[K]))
     found[K_D] = parameters.array(*found[K_D].shape)

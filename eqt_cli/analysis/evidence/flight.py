@@ -1,4 +1,4 @@
-"""Runs of a loop that is not ideal, as they were integrated, with all that they drew."""
+"""Runs of a loop that is not ideal, with the random numbers that they drew."""
 
 import math
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from eqt_cli.engines import Problem
 from eqt_cli.ensemble.seeds import Stream, generator_at
 
 SLACK = 1e-9
-"""Of a period: what a time that is meant to be an instant may be off."""
+"""Tolerance for a time at a control instant, as a share of a period."""
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,13 @@ class VehicleRuns:
     Attributes
     ----------
     problem
-        As an engine was given it.
+        The problem that the engine solved.
     states : (runs, samples, n)
+        Flat states.
     seed
-        Of the experiment.
+        Seed of the experiment.
     numbers : (runs,)
-        Which runs these are.
+        Numbers of the runs.
     """
 
     problem: Problem
@@ -38,36 +39,36 @@ class VehicleRuns:
 
     @property
     def loop(self) -> ClosedLoop:
-        """With the numbers of every run, for states ``(runs, samples, n)``."""
+        """The loop with the numbers of every run, for states ``(runs, samples, n)``."""
         return self.problem.batched_loop(extra_axes=1)
 
     def at_samples(self, samples: Array) -> "VehicleRuns":
-        """The same at some of the samples."""
+        """Return the runs at some of the samples."""
         problem = replace(self.problem, times=self.problem.times[samples])
         return replace(self, problem=problem, states=self.states[:, samples])
 
     @property
     def period(self) -> float:
-        """Of control, s; infinite where the law acts continuously."""
+        """Control period, s; infinite if the law acts continuously."""
         control = self.problem.loop.vehicle.control
         return math.inf if control is None else control.period
 
     @property
     def periods(self) -> Array:
-        """The number of the control period that begins at each sample or goes on there."""
+        """Number of the control period that contains or starts at each sample."""
         return np.floor(self.problem.times / self.period + SLACK).astype(int)
 
     @property
     def within(self) -> Array:
-        """The samples from which to the next one no command arrives; not the last."""
+        """Indices of samples (but the last) after which no command arrives before the next one."""
         ends = np.ceil(self.problem.times[1:] / self.period - SLACK).astype(int)
         return np.flatnonzero(ends == self.periods[:-1] + 1)
 
     def white_noise(self) -> Iterator[Array]:
-        """What each sensor of white noise tells each run, ``(runs, instants, n)``, of variance 1.
+        """Yield the white noise of each sensor in each run, ``(runs, instants, n)``, of variance 1.
 
-        That is its noise divided by the deviation that the configuration says, at each of its
-        rates. Along axes without noise it is left out.
+        This is the noise divided by its configured standard deviation. Axes without noise are left
+        out.
         """
         problem, vehicle = self.problem, self.problem.loop.vehicle
         G = problem.loop.group
@@ -82,7 +83,7 @@ class VehicleRuns:
                 again = generator_at(self.seed, Stream.VEHICLE, run, place)
                 size = sensor.coordinates(G)
                 configured = configured_deviation(sensor, size, period, again)
-                if configured is not None:  # else a plugin's, which alone knows it
+                if configured is not None:  # else the sensor of a plugin, which reports its own
                     deviation = configured
                 errors, deviation = own.errors(G, count, period, random)[:, axes], deviation[axes]
                 found.append(errors[:, deviation > 0] / deviation[deviation > 0])

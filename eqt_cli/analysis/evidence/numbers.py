@@ -1,4 +1,4 @@
-"""What the numbers of certificates share, whether they are rounded or exact: a value and a rate."""
+"""Base class of the numbers of certificates, rounded or exact, which carry a value and a rate."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from eqt_cli.core.arrays import Array
 class Number:
     """A number that carries its time derivative through any law.
 
-    It is no abstract base class, since these make `isinstance` slow, which arithmetic asks often.
+    It is not an abstract base class, because these slow down `isinstance`, which arithmetic calls.
     """
 
     __slots__ = ()
 
     @classmethod
     def of(cls, x: Any) -> Self:
-        """A number of this kind, or a float, as a number of this kind."""
+        """Convert a float or a number of this kind to this kind."""
         raise NotImplementedError
 
     @property
     def nearest(self) -> float:
-        """The nearest float, or one next to it."""
+        """The nearest float or its neighbour."""
         raise NotImplementedError
 
     def derivative(self) -> Self:
-        """Its rate of change as a number of its own, which does not move."""
+        """Return the rate of change as a number without a rate."""
         raise NotImplementedError
 
     def moving(self, rate: Self) -> Self:
-        """The same value with another rate."""
+        """Return the same value with another rate."""
         raise NotImplementedError
 
     def granted(self, error: float) -> Self:
-        """The same with an error of this size; exact numbers have none."""
+        """Return the number with a larger error bound; exact numbers stay exact."""
         raise NotImplementedError
 
 
 def rate_of(numbers: Array) -> Array:
-    """The rates of change as numbers of their own."""
+    """Return the rates of change as numbers without rates."""
     return _each(lambda x: x.derivative() if isinstance(x, Number) else 0.0, numbers)
 
 
 def with_rate(numbers: Array, rates: Any) -> Array:
-    """The numbers with these rates of change, whatever theirs were; some are no plain floats."""
+    """Return the numbers with these rates instead of their own; not all may be plain floats."""
     numbers, rates = np.broadcast_arrays(
         np.asarray(numbers, dtype=object), np.asarray(rates, dtype=object)
     )
@@ -55,12 +55,12 @@ def with_rate(numbers: Array, rates: Any) -> Array:
 
 
 def floats(numbers: Array) -> Array:
-    """The values as floats."""
+    """Return the values as floats."""
     return _each(lambda x: x.nearest if isinstance(x, Number) else x, numbers).astype(float)
 
 
 def granted(numbers: Array, error: float) -> Array:
-    """The numbers with errors of this size granted, where they can have any."""
+    """Return the numbers with error bounds raised by `error`, if they have error bounds."""
     return _each(lambda x: x.granted(error) if isinstance(x, Number) else x, numbers)
 
 

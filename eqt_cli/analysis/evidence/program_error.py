@@ -1,10 +1,10 @@
-"""How far rounding can move what a program returns, at many inputs at once.
+"""Bounds the rounding errors of what a program returns, at many inputs at once.
 
-Every operation errs by a unit roundoff of what it returns. What becomes of that is known twice: by
-a running error analysis, as in `running_error`, where each operation magnifies the largest errors
-of its operands; and to first order by the derivatives of what is returned by each value, which know
-that errors of one origin cancel. The smaller of the two is taken. What a comparison chooses is
-followed, and what it would have chosen is counted where rounding can turn it.
+Every operation has a relative error of one unit roundoff. Its effect on the outputs is bounded in
+two ways: by a running error analysis as in `running_error`, in which each operation magnifies the
+largest errors of its operands; and to first order by the derivatives of the outputs with respect to
+each value, so that errors of the same origin can cancel. The smaller bound counts. A comparison is
+followed as computed; if rounding can change its outcome, the other branch adds to the error.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from eqt_cli.program import COMPARISONS, Constant, Input, Operation, Output, Pro
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Numbers of a processor.
+    """A floating-point arithmetic.
 
     Attributes
     ----------
     name
-        Of their type in C.
+        Name of the type in C.
     unit
-        Unit roundoff: one operation errs by at most this, relatively.
+        Unit roundoff: largest relative error of one operation.
     least
-        What may be lost below the smallest normal number.
+        Smallest normal number; results below it may be lost.
     function_units
-        Unit roundoffs granted to an elementary function of eqt's in these numbers.
+        Error bound of eqt's elementary functions, in unit roundoffs.
     """
 
     name: Literal["double", "float"]
@@ -44,11 +44,11 @@ class Arithmetic:
 
     @property
     def dtype(self) -> type[np.floating]:
-        """The type of an array of them."""
+        """NumPy type of the numbers."""
         return np.float32 if self.name == "float" else np.float64
 
     def rounded(self, values: Array) -> Array:
-        """The nearest of these numbers, as doubles."""
+        """Round values to these numbers, and return them as doubles."""
         return np.asarray(values, dtype=self.dtype).astype(float)
 
 
@@ -57,19 +57,20 @@ FLOAT = Arithmetic("float", 2.0**-24, 2.0**-126, 8.0)
 ARITHMETICS = {each.name: each for each in (DOUBLE, FLOAT)}
 
 SINGULAR = 2.0**10
-"""Unit roundoffs: where a divisor, or what a choice is made by, has a larger relative error, a
-state is near a singularity. Ten bits are lost there."""
+"""Relative error of a divisor or of a compared value, in unit roundoffs, above which a state counts
+as near a singularity. Ten bits are lost there."""
 
 
 class Bounded(NamedTuple):
-    """What a program returns, at many inputs.
+    """An output of a program at many inputs.
 
     Attributes
     ----------
     values, errors
-        In doubles, and how far the rounded result can be from the exact one; ``(inputs, …)``.
+        Values in doubles, and bounds of the distance between rounded and exact results;
+        ``(inputs, …)``.
     singular : (inputs,)
-        Where the inputs are near a singularity.
+        Whether each input is near a singularity.
     """
 
     values: Array
@@ -78,10 +79,10 @@ class Bounded(NamedTuple):
 
 
 SECOND_ORDER = 1.01
-"""By which the bound to first order is raised: small relative errors have smaller squares."""
+"""Factor of the first-order bound that covers the squares of small relative errors."""
 
 BLOCK = 500
-"""Inputs that are analysed at once, so that what is known of all values fits a cache."""
+"""Number of inputs analysed at once, so that the data of all values fit into a cache."""
 
 
 class _Number(NamedTuple):
@@ -90,14 +91,15 @@ class _Number(NamedTuple):
     Attributes
     ----------
     value
+        The value in doubles.
     error
-        The bound of the running error analysis.
+        Bound of the running error analysis.
     lost
-        The largest relative error of a divisor that it depends on.
+        Largest relative error of a divisor that it depends on.
     own
-        What of its error is new.
+        Error of this operation alone.
     slopes
-        Its derivatives by the operands, each as large as it is within their errors.
+        Derivatives by the operands, at their largest within the errors of these.
     """
 
     value: Array
@@ -113,16 +115,16 @@ def bounded(
     by: Arithmetic = DOUBLE,
     errors: Mapping[str, Array] | None = None,
 ) -> dict[str, Bounded]:
-    """What a program returns, and how far it may be from what exact numbers would give.
+    """Compute the outputs of a program, and bounds of their distance from exact results.
 
     Parameters
     ----------
     inputs
-        ``(n, length)`` for each group, or ``(length,)`` where all have the same.
+        Inputs ``(n, length)`` for each group, or ``(length,)`` if all have the same.
     by
-        In which numbers it is computed.
+        The arithmetic of the program.
     errors
-        Those of the inputs, in the same shapes; none where they are not given.
+        Errors of the inputs, in the same shapes; 0 if missing.
     """
     given, known = (
         {name: np.atleast_2d(np.asarray(values, float)) for name, values in each.items()}
@@ -167,7 +169,7 @@ class _Analysis:
             self.numbers.append(number)
 
     def of(self, output: Output) -> Bounded:
-        """An output, ``(count, entries)`` each."""
+        """Return an output, with ``(count, entries)`` for values and errors."""
         numbers = [self.numbers[entry] for entry in output.entries]
         values, errors, lost = (
             np.stack([np.broadcast_to(each[part], self.count) for each in numbers], axis=-1)
@@ -182,7 +184,7 @@ class _Analysis:
         return Bounded(values, errors, np.asarray(~far))
 
     def _to_first_order(self, output: Output) -> Array:
-        """The sum of what the new error of each value makes of the output, backwards."""
+        """Sum the first-order effects of the new error of each value on the output, backwards."""
         slopes: dict[int, Array] = {}
         for index, entry in enumerate(output.entries):
             own = slopes.setdefault(entry, np.zeros((len(output.entries), 1)))
@@ -245,11 +247,11 @@ _NUMPY = {
     "acosh": "arccosh",
     "atanh": "arctanh",
 }
-"""What NumPy calls the functions that it calls otherwise."""
+"""NumPy's names of functions, where they differ from those of programs."""
 
 
 def _value_and_slopes(name: str, x: list[_Number]) -> tuple[Array, tuple[Array, ...]]:
-    """What an operation returns, and its derivatives by the operands."""
+    """Return the value of an operation, and its derivatives by the operands."""
     a, b, one = x[0], x[-1], np.ones(1)
     if name == "add":
         return a.value + b.value, (one, one)
@@ -279,17 +281,17 @@ def _value_and_slopes(name: str, x: list[_Number]) -> tuple[Array, tuple[Array, 
 
 
 def _product(a: Array, b: Array) -> Array:
-    """a b, where 0 times anything is 0."""
+    """Return a b, with 0 times anything equal to 0."""
     return np.where((a == 0) | (b == 0), 0.0, a * b)
 
 
 def _relative(x: _Number) -> Array:
-    """The relative error; none of what is known exactly, also of 0."""
+    """Return the relative error; 0 for an exact value, even if that is 0."""
     return np.where(x.error > 0, x.error / np.abs(x.value), 0.0)
 
 
 def _compared(a: _Number, b: _Number) -> _Number:
-    """Whether a < b; as an error, whether rounding can turn that."""
+    """Compare a < b; the error says whether rounding can change the outcome."""
     errors = a.error + b.error
     turns = ~(np.abs(a.value - b.value) > errors) & (errors > 0)
     zero = np.zeros(1)
@@ -297,7 +299,7 @@ def _compared(a: _Number, b: _Number) -> _Number:
 
 
 def _selected(holds: _Number, a: _Number, b: _Number) -> _Number:
-    """What is chosen; where the choice can turn, either, and by how much they differ."""
+    """Return the selected value; if rounding can change the choice, the difference is an error."""
     chosen, turned = holds.value.astype(bool), holds.error.astype(bool)
     value, error, lost = (np.where(chosen, p, q) for p, q in zip(a[:3], b[:3], strict=True))
     other, its_error = (np.where(chosen, q, p) for p, q in zip(a[:2], b[:2], strict=True))

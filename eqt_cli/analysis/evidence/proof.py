@@ -1,12 +1,13 @@
 """Proves that two sides are equal as rational functions, by values at random exact states.
 
-Two sides that are not equal differ by n / (c D), where the polynomial n is not 0. Of the states
-from N integers a parameter, at most a part of deg n / N are zeros of n (Schwartz 1980, Zippel
-1979), and of those where no denominator vanishes at most deg n / (N − deg D), D the product of all
-that was divided by. Where functions became parameters, the differences of their arguments count
-with n: one that is 0 by chance makes two functions equal that are not. So the probability that k
-states miss the difference is at most the k-th power of (d + e) / (N − deg D), d the degree of n and
-e the sum of the degrees of what was compared.
+If the sides are not equal, they differ by n / (c D), where the polynomial n is not 0. If every
+parameter is drawn from N integers, n vanishes with a probability of at most deg n / N (Schwartz
+1980, Zippel 1979), and among the states where no denominator vanishes with at most
+deg n / (N − deg D), where D is the product of all divisors. If functions became parameters, the
+differences of their arguments count as well, because an argument difference that is 0 by chance
+would identify two different functions. So the probability that k states miss a difference is at
+most the k-th power of (d + e) / (N − deg D), where d is the degree of n and e is the sum of the
+degrees of the compared arguments.
 """
 
 from collections.abc import Callable, Iterator
@@ -24,10 +25,10 @@ from eqt_cli.core.arrays import Array
 Sides = Callable[[Sample], Iterator[tuple[Array, Array]]]
 
 CERTAIN = 1e-50
-"""Below this probability of a difference that all states miss, the sides are said to be equal."""
+"""Probability of a missed difference below which the sides count as equal."""
 
-MOST = 20
-"""So many states are drawn at most."""
+MOST_STATES = 20
+"""Largest number of drawn states."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +38,13 @@ class Proof:
     Attributes
     ----------
     degree
-        A bound of the degree of every numerator of a difference.
+        Bound of the degree of every numerator of a difference.
     points
-        k, at how many states both sides were equal.
+        k, the number of states at which the sides were equal.
     probability
-        A bound of the probability of that if they are not.
+        Bound of the probability that different sides agree at all these states.
     functions
-        Which functions became parameters, in words.
+        Sentence about functions that became parameters.
     """
 
     degree: int
@@ -61,7 +62,7 @@ class Refutation:
     difference
         Left − right at a state.
     place
-        In which entry of which equation, at which state.
+        Entry, equation and state of the difference, in words.
     """
 
     difference: Fraction
@@ -73,17 +74,17 @@ class UnprovableError(Exception):
 
 
 def prove(sides: Sides, states: ExactStates) -> Proof | Refutation | None:
-    """Whether the sides are equal for all states; None where there are none.
+    """Decide whether the sides are equal for all states; None if there are no equations.
 
     Raises
     ------
     UnprovableError
-        If such states cannot tell.
+        If exact states cannot decide this.
     Exception
-        Whatever a law raises that cannot be evaluated on exact numbers.
+        Any error of a law that cannot be evaluated on exact numbers.
     """
     degree, chance, points = 0, Fraction(0), 0
-    for index in range(MOST):
+    for index in range(MOST_STATES):
         at = _at(sides, states, index, RANGE)
         if at is None:
             continue
@@ -97,7 +98,9 @@ def prove(sides: Sides, states: ExactStates) -> Proof | Refutation | None:
         chance = max(chance, at.chance)
         if chance**points < CERTAIN:
             return Proof(degree, points, float(chance**points), at.functions)
-    raise UnprovableError(f"{MOST} random states do not suffice, of which {points} have values")
+    raise UnprovableError(
+        f"{MOST_STATES} random states do not suffice, of which {points} have values"
+    )
 
 
 Place = tuple[int, tuple[int, ...]]
@@ -110,9 +113,9 @@ class _At:
     Attributes
     ----------
     differences
-        Left − right of every entry, with the number of its equation.
+        Left − right of every entry, with its place.
     ledger
-        What was taken for granted.
+        Assumptions of the computation.
     """
 
     differences: list[tuple[Place, Exact]]
@@ -124,7 +127,7 @@ class _At:
 
     @property
     def chance(self) -> Fraction:
-        """A bound of the probability that the sides are equal here, and not everywhere."""
+        """Bound of the probability that different sides are equal at this state."""
         room = RANGE - self.ledger.degree
         return min(Fraction(1), Fraction(self.degree + self.ledger.compared, max(room, 1)))
 
@@ -134,7 +137,7 @@ class _At:
 
     @property
     def functions(self) -> str:
-        """``sqrt() and tanh() are free parameters``, where some are."""
+        """Words such as ``sqrt() and tanh() are free parameters``; empty if there are none."""
         names = [f"{name}()" for name in sorted(self.ledger.functions)]
         if not names:
             return ""
@@ -149,7 +152,7 @@ class _At:
 
 
 def _at(sides: Sides, states: ExactStates, index: int, count: int) -> _At | None:
-    """The sides at a state; None where a denominator vanishes."""
+    """Evaluate the sides at a state; None if a denominator vanishes."""
     try:
         state = states.state(index, count)
         with noting(state.ledger):
@@ -170,8 +173,8 @@ def _entries(left: Array, right: Array) -> Iterator[tuple[tuple[int, ...], tuple
 
 
 def _readable(sides: Sides, states: ExactStates) -> Refutation | None:
-    """The difference at a state of small integers, where one is found."""
-    for index in range(MOST):
+    """Return a difference at a state of small integers; None if none is found."""
+    for index in range(MOST_STATES):
         at = _at(sides, states, index, SMALL)
         if at is not None and at.refuting is not None:
             return at.refutation("at a random state of small integers")
@@ -179,7 +182,7 @@ def _readable(sides: Sides, states: ExactStates) -> Refutation | None:
 
 
 def written(number: Fraction, most: int = 60) -> str:
-    """A fraction, shortened where it has many digits."""
+    """Format a fraction, shortened if it has many digits."""
     if len(text := str(number)) <= most:
         return text
     size = log10(abs(number.numerator)) - log10(number.denominator)

@@ -1,4 +1,4 @@
-"""The numbers of a vehicle's parts, drawn a second time from what the configuration says."""
+"""Draws the numbers of a vehicle's parts a second time from the configuration."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -9,18 +9,18 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 
 Options = Mapping[str, Any]
-"""The options of a part as numbers of one run, as they stand in a configuration."""
+"""The options of a part with the numbers of one run, by their names in a configuration."""
 
 
 def redrawn(part: Any, random: np.random.Generator) -> dict[str, Any]:
-    """The options of a part in the order in which they are written."""
+    """Draw the options of a part in the order of its fields."""
     positive = getattr(part, "positive", ())
     names = [field.name for field in dataclasses.fields(part)]
     return {name: number(getattr(part, name), random, name in positive) for name in names}
 
 
 def number(value: Any, random: np.random.Generator, positive: bool = False) -> Any:
-    """A value, or one from the distribution that it is."""
+    """Return a value; draw it if it is a distribution."""
     if isinstance(value, list):
         return [number(entry, random, positive) for entry in value]
     if hasattr(value, "uniform"):
@@ -36,11 +36,11 @@ def number(value: Any, random: np.random.Generator, positive: bool = False) -> A
 
 
 def entries(value: Any, count: int) -> Array:
-    """A list as a vector; one number for all of its entries."""
+    """Return a list as a vector; a number is repeated for all entries."""
     return np.broadcast_to(np.asarray(value, dtype=float), count)
 
 
 def tensor(value: Any, size: int) -> Array:
-    """Rows as a matrix, a list as a diagonal, a number as a multiple of the identity."""
+    """Return a matrix from rows, a diagonal, or a multiple of the identity."""
     given = np.asarray(value, dtype=float)
     return given if given.ndim == 2 else np.diag(entries(given, size))

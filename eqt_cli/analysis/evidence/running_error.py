@@ -1,9 +1,9 @@
 """Numbers that carry their time derivative and bounds of their rounding errors through any law.
 
-The laws of eqt run on object arrays of symbols. With these numbers as the symbols, one evaluation
-gives a value, its exact derivative along a motion (forward mode), and how far rounding can have
-moved either: a running error analysis (Higham, Accuracy and Stability of Numerical Algorithms,
-section 3.3), to first order in the errors. It knows no law.
+The laws of eqt run on object arrays of symbols. With these numbers as symbols, one evaluation gives
+a value, its exact derivative along a motion (forward mode), and bounds of the rounding errors of
+both by a running error analysis (Higham, Accuracy and Stability of Numerical Algorithms, section
+3.3), to first order in the errors.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
 from eqt_cli.core.differentiation import slope
 
 UNIT = 2.0**-53
-"""Unit roundoff of doubles: one operation errs by at most this, relatively."""
+"""Unit roundoff of doubles: largest relative error of one operation."""
 
 LIBRARY_ULPS = 4.0
-"""Unit roundoffs granted to a function of the mathematical library; they promise about one."""
+"""Error bound of library functions in unit roundoffs; libraries promise about one."""
 
 
 class Bounded(Number):
@@ -32,9 +32,9 @@ class Bounded(Number):
     Attributes
     ----------
     value, rate
-        What doubles give.
+        Values computed in doubles.
     error, rate_error
-        How far they can be from what exact arithmetic on exact inputs would give.
+        Bounds of their distances from exact arithmetic on exact inputs.
     """
 
     __slots__ = ("error", "rate", "rate_error", "value")
@@ -46,24 +46,24 @@ class Bounded(Number):
 
     @classmethod
     def of(cls, x: Any) -> Bounded:
-        """A float has no error."""
+        """Convert a number; a float has no error."""
         return x if isinstance(x, Bounded) else cls(float(x))
 
     @property
     def nearest(self) -> float:
-        """What doubles give."""
+        """The value in doubles."""
         return self.value
 
     def derivative(self) -> Bounded:
-        """With the bound of its error."""
+        """Return the rate with the bound of its error."""
         return Bounded(self.rate, self.rate_error)
 
     def moving(self, rate: Bounded) -> Bounded:
-        """With the bounds of both."""
+        """Return the value with another rate and the bounds of both."""
         return Bounded(self.value, self.error, rate.value, rate.error)
 
     def granted(self, error: float) -> Bounded:
-        """Beside its own error."""
+        """Return the number with a larger error bound."""
         return Bounded(self.value, self.error + error, self.rate, self.rate_error)
 
     def __add__(self, other: Any) -> Bounded:
@@ -102,7 +102,7 @@ class Bounded(Number):
         return self.reciprocal() * other
 
     def reciprocal(self) -> Bounded:
-        """1/x, slope −1/x²."""
+        """Return 1/x; its derivative is −1/x²."""
         with np.errstate(divide="ignore"):
             inverse = float(1 / np.float64(self.value))
         return self._mapped(inverse, lambda x: -1 / (x * x))
@@ -129,12 +129,12 @@ class Bounded(Number):
     __rmul__ = __mul__
 
     def apply(self, name: str) -> Bounded:
-        """A function of the expression grammar, by name."""
+        """Apply a function of the expression grammar by name."""
         value = float(getattr(np, name)(self.value))
         return self._mapped(value, lambda x: slope(name, x))
 
     def _mapped(self, value: float, derivative: Callable[[Any], Any]) -> Bounded:
-        """f(x) and f′(x)ẋ; an error e of x moves f by |f′(x)| e."""
+        """Return f(x) with the rate f′(x)ẋ; an error e of x changes f by |f′(x)| e."""
         with np.errstate(all="ignore"):
             steepness = abs(float(derivative(np.float64(self.value))))
         error = steepness * self.error + LIBRARY_ULPS * UNIT * abs(value)
@@ -147,7 +147,7 @@ class Bounded(Number):
 
 
 def lifted(values: Array, errors: Any = 0.0, rates: Any = 0.0, rate_errors: Any = 0.0) -> Array:
-    """Floats as `Bounded` numbers, with the errors that they come with and their rates."""
+    """Convert floats to `Bounded` numbers with given errors and rates."""
     parts = [np.asarray(part, dtype=float) for part in (values, errors, rates, rate_errors)]
     return np.asarray(_OF_NUMBERS(*parts), dtype=object)
 
@@ -156,14 +156,14 @@ _OF_NUMBERS = np.frompyfunc(Bounded, 4, 1)
 
 
 def value_of(numbers: Array) -> tuple[Array, Array]:
-    """The values and the bounds of their errors, as floats."""
+    """Return the values and the bounds of their errors, as floats."""
     return _read(numbers, "value"), _read(numbers, "error")
 
 
 def discrepancy(left: Array, right: Array) -> tuple[float, float]:
-    """How far two results of the same quantity differ, and how far rounding lets them.
+    """Return the difference of two results for the same quantity, and its rounding bound.
 
-    Both at the entry where the difference is largest in proportion.
+    Both are taken at the entry with the largest ratio of difference to bound.
     """
     (a, e), (b, f) = value_of(left), value_of(right)
     difference, bound = np.broadcast_arrays(np.abs(a - b), e + f)

@@ -1,4 +1,4 @@
-"""The runs of one law as far as a result keeps them, and the setting that all laws share."""
+"""The stored data of the runs of one law, and the setting that all laws share."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,12 @@ from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
 
 ENERGY_PER_RTOL = 100.0
-"""Allowed error of L per unit of `rtol`: steps err by about rtol and number hundreds, and damping
-forgets most of it (measured over all groups and laws: 0.2 to 3)."""
+"""Allowed error of L per unit of `rtol`. There are hundreds of steps with errors of about rtol, and
+damping removes most of them (measured over all groups and laws: 0.2 to 3)."""
 
 STATES_PER_RTOL = 1000.0
-"""Allowed error of states per unit of `rtol`, as in the cross-check: trajectories amplify it,
-190 times for a run of nog in the paper's ensemble that is solved alone."""
+"""Allowed error of states per unit of `rtol`, as in the cross-check. Trajectories amplify errors:
+190 times for a run of nog in the paper's ensemble that was solved alone."""
 
 
 @dataclass(frozen=True)
@@ -25,35 +25,39 @@ class Runs:
     Attributes
     ----------
     label
-        Of the controller.
+        Label of the controller.
     claims_decrease
-        Whether L is claimed to decrease; None where the law says nothing.
+        Whether L is claimed to decrease; None if the law makes no statement.
     rtol
-        The accuracy that the runs were asked for.
+        Relative tolerance of the runs.
     threshold
-        Pose error below which a run counts as arrived; with thresholds by part, the norm of these.
+        Pose error below which a run counts as settled; with thresholds by part, their norm.
     times : (samples,)
+        Sample times, s.
     lyapunov : (runs, samples) or None
-        L; None where no trajectories are kept.
+        L; None without trajectories.
     energy_residual, group_drift, final_pose_error, final_velocity_error : (runs,)
-        As in a result.
+        Metrics as in a result.
     error_system
-        Largest difference of E, integrated by itself, to X X_d⁻¹ of the closed loop, relative to
-        the largest entry of E or 1; None where no run could be compared.
+        Largest difference between E from its own dynamics and X X_d⁻¹ of the closed loop, relative
+        to the largest entry of E or 1; None if no run could be compared.
     failed
-        How many runs have no end.
+        Number of failed runs.
     departures
-        What the loop holds of which the theorems do not speak, in words.
+        Parts of the loop that the theorems do not cover, in words.
     flight
-        Runs of a loop that is not ideal, as they were integrated.
+        Runs of a loop that is not ideal.
     energy, theorem
-        Which function L is, and where it is shown to fall.
+        Name of the function L, and the source of its decrease.
     pose_error, velocity_error : (runs, samples) or None
-        Over time, of the runs whose trajectories are kept; None where none are.
+        Errors over time of the runs with stored trajectories; None without trajectories.
     settled : (runs,) or None
-        Which runs have arrived, where thresholds by part say so.
+        Whether each run has settled, if there are thresholds by part.
     desired_speed
-        The largest ‖V_d‖.
+        Largest ‖V_d‖.
+    estimate
+        Signals by which a filter with a covariance judges itself, ``(runs, samples)`` by name;
+        empty without trajectories, None without such a filter.
     """
 
     label: str
@@ -76,31 +80,32 @@ class Runs:
     velocity_error: Array | None = None
     settled: Array | None = None
     desired_speed: float = 0.0
+    estimate: dict[str, Array] | None = None
 
     @property
     def own_function(self) -> str:
-        """Which function L is, where it is not the paper's."""
+        """Name of the function L if it is not the paper's."""
         return "" if self.energy == Controller.energy else f"L = {self.energy}"
 
     @property
     def count(self) -> int:
-        """The number of good runs."""
+        """Number of good runs."""
         return len(self.energy_residual)
 
     @property
     def no_dissipation(self) -> bool:
-        """Whether the law does not say what it dissipates."""
+        """Whether the law does not state its dissipation."""
         return bool(np.isnan(self.energy_residual).all())
 
     @property
     def remark(self) -> str:
-        """How many runs failed, where some did."""
+        """Number of failed runs in words; empty if there are none."""
         return f"{self.failed} runs failed" if self.failed else ""
 
     def decay_rate(self) -> float:
-        """The median over runs of the rate of log L, fitted over the second half of the horizon.
+        """Return the median decay rate of log L, fitted over the second half of the horizon.
 
-        Positive where L falls; NaN where there is nothing to fit.
+        It is positive if L falls, and NaN if there is nothing to fit.
         """
         if self.lyapunov is None or not len(self.lyapunov):
             return float("nan")
@@ -115,18 +120,18 @@ class Runs:
 
 @dataclass(frozen=True)
 class Setting:
-    """An experiment's assumptions.
+    """The assumptions of an experiment.
 
     Attributes
     ----------
     loops
-        The closed loops by label; all but the controller is common to them.
+        Closed loops by label, which differ only in the controller.
     times : (samples,)
-        The horizon.
+        Sample times, s.
     desired_pose, desired_velocity : (samples, …)
-        Q_d and V_d along it.
+        Q_d and V_d at these times.
     rigid
-        Whether the inertia is said to be a rigid body's.
+        Whether the inertia is declared to be that of a rigid body.
     """
 
     loops: dict[str, ClosedLoop]
@@ -137,10 +142,10 @@ class Setting:
 
     @property
     def loop(self) -> ClosedLoop:
-        """Any of the loops, for what they have in common."""
+        """Any of the loops, for their common parts."""
         return next(iter(self.loops.values()))
 
 
 def largest(values: Array) -> float:
-    """The largest of some numbers; NaN is larger than any."""
+    """Return the largest number; NaN counts as larger than any other."""
     return float(np.max(values))

@@ -1,4 +1,4 @@
-"""A closed loop at random states, in numbers that know their rates and perhaps their errors."""
+"""A closed loop at random states, in numbers with rates and, if rounded, error bounds."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,37 +22,37 @@ if TYPE_CHECKING:
 
 MATRIX, INITIAL, INVERSE = "inertia.matrix", "inertia.initial", "inertia.inverse"
 K, K_D = "gains.K", "gains.K_d"
-"""The paths of the numbers of a loop that are tensors."""
+"""Paths of the leaves of a loop that are tensors."""
 
 STATES = 5
-"""Random states per identity: an error in a formula shows at any one of them."""
+"""Number of random states per identity; any of them shows an error in a formula."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """What an identity may look at; every array has a leading axis of random states.
+    """The data of an identity; every array has a leading axis of random states.
 
     Attributes
     ----------
     label, loop
-        A controller's label, and its closed loop in these numbers.
+        Label of a controller, and its closed loop in these numbers.
     times, flat
-        Random times and flat states, at rest.
+        Random times and flat states, without rates.
     states
-        Elements X, Y, Z of G ⋉ g*, at rest.
+        Elements X, Y, Z of G ⋉ g*, without rates.
     inputs
         Elements U, W of its algebra.
     drawn
-        The poses and velocities Q, V, Q_d, V_d that the flat states were made of.
+        Poses and velocities Q, V, Q_d, V_d from which the flat states were made.
     gains
         Gains without symmetries that could hide a fault: K commutes with no rotation, and K_d is
         not symmetric.
     reference
-        The experiment's own, which the loop may not have (see `sampled`).
+        Reference of the experiment, which the loop may have replaced (see `sampled`).
     lost
-        How far the momenta of V and V_d, as products in plain floats, can have moved either.
+        Bounds of the errors of V and V_d, because their momenta were computed in plain floats.
     exact
-        The exact states of the same loop, where its identities are to be proved.
+        Exact states of the same loop, if its identities are to be proved.
     """
 
     label: str
@@ -69,14 +69,14 @@ class Sample:
 
     @cached_property
     def s(self) -> Tracking:
-        """What the law reads; every rate is the time derivative along the closed loop."""
+        """The law's arguments; every rate is the time derivative along the closed loop."""
         field = self.loop.vector_field(self.times, self.flat)
         moving = with_rate(self.flat, field)
         return self.loop.tracking(with_rate(self.times, 1.0), moving)
 
     @property
     def resting(self) -> Tracking:
-        """The same state without rates."""
+        """The same states without rates."""
         return self.loop.tracking(self.times, self.flat)
 
     @cached_property
@@ -85,7 +85,7 @@ class Sample:
         return replace(self.s, gains=self.gains)
 
     def lifted(self, values: Any) -> Array:
-        """Floats, or such numbers, as numbers of the sample's kind that do not move."""
+        """Convert floats or numbers to the sample's kind of number, without rates."""
         kind = type(self.flat.flat[0])
         return np.asarray(np.frompyfunc(kind.of, 1, 1)(values), dtype=object)
 
@@ -100,21 +100,21 @@ class Sample:
         return Semidirect(self.G)
 
     def moving(self, X: State, X_dot: State) -> State:
-        """X with X_dot as its rate."""
+        """Return X with the rate X_dot."""
         return with_rate(X[0], X_dot[0]), with_rate(X[1], X_dot[1])
 
     def near_identity(self, U: Input) -> State:
-        """A curve through (I, 0) with velocity U: (exp(tV), tP) to first order."""
+        """Return a curve through (I, 0) with velocity U: (exp(tV), tP) to first order."""
         V, P = U
         identity = np.broadcast_to(self.G.identity, (*V.shape[:-1], *self.G.identity.shape))
         return self.moving((identity, np.zeros(P.shape)), (self.G.hat(V), P))
 
 
 def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Generator) -> Sample:
-    """A closed loop at random states and random times of its horizon.
+    """Return a closed loop at random states and random times within its horizon.
 
-    The reference moves, whatever it does in the experiment, unless the law tracks none; so one that
-    has no state of its own is replaced by one that has.
+    A reference without states is replaced by one with states, so that it moves at random unless the
+    law tracks none.
     """
     G, own = loop.group, loop.reference
     at_rest = tracks_nothing(loop)
@@ -132,13 +132,13 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
     )
     draw_beyond_work(loop, flat, random)
     drift = np.maximum(G.drift(poses[0]), G.drift(poses[1]))
-    # What is off the group by its drift is as good as an element of it with errors of that size.
+    # A pose with a drift counts as an element of the group with an error of that size.
     errors = np.maximum(drift[:, None], UNIT * np.abs(flat))
     free = [lifted(Q, G.drift(Q)[:, None, None]) for Q in poses[2:]]
     states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
     inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
     gains = _without_symmetry(loop, random)
-    # The inverse of the inertia magnifies what plain floats lose in a momentum.
+    # The inverse of the inertia magnifies the rounding error of a momentum.
     roundings = 4 * G.dimension * UNIT * np.linalg.cond(loop.inertia.at(times).matrix).max()
     return Sample(
         label,
@@ -155,12 +155,12 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
 
 
 def tracks_nothing(loop: ClosedLoop) -> bool:
-    """Whether the law is for a reference at rest only."""
+    """Whether the law only handles a reference at rest."""
     return "track" not in loop.controller.tasks
 
 
 def with_moving_reference(loop: ClosedLoop) -> ClosedLoop:
-    """The same with a reference whose pose and velocity are part of the state."""
+    """Return the loop with a reference whose pose and velocity are part of the state."""
     if "velocity" in loop.reference.starts_from:
         return loop
     torque = 0.0 if tracks_nothing(loop) else 0.5
@@ -168,7 +168,7 @@ def with_moving_reference(loop: ClosedLoop) -> ClosedLoop:
 
 
 def draw_beyond_work(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
-    """Random numbers for every state behind W, such as a law's memory, which starts at 0."""
+    """Draw the states after W at random, such as a law's memory, which would start at 0."""
     beyond = flat[:, loop.layout.slices["work"].stop :]
     beyond[:] = random.standard_normal(beyond.shape)
 
@@ -179,7 +179,7 @@ def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
 
 
 def _with_errors(numbers: dict[str, Array]) -> dict[str, Array]:
-    """The numbers of a loop with what is inexact in them: inverses, and digits of symmetry."""
+    """Return the numbers of a loop with the errors of inverses and of symmetric matrices."""
     found = dict(numbers)
     for path in {MATRIX, INITIAL, K} & found.keys():
         matrix = found[path]

@@ -1,7 +1,7 @@
-"""Every actuator written a second time, in floats and for one run.
+"""Second, independent form of every actuator, in floats and for one run.
 
-A form takes a command, the actuator's states, and the period where it acts at an instant. It gives
-the states after the instant, or their rates where there is none, and what it makes of the command.
+A form takes a command, the actuator's states, and the period if it acts at an instant. It returns
+the states after the instant, or else their rates, and its output.
 """
 
 from collections.abc import Callable
@@ -21,10 +21,10 @@ Form = Callable[[Options, int], Acts]
 
 
 def _limit(given: Options, m: int) -> Acts:
-    """The command, or the nearest that is allowed; of a norm, the nearest in its direction."""
+    """Return the nearest allowed command; for a norm, the nearest in its direction."""
     if given["limit"] is None:
-        least, most = (entries(given[name], m) for name in ("low", "high"))
-        return lambda u, x, period: (0 * x, np.median([least + 0 * u, u, most + 0 * u], axis=0))
+        low, high = (entries(given[name], m) for name in ("low", "high"))
+        return lambda u, x, period: (0 * x, np.median([low + 0 * u, u, high + 0 * u], axis=0))
     limit = entries(given["limit"], m)
 
     def acts(u: Array, x: Array, period: float | None) -> tuple[Array, Array]:
@@ -37,46 +37,46 @@ def _limit(given: Options, m: int) -> Acts:
 
 
 def _lag(given: Options, m: int) -> Acts:
-    """T ẋ + x = u, and x comes out."""
+    """T ẋ + x = u with the output x."""
     T = entries(given["time_constant"], m)
     return lambda u, x, period: (u / T - x / T, x)
 
 
 def _deadband(given: Options, m: int) -> Acts:
-    """What is not smaller than the width passes whole."""
+    """Pass commands that are not smaller than the width."""
     width = entries(given["width"], m)
     return lambda u, x, period: (0 * x, u * (np.abs(u) >= width))
 
 
 def _quantisation(given: Options, m: int) -> Acts:
-    """The nearest of the steps."""
+    """Round to the nearest step."""
     step = entries(given["resolution"], m)
     return lambda u, x, period: (0 * x, step * np.rint(u / step))
 
 
 def _rate_limit(given: Options, m: int) -> Acts:
-    """Towards the command, by the rate times the period at most."""
+    """Move towards the command by at most the rate times the period."""
     rate = entries(given["rate"], m)
 
     def acts(u: Array, x: Array, period: float | None) -> tuple[Array, Array]:
         if period is None:
             return 0 * x, x
-        way = u - x
-        later = x + np.sign(way) * np.minimum(np.abs(way), rate * period)
+        gap = u - x
+        later = x + np.sign(gap) * np.minimum(np.abs(gap), rate * period)
         return later, later
 
     return acts
 
 
 def _momentum_limit(given: Options, m: int) -> Acts:
-    """What takes the integral to where the command would, or to the end of its range."""
-    most = entries(given["momentum"], m)
+    """Return the torque that moves the integral as the command would, within its range."""
+    limit = entries(given["momentum"], m)
 
     def acts(u: Array, x: Array, period: float | None) -> tuple[Array, Array]:
         if period is None:
             return 0 * x, x[..., :m]
         h = x[..., m:]
-        later = np.maximum(-most, np.minimum(most, h + u * period))
+        later = np.maximum(-limit, np.minimum(limit, h + u * period))
         torque = (later - h) / period
         return np.concatenate([torque, later], axis=-1), torque
 
@@ -95,10 +95,10 @@ FORMS: dict[str, Form] = {
 """By the registered name of the actuator."""
 
 STATES = {"lag": 1, "rate_limit": 1, "momentum_limit": 2}
-"""How many states along each axis an actuator has that has any."""
+"""Number of states per axis of the actuators that have states."""
 
 _SHORT = 1e-11
-"""Relative: less than that is rounding."""
+"""Relative difference below which two values differ only by rounding."""
 
 
 @dataclass(frozen=True)
@@ -108,15 +108,15 @@ class SecondActuator:
     Attributes
     ----------
     acts
-        Its form.
+        Form of the actuator.
     states
-        How many states it has.
+        Number of its states.
     at_limit
-        Where it is at a limit, from a command, its states and what it makes of the command.
+        Returns where it is at a limit, from a command, its states and its output.
     moves
-        Whether it has rates.
+        Whether its states have rates.
     sampled
-        Whether it acts at instants although it moves.
+        Whether it also acts at instants if its states have rates.
     """
 
     acts: Acts
@@ -129,7 +129,7 @@ class SecondActuator:
 def second_actuator(
     actuator: Actuator, G: MatrixLieGroup, random: np.random.Generator
 ) -> SecondActuator | None:
-    """An actuator of one run; None where it has no second form."""
+    """Return an actuator of one run; None if it has no second form."""
     form = FORMS.get(actuator.name)
     if form is None:
         return None
@@ -142,7 +142,7 @@ def second_actuator(
 
 
 def _falls_short(u: Array, x: Array, passed: Array) -> Array:
-    """Where less comes out than goes in, by more than rounding."""
+    """Return where the output differs from the command by more than rounding."""
     short: Array = (np.abs(u - passed) > _SHORT * (1 + np.abs(u))).any(axis=-1)
     return short
 

@@ -1,7 +1,7 @@
-"""Every force written a second time, in floats and for one run: from potentials, or term by term.
+"""Second, independent form of every force, in floats and for one run: from potentials or by terms.
 
-A form takes the group, the options of the run, and the generator behind them. It gives the force in
-its own frame at times ``(n,)``, poses and velocities.
+A form takes the group, the options of the run, and the generator after they were drawn. It returns
+a function of times ``(n,)``, poses and velocities that gives the force in the force's frame.
 """
 
 from collections.abc import Callable
@@ -17,26 +17,27 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.forces import Force
 
 Acting = Callable[[Array, Array, Array], Array]
-"""From times, poses and velocities to a force."""
+"""Returns a force from times, poses and velocities."""
 
 Form = Callable[[MatrixLieGroup, Options, np.random.Generator], Acting]
 
 
 def _constant(G: MatrixLieGroup, given: Options, random: np.random.Generator) -> Acting:
-    """f."""
+    """Return f."""
     return lambda t, Q, V: entries(given["force"], G.dimension) + 0 * V
 
 
 def _expression(G: MatrixLieGroup, given: Options, random: np.random.Generator) -> Acting:
-    """f(t), time by time."""
+    """Return f(t), time by time."""
     written = [formula(entry) for entry in given["force"]]
     return lambda t, Q, V: np.array([[f.evaluate({"t": at}) for f in written] for at in t.tolist()])
 
 
 def _drag(G: MatrixLieGroup, given: Options, random: np.random.Generator) -> Acting:
-    """−Σ_j (D₁_ij + D₂_ij |U_j|) U_j, which is against U = V − V_c.
+    """Return −Σ_j (D₁_ij + D₂_ij |U_j|) U_j with U = V − V_c.
 
-    The pose of what the medium carries has the rate Q V_c^, and that is c in its column of places.
+    The pose of a body carried by the medium has the rate Q V_c^, which is c in the column of its
+    position.
     """
     D1, D2 = (tensor(given[name], G.dimension) for name in ("linear", "quadratic"))
 
@@ -57,14 +58,15 @@ def _drag(G: MatrixLieGroup, given: Options, random: np.random.Generator) -> Act
 
 
 def _at(entry: Any, t: float) -> float:
-    """A number, or an expression at a time."""
+    """Return a number, or the value of an expression at a time."""
     return float(formula(entry).evaluate({"t": t})) if isinstance(entry, str) else float(entry)
 
 
 def _gust(G: MatrixLieGroup, given: Options, random: np.random.Generator) -> Acting:
-    """n sines with the variance σ²/n each; ω has (k + ½)/n of the spectrum's area below it.
+    """Return the sum of n sines with the variance σ²/n each.
 
-    That area is (2/π) atan(ωT), so that the angle of a sine's own part is cut in half.
+    A share (k + ½)/n of the spectrum lies below the frequency ω of sine k. The share of the
+    spectrum below ω is (2/π) atan(ωT).
     """
     phase = random.uniform(0.0, 2 * np.pi, (12, G.dimension))
     n = len(phase)
@@ -83,7 +85,7 @@ def _columns(omega: list[float], phase: Array) -> list[tuple[Array, Array]]:
 
 
 def _restoring(G: MatrixLieGroup, given: Options, random: np.random.Generator) -> Acting:
-    """−dU along every axis, U(Q) = ⟨up, W Q r_G − B Q r_B⟩ of points (r, 1)."""
+    """Return −dU along every axis, U(Q) = ⟨up, W Q r_G − B Q r_B⟩ for points (r, 1)."""
     up = np.array([*(given["up"] or (0.0, 0.0, 1.0)), 0.0])
     up = up / np.sqrt(up @ up)
     weight, lift = (
@@ -94,7 +96,7 @@ def _restoring(G: MatrixLieGroup, given: Options, random: np.random.Generator) -
 
 
 def _gravity_gradient(G: MatrixLieGroup, given: Options, random: np.random.Generator) -> Acting:
-    """−dU along every axis, U = (3/2)n² dᵀR 𝕁 Rᵀd, with d from the body to the planet."""
+    """Return −dU along every axis, U = (3/2)n² dᵀR 𝕁 Rᵀd, with d from the body to the planet."""
     rate, inertia = given["rate"], tensor(given["inertia"], 3)
 
     def acting(t: Array, Q: Array, V: Array) -> Array:
@@ -118,7 +120,7 @@ FORMS: dict[str, Form] = {
 
 
 def second_force(G: MatrixLieGroup, force: Force, random: np.random.Generator) -> Acting | None:
-    """A force of one run in the body frame; None where it has no second form."""
+    """Return a force of one run in the body frame; None if it has no second form."""
     form = FORMS.get(force.name)
     if form is None:
         return None
@@ -127,7 +129,7 @@ def second_force(G: MatrixLieGroup, force: Force, random: np.random.Generator) -
         return acting
 
     def in_body(t: Array, Q: Array, V: Array) -> Any:
-        """f in space has the power ⟨f, Ad_Q V⟩."""
+        """Convert a force in space, whose power is ⟨f, Ad_Q V⟩."""
         matrix = Ad_matrix(G, Q)
         return applied(np.swapaxes(matrix, -1, -2), acting(t, Q, applied(matrix, V)))
 

@@ -1,4 +1,4 @@
-"""When the parts of a pose and of a velocity are measured, written a second time, for one run."""
+"""Second, independent form of the measurements of one run: their times, delays and errors."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from eqt_cli.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class SecondMeasuring:
-    """What the sensors of one run do at control instants.
+    """The sensors of one run at control instants.
 
     Attributes
     ----------
     instants
-        How many there are.
+        Number of control instants.
     random
-        What the part at a place draws its numbers from.
+        Returns the generator of the part at a place.
     """
 
     G: MatrixLieGroup
@@ -30,24 +30,24 @@ class SecondMeasuring:
     random: Callable[[str], np.random.Generator]
 
     def sensors(self, signal: str) -> list[Any]:
-        """Of the pose or of the velocity."""
+        """Return the sensors of the pose or of the velocity."""
         vehicle = self.vehicle
         return list(vehicle.pose_sensors if signal == "pose" else vehicle.velocity_sensors)
 
     def agreed(self, signal: str, part: str, option: str) -> Any:
-        """What any entry of a part says of it; None if none does."""
-        said = [getattr(s, option) for s in self.sensors(signal) if s.of is None or s.of == part]
-        return next((value for value in said if value is not None), None)
+        """Return an option that any sensor of a part sets; None if none does."""
+        values = [getattr(s, option) for s in self.sensors(signal) if s.of is None or s.of == part]
+        return next((value for value in values if value is not None), None)
 
     def every(self, signal: str, part: str) -> int:
-        """The control periods between two measurements."""
+        """Return the number of control periods between two measurements."""
         own, control = self.agreed(signal, part, "period"), self.vehicle.control
         return 1 if own is None or control is None else int(own / control.period + 0.5)
 
     def total(self, signal: str) -> Array | None:
-        """The errors at every instant, ``(instants, m)``; None where a sensor has no second form.
+        """Return the errors at every instant, ``(instants, m)``; None without a second form.
 
-        Where a part is measured rarely, they are those of its last measurement.
+        Between two measurements of a part, the errors of the last one hold.
         """
         found = np.zeros((self.instants, self.G.dimension))
         for k, sensor in enumerate(self.sensors(signal)):
@@ -72,16 +72,16 @@ class SecondMeasuring:
         return found
 
     def held(self) -> Iterator[tuple[str, Any, int, list[int]]]:
-        """Signal, part and delay of what is held, and the instants at which it is measured."""
+        """Yield signal, part and delay of held measurements, and their instants."""
         for signal in ("pose", "velocity"):
             for part in self.G.parts:
-                said = {
+                options = {
                     name: self.agreed(signal, part.name, name)
                     for name in ("period", "delay", "dropout")
                 }
                 own = [s for s in self.sensors(signal) if s.of is None or s.of == part.name]
                 loses = any(sensor.loses for sensor in own)
-                if said["period"] is None and not said["delay"] and not loses:
+                if options["period"] is None and not options["delay"] and not loses:
                     continue
                 every, random = (
                     self.every(signal, part.name),
@@ -89,7 +89,7 @@ class SecondMeasuring:
                 )
                 measured = []
                 for tick in range(0, self.instants, every):
-                    lost = random.random() < (said["dropout"] or 0.0)
+                    lost = random.random() < (options["dropout"] or 0.0)
                     if tick == 0 or not lost:
                         measured.append(tick)
-                yield signal, part, said["delay"] or 0, measured
+                yield signal, part, options["delay"] or 0, measured

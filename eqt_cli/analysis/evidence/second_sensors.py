@@ -1,4 +1,4 @@
-"""Every error of measurement written a second time, for one run."""
+"""Second, independent form of every measurement error, for one run."""
 
 from collections.abc import Callable
 
@@ -9,11 +9,11 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.vehicle.sensors import Sensor
 
 Form = Callable[[Options, int, int, float, np.random.Generator], Array]
-"""From options, the number of coordinates, of instants, the period and the generator to errors."""
+"""Returns errors from options, numbers of coordinates and instants, period and generator."""
 
 
 def deviation(given: Options, m: int, period: float) -> Array:
-    """σ of one measurement; of a density σ² period is the same at any period."""
+    """Return σ of one measurement; for a density, σ² times the period is constant."""
     if given["std"] is not None:
         return entries(given["std"], m)
     return np.sqrt(entries(given["density"], m) ** 2 / period)
@@ -22,7 +22,7 @@ def deviation(given: Options, m: int, period: float) -> Array:
 def _noise(
     given: Options, m: int, instants: int, period: float, random: np.random.Generator
 ) -> Array:
-    """Independent normals."""
+    """Draw independent normal numbers."""
     return np.array(
         [deviation(given, m, period) * random.standard_normal(m) for _ in range(instants)]
     )
@@ -31,10 +31,10 @@ def _noise(
 def _bias(
     given: Options, m: int, instants: int, period: float, random: np.random.Generator
 ) -> Array:
-    """From one instant to the next by a normal whose variance is walk² period."""
+    """Add a normal step with the variance walk² period from each instant to the next."""
     step = np.sqrt(entries(given["walk"], m) ** 2 * period)
     now, found = np.array(entries(given["value"], m)), []
-    random.standard_normal(m)  # of the first instant, at which there is no step yet
+    random.standard_normal(m)  # drawn for the first instant, which has no step
     for _ in range(instants):
         found.append(now)
         now = now + step * random.standard_normal(m)
@@ -48,7 +48,7 @@ FORMS: dict[str, Form] = {"noise": _noise, "bias": _bias}
 def second_errors(
     sensor: Sensor, m: int, instants: int, period: float, random: np.random.Generator
 ) -> Array | None:
-    """The errors of one run; None where the sensor has no second form."""
+    """Return the errors of one run; None if the sensor has no second form."""
     form = FORMS.get(sensor.name)
     if form is None:
         return None
@@ -58,5 +58,5 @@ def second_errors(
 def configured_deviation(
     sensor: Sensor, m: int, period: float, random: np.random.Generator
 ) -> Array | None:
-    """σ of white noise as the configuration has it, in one run; None of any other sensor."""
+    """Return the configured σ of white noise in one run; None for any other sensor."""
     return deviation(redrawn(sensor, random), m, period) if sensor.name == "noise" else None

@@ -1,4 +1,4 @@
-"""Thrusters written a second time, in floats and for one run."""
+"""Second, independent form of thrusters, in floats and for one run."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,19 +11,19 @@ from eqt_cli.core.arrays import Array
 
 @dataclass(frozen=True)
 class SecondThrusters:
-    """Thrusters of one run: u becomes thrusts f within limits, T ẋ + x = f, and B x comes out.
+    """Thrusters of one run: thrusts f within limits for u, T ẋ + x = f, and the output B x.
 
     Attributes
     ----------
     given
-        Their options.
+        Options of the thrusters.
     """
 
     given: Options
 
     @cached_property
     def B(self) -> Array:
-        """As given, or each place times its force."""
+        """The given matrix, or torque and force of each thruster from its place."""
         if self.given["matrix"] is not None:
             return np.array(self.given["matrix"], dtype=float)
         found = []
@@ -37,7 +37,7 @@ class SecondThrusters:
 
     @property
     def bounded(self) -> bool:
-        """Whether thrusts are solved for."""
+        """Whether an optimisation with limits allocates the thrusts."""
         return bool(self.given["allocation"] == "bounded")
 
     @property
@@ -47,11 +47,11 @@ class SecondThrusters:
 
     @property
     def states(self) -> int:
-        """How many there are."""
+        """Number of states."""
         return (self.bounded + self.lags) * self.B.shape[1]
 
     def of_each(self, name: str) -> Array:
-        """An option of every thruster."""
+        """Return an option of every thruster."""
         return entries(self.given[name], self.B.shape[1])
 
     @cached_property
@@ -61,26 +61,26 @@ class SecondThrusters:
         return np.ones(self.B.shape[1]) if given is None else self.of_each("weights") ** -0.5
 
     def free(self, u: Array) -> Array:
-        """The least Σ w f² with B f = u or nearest to it: f = S z, z the least of norm."""
+        """Minimise Σ w f² with B f = u or nearest to it: f = S z with z of least norm."""
         S = self.scale
         z = np.linalg.lstsq(self.B * S, u.reshape(-1, len(self.B)).T, rcond=1e-10)[0]
         return (S * z.T).reshape(*u.shape[:-1], -1)
 
     def nearest(self, u: Array) -> Array:
-        """Within the limits, by SciPy."""
+        """Solve the same within the limits, by SciPy."""
         from scipy.optimize import lsq_linear
 
-        least, most, f = self.of_each("low"), self.of_each("high"), self.free(u)
+        low, high, f = self.of_each("low"), self.of_each("high"), self.free(u)
         S = self.scale
-        for run in zip(*np.nonzero(((f < least) | (f > most)).any(axis=-1)), strict=True):
+        for run in zip(*np.nonzero(((f < low) | (f > high)).any(axis=-1)), strict=True):
             z = lsq_linear(
-                self.B * S, u[run], (least / S, most / S), method="bvls", tol=1e-14, max_iter=1000
+                self.B * S, u[run], (low / S, high / S), method="bvls", tol=1e-14, max_iter=1000
             ).x
             f[run] = S * z
         return f
 
     def __call__(self, u: Array, x: Array, period: float | None) -> tuple[Array, Array]:
-        """The states after an instant, or their rates where there is none, and the torque."""
+        """Return the states after an instant, or their rates without one, and the torque."""
         k = self.B.shape[1]
         if self.bounded and period is not None:
             f = self.nearest(u)
@@ -100,10 +100,10 @@ class SecondThrusters:
         return later, lagging @ self.B.T
 
     def at_limit(self, u: Array, x: Array, passed: Array) -> Array:
-        """Where a thruster is asked for more than its limit; or for its limit, where solved for."""
+        """Return where a thrust is beyond its limit or, after an optimisation, at its limit."""
         if self.given["low"] is None:
             return np.zeros(u.shape[:-1], dtype=bool)
-        least, most = self.of_each("low"), self.of_each("high")
+        low, high = self.of_each("low"), self.of_each("high")
         f = x[..., : self.B.shape[1]] if self.bounded else self.free(u)
-        inside = (least < f) & (f < most) if self.bounded else (least <= f) & (f <= most)
+        inside = (low < f) & (f < high) if self.bounded else (low <= f) & (f <= high)
         return np.array(~inside.all(axis=-1))

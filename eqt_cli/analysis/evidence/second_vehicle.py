@@ -1,4 +1,4 @@
-"""The vehicle of every run written a second time, from what the configuration says of its parts."""
+"""Second, independent form of the vehicle of every run, from the configuration."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class SecondVehicle:
     flight
         The runs.
     index
-        Which of them it is, from 0.
+        Index of the run among them.
     """
 
     flight: VehicleRuns
@@ -38,33 +38,33 @@ class SecondVehicle:
 
     @property
     def vehicle(self) -> Vehicle:
-        """The parts as they are configured."""
+        """The vehicle as configured, before numbers are drawn."""
         vehicle = self.flight.problem.loop.vehicle
         return vehicle.configured or vehicle
 
     @property
     def m(self) -> int:
-        """The number of coordinates."""
+        """Number of coordinates."""
         return self.flight.problem.loop.group.dimension
 
     def time(self, sample: int) -> float:
-        """Of a sample, s."""
+        """Return the time of a sample, s."""
         return float(self.flight.problem.times[sample])
 
     def random(self, place: str) -> np.random.Generator:
-        """What the part at a place draws its numbers from."""
+        """Return the generator of the part at a place."""
         run = int(self.flight.numbers[self.index])
         return generator_at(self.flight.seed, Stream.VEHICLE, run, place)
 
     def forces(self) -> Iterator[tuple[str, second_forces.Acting | None]]:
-        """Every force in the body frame, by place; None where it has no second form."""
+        """Yield every force in the body frame with its place; None if it has no second form."""
         G = self.flight.problem.loop.group
         for k, force in enumerate(self.vehicle.forces):
             place = f"plant.forces[{k}]"
             yield place, second_forces.second_force(G, force, self.random(place))
 
     def inertia(self, times: Array) -> tuple[Array, Array]:
-        """The tensor of the plant and its rate, ``(samples, m, m)`` each."""
+        """Return the inertia of the plant and its rate, ``(samples, m, m)`` each."""
         model, true = self.flight.problem.loop.inertia, self.vehicle.inertia
         if true is None:
             return _moving(model, times)
@@ -72,14 +72,14 @@ class SecondVehicle:
         if isinstance(true, VaryingInertia):
             return _moving(true.law, times)
         if isinstance(true, RelativeInertia):
-            factor = 1 + _until(lambda r: 1 + r > 0, true.relative, random)
+            factor = 1 + _draw_until(lambda r: 1 + r > 0, true.relative, random)
             matrix, rate = _moving(model, times)
             return factor * matrix, factor * rate
         return _constant(true, self.m, random, len(times))
 
     @cached_property
     def actuators(self) -> list[SecondActuator | None]:
-        """In the order in which a command passes them; None where one has no second form."""
+        """Actuators in the order of the command; None for one without a second form."""
         G = self.flight.problem.loop.group
         return [
             second_actuators.second_actuator(part, G, self.random(f"actuators[{k}]"))
@@ -88,7 +88,7 @@ class SecondVehicle:
 
     @property
     def at_instants(self) -> int:
-        """How many actuators act at control instants: those in front of the first that moves."""
+        """Number of actuators that act at control instants: those before the first with rates."""
         if self.vehicle.control is None:
             return 0
         moving = [part is not None and part.moves for part in self.actuators]
@@ -96,12 +96,12 @@ class SecondVehicle:
 
     @property
     def is_known(self) -> bool:
-        """Whether all its actuators have second forms."""
+        """Whether all actuators have second forms."""
         return None not in self.actuators
 
     @property
     def lengths(self) -> dict[str, int]:
-        """How many entries every state of it has."""
+        """Number of entries of every state."""
         found = {}
         if self.vehicle.control is not None:
             found["commands"] = (self.vehicle.control.delay + 1) * self.m
@@ -123,7 +123,7 @@ class SecondVehicle:
     def chain(
         self, command: Array, states: dict[str, Array], parts: range, period: float | None = None
     ) -> tuple[Array, dict[str, Array]]:
-        """What some actuators make of a command, and their states after it or their rates."""
+        """Return the output of some actuators, and their next states or their rates."""
         found = {}
         for k in parts:
             part, place = self.actuators[k], f"actuators_{k}"
@@ -135,17 +135,17 @@ class SecondVehicle:
         return command, found
 
     def torque(self, command: Array, states: dict[str, Array]) -> tuple[Array, dict[str, Array]]:
-        """What comes out at any time, and the rates of what moves."""
+        """Return the torque at any time, and the rates of the states."""
         first = self.at_instants
         if self.vehicle.control is not None:
             command = states["held"] if first else states["commands"][..., : self.m]
         return self.chain(command, states, range(first, len(self.actuators)))
 
-    def after_instant(self, asked: Array, states: dict[str, Array]) -> dict[str, Array]:
-        """The states after an instant: the commands move up, and the first of them is held."""
+    def after_instant(self, command: Array, states: dict[str, Array]) -> dict[str, Array]:
+        """Return the states after an instant: the commands move up, and the first one is held."""
         control = self.vehicle.control
         assert control is not None
-        waiting = np.concatenate([states["commands"], asked], axis=-1)[..., self.m :]
+        waiting = np.concatenate([states["commands"], command], axis=-1)[..., self.m :]
         found = {**states, "commands": waiting}
         first, arrived = self.at_instants, waiting[..., : self.m]
         held, moved = self.chain(arrived, states, range(first), control.period)
@@ -157,7 +157,7 @@ class SecondVehicle:
         return found
 
     def at_limit(self, command: Array, states: dict[str, Array]) -> Array:
-        """Where a limit lets less through than it is given."""
+        """Return where any actuator is at its limit."""
         if self.vehicle.control is not None:
             command = states["commands"][..., : self.m]
         found = np.zeros(command.shape[:-1], dtype=bool)
@@ -168,31 +168,31 @@ class SecondVehicle:
         return found
 
     def at_limit_of(self, k: int, given: Array, states: dict[str, Array], passed: Array) -> Array:
-        """Where an actuator that has a limit is at it."""
+        """Return where an actuator is at its limit."""
         part = self.actuators[k]
         assert part is not None
         return part.at_limit(given, states.get(f"actuators_{k}", given[..., :0]), passed)
 
     @cached_property
     def measuring(self) -> SecondMeasuring:
-        """What its sensors do."""
+        """The sensors of the run."""
         problem = self.flight.problem
         instants = problem.control_instants
         return SecondMeasuring(problem.loop.group, self.vehicle, instants, self.random)
 
-    def told(self) -> tuple[Array, Array] | None:
-        """n and b of every instant; None where a sensor has no second form."""
+    def measurement_errors(self) -> tuple[Array, Array] | None:
+        """Return the errors n and b at every instant; None if a sensor has no second form."""
         n, b = self.measuring.total("pose"), self.measuring.total("velocity")
         return None if n is None or b is None else (n, b)
 
 
 def second_vehicles(flight: VehicleRuns) -> list[SecondVehicle]:
-    """That of every run."""
+    """Return the second form of the vehicle of every run."""
     return [SecondVehicle(flight, index) for index in range(len(flight.states))]
 
 
 def _moving(law: InertiaLaw, times: Array) -> tuple[Array, Array]:
-    """A tensor that is a function of time, and its exact derivative."""
+    """Return a tensor that is a function of time, and its exact derivative."""
     matrix = law.at(with_rate(lifted(times), 1.0)).matrix
     shape = len(times), *matrix.shape[-2:]
     return np.broadcast_to(floats(matrix), shape), np.broadcast_to(floats(rate_of(matrix)), shape)
@@ -201,9 +201,9 @@ def _moving(law: InertiaLaw, times: Array) -> tuple[Array, Array]:
 def _constant(
     true: TrueInertia, m: int, random: np.random.Generator, samples: int
 ) -> tuple[Array, Array]:
-    """A tensor that is given, drawn until it is definite."""
+    """Return a constant tensor and its rate 0, drawn until the tensor is positive definite."""
     given: Any = true
-    matrix = _until(_is_definite, given.matrix, random, lambda value: tensor(value, m))
+    matrix = _draw_until(_is_definite, given.matrix, random, lambda value: tensor(value, m))
     return np.broadcast_to(matrix, (samples, m, m)), np.zeros((samples, m, m))
 
 
@@ -211,10 +211,10 @@ def _is_definite(matrix: Array) -> bool:
     return bool(np.linalg.eigvalsh(matrix).min() > 0)
 
 
-def _until(
+def _draw_until(
     fits: Any, value: Any, random: np.random.Generator, of: Any = lambda drawn: drawn
 ) -> Any:
-    """What is drawn first that fits."""
+    """Draw until a value fits."""
     while not fits(found := of(number(value, random))):
         pass
     return found

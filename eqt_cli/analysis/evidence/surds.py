@@ -1,8 +1,8 @@
 """Integers with square roots adjoined: sums of integers times products of roots r with r² = E.
 
-Each root is a number of its own that is reduced by its equation only, so that a sum is 0 exactly if
-all of its integers are. That is more than the value 0 of real roots: what is 0 so is 0 for either
-sign of every root.
+Each root is an independent symbol that only its equation reduces, so a sum is 0 only if all its
+integers are. This is stricter than a value of 0 for real roots: such a sum is 0 for either sign of
+every root.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Surd:
 
     @classmethod
     def of(cls, root: Root) -> Surd:
-        """One root."""
+        """Return a single root."""
         return cls({frozenset([root]): 1})
 
     def __add__(self, other: Whole) -> Whole:
@@ -54,7 +54,7 @@ class Surd:
         return Surd({roots: -integer for roots, integer in self.terms.items()})
 
     def conjugate(self, root: Root) -> Surd:
-        """The same with −r in the place of r."""
+        """Return the sum with −r in place of r."""
         return Surd({roots: -n if root in roots else n for roots, n in self.terms.items()})
 
 
@@ -63,7 +63,7 @@ Whole: TypeAlias = int | Surd
 
 
 def to_integer(number: Whole) -> tuple[Whole, int, int]:
-    """A factor, its product with the number, which is an integer, and how many roots it took."""
+    """Return a factor, its integer product with the number, and how many roots were removed."""
     factor: Whole = 1
     taken = 0
     while isinstance(number, Surd):

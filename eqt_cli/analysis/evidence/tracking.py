@@ -1,4 +1,4 @@
-"""How much of an error is left at the end of the horizon, whatever the law claims."""
+"""Measures how much of an error is left at the end of the horizon."""
 
 from dataclasses import dataclass
 
@@ -8,17 +8,17 @@ from eqt_cli.analysis.evidence.approach import STALLED
 from eqt_cli.core.arrays import Array
 
 FIFTHS = 5
-"""The horizon is looked at in so many parts: the first, the one in the middle and the last."""
+"""Number of parts of the horizon, of which the first, the middle and the last are compared."""
 
 
 @dataclass(frozen=True)
 class Fifths:
-    """The root of the mean square of a signal over three fifths of the horizon, ``(runs,)`` each.
+    """Root mean squares of a signal over three fifths of the horizon, ``(runs,)`` each.
 
     Attributes
     ----------
     first, middle, last
-        Over the first fifth, the one in the middle and the last.
+        Values over the first, the middle and the last fifth.
     """
 
     first: Array
@@ -27,7 +27,7 @@ class Fifths:
 
     @classmethod
     def of(cls, times: Array, values: Array) -> "Fifths | None":
-        """Those of a signal ``(runs, samples)``; None where a fifth has no sample."""
+        """Compute them from a signal ``(runs, samples)``; None if a fifth has no sample."""
         part = (times - times[0]) / (times[-1] - times[0]) * FIFTHS
         inside = [
             (part >= k - _SLACK) & (part <= k + 1 + _SLACK) for k in (0, FIFTHS // 2, FIFTHS - 1)
@@ -38,16 +38,16 @@ class Fifths:
 
     @property
     def left(self) -> float:
-        """The median over runs of the last by the first."""
+        """Median over runs of the ratio of the last to the first."""
         return _median_ratio(self.last, self.first)
 
     def still_falls(self) -> bool:
-        """Whether the last is less than the one in the middle, in the median over runs."""
+        """Whether the last is less than the middle, in the median over runs."""
         return _median_ratio(self.last, self.middle) < STALLED
 
 
 _SLACK = 1e-9
-"""Of a fifth: what a sample at its end may be off by rounding."""
+"""Tolerance for samples at the ends of a fifth, as a share of a fifth."""
 
 
 def _median_ratio(one: Array, other: Array) -> float:

@@ -1,1 +1,1 @@
-"""A recording beside a run of a result: in time with it, and how much of it the run explains."""
+"""Compares recordings with runs of a result: aligns their clocks, and measures the errors."""

@@ -1,9 +1,8 @@
-"""The offset between the clock of a recording and that of a run.
+"""Estimates the offset between the clocks of a recording and of a run.
 
-Cross-correlation finds it among all offsets: of body velocities where they were measured, and of
-increments Q(t)⁻¹Q(t + W) of the poses over several windows W. Least squares on velocities and on
-poses then make it precise. All of these are the same in every frame of the world. It knows no
-result.
+Cross-correlation searches all offsets. It uses measured body velocities, and the increments
+Q(t)⁻¹Q(t + W) of the poses over several windows W. Least squares on velocities and on poses then
+refine the offset. All of these quantities are independent of the world frame.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,58 +18,58 @@ from eqt_cli.logs.recording import Recording
 from eqt_cli.mechanics.motions import Pieces
 
 FEWEST = 20
-"""Rows, and samples of the run, that can be aligned."""
+"""Least number of rows, and of samples of the run, for an alignment."""
 
-MOST = 50_000
-"""Instants at which a recording is compared."""
+MOST_INSTANTS = 50_000
+"""Largest number of instants at which a recording is compared."""
 
-OVERLAP = 0.5
-"""Of the shorter of the two, that must be in common."""
+LEAST_OVERLAP = 0.5
+"""Least overlap as a share of the shorter of the two."""
 
-MOST_TURN = 2.0
-"""rad that a body turns by in a window at most: near π, an increment jumps."""
+LARGEST_ROTATION = 2.0
+"""Largest rotation within a window, rad; near π an increment would jump."""
 
-STILL = 1e-5
-"""Relative: a velocity that changes by less is constant but for the errors of an engine."""
+CONSTANT_WITHIN = 1e-5
+"""Relative change below which a velocity counts as constant, because engines err as much."""
 
-LEAST = 0.5
-"""Of the correlation at the offset that is found."""
+LEAST_CORRELATION = 0.5
+"""Least correlation at the estimated offset."""
 
-APART = 1.5
-"""By this factor the misfit of every other offset is larger."""
+LEAST_MISFIT_RATIO = 1.5
+"""Least ratio of the misfit of every other offset to that of the best."""
 
-SHARP = 0.1
-"""The standard error of the offset over the width of the peak, at most."""
+LARGEST_RELATIVE_ERROR = 0.1
+"""Largest standard error of the offset relative to the width of the peak."""
 
 LEAST_NOISE = 0.05
-"""Of the variance of a measured coordinate."""
+"""Least noise as a share of the variance of a measured coordinate."""
 
 BLOCKS = 20
-"""Into which a recording is cut for the standard error, because errors nearby are alike."""
+"""Number of blocks for the standard error, because the errors of neighbours are correlated."""
 
 LEAST_ERROR = 1e-6
-"""s, that is told; clocks are not better."""
+"""Smallest reported standard error, s; clocks are no better."""
 
 ITERATIONS, CONVERGED = 20, 1e-9
-"""Of Gauss and Newton's method; and the change over the step of the instants at which it ends."""
+"""Gauss-Newton: largest number of iterations, and final change relative to the time step."""
 
 WHAT_TO_DO = "give the offset of the clock in the mapping, as `time: {offset: 0.137}`"
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """How a recording is in time with a run.
+    """The alignment of the clock of a recording with that of a run.
 
     Attributes
     ----------
     offset
-        s, to add to the times of the recording.
+        Offset to add to the times of the recording, s.
     error
-        The standard error of the offset, s; NaN where the offset was given.
+        Standard error of the offset, s; NaN if the mapping gives the offset.
     correlation
-        Of the two motions there; NaN where the offset was given.
+        Correlation of the two motions; NaN if the mapping gives the offset.
     by
-        What was compared; nothing where the offset was given.
+        Name of the compared quantity; empty if the mapping gives the offset.
     """
 
     offset: float
@@ -80,9 +79,9 @@ class Alignment:
 
     @property
     def in_words(self) -> str:
-        """What to say of it."""
+        """Description for notes."""
         if not self.by:
-            return "clock offset as the mapping says"
+            return "clock offset from the mapping"
         error = max(self.error, LEAST_ERROR)
         return (
             f"clock offset {self.offset:+.4f} s, standard error {error:.1g} s, from the {self.by}; "
@@ -91,26 +90,28 @@ class Alignment:
 
 
 def aligned(recording: Recording, times: Array, run: Pieces) -> Alignment:
-    """The offset at which a recording is in time with a run.
+    """Estimate the clock offset of a recording relative to a run.
 
     Parameters
     ----------
     times : (n,)
-        Those of the run's samples, s.
+        Times of the run's samples, s.
     run
         The run as a motion.
 
     Raises
     ------
     InputError
-        If nothing tells the offset.
+        If the offset cannot be determined.
     """
     for what, count in (("rows", len(recording.times)), ("samples of the run", len(times))):
         if count < FEWEST:
             raise _unknown(recording, f"expected {FEWEST} {what} or more, got {count}")
     begin, end = recording.times[[0, -1]]
-    step = max(float(np.median(np.diff(recording.times))), float(end - begin) / MOST)
-    seen = _Seen.of(recording, begin + step * np.arange(int((end - begin) / step * (1 + 1e-9)) + 1))
+    step = max(float(np.median(np.diff(recording.times))), float(end - begin) / MOST_INSTANTS)
+    seen = _Resampled.of(
+        recording, begin + step * np.arange(int((end - begin) / step * (1 + 1e-9)) + 1)
+    )
     peaks = [_peak(signal, times, step) for signal in _signals(seen, times, run)]
     if not peaks:
         raise _unknown(recording, "its rows are too far apart for the run")
@@ -122,8 +123,8 @@ def aligned(recording: Recording, times: Array, run: Pieces) -> Alignment:
     alignment = min(found, key=lambda each: each.error)
     if not np.isfinite(alignment.error):
         raise _unknown(recording, f"the motions differ too much around {best.offset:.3g} s")
-    if alignment.error > SHARP * best.width:
-        raise _unknown(recording, f"the offset is known to ± {alignment.error:.2g} s only")
+    if alignment.error > LARGEST_RELATIVE_ERROR * best.width:
+        raise _unknown(recording, f"the offset is uncertain by ± {alignment.error:.2g} s")
     return alignment
 
 
@@ -131,23 +132,23 @@ def _unknown(recording: Recording, reason: str) -> InputError:
     return InputError(f"{recording.name}: cannot be aligned with the run: {reason}; {WHAT_TO_DO}")
 
 
-class _Seen(NamedTuple):
-    """A recording at equidistant instants; NaN in its gaps."""
+class _Resampled(NamedTuple):
+    """A recording at equidistant instants, with NaN in its gaps."""
 
     group: MatrixLieGroup
     instants: Array
     poses: Array
     velocities: Array
     known: list[int]
-    """Which coordinates of the velocity were measured."""
+    """Measured coordinates of the velocity."""
 
     @classmethod
-    def of(cls, recording: Recording, instants: Array) -> "_Seen":
-        """Between two rows, the motion is one of constant velocity."""
+    def of(cls, recording: Recording, instants: Array) -> "_Resampled":
+        """Interpolate with constant velocity between two rows."""
         G, times = recording.group, recording.times
         row = np.clip(np.searchsorted(times, instants, side="right") - 1, 0, len(times) - 2)
         share = (instants - times[row]) / (times[row + 1] - times[row])
-        inner = (share > 1e-6) & (share < 1 - 1e-6)  # at both ends of a gap there is a row
+        inner = (share > 1e-6) & (share < 1 - 1e-6)  # rows at the ends of a gap are real
         real = ~(np.isin(row, recording.gaps) & inner)
         row, part = row[real], share[real, None]
         poses = np.full((len(instants), G.size, G.size), np.nan)
@@ -159,30 +160,30 @@ class _Seen(NamedTuple):
         return cls(G, instants, poses, velocities, known.tolist())
 
 
-# Among all offsets --------------------------------------------------------------------------------
+# Search over all offsets --------------------------------------------------------------------------
 
 
 class _Signal(NamedTuple):
-    """What is compared: of the recording at its instants, and of the run at any time."""
+    """A compared quantity: of the recording at its instants, and of the run at any time."""
 
     begin: float
     measured: Array
     simulated: Callable[[Array], Array]
-    """NaN beyond the run."""
+    """Returns NaN outside the run."""
 
 
 class _Peak(NamedTuple):
-    """The best offset by a signal, and what is in doubt about it."""
+    """The best offset by a signal, and the reason to doubt it."""
 
     offset: float
     correlation: float
     quality: float = -1.0
-    """The misfit of the next best offset over that of the best."""
+    """Ratio of the misfit of the next best offset to that of the best."""
     width: float = 0.0
     doubt: str = ""
 
 
-def _signals(seen: _Seen, times: Array, run: Pieces) -> Iterator[_Signal]:
+def _signals(seen: _Resampled, times: Array, run: Pieces) -> Iterator[_Signal]:
     from scipy.interpolate import CubicSpline  # slow to import; readers of results do without
 
     G, begin, count = seen.group, float(seen.instants[0]), len(seen.instants)
@@ -199,7 +200,9 @@ def _signals(seen: _Seen, times: Array, run: Pieces) -> Iterator[_Signal]:
             return
         later, _, _ = run.motion(G, times[early] + window * step)
         simulated = G.log(G.inverse(poses[early]) @ later)
-        if any(np.linalg.norm(simulated[:, axes], axis=1).max() > MOST_TURN for axes in turns):
+        if any(
+            np.linalg.norm(simulated[:, axes], axis=1).max() > LARGEST_ROTATION for axes in turns
+        ):
             return
         both = real[:-window] & real[window:]
         measured = np.full((count - window, G.dimension), np.nan)
@@ -214,9 +217,9 @@ def _peak(signal: _Signal, times: Array, step: float) -> _Peak:
     grid = times[0] + step * np.arange(int((times[-1] - times[0]) / step * (1 + 1e-9)) + 1)
     simulated = signal.simulated(grid)
     real = simulated[np.isfinite(simulated).all(axis=1)]
-    if not real.std(axis=0).max() > STILL * np.sqrt(np.mean(real**2)):
+    if not real.std(axis=0).max() > CONSTANT_WITHIN * np.sqrt(np.mean(real**2)):
         return _Peak(0.0, -1.0, doubt="the velocity of the run is constant")
-    # A coordinate counts by its noise, which is what the run does not have; not all is noise.
+    # Weight a coordinate by its noise: the variance that the run does not have.
     whole = np.nanvar(measured, axis=0)
     scale = np.sqrt(np.maximum(whole - real.var(axis=0), LEAST_NOISE * whole))
     scale[scale == 0.0] = 1.0
@@ -232,22 +235,23 @@ def _peak(signal: _Signal, times: Array, step: float) -> _Peak:
     offset = float(grid[0]) - signal.begin + step * (best - (len(measured) - 1))
     quality = (1 - float(others[other])) / max(1 - top, 1e-12)
     doubt = ""
-    if top < LEAST:
+    if top < LEAST_CORRELATION:
         doubt = (
-            f"the motions correlate by {top:.2f} at most, and {LEAST:g} is needed; check the "
-            "number of the run, the units and the axes of the body"
+            f"the motions correlate by {top:.2f} at most, and {LEAST_CORRELATION:g} is needed; "
+            "check the number of the run, the units and the axes of the body"
         )
-    elif quality < APART:
+    elif quality < LEAST_MISFIT_RATIO:
         two = sorted([offset, offset + step * (other - best)])
         doubt = f"offsets of {two[0]:.3g} s and {two[1]:.3g} s fit about equally well"
     return _Peak(offset, top, quality, step * (last - first), doubt)
 
 
 def _correlations(measured: Array, simulated: Array) -> Array:
-    """The correlation at every shift, over the instants that both have; NaN for too few of them.
+    """Return the correlation at every shift over the common instants; NaN if these are too few.
 
-    Shift k takes row i of the recording to sample i + k − (n − 1) of the run. It is 1 for equal
-    motions only, and not for one that is a multiple of the other, as parts of a decay are.
+    Shift k maps row i of the recording to sample i + k − (n − 1) of the run. The correlation is 1
+    only for equal motions. It is less for motions that are multiples of each other, such as
+    different parts of a decay.
     """
     size = len(measured) + len(simulated) - 1
     padded = 1 << size.bit_length()
@@ -262,7 +266,7 @@ def _correlations(measured: Array, simulated: Array) -> Array:
 
     (x, here), (y, there) = centred(measured), centred(simulated)
     count = np.round(over_shifts(there, here))
-    enough = count >= max(OVERLAP * min(here.sum(), there.sum()), FEWEST / 2)
+    enough = count >= max(LEAST_OVERLAP * min(here.sum(), there.sum()), FEWEST / 2)
     sums = over_shifts(there, x), over_shifts(y, here)
     n = np.where(enough, count, 1.0)
     both = over_shifts(y, x) - sums[0] * sums[1] / n
@@ -270,34 +274,34 @@ def _correlations(measured: Array, simulated: Array) -> Array:
         over_shifts(there, x * x) + over_shifts(y * y, here) - (sums[0] ** 2 + sums[1] ** 2) / n
     )
     total, squares, enough = both.sum(axis=1), squares.sum(axis=1), enough[:, 0]
-    moves = squares > STILL * squares.max()  # else it is rounding
+    moves = squares > CONSTANT_WITHIN * squares.max()  # below this, only rounding is left
     return np.where(enough & moves, 2 * total / np.where(moves, squares, 1.0), np.nan)
 
 
 def _slopes(heights: Array, peak: int) -> tuple[int, int]:
-    """Where a peak begins and ends: beyond, it rises again."""
+    """Return the ends of a peak, beyond which the heights rise again."""
     rises = np.diff(heights) > 0
     left, right = np.flatnonzero(~rises[:peak]), np.flatnonzero(rises[peak:])
     first = int(left[-1]) + 1 if len(left) else 0
     return first, peak + int(right[0]) if len(right) else len(heights) - 1
 
 
-# At one of them -----------------------------------------------------------------------------------
+# Refinement of one offset -------------------------------------------------------------------------
 
 
 class _Model(NamedTuple):
-    """What is fitted: the offset, and constants that the clock does not explain."""
+    """A least-squares model of the offset and of constants that an offset does not explain."""
 
     by: str
     constants: Array
     at: Callable[[float, Array], tuple[Array, Array, Array]]
-    """Residuals ``(n, k)``, and what an offset ``(n, k)`` and constants ``(n, k, c)`` take away."""
+    """Residuals ``(n, k)``, and how offset ``(n, k)`` and constants ``(n, k, c)`` reduce them."""
     moved: Callable[[Array, Array], Array]
-    """The constants after a change."""
+    """Returns the constants after a change."""
 
 
-def _of_velocities(seen: _Seen, times: Array, run: Pieces) -> _Model:
-    """Body velocities; what is constant is a bias of each coordinate."""
+def _of_velocities(seen: _Resampled, times: Array, run: Pieces) -> _Model:
+    """Return the model of body velocities, with a constant bias of each coordinate."""
     from scipy.interpolate import CubicSpline  # slow to import; readers of results do without
 
     known = seen.known
@@ -312,8 +316,8 @@ def _of_velocities(seen: _Seen, times: Array, run: Pieces) -> _Model:
     return _Model("body velocities", np.zeros(len(known)), at, np.add)
 
 
-def _of_poses(seen: _Seen, times: Array, run: Pieces) -> _Model:
-    """Poses Q; what is constant is a frame C of the world, with C Q_s near Q."""
+def _of_poses(seen: _Resampled, times: Array, run: Pieces) -> _Model:
+    """Return the model of poses Q, with a constant world frame C such that C Q_s is near Q."""
     G = seen.group
 
     def at(offset: float, frame: Array) -> tuple[Array, Array, Array]:
@@ -333,7 +337,7 @@ def _of_poses(seen: _Seen, times: Array, run: Pieces) -> _Model:
 
 
 def _refined(model: _Model, peak: _Peak, step: float) -> Alignment:
-    """Least squares by Gauss and Newton's method, from a peak of the correlation."""
+    """Refine a peak of the correlation by Gauss-Newton least squares."""
     offset, constants = peak.offset, model.constants
     for _ in range(ITERATIONS):
         left, rates, held = model.at(offset, constants)
@@ -349,11 +353,11 @@ def _refined(model: _Model, peak: _Peak, step: float) -> Alignment:
         constants = model.moved(constants, change[1:])
         if abs(change[0]) < CONVERGED * step:
             break
-    # Errors of neighbours are alike; those of blocks of them hardly are. Where few blocks tell the
-    # offset, these are too few for a deviation, and that of independent errors is larger.
+    # Neighbouring errors are correlated, but sums over blocks hardly are. If only a few blocks
+    # determine the offset, their deviation is unreliable, and the one of independent errors counts.
     blocks = [block.sum(axis=0) for block in np.array_split(pushes, BLOCKS)]
     together = float(np.linalg.norm([inverse[0] @ block for block in blocks]))
     error = max(together, float(np.sqrt(inverse[0, 0])))
     if abs(offset - peak.offset) > peak.width / 2:
-        error = np.inf  # it left the peak
+        error = np.inf  # the iteration left the peak
     return Alignment(offset, error, peak.correlation, model.by)

@@ -1,4 +1,4 @@
-"""How much of a measured tracking error a run explains: numbers, a table, and plain data."""
+"""Shares of a measured tracking error that a run explains: numbers, a table, and plain data."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -15,19 +15,19 @@ from eqt_cli.groups import MatrixLieGroup
 
 @dataclass(frozen=True)
 class Share:
-    """How much of a measured error a run explains.
+    """The share of a measured error that a run explains.
 
     Attributes
     ----------
     quantity, part, axis, unit
-        Of what: ``pose``, ``velocity`` or ``wrench``; of which part of the coordinates, and of
-        which axis or, where that is empty, of all of them.
+        The quantity (``pose``, ``velocity`` or ``wrench``), the part of the coordinates, the axis
+        (empty for all axes of the part), and the unit.
     measured, simulated, difference
-        Root mean squares over the rows: of the measured error, the simulated error, and the
-        difference of both.
+        Root mean squares over the rows of the measured error, the simulated error, and their
+        difference.
     explained
-        1 − difference² / measured²: 1 where the run has the measured error, 0 where it is as far
-        from the recording as the reference is, and less than 0 where it is farther.
+        1 − difference² / measured²: 1 if the run has the measured error, 0 if the run is as far
+        from the recording as the reference is, and negative if it is farther.
     """
 
     quantity: str
@@ -42,20 +42,20 @@ class Share:
 
 @dataclass(frozen=True)
 class Explanation:
-    """How much of the errors of a recording the run of a controller explains.
+    """The shares of the errors of a recording that the run of a controller explains.
 
     Attributes
     ----------
     controller, title, run
-        Of the controller, and the number of the run.
+        Label and display name of the controller, and number of the run.
     offset, offset_error
-        s, added to the clock of the recording, and its standard error; NaN where it was given.
+        Clock offset of the recording and its standard error, s; NaN if the offset was given.
     rows
-        How many were compared.
+        Number of compared rows.
     shares
-        By quantity, part and axis.
+        Shares by quantity, part and axis.
     notes
-        What was compared, what was not measured, and what is odd in the file.
+        Notes on the compared rows, on missing measurements, and on the file.
     """
 
     controller: str
@@ -69,7 +69,7 @@ class Explanation:
 
 
 def explained(measured: MeasuredRun) -> Explanation:
-    """What the run explains of the errors of a recording."""
+    """Compute the shares of the errors of a recording that the run explains."""
     seen, G = measured.recording, measured.recording.group
     shares = [share for error in measured.errors for share in _shares(G, error)]
     return Explanation(
@@ -109,12 +109,12 @@ def _shares(G: MatrixLieGroup, error: Error) -> Iterator[Share]:
 
 
 def _size(values: Array) -> float:
-    """The root mean square over the rows of the norm."""
+    """Return the root mean square of the norm over the rows."""
     return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
 
 
 def records(found: Sequence[Explanation]) -> list[dict[str, Any]]:
-    """A record for each share."""
+    """Return a record for each share."""
     return [
         {"controller": one.controller, "run": one.run, "rows": one.rows, "offset": one.offset}
         | asdict(share)
@@ -124,7 +124,7 @@ def records(found: Sequence[Explanation]) -> list[dict[str, Any]]:
 
 
 def explained_table(found: Sequence[Explanation], write: Plain, *, axes: bool) -> TextTable:
-    """The shares as a table, a block per controller; of parts only without `axes`."""
+    """Return the table of shares, a block per controller; rows of single axes only if `axes`."""
     several = len(found) > 1
     blocks = [
         Block(
@@ -134,7 +134,7 @@ def explained_table(found: Sequence[Explanation], write: Plain, *, axes: bool) -
         for one in found
     ]
     notes = [
-        "Errors are from the reference, in the body frame; root mean squares over the rows. "
+        "Errors relative to the reference, in the body frame: root mean squares over the rows. "
         "Explained: 1 − difference² / measured error². It is 100 % where the run has the measured "
         "error, 0 % where it is as far from the recording as the reference is, and negative where "
         "it is farther.",

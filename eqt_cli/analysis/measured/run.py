@@ -1,4 +1,4 @@
-"""A run of a result as a motion at any time, and a recording in time with it."""
+"""Interpolates a run of a result, and computes the errors of a recording aligned with it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from eqt_cli.analysis.measured.alignment import Alignment, aligned
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup, Part
-from eqt_cli.logs.columns import WRENCH, names_beside
+from eqt_cli.logs.columns import WRENCH, recorded_names
 from eqt_cli.logs.recording import Recording
 from eqt_cli.mechanics.motions import Pieces, through
 from eqt_cli.results.result import Result
@@ -18,14 +18,14 @@ from eqt_cli.results.result import Result
 NEEDED = ("pose", "velocity", "torque", "desired_pose", "desired_velocity", "desired_torque")
 
 
-MOST = 20_000
-"""Rows that are compared, spread over a longer recording."""
+MOST_ROWS = 20_000
+"""Largest number of compared rows; a longer recording is thinned."""
 
 VARIES = 0.3
-"""Of a difference of poses: by less than this, it is about constant."""
+"""Relative variation below which a difference of poses counts as constant."""
 
 SAME_TIME = 1e-9
-"""Over the length of a run: by less than this, a row is not beyond it."""
+"""Tolerance for rows at the ends of a run, as a share of its length."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class State:
 
 @dataclass(frozen=True)
 class Course:
-    """A motion between samples, cubic on the group, with a wrench that is linear between them."""
+    """A motion that is cubic on the group between samples, with a linearly interpolated wrench."""
 
     group: MatrixLieGroup
     times: Array
@@ -47,11 +47,11 @@ class Course:
 
     @cached_property
     def pieces(self) -> Pieces:
-        """The motion alone."""
+        """The motion without the wrench."""
         return through(self.group, self.times, self.states.pose, self.states.velocity)
 
     def at(self, t: Array) -> State:
-        """The state at times ``(n,)`` within the samples."""
+        """Return the state at times ``(n,)`` within the samples."""
         pose, velocity, _ = self.pieces.motion(self.group, t)
         axes = [np.interp(t, self.times, along) for along in self.states.wrench.T]
         return State(pose, velocity, np.stack(axes, axis=-1))
@@ -59,17 +59,17 @@ class Course:
 
 @dataclass(frozen=True)
 class Error:
-    """How far motions are apart, in the body frame: in pose, velocity or wrench.
+    """Errors of pose, velocity or wrench in the body frame.
 
     Attributes
     ----------
     quantity
         ``pose``, ``velocity`` or ``wrench``.
     measured, simulated : (n, m)
-        Of the recording and the run from the reference: log Q_d⁻¹Q, V − V_d, τ − τ_d; NaN in the
-        coordinates that were not measured.
+        Errors of the recording and of the run relative to the reference: log Q_d⁻¹Q, V − V_d,
+        τ − τ_d; NaN in coordinates that were not measured.
     difference : (n, m)
-        Of the recording from the run.
+        Error of the recording relative to the run.
     """
 
     quantity: str
@@ -78,7 +78,7 @@ class Error:
     difference: Array
 
     def unit(self, part: Part) -> str:
-        """Of a part of the coordinates."""
+        """Return the unit of a part of the coordinates."""
         if self.quantity == "pose":
             return "rad" if part.turns else part.pose_unit
         return part.velocity_unit if self.quantity == "velocity" else part.force_unit
@@ -86,20 +86,20 @@ class Error:
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """A recording beside a run of a controller.
+    """A recording aligned with a run of a controller.
 
     Attributes
     ----------
     label, title, run
-        Of the controller, and the number of the run.
+        Label and display name of the controller, and number of the run.
     recording
-        In the time of the run, with the rows that are within it; `MOST` of more.
+        The rows within the run, at most `MOST_ROWS`, in the time of the run.
     rows
-        How many are within it in all.
+        Number of all rows within the run.
     alignment
-        What was added to its clock.
+        Alignment of the clock.
     simulated, reference
-        The run and what it is to follow.
+        The run, and its reference.
     """
 
     label: str
@@ -113,7 +113,7 @@ class MeasuredRun:
 
     @cached_property
     def errors(self) -> list[Error]:
-        """Those of what was measured, at its times."""
+        """Errors of the measured quantities at the times of the recording."""
         G, seen = self.recording.group, self.recording
         run, wanted = self.simulated.at(seen.times), self.reference.at(seen.times)
 
@@ -139,7 +139,7 @@ class MeasuredRun:
 
     @property
     def notes(self) -> list[str]:
-        """What a reader must know: the rows, the clock, the gaps, and what was not measured."""
+        """Notes on the rows, the clock, the gaps, and missing measurements."""
         seen, gaps = self.recording, len(self.recording.gaps)
         missing = f", {gaps} gap{'s' * (gaps > 1)}" if gaps else ""
         first, last = (round(t, 6) + 0.0 for t in seen.times[[0, -1]].tolist())
@@ -148,14 +148,14 @@ class MeasuredRun:
             f"{seen.name}: {count} from {first:.4g} to {last:.4g} s of run "
             f"{self.run}{missing}; {self.alignment.in_words}",
         ]
-        found += self._other_world()
-        names = names_beside(seen.group, WRENCH)
+        found += self._world_differences()
+        names = recorded_names(seen.group, WRENCH)
         if names and np.isnan(seen.wrenches).all():
-            found.append(f"No wrench was measured; it would be in columns {', '.join(names)}")
+            found.append(f"No wrench was measured; record it in columns {', '.join(names)}")
         return found
 
-    def _other_world(self) -> Iterator[str]:
-        """The parts that differ from the run by about a constant, larger than its own error."""
+    def _world_differences(self) -> Iterator[str]:
+        """Note the parts whose difference from the run is nearly constant and exceeds its error."""
         G, seen, pose = self.recording.group, self.recording, self.errors[0]
         apart = G.log(seen.poses @ G.inverse(self.simulated.at(seen.times).pose))
         for part in G.parts:
@@ -183,23 +183,23 @@ def measured_runs(
     run: int,
     who: str = "a comparison with a recording",
 ) -> list[MeasuredRun]:
-    """A recording in time with a run of some controllers.
+    """Align a recording with a run of several controllers.
 
-    It has one clock, which is aligned with the run that it is most like, of any controller.
+    The clock of the recording is aligned once, with the controller whose run fits it best.
 
     Parameters
     ----------
     controllers
-        Their positions; all if empty, except for those whose run failed.
+        Indices of the controllers; if empty, all whose run did not fail.
     who
-        Who asks, for messages.
+        Name of the caller for messages.
 
     Raises
     ------
     EqtError
-        If the result does not hold the run, or the recording cannot be brought in time with it.
+        If the result does not hold the run, or the recording cannot be aligned with it.
     """
-    result.single(f"{who} is of single experiments")
+    result.single(f"{who} needs a single experiment")
     result.check_stored(*NEEDED, who=f"{who} needs")
     G, times = recording.group, result.times
     states = [result.trajectory(name, run) for name in NEEDED[:3]]
@@ -223,7 +223,7 @@ def measured_runs(
             f"{late[-1]:.6g} s; change time.offset of the mapping, or leave it out"
         )
     first, last = int(inside[0]), int(inside[-1]) + 1
-    kept = recording.part(first, last, -(-(last - first) // MOST)).shifted(found.offset)
+    kept = recording.part(first, last, -(-(last - first) // MOST_ROWS)).shifted(found.offset)
     return [
         MeasuredRun(
             result.labels[k],
@@ -241,7 +241,7 @@ def measured_runs(
 
 
 def _best_aligned(recording: Recording, courses: Mapping[str, Course]) -> Alignment:
-    """The offset by the run that the recording is most like; runs by titles of controllers."""
+    """Return the alignment with the run that correlates best; runs by titles of controllers."""
     found, errors = [], []
     for title, course in courses.items():
         try:

@@ -1,4 +1,4 @@
-"""Foreign plants: other programs' rigid bodies, against which those of eqt are checked."""
+"""Foreign plants: rigid bodies of other programs, with which those of eqt are compared."""
 
 from eqt_cli.analysis.oracles.base import Oracle
 from eqt_cli.analysis.oracles.mujoco import MuJoCo
@@ -9,12 +9,12 @@ ORACLES: dict[str, type[Oracle]] = {oracle.name: oracle for oracle in (MuJoCo, P
 
 
 def oracle_named(name: str) -> type[Oracle]:
-    """An oracle whose package is there.
+    """Return an oracle after checking that its package can be loaded.
 
     Raises
     ------
     EqtError
-        If there is none of that name, or its package is not installed.
+        If there is no such oracle, or its package cannot be loaded.
     """
     if name not in ORACLES:
         hint = suggestion(name, ORACLES) or f"; there are: {', '.join(ORACLES)}"

@@ -1,4 +1,4 @@
-"""What an oracle is, and the rigid body that it is asked about."""
+"""Base classes of oracles, and the rigid body that they simulate."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class RigidBody:
-    """A rigid body, described as other programs do.
+    """A rigid body in the description of other programs.
 
     Attributes
     ----------
     mass
-        kg.
+        Mass, kg.
     centre : (3,)
-        The centre of mass in the body frame, m.
+        Centre of mass in the body frame, m.
     inertia : (3, 3)
-        About the centre of mass, in axes of the body frame, kg m^2.
+        Inertia about the centre of mass in the axes of the body frame, kg m^2.
     free
-        Whether it moves freely (SE3), or turns about the origin of its frame (SO3).
+        Whether the body moves freely (SE3); else it rotates about the origin of its frame (SO3).
     """
 
     mass: float
@@ -38,7 +38,7 @@ class RigidBody:
 
     @classmethod
     def of(cls, G: MatrixLieGroup, tensor: Array) -> Self | None:
-        """The body that has this inertia tensor; None where no rigid body in space has.
+        """Return the rigid body with this inertia tensor; None if there is none.
 
         On SE3, with V = (ω, v), the tensor of a body is
         [[J − m c^× c^×, m c^×], [−m c^×, m I]].
@@ -66,11 +66,11 @@ class Oracle(ABC):
     Attributes
     ----------
     name
-        As after ``--oracle``, and of the Python package.
+        Name for ``--oracle`` and of the Python package.
     remedy
-        What to do where the package is missing.
+        Advice if the package is missing.
     title
-        As it is written.
+        Display name.
     """
 
     name: ClassVar[str]
@@ -79,34 +79,34 @@ class Oracle(ABC):
 
     @classmethod
     def is_installed(cls) -> bool:
-        """Whether its package is there."""
+        """Whether the package is installed."""
         return find_spec(cls.name) is not None
 
     @classmethod
     def version(cls) -> str:
-        """Of its package, which is loaded for that."""
+        """Load the package and return its version."""
         return str(import_module(cls.name).__version__)
 
     @abstractmethod
     def __init__(self, body: RigidBody) -> None:
-        """The body in that program, without gravity.
+        """Create the body in the program, without gravity.
 
         Raises
         ------
         ValueError
-            If the program does not take such a body, with its reason.
+            If the program rejects the body, with its reason.
         """
 
     @abstractmethod
     def acceleration(self, R: Array, x: Array, V: Array, force: Array) -> Array:
-        """V̇ in eqt's coordinates: body frame, (ω, v) on SE3 and ω on SO3.
+        """Return V̇ in eqt's coordinates: body frame, (ω, v) on SE3 and ω on SO3.
 
         Parameters
         ----------
         R, x
-            Attitude, body to space, and position, m; the latter is nothing on SO3.
+            Attitude (body to space) and position, m; the position is empty on SO3.
         V, force
-            Velocity, and the torque and force that act at the origin of the body frame, body frame.
+            Velocity, and torque and force at the origin of the body frame, in body axes.
         """
 
 
@@ -115,8 +115,8 @@ class SteppingOracle(Oracle):
 
     @abstractmethod
     def start(self, R: Array, x: Array, V: Array) -> None:
-        """Put the body somewhere."""
+        """Set the state of the body."""
 
     @abstractmethod
     def steps(self, force: Array, step: float, count: int) -> tuple[Array, Array, Array]:
-        """R, x and V after so many steps, in s, under a force that is held in the body frame."""
+        """Return R, x and V after `count` steps of `step` s with a constant body-frame force."""

@@ -1,4 +1,4 @@
-"""MuJoCo's rigid body; its package is not loaded before it is asked."""
+"""MuJoCo's rigid body. The package is loaded only when it is used."""
 
 from typing import Any, ClassVar
 
@@ -12,8 +12,8 @@ class MuJoCo(SteppingOracle):
     """A free body, or one on a ball joint, integrated by MuJoCo's "RK4".
 
     A free joint has q = (x, quaternion wxyz) and the velocities (ẋ in space, ω in the body); a ball
-    joint has the latter of each. So v = Rᵀ ẋ and v̇ = Rᵀ ẍ − ω × v. Forces are those of six motors
-    at a site in the body's origin, so that they turn with the body within a step.
+    joint has only the quaternion and ω. So v = Rᵀ ẋ and v̇ = Rᵀ ẍ − ω × v. Six motors at the origin
+    of the body apply the forces, so that these rotate with the body within a step.
     """
 
     name: ClassVar[str] = "mujoco"
@@ -36,7 +36,7 @@ class MuJoCo(SteppingOracle):
         part.add_joint(type=kinds.mjJNT_FREE if body.free else kinds.mjJNT_BALL)
         part.add_site(name="origin")
         for gear in np.eye(6)[[3, 4, 5, 0, 1, 2]]:  # eqt's order: torque, force
-            # By default an actuator is a motor: its force is what it is told.
+            # An actuator is a motor by default: its force equals its control input.
             spec.add_actuator(target="origin", trntype=mujoco.mjtTrn.mjTRN_SITE, gear=gear)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)

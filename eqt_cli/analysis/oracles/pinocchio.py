@@ -1,4 +1,4 @@
-"""Pinocchio's rigid body; its package is not loaded before it is asked."""
+"""Pinocchio's rigid body. The package is loaded only when it is used."""
 
 from typing import Any, ClassVar
 
@@ -11,8 +11,8 @@ from eqt_cli.core.arrays import Array
 class Pinocchio(Oracle):
     """A free-flyer, or a body on a spherical joint, by the articulated body algorithm.
 
-    A free-flyer has q = (x, quaternion xyzw) and the velocity (v, ω) in the body frame, of whose
-    components the accelerations are the rates; eqt's V is (ω, v).
+    A free-flyer has q = (x, quaternion xyzw) and the velocity (v, ω) in the body frame; its
+    accelerations are the rates of these components. In eqt, V is (ω, v).
     """
 
     name: ClassVar[str] = "pinocchio"

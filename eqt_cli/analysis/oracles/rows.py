@@ -1,4 +1,4 @@
-"""What a foreign plant says of an experiment, as rows beside the certificates."""
+"""Compares an experiment with a foreign plant; the rows stand beside the certificates."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,87 +22,87 @@ from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.sampling import Sampling
 
 STATES = 20
-"""Random states at which accelerations are compared."""
+"""Number of random states at which accelerations are compared."""
 
 TOLERANCE = 1e-12
-"""Of accelerations, relative to the largest of a state or 1: rounding, here and there."""
+"""Tolerance of accelerations relative to the largest of a state or 1: rounding of both sides."""
 
 PERIOD, INSTANTS = 0.05, 40
-"""s, and how many: of the sampled loop that is stepped by the oracle."""
+"""Control period, s, and number of periods of the sampled loop that the oracle integrates."""
 
 SUBSTEPS = (1, 2, 4, 8)
-"""Into how many steps a period is cut, one after the other."""
+"""Numbers of integration steps per period, one after the other."""
 
 RTOL = 1e-12
-"""Of eqt's own solution."""
+"""Relative tolerance of eqt's own solution."""
 
 ORDER = 2.0
-"""With which the difference falls at least: of MuJoCo's "RK4", 2.00 was measured with 3.3,
-whose attitude is of second order, and 4.00 with 4.0."""
+"""Least order with which the difference falls. For MuJoCo's "RK4", 2.00 was measured with version
+3.3, whose attitude is of second order, and 4.00 with version 4.0."""
 
 SHORTFALL = 0.2
-"""Of the order, which is reached in the limit of short steps only."""
+"""Allowed shortfall of the order, which is reached only in the limit of short steps."""
 
 
 def oracle_rows(
     kind: type[Oracle], experiment: Experiment, random: np.random.Generator
 ) -> list[Row]:
-    """The accelerations of plant and reference, and a sampled loop where the oracle integrates."""
-    ask = _Asked(kind, random)
+    """Compare the accelerations of plant and reference, and a sampled loop if possible."""
+    compare = _Comparisons(kind, random)
     rows: list[Row] = []
     for index, (label, loop) in enumerate(experiment.loops.items()):
         if index == 0:  # the reference and its inertia are the same for all laws
-            rows.append(ask.row("acceleration of the reference", "", ask.reference, loop))
-        rows.append(ask.row("acceleration of the plant", label, ask.plant, loop))
+            rows.append(compare.row("acceleration of the reference", "", compare.reference, loop))
+        rows.append(compare.row("acceleration of the plant", label, compare.plant, loop))
         if issubclass(kind, SteppingOracle):
             name = "sampled loop converges to eqt's"
-            rows.append(ask.row(name, label, ask.closed_loop, loop, experiment))
+            rows.append(compare.row(name, label, compare.closed_loop, loop, experiment))
     return rows
 
 
-_Answer = tuple[float, float, str]
-"""What was measured, its bound and a remark."""
+_Compared = tuple[float, float, str]
+"""Measured value, bound and remark."""
 
 
-class _Unanswered(Exception):
-    """The verdict where there is no answer, and why there is none."""
+class _NotComparable(Exception):
+    """Carries the verdict and the reason if a comparison is impossible."""
 
 
-class _Asked:
-    """An oracle that is asked about one loop after the other."""
+class _Comparisons:
+    """The comparisons of an oracle with one loop after the other."""
 
     def __init__(self, kind: type[Oracle], random: np.random.Generator) -> None:
         self.kind, self.random = kind, random
         self.statement = f"{kind.title} {kind.version()}"
 
-    def row(self, name: str, label: str, ask: Callable[..., _Answer], *about: Any) -> Row:
-        """What it answers."""
+    def row(self, name: str, label: str, compare: Callable[..., _Compared], *about: Any) -> Row:
+        """Return the row of one comparison."""
         try:
-            measured, bound, remark = ask(*about)
-        except _Unanswered as unanswered:
-            return Row(name, self.statement, "oracle", label, None, None, *unanswered.args)
+            measured, bound, remark = compare(*about)
+        except _NotComparable as not_comparable:
+            return Row(name, self.statement, "oracle", label, None, None, *not_comparable.args)
         verdict = Verdict.HOLDS if measured <= bound else Verdict.FAILS
         return Row(name, self.statement, "oracle", label, measured, bound, verdict, remark)
 
-    def reference(self, loop: ClosedLoop) -> _Answer:
-        """V̇_d under τ_d, with the inertia that the laws believe."""
+    def reference(self, loop: ClosedLoop) -> _Compared:
+        """Compare V̇_d under τ_d, with the inertia that the laws use."""
         s = self._states(loop)
         body = self._body(loop, s, true=False)
         _, P_dot = lie_poisson(s.G, s.Qd, s.Pd, s.Vd, s.tau_d)
         return _compared(s, body, (s.Qd, s.Vd, s.tau_d, s.inertia.velocity(P_dot)))
 
-    def plant(self, loop: ClosedLoop) -> _Answer:
-        """V̇ under all that acts, with the true inertia."""
+    def plant(self, loop: ClosedLoop) -> _Compared:
+        """Compare V̇ under all forces, with the true inertia."""
         s = self._states(loop)
         body = self._body(loop, s, true=True)
         acting, _ = loop.acting_and_rates(s)
         _, P_dot = lie_poisson(s.G, s.Q, s.P, s.V, acting)
-        # With the inertia that the law believes: what then acts is what really does.
+        # Without the model error of the inertia, these are the real forces.
         forces = replace(loop.vehicle, inertia=None).acting(s, loop.torque(s))
         return _compared(s, body, (s.Q, s.V, forces, s.inertia.velocity(P_dot)))
 
-    def closed_loop(self, loop: ClosedLoop, experiment: Experiment) -> _Answer:
-        """A loop with a zero-order hold, stepped by the oracle, against eqt's solution."""
+    def closed_loop(self, loop: ClosedLoop, experiment: Experiment) -> _Compared:
+        """Compare a loop with a zero-order hold, stepped by the oracle, with eqt's solution."""
         body = self._body(loop, self._states(loop), true=False)
         assert isinstance(body, SteppingOracle)
         loop = replace(loop, vehicle=Vehicle(control=Sampling(PERIOD)))
@@ -115,17 +115,17 @@ class _Asked:
         solution = exact.solve(Problem(loop, first[None], times))
         if solution.status[0]:
             reason = f"eqt's own run fails: {solution.messages[0]}"
-            raise _Unanswered(Verdict.UNDECIDED, reason)
-        found = [_stepped(loop, body, times, first, solution.states[0], n) for n in SUBSTEPS]
+            raise _NotComparable(Verdict.UNDECIDED, reason)
+        found = [_difference(loop, body, times, first, solution.states[0], n) for n in SUBSTEPS]
         orders = np.log2(np.array(found[:-1]) / found[1:])
         bound = max(found[0] / SUBSTEPS[-1] ** (ORDER - SHORTFALL), STATES_PER_RTOL * RTOL)
         falls = ", ".join(f"{order:.2f}" for order in orders)
         step = PERIOD / SUBSTEPS[-1]
-        said = f"at {times[-1]:g} s, steps of {step:g} s; falls with order {falls}"
-        return found[-1], bound, said
+        remark = f"at {times[-1]:g} s, steps of {step:g} s; falls with order {falls}"
+        return found[-1], bound, remark
 
     def _states(self, loop: ClosedLoop) -> Tracking:
-        """The loop at random states, all at one time."""
+        """Return the loop at random states, all at one time."""
         G, random = loop.group, self.random
         Q, Qd = (G.exp(random.standard_normal((STATES, G.dimension))) for _ in range(2))
         V, Vd = random.standard_normal((2, STATES, G.dimension))
@@ -135,44 +135,44 @@ class _Asked:
         return loop.tracking(t, flat)
 
     def _body(self, loop: ClosedLoop, s: Tracking, *, true: bool) -> Oracle:
-        """The loop's body in the other program, with its true inertia or the one believed in."""
+        """Create the loop's body in the other program, with its true or its modelled inertia."""
         inertia: Inertia = s.inertia
         if true and loop.vehicle.inertia is not None:
             inertia = loop.vehicle.inertia.at(inertia, s.t)
         if inertia.change is not None:
-            raise _Unanswered(Verdict.NOT_COVERED, "the inertia varies in time")
+            raise _NotComparable(Verdict.NOT_COVERED, "the inertia varies in time")
         body = RigidBody.of(loop.group, np.asarray(inertia.matrix))
         if body is None:
             reason = "no rigid body in space has this group or this inertia"
-            raise _Unanswered(Verdict.NOT_COVERED, reason)
+            raise _NotComparable(Verdict.NOT_COVERED, reason)
         try:
             return self.kind(body)
         except ValueError as error:
             reason = f"{self.kind.title} does not take this body: {error}"
-            raise _Unanswered(Verdict.NOT_COVERED, reason) from error
+            raise _NotComparable(Verdict.NOT_COVERED, reason) from error
 
 
-def _compared(s: Tracking, oracle: Oracle, given: tuple[Array, ...]) -> _Answer:
-    """The largest difference of accelerations; given are Q, V, the force and eqt's V̇."""
+def _compared(s: Tracking, oracle: Oracle, given: tuple[Array, ...]) -> _Compared:
+    """Return the largest difference of accelerations, given Q, V, the force and eqt's V̇."""
     Q, V, force, expected = (
         np.broadcast_to(values, (STATES, *values.shape[values.ndim - axes :]))
         for values, axes in zip(given, (2, 1, 1, 1), strict=True)
     )
     worst = 0.0
     for k in range(STATES):
-        found = oracle.acceleration(*_placed(s, Q[k]), V[k], force[k])
+        found = oracle.acceleration(*_attitude_and_position(s, Q[k]), V[k], force[k])
         size = max(1.0, float(np.abs(expected[k]).max()))
         worst = max(worst, float(np.abs(found - expected[k]).max()) / size)
     return worst, TOLERANCE, f"relative, at {STATES} random states"
 
 
-def _placed(s: Tracking, Q: Array) -> tuple[Array, Array]:
-    """Attitude and position of a pose."""
+def _attitude_and_position(s: Tracking, Q: Array) -> tuple[Array, Array]:
+    """Return the attitude and the position of a pose."""
     assert isinstance(s.G, EuclideanGroup)
     return s.G.rotation(Q), Q[:3, 3:].reshape(-1)
 
 
-def _stepped(
+def _difference(
     loop: ClosedLoop,
     oracle: SteppingOracle,
     times: Array,
@@ -180,13 +180,13 @@ def _stepped(
     expected: Array,
     substeps: int,
 ) -> float:
-    """The difference to eqt's solution at its end, of the loop whose plant the oracle integrates.
+    """Return the final difference between eqt's solution and a loop whose plant the oracle steps.
 
-    The law is eqt's, evaluated at what the oracle's body does; references are those of eqt.
+    The law is eqt's, evaluated at the motion of the oracle's body. The reference is eqt's.
     """
     G, layout, state = loop.group, loop.layout, first
     s = loop.tracking(times[0], state)
-    oracle.start(*_placed(s, s.Q), s.V)
+    oracle.start(*_attitude_and_position(s, s.Q), s.V)
     ours = [name for name in layout.lengths if name.startswith("desired")]
     for k, t in enumerate(times[:-1]):
         state = loop.after_instant(t, state)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import cleandoc
 from typing import Any
 
 from typer.core import TyperArgument, TyperCommand, TyperGroup
@@ -19,6 +20,11 @@ COMPUTE = "Compute"
 READ = "Look at results"
 LOOK_UP = "Configurations, recordings and components"
 """Groups of commands."""
+
+
+def example(command: str, arguments: str) -> str:
+    """The last line of a help page: a command that can be typed."""
+    return f"Example: {command} {arguments}"
 
 
 def _without_types(parameters: list[Any]) -> None:
@@ -40,8 +46,10 @@ class Command(TyperCommand):
     """A command with such a help page."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print it."""
+        """Print it, with paragraphs that fill the width."""
         _without_types(self.get_params(ctx))
+        paragraphs = cleandoc(self.help or "").split("\n\n")
+        self.help = "\n\n".join(" ".join(words.split()) for words in paragraphs)
         super().format_help(ctx, formatter)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:

@@ -12,16 +12,43 @@ from eqt_cli.cli.shared.help import COMPUTING, EXPERIMENT, OUTPUT, RESULT, SELEC
 from eqt_cli.cli.shared.output import be_quiet
 from eqt_cli.core.errors import EqtError
 
+MOST_SHOWN = 60
+"""Characters of a value that messages repeat."""
+
 
 def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:
-    """What a repeated option was given, by the places that messages name: ``--set[0]``."""
-    return {f"{option}[{index}]": text for index, text in enumerate(texts or ())}
+    """What a repeated option was given, by the places that messages name: ``--set gains.kp=2``."""
+    found: dict[str, str] = {}
+    for text in texts or ():
+        key, _, _ = text.partition("=")
+        place = f"{option} {text if len(text) <= MOST_SHOWN else f'{key}=…'}"
+        while place in found:
+            place += " (again)"
+        found[place] = text
+    return found
 
 
 def overrides(set_: Sequence[str] | None, engine: str | None = None) -> dict[str, str]:
     """What ``--set`` and ``--engine`` change of a configuration."""
     chosen = {} if engine is None else {"--engine": f"solver.engine={engine}"}
     return placed("--set", set_) | chosen
+
+
+def pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
+    """What a repeated option was given as ``NAME=TEXT``.
+
+    Raises
+    ------
+    EqtError
+        If one has no name or no text.
+    """
+    found = {}
+    for text in texts or ():
+        name, _, value = (piece.strip() for piece in text.partition("="))
+        if not (name and value):
+            raise EqtError(f"{option}: expected NAME=TEXT, got '{text}'")
+        found[name] = value
+    return found
 
 
 def the_one(command: str, results: Sequence[Path], does: str = "") -> Path:
@@ -100,6 +127,10 @@ Set = Annotated[
     ),
 ]
 Out = Annotated[Path | None, out("Result folder.")]
+Controllers = Annotated[
+    list[str] | None,
+    valued("--controller", "LAW", "Show only this controller. Repeatable.", SELECTION),
+]
 Json = Annotated[bool, flag("--json", "Print one JSON document.", OUTPUT)]
 Quiet = Annotated[bool, flag("--quiet", "Print errors only.", OUTPUT, "-q", callback=be_quiet)]
 Verbose = Annotated[bool, flag("--verbose", "Print every row.", OUTPUT, "-v")]

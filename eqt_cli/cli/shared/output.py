@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import shutil
 import sys
@@ -78,7 +79,7 @@ def complain(message: str) -> None:
 
 def warn(remark: EqtWarning) -> None:
     """What a user should know of a result, on stderr."""
-    say(f"eqt: {remark.told(option)}")
+    say(f"eqt: {remark.with_advice(option)}")
 
 
 def option(argument: str) -> str:
@@ -131,12 +132,14 @@ def print_found(document: Any, *pieces: str | Text, json: bool, nothing: str = "
 def print_error(error: EqtError) -> None:
     """What went wrong as one JSON document, with the place of every problem that has one."""
     problems = problem_records(getattr(error, "problems", ()))
-    print_json({"error": error.told(option), "exit_code": error.exit_code, "problems": problems})
+    print_json(
+        {"error": error.with_advice(option), "exit_code": error.exit_code, "problems": problems}
+    )
 
 
 def problem_records(problems: Iterable[InputProblem]) -> list[dict[str, str]]:
     """Problems for programs: path, message and place of each."""
-    return [{"path": p.path, "message": p.told(option), "place": p.place} for p in problems]
+    return [{"path": p.path, "message": p.with_advice(option), "place": p.place} for p in problems]
 
 
 def _plain(value: Any) -> Any:
@@ -162,17 +165,23 @@ def table(header: list[str], rows: list[list[str]]) -> Text:
 
 
 def laid_out(table: TextTable) -> Text:
-    """A table as it is printed, as wide as the terminal; a pipe gets all of it."""
+    """A table as it is printed, as wide as the terminal or COLUMNS; a pipe gets all of it."""
     from eqt_cli.cli.shared.terminal_tables import table_text
 
-    return table_text(table, room())
+    return table_text(table, room_of_tables())
 
 
 def room(stream: TextIO | None = None) -> int | None:
-    """The width of the terminal; None where stdout is none, as a program may read it."""
+    """The width of the terminal; None where the stream is none, as a program may read it."""
     if not (stream or sys.stdout).isatty():
         return None
     return shutil.get_terminal_size().columns
+
+
+def room_of_tables() -> int | None:
+    """The same for tables, which obey COLUMNS wherever they go."""
+    columns = os.environ.get("COLUMNS", "")
+    return room() or (int(columns) if columns.isdecimal() else 0) or None
 
 
 def _folded(text: str, stream: TextIO) -> str:
@@ -192,13 +201,6 @@ def _fold(line: str, width: int) -> str:
 
 _HANGING = re.compile(r" *(\S+ {2,})?")
 """What further lines of a line leave free: its indentation, and a word that names it."""
-
-
-def number(value: float, digits: int = 3) -> str:
-    """A number for a table; ``-`` where there is none."""
-    if not math.isfinite(value):
-        return "-"
-    return f"{value:.{digits}g}" if abs(value) < 1e-2 and value else f"{value:.{digits}f}"
 
 
 def count_of(number: int, noun: str) -> str:

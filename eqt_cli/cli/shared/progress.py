@@ -195,10 +195,17 @@ class _Lines(Meter):
         super().begin(what, count)
         self.next_line = self.started + SHOW_AFTER
 
+    def end(self) -> None:
+        """Say that it is done, if it was long enough to be told of."""
+        took = time.monotonic() - self.started
+        if took >= SHOW_AFTER and self.found + 1 <= round(self.done) >= self.total:
+            say(f"{self.total} {self.what}: done in {duration(took)}")
+        super().end()
+
     def show(self) -> None:
-        """Print a line now and then."""
+        """Print a line now and then, and none for the last."""
         now = time.monotonic()
-        if now < self.next_line or self.done < self.found + 1:
+        if now < self.next_line or not self.found + 1 <= round(self.done) < self.total:
             return
         self.next_line = now + LINE_EVERY
         told = [f"{self.done:.0f}/{self.total} {self.what}", self.speed, self.left, self.latest]

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.findings import listed
+from eqt_cli.analysis.comparison.maps import NOBODY
+from eqt_cli.analysis.comparison.notation import significant
 from eqt_cli.analysis.comparison.shares import share
-from eqt_cli.analysis.extreme_points import extreme_points
+from eqt_cli.analysis.sweep_summary import COMPARED, sweep_tables, winners
 from eqt_cli.analysis.text_tables import Block, TextTable
-from eqt_cli.cli.shared.output import complain, count_of, laid_out, number, print_text
+from eqt_cli.cli.shared.output import complain, count_of, laid_out, print_text
 from eqt_cli.results.result import HEADLINE, Result
 
 if TYPE_CHECKING:
@@ -26,9 +28,6 @@ way of `solve_ivp`."""
 
 MANY, RARE = 1000, 0.01
 """Runs from which on, and the share below which, those that do not settle are counted exactly."""
-
-SHOWN = ("mean_pose_error", "early_torque")
-"""Metrics whose best and worst points are said of a sweep."""
 
 MOST_FAILURES = 10
 """Different messages shown of failed runs."""
@@ -44,9 +43,7 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
     """
     lines: list[str | Text] = [
         *heading,
-        laid_out(extreme_points(result, SHOWN)) if result.is_sweep else _headline(result),
-        "",
-        *_shares(result),
+        *(_of_sweep(result) if result.is_sweep else [_headline(result), "", *_shares(result)]),
         *_accuracy(result),
     ]
     remarks = [
@@ -57,6 +54,27 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
     print_text(*lines)
     for remark in remarks:
         complain(remark)
+
+
+def _of_sweep(result: Result) -> Iterator[str | Text]:
+    """Its tables; nothing over all of its points, since that means little."""
+    for table in sweep_tables(result, COMPARED):
+        yield laid_out(table)
+        yield ""
+
+
+def outcome_record(result: Result) -> dict[str, Any]:
+    """The same for programs: the headline of each controller, or how many points each law wins."""
+    if not result.is_sweep:
+        return {"controllers": result.headline()}
+    won = {
+        found.quantity.name: {
+            **{label: found.wins(law) for law, label in enumerate(found.labels)},
+            "undecided": found.wins(NOBODY),
+        }
+        for found in winners(result)
+    }
+    return {"points_won": won}
 
 
 def _headline(result: Result) -> Text:
@@ -81,7 +99,12 @@ def _block(result: Result, part: str) -> Block:
         *means, residual = (row[name] for name in names)
         runs = str(row["runs"] - row["failed"])
         rows.append(
-            [result.titled[row["controller"]], runs, *map(number, means), number(residual, 1)]
+            [
+                result.titled[row["controller"]],
+                runs,
+                *map(significant, means),
+                significant(residual, 1),
+            ]
         )
     units = listed([u for u in dict.fromkeys(result.units(name) for name in names) if u != "1"])
     return Block(f"{part[1:].replace('_', ' ')}, in {units}" if part else "", rows)
@@ -113,7 +136,7 @@ def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
         for title, (value, low, high) in found.items()
     )
     yield f"not settled: {told} (exact {100 * Resampling.confidence:g} % intervals)"
-    if any(few.values()) and not result.is_sweep:
+    if any(few.values()):
         yield f"`eqt show {result.path.parent} --unsettled` lists their starts"
 
 

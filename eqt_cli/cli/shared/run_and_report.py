@@ -139,6 +139,7 @@ def report(
 
 
 def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> dict[str, Any]:
+    from eqt_cli.cli.shared.result_tables import outcome_record
 
     check, points = results.cross_check, results.dimensions.get("point")
     return {
@@ -146,7 +147,7 @@ def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> d
         "was_complete": done.was_complete,
         **({} if points is None else {"points": points}),
         **counted,
-        "controllers": results.headline(),
+        **outcome_record(results),
         "cross_check": asdict(check) | {"holds": check.holds} if check else None,
     }
 
@@ -159,5 +160,11 @@ def _print_summary(done: StoredResult, results: Result) -> None:
     took = "".join(f", {name} {value:.1f} s" for name, value in done.seconds.items())
     over = "" if points is None else f"{count_of(points, 'point')}, "
     print_text(f"{over}{count_of(done.runs, 'run')}{took}", f"results  {done.file}")
-    then = f"plot {done.path}" if done.failed < done.runs else f"show {done.path} --failed"
-    print_text(f"next     eqt {then}")
+    print_text(f"next     eqt {_next(done, len(results.labels))}")
+
+
+def _next(done: StoredResult, laws: int) -> str:
+    """What to look at: why all runs failed, else how laws compare, else the figure of the one."""
+    if done.failed == done.runs:
+        return f"show {done.path} --failed"
+    return f"{'compare' if laws > 1 else 'plot'} {done.path}"

@@ -17,12 +17,20 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
 
 
+MOST_COLUMNS = 7
+"""Of a table in LaTeX, which fit a page."""
+
+
 def as_latex(table: TextTable) -> str:
-    """A `tabular` of the package booktabs, with the caption and the notes as comments."""
+    """Tables of the package booktabs, with the caption and the notes as comments."""
+    return "\n\n".join(map(_tabular, table.narrow(MOST_COLUMNS)))
+
+
+def _tabular(table: TextTable) -> str:
     numeric = [_is_numeric(column) for column in zip(*table.rows, strict=True)]
     layout = "".join("r" if right else "l" for right in numeric)
     lines = [f"% {table.caption}", rf"\begin{{tabular}}{{{layout}}}", r"\toprule"]
-    lines.append(_latex_row(_MATHEMATICS.get(heading, heading) for heading in table.header))
+    lines.append(_latex_row(map(_heading, table.header)))
     for block in table.blocks:
         lines.append(r"\midrule")
         if block.title:
@@ -31,6 +39,14 @@ def as_latex(table: TextTable) -> str:
         lines += [_latex_row(row) for row in block.rows]
     lines += [r"\bottomrule", r"\end{tabular}", *(f"% {note}" for note in table.notes)]
     return "\n".join(lines)
+
+
+def _heading(text: str) -> str:
+    r"""A heading in two lines where it ends with a window and a unit: ``effort, 0--20\,s``."""
+    measure, comma, end = text.rpartition(", ")
+    if comma and end[:1].isdigit():
+        return rf"\shortstack[l]{{{measure} \\ {end}}}"
+    return _MATHEMATICS.get(text, text)
 
 
 def as_csv(records: Sequence[Mapping[str, Any]]) -> str:

@@ -1,4 +1,4 @@
-"""Parts of an expression without variables: each must have a finite value."""
+"""Checks that each part of an expression without variables has a finite value."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from eqt_cli.core.expressions.tree import Binary, Call, Node, Variable, fold
 
 
 def check_constants(tree: Node) -> None:
-    """Refuse a tree with a part without variables that has no finite value."""
+    """Raise an `ExpressionError` for a constant part without a finite value."""
     with np.errstate(all="ignore"):
         fold(tree, _finite_value)
 
 
 def _finite_value(node: Node, operands: tuple[float | None, ...]) -> float | None:
-    """Compute a node without variables, which must be finite; None stands for all others."""
+    """Return the value of a node without variables, which must be finite; None for all others."""
     if isinstance(node, Binary) and node.operator == "/" and operands[1] == 0:
         raise ExpressionError(f"division by zero at column {node.column}", node.column)
     if isinstance(node, Call) and node.function == "smoothstep":

@@ -1,4 +1,4 @@
-"""The value of a node of the syntax tree, from those of its operands."""
+"""Computes the value of a node of the syntax tree from those of its operands."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def combine(node: Number | Negation | Binary | Call, operands: tuple[Any, ...]) 
     if isinstance(node, Binary):
         left, right = operands
         if isinstance(left, float) and isinstance(right, float):
-            # Python's floats raise where IEEE has inf and nan, and turn complex on (-8)**0.5.
+            # Python's floats raise where IEEE gives inf or nan, and (-8)**0.5 becomes complex.
             return float(_OPERATORS[node.operator](np.float64(left), right))
         return _OPERATORS[node.operator](left, right)
     if isinstance(node, Call):
@@ -34,7 +34,7 @@ def combine(node: Number | Negation | Binary | Call, operands: tuple[Any, ...]) 
 
 
 def power(base: Any, exponent: Any) -> Any:
-    """Raise to a power, also a number to that of a symbol, whose type may have no ``__rpow__``."""
+    """Raise to a power, also a number to a symbol, whose type may have no ``__rpow__``."""
     symbols = isinstance(exponent, np.ndarray) and exponent.dtype == object
     if isinstance(base, float) and (symbols or not hasattr(exponent, "__rpow__")):
         return apply("exp", exponent * float(np.log(base)))[()]

@@ -1,4 +1,4 @@
-"""A parsed expression, and how it is made of a text or of an entry of a configuration."""
+"""Expressions, parsed from text or from an entry of a configuration."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Expression:
     Attributes
     ----------
     text : str
-        What was parsed.
+        The text that was parsed.
     variables : frozenset of str
         The variables that occur in it.
     tree : Node
@@ -46,9 +46,9 @@ class Expression:
         Returns
         -------
         float, array or symbol
-            What the operators make of the values: floats give a float, arrays an array of their
-            shape, a symbol a symbol. An expression without variables is a float whatever is given.
-            Arithmetic is IEEE 754's, without warnings: ``1/t`` at 0 is inf, ``sqrt(t)`` at −1 nan.
+            Floats give a float, arrays an array of their shape, a symbol a symbol. An expression
+            without variables gives a float. Arithmetic follows IEEE 754, without warnings: ``1/t``
+            at 0 is inf, ``sqrt(t)`` at −1 is nan.
 
         Raises
         ------
@@ -73,12 +73,12 @@ class Expression:
     def instants(self) -> tuple[float, ...]:
         """The values of ``t`` at which a piecewise function changes its piece, in order.
 
-        Those that can be read off: where what is compared is linear in t.
+        Only changes where both compared arguments are linear in t are found.
         """
         return instants_in(self.tree) if "t" in self.variables else ()
 
     def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, tuple[str, ...]]]:
-        """Travel to workers as text: pickling a deep tree would exhaust the stack."""
+        """Pickle the text, because pickling a deep tree would exhaust the stack."""
         return parse, (self.text, tuple(sorted(self.variables)))
 
 
@@ -88,31 +88,31 @@ def parse(text: str, variables: Collection[str] = ("t",)) -> Expression:
     Raises
     ------
     ExpressionError
-        If the text is not an expression of the grammar, or a part of it without variables has no
-        finite value (``log(0)``, ``1/0``). The message names the column, counted from 1.
+        If the text is not in the grammar, or if a part without variables has no finite value
+        (``log(0)``, ``1/0``). The message names the column, counted from 1.
     """
     tree, used = Parser(text, variables).parse()
     check_constants(tree)
     return Expression(text, used, tree)
 
 
-MOST_QUOTED = 100
-"""Characters of an expression in a message, which names the column."""
+MAX_QUOTED = 100
+"""Longest quotation of an expression in a message, characters."""
 
 
 def formula(entry: str | float) -> Expression:
-    """The expression in t that an entry of a configuration is, text or a number.
+    """Return the expression in t of an entry in a configuration, text or a number.
 
     Raises
     ------
     InputError
-        If it is none; the message quotes it.
+        If the entry is no expression; the message quotes it.
     """
     try:
         return parse(str(entry))
     except ExpressionError as error:
         text = str(entry)
-        quoted = text if len(text) <= MOST_QUOTED else text[:MOST_QUOTED] + "…"
+        quoted = text if len(text) <= MAX_QUOTED else text[:MAX_QUOTED] + "…"
         raise InputError(f"'{quoted}': {error}") from error
 
 
@@ -122,6 +122,6 @@ def constant(text: str) -> float:
     Raises
     ------
     ExpressionError
-        As `parse`.
+        As by `parse`.
     """
     return float(parse(text, ()).evaluate({}))

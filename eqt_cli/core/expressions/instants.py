@@ -1,4 +1,4 @@
-"""When piecewise functions of the time change their piece, read off a syntax tree."""
+"""Finds the times at which piecewise functions in a syntax tree change their piece."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ _Linear = tuple[float, float]
 
 
 def instants_in(tree: Node) -> tuple[float, ...]:
-    """The values of ``t`` at which a piecewise function changes its piece, in order."""
-    found: set[float] = set()
+    """Return the values of ``t`` at which a piecewise function changes its piece, in order."""
+    instants: set[float] = set()
 
     def visit(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
         if isinstance(node, Call) and node.function in PIECEWISE:
-            found.update(_roots(node.function, operands))
+            instants.update(_roots(node.function, operands))
             return None
         return _linear(node, operands)
 
     with np.errstate(all="ignore"):
         fold(tree, visit)
-    return tuple(sorted(found))
+    return tuple(sorted(instants))
 
 
 def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
-    """A node as p + q t, where that can be read off."""
+    """Return a node as p + q t, or None where that is not possible."""
     if isinstance(node, Variable):
         return (0.0, 1.0) if node.name == "t" else None
     known = [operand for operand in operands if operand is not None]
@@ -56,7 +56,7 @@ def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
 
 
 def _roots(function: str, operands: tuple[_Linear | None, ...]) -> Iterator[float]:
-    """Where arguments that a function compares are equal."""
+    """Yield the times at which two compared arguments of a function are equal."""
     for one, other in PIECEWISE[function].compared(len(operands)):
         left, right = operands[one], (0.0, 0.0) if other is None else operands[other]
         if left and right and left[1] != right[1]:

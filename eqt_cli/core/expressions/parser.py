@@ -1,4 +1,4 @@
-"""From the text of an expression to its syntax tree, or to what is wrong with the text."""
+"""Parses the text of an expression to a syntax tree, with an error message for invalid text."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from eqt_cli.core.expressions.piecewise import PIECEWISE
 from eqt_cli.core.expressions.tree import Binary, Call, Negation, Node, Number, Variable
 
 MAX_LENGTH = 10_000
-"""The most characters of an expression."""
+"""Longest expression, characters."""
 
 MAX_NESTING = 100
-"""The deepest nesting of parentheses, signs and ``**``, far inside Python's recursion limit."""
+"""Deepest nesting of parentheses, signs and ``**``, far within Python's recursion limit."""
 
 _TOKEN = re.compile(
     r"(?P<space>[ \t\r\n]+)"
@@ -51,7 +51,7 @@ _CHARACTER_HINTS = {
     "\N{SUPERSCRIPT THREE}": "; write '**3'",
 }
 
-# How strongly an operator binds, and the least strength that its right operand must show.
+# The binding strength of each operator, and the smallest strength within its right operand.
 _INFIX = {"+": (1, 2), "-": (1, 2), "*": (3, 4), "/": (3, 4), "**": (7, 6)}
 _COMPARISONS = ("<", ">", "<=", ">=")
 _SIGN_STRENGTH = 5  # between * and **, so that -t**2 is -(t**2)
@@ -70,7 +70,7 @@ def _tokens(text: str) -> list[_Token]:
     while position < len(text):
         match = _TOKEN.match(text, position)
         if match is None:
-            # Not yet an error: what comes before it in the text is to be complained of first.
+            # No error yet, because an error earlier in the text should be reported first.
             tokens.append(_Token("other", text[position], position + 1))
             position += 1
             continue
@@ -186,37 +186,37 @@ class Parser:
         return Call(name, arguments, column)
 
     def _arguments(self, function: _Token) -> tuple[Node, ...]:
-        """Parse what stands between the parentheses of a function, as many as it takes."""
+        """Parse the arguments of a function, and check their number."""
         known = PIECEWISE.get(function.text)
         takes, count = (known.takes, known.count) if known else ("one argument", 1)
-        wrong = f"function '{function.text}' at column {function.column} takes {takes}"
+        rule = f"function '{function.text}' at column {function.column} takes {takes}"
         if self._token.text == ")":
-            raise ExpressionError(f"{wrong}, got none", function.column)
-        exchanged = False
+            raise ExpressionError(f"{rule}, got none", function.column)
+        is_inverted = False
         if function.text == "where":
-            arguments, exchanged = self._comparison(wrong)
+            arguments, is_inverted = self._comparison(rule)
         else:
             arguments = [self._expression(0)]
         while self._token.text == ",":
             if len(arguments) == count:
                 column = self._token.column
-                raise ExpressionError(f"{wrong}, got another after ',' at column {column}", column)
+                raise ExpressionError(f"{rule}, got another after ',' at column {column}", column)
             self._advance()
             arguments.append(self._expression(0))
         if self._token.text == ")" and len(arguments) < (count or 2):
             got = "no more" if function.text == "where" else str(len(arguments))
-            raise ExpressionError(f"{wrong}, got {got}", function.column)
-        if exchanged:
+            raise ExpressionError(f"{rule}, got {got}", function.column)
+        if is_inverted:
             arguments[2:] = arguments[:1:-1]
         return tuple(arguments)
 
-    def _comparison(self, wrong: str) -> tuple[list[Node], bool]:
-        """Parse a comparison as a < b; also whether what holds then is what holds otherwise."""
+    def _comparison(self, rule: str) -> tuple[list[Node], bool]:
+        """Parse a comparison as a < b; also return whether that is its inverse."""
         column = self._token.column
         left = self._expression(0)
         sign = self._token.text
         if sign not in _COMPARISONS:
-            raise ExpressionError(f"{wrong}, got no comparison at column {column}", column)
+            raise ExpressionError(f"{rule}, got no comparison at column {column}", column)
         self._advance()
         pair = [left, self._expression(0)]
         if sign in (">", "<="):
@@ -238,7 +238,7 @@ class Parser:
             self._refuse(self._token)
 
     def _refuse(self, token: _Token) -> NoReturn:
-        """Say why `token` cannot stand here; it follows a complete operand if it is no `other`."""
+        """Say why `token` cannot stand here, after a complete operand or as a foreign character."""
         column = token.column
         if token.kind == "other":
             hint = _CHARACTER_HINTS.get(token.text, "")
@@ -264,7 +264,7 @@ class Parser:
             hint = _NAME_HINTS[token.text]
             raise ExpressionError(f"unexpected '{token.text}' at column {column}{hint}", column)
         before, after = _short(self._tokens[self._next - 1].text), _short(token.text)
-        # Of 2t a product is meant, of 1_000, 0x10 or 1e it is not.
+        # 2t probably means a product; 1_000, 0x10 and 1e do not.
         multiply = token.kind != "name" or token.text in self._known
         hint = f"; write '{before}*{after}' to multiply" if multiply else ""
         raise ExpressionError(

@@ -1,4 +1,4 @@
-"""The functions of the grammar that have kinks or steps; most take several arguments."""
+"""Functions of the grammar with kinks or steps; most take several arguments."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from eqt_cli.core.arrays import absolute, apply, clip, less, maximum, minimum, s
 
 @dataclass(frozen=True)
 class Piecewise:
-    """A function that is put together from pieces.
+    """A function that is defined in pieces.
 
     Attributes
     ----------
     value
-        The function itself, of floats, arrays or symbols.
+        The function, of floats, arrays or symbols.
     compared
-        Which pairs of arguments it compares, of so many; an argument that is None stands for 0.
+        Returns the pairs of arguments that it compares, from their number; None stands for 0.
     takes
-        Its arguments in words.
+        The arguments in words.
     count
-        How many arguments it takes; None for two or more.
+        The number of arguments; None for two or more.
     """
 
     value: Callable[..., Any]
@@ -40,7 +40,7 @@ def _sign(x: Any) -> Any:
 
 
 def _smoothstep(x: Any, start: Any, end: Any) -> Any:
-    s = clip((x - start) / (end - start), 0.0, 1.0)  # how far x has come
+    s = clip((x - start) / (end - start), 0.0, 1.0)
     return s * s * (3 - 2 * s)
 
 
@@ -49,11 +49,11 @@ def _chosen(a: Any, b: Any, x: Any, y: Any) -> Any:
 
 
 def _atan2(y: Any, x: Any) -> Any:
-    """The angle of (x, y) from the axis x, by the arc tangent of at most 1 in size."""
+    """Return the angle of (x, y) from the x axis, by arc tangents of numbers from −1 to 1."""
     steep = smooth_less(absolute(x), absolute(y))
     angle = apply("atan", where(steep, x, y) / where(steep, y, x))
     above = where(smooth_less(y, 0.0), -np.pi / 2, np.pi / 2)
-    behind = where(less(y, 0.0), -np.pi, np.pi)  # which jumps
+    behind = where(less(y, 0.0), -np.pi, np.pi)  # a real jump, so not `smooth_less`
     return where(steep, above - angle, where(smooth_less(x, 0.0), angle + behind, angle))
 
 
@@ -90,4 +90,4 @@ PIECEWISE = {
         4,
     ),
 }
-"""The functions that have kinks or steps, at which engines end a step."""
+"""The functions with kinks or steps, at which engines end a step."""

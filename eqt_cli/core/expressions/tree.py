@@ -1,4 +1,4 @@
-"""The syntax tree of an expression, and how it is walked."""
+"""The syntax tree of an expression, and a function that visits its nodes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Variable:
-    """A name whose value is given when the expression is evaluated."""
+    """A variable, whose value is given when the expression is evaluated."""
 
     name: str
     column: int
@@ -45,7 +45,7 @@ class Binary:
 class Call:
     """``function(arguments)``.
 
-    ``where(a < b, x, y)`` has the arguments a, b, x, y; other comparisons are turned into this one.
+    ``where(a < b, x, y)`` has the arguments a, b, x, y; other comparisons are converted to it.
     """
 
     function: str
@@ -59,7 +59,7 @@ Node: TypeAlias = Number | Variable | Negation | Binary | Call
 def fold(node: Node, visit: Callable[[Node, tuple[Any, ...]], Any]) -> Any:
     """Visit the tree from the leaves up, each node with the results of its operands."""
     chain: list[Binary] = []
-    while isinstance(node, Binary):  # a long sum is a deep tree: recursion would not do
+    while isinstance(node, Binary):  # the tree of a long sum is too deep for recursion
         chain.append(node)
         node = node.left
     if isinstance(node, Negation):

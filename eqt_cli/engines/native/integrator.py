@@ -74,7 +74,8 @@ class Lanes(Integrator):
             Rows(self._parameters, by_run=True),
             Rows(self._held),
         ]
-        measured = [Rows(part.reshape(runs, -1), by_run=True) for part in errors or ()]
+        parts = errors.of_runs if errors else ()
+        measured = [Rows(part.reshape(runs, -1), by_run=True) for part in parts]
         around, program = self._law.around_code, self._law.after_instant
         if around is not None:
             torque, memory, states = self._answer(t, states, around, [*given, *measured])

@@ -178,7 +178,7 @@ class Batches(Integrator):
         if code is None:
             return super().at_instant(t, states, errors)
         lanes = np.ascontiguousarray(states.T[:, self._filled])
-        for part in errors or ():
+        for part in errors.of_runs if errors else ():
             numbers = np.concatenate([numbers, part[self._filled].reshape(len(lanes.T), -1).T])
         used = np.ascontiguousarray(numbers[: code.nparams])
         after: Array = code(lanes, pars=used, time=np.full(len(lanes.T), t))

@@ -1,4 +1,4 @@
-"""Cases that are compared with each other, each with a name of its own."""
+"""Named cases of a sweep."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,18 +11,18 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import KeyPath, Problems, parse_key
 from eqt_cli.ensemble.designs.base import CASE, Design, overlap
 
-MOST_CHARACTERS = 40
-"""Of a name, which has a line of its own in tables and figures."""
+MAX_CHARACTERS = 40
+"""Longest name of a case, which is a line in tables and figures."""
 
 
 @dataclass(frozen=True)
 class Cases(Design):
-    """Named points, each with the keys that it changes; what it does not name stays as it is.
+    """Named points, each with the keys that it changes; all other keys stay unchanged.
 
     Attributes
     ----------
     cases
-        By the name of the case, the values of keys, as `--set` takes them.
+        The values of keys by the name of the case, as for `--set`.
     """
 
     name: ClassVar[str] = "cases"
@@ -31,26 +31,26 @@ class Cases(Design):
     cases: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
 
     def check(self, problems: Problems) -> None:
-        """Note names that do not fit into tables, no keys, and keys within each other."""
-        for case, given in self.cases.items():
+        """Note names that do not fit into tables, invalid keys, and overlapping keys."""
+        for case, settings in self.cases.items():
             at_case = problems.at(case)
-            if not (case.strip() and case.isprintable() and len(case) <= MOST_CHARACTERS):
+            if not (case.strip() and case.isprintable() and len(case) <= MAX_CHARACTERS):
                 at_case.add(
-                    f"expected a name of 1 to {MOST_CHARACTERS} printable characters, got {case!r}"
+                    f"expected a name of 1 to {MAX_CHARACTERS} printable characters, got {case!r}"
                 )
-            for key in given:
+            for key in settings:
                 with at_case.catching(key):
                     if not key.strip():
                         raise InputError("expected a key of the configuration, got ''")
                     parse_key(key)
-            for one, other in combinations(given, 2):
+            for one, other in combinations(settings, 2):
                 if overlap(one, other):
                     at_case.at(other).add(f"{other} overlaps with {one}; remove one of them")
         if not problems:
-            self._check_alike(problems)
+            self._check_distinct(problems)
 
-    def _check_alike(self, problems: Problems) -> None:
-        """Note a case that changes the very same as an earlier one."""
+    def _check_distinct(self, problems: Problems) -> None:
+        """Note a case with the same changes as an earlier one."""
         for one, other in combinations(self.cases, 2):
             if self.cases[one] == self.cases[other]:
                 problems.at(other).add(f"changes the same as '{one}'; remove one of them")
@@ -67,7 +67,7 @@ class Cases(Design):
     @cached_property
     def sets(self) -> tuple[str, ...]:
         """The keys that any case changes."""
-        return tuple(dict.fromkeys(key for given in self.cases.values() for key in given))
+        return tuple(dict.fromkeys(key for case in self.cases.values() for key in case))
 
     @cached_property
     def always(self) -> tuple[str, ...]:

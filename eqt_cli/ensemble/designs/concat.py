@@ -22,7 +22,7 @@ class Concat(Design):
     Attributes
     ----------
     parts
-        Each one block, or a list of blocks that multiply.
+        One entry for each sweep: a block, or a list of blocks that multiply.
     """
 
     name: ClassVar[str] = "concat"
@@ -36,13 +36,13 @@ class Concat(Design):
             problems.add(f"expected a list of blocks, got {shown(section)}")
             return None
         parts = [Sweep.part(entry, problems.at(index)) for index, entry in enumerate(section)]
-        found = cls([part for part in parts if part is not None])
+        design = cls([part for part in parts if part is not None])
         if not problems:
-            found.check(problems)
-        return None if problems else counted(found, problems)
+            design.check(problems)
+        return None if problems else counted(design, problems)
 
     def check(self, problems: Problems) -> None:
-        """Note a part over other keys than the first."""
+        """Note a part whose keys differ from those of the first."""
         for index, part in enumerate(self.parts):
             if set(part.keys) != set(self.keys):
                 problems.at(index).add(
@@ -51,7 +51,7 @@ class Concat(Design):
                 return
 
     @cached_property
-    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # derived
         """The keys of the first part."""
         return self.parts[0].keys
 
@@ -64,8 +64,8 @@ class Concat(Design):
 
     def values(self, point: int) -> tuple[Any, ...]:
         index, inner = self._find(point)
-        found = self.parts[index].point(inner)
-        return tuple(found[key] for key in self.keys)
+        values = self.parts[index].point(inner)
+        return tuple(values[key] for key in self.keys)
 
     @cached_property
     def sets(self) -> tuple[str, ...]:
@@ -86,6 +86,6 @@ class Concat(Design):
         return (index, *self.parts[index].place(inner, key))
 
     def _find(self, point: int) -> tuple[int, int]:
-        """The part that a point is in, and its number there."""
+        """Return the part that holds a point, and the point's number in it."""
         index = bisect_right(self._ends, point)
         return index, point - (self._ends[index - 1] if index else 0)

@@ -16,19 +16,18 @@ class Grid(Listed):
     name: ClassVar[str] = "grid"
 
     def check(self, problems: Problems) -> None:
-        """Also a value that an axis lists a second time, which would make equal points."""
+        """Note also a value that an axis lists twice, which would make equal points."""
         super().check(problems)
         for key, axis in self.axes.items():
             if isinstance(axis, list) and (index := _repeated(axis)) is not None:
-                already = f"{axis[index]} is listed twice"
-                problems.at(key, index).add(f"{already}; give each value once")
+                problems.at(key, index).add(f"{axis[index]} is listed twice; give each value once")
 
     def __len__(self) -> int:
         return prod(len(values) for values in self.axes.values())
 
     @cached_property
     def _steps(self) -> dict[str, int]:
-        """How many points an axis keeps its value for."""
+        """The number of successive points with the same value on each axis."""
         steps, step = {}, 1
         for key, values in reversed(self.axes.items()):
             steps[key] = step
@@ -40,7 +39,7 @@ class Grid(Listed):
 
 
 def _repeated(values: list[Any]) -> int | None:
-    """The index of the first value that is there already."""
+    """Return the index of the first repeated value."""
     seen: set[str] = set()
     for index, value in enumerate(values):
         number = isinstance(value, int | float) and not isinstance(value, bool)

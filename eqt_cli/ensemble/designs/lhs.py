@@ -1,4 +1,4 @@
-"""Latin hypercube: along every axis, one point in each of as many equal shares as points."""
+"""Latin hypercube: each axis is divided into as many shares as points, with one point in each."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -11,12 +11,12 @@ from eqt_cli.ensemble.designs.sampled import Sampled
 
 @dataclass(frozen=True, kw_only=True)
 class LatinHypercube(Sampled):
-    """A Latin hypercube; another number of points gives another one."""
+    """A Latin hypercube; all points change with their number."""
 
     name: ClassVar[str] = "lhs"
 
     def shares(self, generator: np.random.Generator) -> Array:
-        """SciPy's Latin hypercube."""
-        from scipy.stats import qmc  # slow to import, and most designs do without
+        """Return SciPy's Latin hypercube."""
+        from scipy.stats import qmc  # slow to import, and rarely needed
 
         return qmc.LatinHypercube(len(self.axes), rng=generator).random(self.points)

@@ -1,4 +1,4 @@
-"""What designs have in common whose axes are lists of values."""
+"""Base class of designs whose axes are lists of values."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Listed(Design):
     Attributes
     ----------
     axes
-        By key.
+        The axes by key.
     """
 
     whole_section: ClassVar[str] = "axes"
@@ -27,12 +27,12 @@ class Listed(Design):
     axes: Annotated[dict[str, ListedAxis], Field(min_length=1)]
 
     @cached_property
-    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # derived
         """The keys of the axes."""
         return tuple(self.axes)
 
     def check(self, problems: Problems) -> None:
-        """Note ranges that are none, and values that are lists of mappings."""
+        """Note invalid ranges, and values that are lists of mappings."""
         for key, axis in self.axes.items():
             if isinstance(axis, Spaced):
                 axis.check(problems.at(key))
@@ -41,7 +41,7 @@ class Listed(Design):
 
     @abstractmethod
     def index(self, point: int, key: str) -> int:
-        """Which value of an axis a point has."""
+        """Return the index of a point's value on an axis."""
 
     def values(self, point: int) -> tuple[Any, ...]:
         return tuple(values[self.index(point, key)] for key, values in self.axes.items())

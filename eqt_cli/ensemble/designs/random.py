@@ -16,5 +16,5 @@ class Random(Sampled):
     name: ClassVar[str] = "random"
 
     def shares(self, generator: np.random.Generator) -> Array:
-        """Uniform on the unit cube."""
+        """Return points that are uniform on the unit cube."""
         return generator.random((self.points, len(self.axes)))

@@ -1,4 +1,4 @@
-"""What designs have in common that spread points over ranges: seed, axes, the unit cube."""
+"""Base class of designs that map points of the unit cube to ranges."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -22,11 +22,11 @@ class Sampled(Design):
     Attributes
     ----------
     points
-        How many.
+        The number of points.
     seed
-        Of the design's own random stream.
+        The seed of the design's random stream.
     axes
-        What is drawn, by key.
+        The range or the choices of each key.
     """
 
     points: Points
@@ -34,18 +34,18 @@ class Sampled(Design):
     axes: Annotated[dict[str, SampledAxis], Field(min_length=1)]
 
     @cached_property
-    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # derived
         """The keys of the axes."""
         return tuple(self.axes)
 
     def check(self, problems: Problems) -> None:
-        """Note ranges that are none."""
+        """Note invalid ranges."""
         for key, axis in self.axes.items():
             axis.check(problems.at("axes", key))
 
     @abstractmethod
     def shares(self, generator: np.random.Generator) -> Array:
-        """All points in the unit cube, ``(points, axes)``."""
+        """Return all points in the unit cube, ``(points, axes)``."""
 
     @cached_property
     def _shares(self) -> Array:

@@ -11,14 +11,14 @@ from eqt_cli.ensemble.designs.sampled import Sampled
 
 @dataclass(frozen=True, kw_only=True)
 class Sobol(Sampled):
-    """A scrambled Sobol sequence; more points keep the earlier ones. Best are powers of 2."""
+    """A scrambled Sobol sequence; more points keep the earlier ones. Use powers of 2."""
 
     name: ClassVar[str] = "sobol"
 
     def shares(self, generator: np.random.Generator) -> Array:
-        """The first points of SciPy's sequence, scrambled by the seed."""
-        from scipy.stats import qmc  # slow to import, and most designs do without
+        """Return the first points of SciPy's sequence, scrambled by the seed."""
+        from scipy.stats import qmc  # slow to import, and rarely needed
 
-        # By powers of 2, for which alone SciPy does not warn; what is too many is cut off.
+        # SciPy warns unless the number is a power of 2, so the surplus is cut off.
         sequence = qmc.Sobol(len(self.axes), rng=generator)
         return sequence.random_base2((self.points - 1).bit_length())[: self.points]

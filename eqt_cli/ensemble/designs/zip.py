@@ -14,7 +14,7 @@ class Zip(Listed):
     name: ClassVar[str] = "zip"
 
     def check(self, problems: Problems) -> None:
-        """Also an axis of another length than the first."""
+        """Note also an axis whose length differs from the first."""
         super().check(problems)
         if problems:
             return

@@ -16,12 +16,12 @@ from eqt_cli.groups.euclidean import EuclideanGroup
 
 @dataclass(frozen=True)
 class AnglePose(RotationDistribution):
-    """A rotation by a given angle, or by one between two, about a random axis or a given one.
+    """A rotation by a fixed or a uniform angle, about a random or a fixed axis.
 
     Attributes
     ----------
     angle
-        From 0 to 180 deg, in rad or such as 170 deg; of a list of two, uniform between them.
+        The angle, from 0 to 180 deg, in rad or such as 170 deg; uniform between the two of a list.
     axis
         `random`, uniform over all directions, or a vector in the frame of the desired pose; in the
         plane [1] or [-1].
@@ -33,20 +33,20 @@ class AnglePose(RotationDistribution):
     axis: Axis = "random"
 
     def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
-        """The angle along the axis: a rotation vector."""
+        """Return a rotation vector, the angle along the axis."""
         return directed(self.angle, self.axis, G.rotations, generator)
 
     def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
-        """exp of the rotation vectors."""
+        """Return exp of the rotation vectors."""
         still = np.zeros((len(numbers), G.dimension - G.rotations))
         return G.rotation(G.exp(np.concatenate([numbers, still], axis=1)))
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A group without rotations, an angle of more than a half-turn, another kind of axis."""
+        """Note a group without rotations, an angle beyond a half-turn, and an invalid axis."""
         super().check(G, problems)
         check_size(self.angle, problems.at("angle"))
-        if (most := np.max(self.angle)) > np.pi:
-            got = f"got {np.degrees(most):.6g} deg"
-            problems.at("angle").add(f"expected an angle from 0 to 180 deg, {got}")
+        if (largest := np.max(self.angle)) > np.pi:
+            got = f"{np.degrees(largest):.6g} deg"
+            problems.at("angle").add(f"expected an angle from 0 to 180 deg, got {got}")
         if isinstance(G, EuclideanGroup) and G.rotations:
             check_axis(self.axis, G.rotations, problems.at("axis"))

@@ -1,4 +1,4 @@
-"""What a distribution of initial poses is, and the part that rotations have in common."""
+"""Base classes of distributions of the initial pose."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -23,16 +23,16 @@ class PoseDistribution(Distribution):
     Attributes
     ----------
     angles
-        Options that are angles of any size.
+        Options that are angles and may exceed a half-turn.
     """
 
     angles: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
-        """The elements of G that the runs' numbers stand for, ``(runs, k) -> (runs, d, d)``.
+        """Return the elements of G for the runs' numbers, ``(runs, k) -> (runs, d, d)``.
 
-        Apart from `draw`, so that many runs cost one array operation.
+        This is separate from `draw`, so that many runs need only one array operation.
         """
 
 
@@ -50,7 +50,7 @@ class RotationDistribution(PoseDistribution):
     velocity: Spread | None = None
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """The numbers of the rotation, then those of the columns from left to right."""
+        """Return the numbers of the rotation, then those of the columns from left to right."""
         assert isinstance(G, EuclideanGroup)  # `check` lets no other group through
         numbers = [self.draw_rotation(G, generator)]
         for column in G.columns:
@@ -59,7 +59,7 @@ class RotationDistribution(PoseDistribution):
         return np.concatenate(numbers)
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
-        """The poses of many runs."""
+        """Return the poses of many runs."""
         assert isinstance(G, EuclideanGroup)
         k = numbers.shape[1] - G.space * len(G.columns)
         columns = numbers[:, k:].reshape(len(numbers), len(G.columns), G.space).swapaxes(-1, -2)
@@ -67,27 +67,27 @@ class RotationDistribution(PoseDistribution):
 
     @abstractmethod
     def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
-        """The random numbers of one run's rotation, ``(k,)``."""
+        """Return the random numbers of one run's rotation, ``(k,)``."""
 
     @abstractmethod
     def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
-        """The rotations of many runs, ``(runs, k) -> (runs, n, n)``."""
+        """Return the rotations of many runs, ``(runs, k) -> (runs, n, n)``."""
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A group without rotations, or a column that it does not have."""
+        """Note a group without rotations, and a column that it does not have."""
         if not isinstance(G, EuclideanGroup) or not G.rotations:
-            takes = f"for {G.name} use exp_normal"
+            advice = f"for {G.name} use exp_normal"
             if isinstance(G, ProductGroup):
-                takes += f", or a list of {len(G.factors)}, one per factor"
-            problems.at("kind").add(f"{self.name} needs a group with rotations; {takes}")
+                advice += f", or a list of {len(G.factors)}, one per factor"
+            problems.at("kind").add(f"{self.name} needs a group with rotations; {advice}")
             return
         for column in ("position", "velocity"):
             spread: Spread | None = getattr(self, column)
             if spread is None:
                 continue
             if column not in G.columns:
-                has = ", ".join(G.columns)
-                why = f"only {has}" if has else "since it has no translations"
+                columns = ", ".join(G.columns)
+                why = f"only {columns}" if columns else "since it has no translations"
                 problems.at(column).add(f"{G.name} has no {column} column, {why}; remove this key")
             else:
                 spread.check(G.space, problems.at(column))

@@ -15,12 +15,12 @@ from eqt_cli.groups.euclidean import EuclideanGroup
 
 @dataclass(frozen=True)
 class Euler(RotationDistribution):
-    """Three independent Euler angles, uniform between two bounds; not the uniform rotation.
+    """Three independent Euler angles, uniform between two bounds; the rotation is not uniform.
 
     Attributes
     ----------
     sequence
-        Axes as in SciPy: upper case turns about the moving axes (intrinsic), lower case about
+        Axes as in SciPy: upper case rotates about the moving axes (intrinsic), lower case about
         the fixed ones.
     low, high
         Bounds of each angle, rad, or such as 90 deg.
@@ -34,21 +34,21 @@ class Euler(RotationDistribution):
     high: Angle = np.pi
 
     def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
-        """Three angles."""
+        """Return three angles."""
         return generator.uniform(self.low, self.high, size=3)
 
     def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
-        """The rotations with these angles."""
+        """Return the rotations with these angles."""
         from scipy.spatial.transform import Rotation  # slow to import
 
         return Rotation.from_euler(self.sequence, numbers).as_matrix()
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A group without rotations of space, an unknown sequence, bounds in the wrong order."""
+        """Note a group without rotations of space, an invalid sequence, and invalid bounds."""
         super().check(G, problems)
         if isinstance(G, EuclideanGroup) and G.space != 3:
-            takes = f"for {G.name} use haar or exp_normal"
-            problems.at("kind").add(f"euler needs rotations in three dimensions; {takes}")
+            advice = f"for {G.name} use haar or exp_normal"
+            problems.at("kind").add(f"euler needs rotations in three dimensions; {advice}")
         axes = self.sequence.upper()
         valid = len(axes) == 3 and set(axes) <= set("XYZ") and axes[1] not in (axes[0], axes[2])
         if not valid or self.sequence not in (axes, axes.lower()):

@@ -15,14 +15,14 @@ from eqt_cli.groups import MatrixLieGroup
 
 @dataclass(frozen=True)
 class ExpNormal(NormalCoordinates, PoseDistribution):
-    """A pose times exp of independent normal algebra coordinates; for every group.
+    """A pose times exp of independent normal algebra coordinates, for every group.
 
     Attributes
     ----------
     std
-        Standard deviation of every coordinate, or a list of m; turns also such as 5 deg.
+        Standard deviation of every coordinate, or a list of m; angles also such as 5 deg.
     centre
-        m algebra coordinates of the pose that they are drawn around; the identity where not given.
+        m algebra coordinates of the central pose. Default: the identity.
     """
 
     name: ClassVar[str] = "exp_normal"
@@ -31,11 +31,11 @@ class ExpNormal(NormalCoordinates, PoseDistribution):
     centre: list[Angle] | None = None
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
-        """exp of the centre times exp of the coordinates."""
+        """Return exp of the centre times exp of the coordinates."""
         drawn = G.exp(numbers)
         return drawn if self.centre is None else G.exp(np.array(self.centre)) @ drawn
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A wrong number of standard deviations or coordinates, or a negative deviation."""
+        """Note a wrong number of standard deviations or coordinates, and a negative deviation."""
         super().check(G, problems)
         check_coordinates(self.centre, G, problems.at("centre"))

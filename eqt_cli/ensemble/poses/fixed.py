@@ -12,7 +12,7 @@ from eqt_cli.groups import MatrixLieGroup
 
 @dataclass(frozen=True)
 class FixedPose(Coordinates, PoseDistribution):
-    """exp of given algebra coordinates in every run; the identity where none are given.
+    """exp of given algebra coordinates in every run. Default: the identity.
 
     Attributes
     ----------
@@ -25,5 +25,5 @@ class FixedPose(Coordinates, PoseDistribution):
     coordinates: list[Angle] | None = None
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
-        """exp of the coordinates."""
+        """Return exp of the coordinates."""
         return G.exp(numbers)

@@ -17,9 +17,9 @@ class Haar(RotationDistribution):
     name: ClassVar[str] = "haar"
 
     def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
-        """Normals: four for rotations of space, two for those of the plane."""
+        """Return normals: four for rotations of space, two for those of the plane."""
         return generator.standard_normal(4 if G.space == 3 else 2)
 
     def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
-        """The rotations in the directions of these normals."""
+        """Return the rotations in the directions of these normals."""
         return G.rotation_towards(numbers)

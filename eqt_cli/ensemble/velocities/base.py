@@ -1,4 +1,4 @@
-"""What a distribution of initial velocities is."""
+"""Base class of distributions of the initial velocity."""
 
 from dataclasses import dataclass
 
@@ -9,5 +9,5 @@ from eqt_cli.ensemble.spread import Distribution
 class VelocityDistribution(Distribution):
     """A distribution on g: a frozen dataclass whose fields are its options.
 
-    It draws the algebra coordinates of one element, ``(m,)``: run k starts at V(0) = V_d(0) + draw.
+    It draws the coordinates of an algebra element, ``(m,)``: run k starts at V(0) = V_d(0) + draw.
     """

@@ -9,7 +9,7 @@ from eqt_cli.ensemble.velocities.base import VelocityDistribution
 
 @dataclass(frozen=True)
 class FixedVelocity(Coordinates, VelocityDistribution):
-    """A given velocity error in every run; 0 where none is given.
+    """A given velocity error in every run. Default: 0.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ class Speed:
     Attributes
     ----------
     speed
-        Its size; of a list of two, uniform between them.
+        The size; uniform between the two of a list.
     axis
         `random`, uniform over all directions, or a vector in the body frame.
     """
@@ -34,17 +34,17 @@ class Speed:
 
 @dataclass(frozen=True)
 class SpeedVelocity(VelocityDistribution):
-    """An angular velocity of a given size about a random axis or a given one; others are 0.
+    """An angular velocity of a given size about a random or a fixed axis; the rest is 0.
 
     Attributes
     ----------
     speed
-        Of the rotation, rad/s; of a list of two, uniform between them.
+        The angular speed, rad/s; uniform between the two of a list.
     axis
         `random`, uniform over all directions, or a vector in the body frame; in the plane [1] or
         [-1].
     translation
-        `speed` (m/s) and `axis` of the translation; 0 where not given.
+        `speed` (m/s) and `axis` of the translation. Default: 0.
     """
 
     name: ClassVar[str] = "speed"
@@ -54,36 +54,36 @@ class SpeedVelocity(VelocityDistribution):
     translation: Speed | None = None
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """The coordinates of the rotation, then those of the translation."""
-        found = np.zeros(G.dimension)
-        for part, own in self._by_part(G):
+        """Return the coordinates; the rotation is drawn before the translation."""
+        velocity = np.zeros(G.dimension)
+        for part, of_part in self._by_part(G):
             length = part.axes.stop - part.axes.start
-            found[part.axes] = directed(own.speed, own.axis, length, generator)
-        return found
+            velocity[part.axes] = directed(of_part.speed, of_part.axis, length, generator)
+        return velocity
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Parts that the group does not have once, sizes below 0, another kind of axis."""
-        turning = sum(part.turns for part in G.parts)
-        moving = sum(part.velocity_unit == "m/s" for part in G.parts)
+        """Note parts that the group does not have exactly once, sizes below 0, and invalid axes."""
+        rotations = sum(part.turns for part in G.parts)
+        translations = sum(part.velocity_unit == "m/s" for part in G.parts)
         check_size(self.speed, problems.at("speed"))
-        if np.any(self.speed) and turning != 1:
-            instead = "use fixed or normal" if turning else "give `translation` instead"
-            problems.at("speed").add(f"{G.name} has {turning or 'no'} rotations; {instead}")
+        if np.any(self.speed) and rotations != 1:
+            advice = "use fixed or normal" if rotations else "give `translation` instead"
+            problems.at("speed").add(f"{G.name} has {rotations or 'no'} rotations; {advice}")
         if self.translation is not None:
             check_size(self.translation.speed, problems.at("translation", "speed"))
             if G.translation is None:
-                instead = "use fixed or normal" if moving else "remove this key"
+                advice = "use fixed or normal" if translations else "remove this key"
                 problems.at("translation").add(
-                    f"{G.name} has {moving or 'no'} translations; {instead}"
+                    f"{G.name} has {translations or 'no'} translations; {advice}"
                 )
-        for part, own in self._by_part(G):
+        for part, of_part in self._by_part(G):
             at_part = problems if part.turns else problems.at("translation")
-            check_axis(own.axis, part.axes.stop - part.axes.start, at_part.at("axis"))
+            check_axis(of_part.axis, part.axes.stop - part.axes.start, at_part.at("axis"))
 
     def _by_part(self, G: MatrixLieGroup) -> Iterator[tuple[Part, Speed]]:
-        """The parts of the velocity that are not 0."""
-        turning = [part for part in G.parts if part.turns]
-        if len(turning) == 1:
-            yield turning[0], Speed(self.speed, self.axis)
+        """Yield the parts of the velocity that may differ from 0."""
+        rotations = [part for part in G.parts if part.turns]
+        if len(rotations) == 1:
+            yield rotations[0], Speed(self.speed, self.axis)
         if self.translation is not None and G.translation is not None:
             yield G.translation, self.translation

@@ -1,4 +1,4 @@
-"""Ways to have numbered items done: one file per executor, found by scanning this folder."""
+"""Executors, which compute numbered items: one per file, found by scanning this folder."""
 
 from eqt_cli.core.registry import Registry
 from eqt_cli.execution.executors.base import (

@@ -1,4 +1,4 @@
-"""Starts in this process; starts workers where the work that remains is worth it."""
+"""Starts in this process, and switches to worker processes if much work remains."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from eqt_cli.execution.executors.local import Local
 
 WORTH_STARTING = 3.0
-"""s of work that is left; a process takes a second or two to start."""
+"""Least remaining work for which processes are started, s; a process takes 1 to 2 s to start."""
 
 WORTH_LEAVING_THREADS = 10.0
-"""s, for an engine that computes outside Python: with `taylor`, two processes are 1.3 times as fast
-as two threads, which take turns at all that Python does."""
+"""The same with threads of an engine that computes outside Python, s. With `taylor`, two processes
+are 1.3 times as fast as two threads, which share one Python interpreter."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Auto(Executor):
     Attributes
     ----------
     threads
-        Whether it starts in threads; by default, with an engine that computes outside Python.
+        Whether to start in threads. Default: if the engine computes outside Python.
     stays
-        Whether it stays in them; by default, with an engine for which threads are as fast.
+        Whether to stay in this process. Default: if threads are as fast with the engine.
     """
 
     name: ClassVar[str] = "auto"
@@ -41,29 +41,29 @@ class Auto(Executor):
     stays: bool | None = None
 
     def for_engine(self, engine: Engine) -> Auto:
-        """As was measured with this engine, where nothing else is asked for."""
+        """Return the executor with the measured defaults for this engine."""
         threads = engine.threads if self.threads is None else self.threads
         as_fast = self.workers <= engine.as_fast_in_threads
         return Auto(self.workers, threads, as_fast if self.stays is None else self.stays)
 
     def at_once(self, items: int, each: float) -> int:
-        """As it begins, or as many as `local` after that."""
+        """Return the number of items at a time, after the switch to processes if there is one."""
         here, later = self._split(items, each)
         return self._in_processes.at_once(later, each) if later else self._here.at_once(here, each)
 
     def threads_for(self, items: int) -> int:
-        """Those of the executor that it begins as."""
+        """Return the threads per item before a switch to processes."""
         return self._here.threads_for(items)
 
     def wall_time(self, items: int, each: float) -> float:
-        """What is done here is done before other processes are started."""
+        """Return the wall time: first in this process, then in processes, s."""
         here, later = self._split(items, each)
         return self._here.wall_time(here, each) + self._in_processes.wall_time(later, each)
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         waiting = deque(items)
         threads = self.threads_for(len(items))
-        yield from self._here.take(task, self._while_little_is_left(waiting), threads)
+        yield from self._here.take(task, self._until_switch(waiting), threads)
         if waiting:
             yield from self._in_processes.share(task, list(waiting))
 
@@ -73,18 +73,18 @@ class Auto(Executor):
 
     @property
     def _in_processes(self) -> Local:
-        from eqt_cli.execution.executors.local import Local  # most experiments do without
+        from eqt_cli.execution.executors.local import Local  # most experiments need no processes
 
         return Local(self.workers)
 
     def _split(self, items: int, each: float) -> tuple[int, int]:
-        """How many of so many items are done here, and how many in processes."""
+        """Return how many of the items are done here, and how many in processes."""
         first = self._here.at_once(items, each)
         pace = each / max(first, 1)
         return (first, items - first) if self._worth_starting(items - first, pace) else (items, 0)
 
-    def _while_little_is_left(self, waiting: deque[int]) -> Iterator[int]:
-        """Take items from those that wait, one whenever the next can begin."""
+    def _until_switch(self, waiting: deque[int]) -> Iterator[int]:
+        """Yield waiting items, each when the next one can begin, until processes are worthwhile."""
         started, begun = time.monotonic(), 0
         while waiting:
             if self._worth_starting(len(waiting), (time.monotonic() - started) / max(begun, 1)):

@@ -1,4 +1,4 @@
-"""What an executor is: it has numbered items done somewhere; it must not know what they are."""
+"""Base class of executors, which compute numbered items without knowing what they are."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 Progress = Callable[[float], None]
 
 MOST_TRIES = 3
-"""An item whose worker has been lost so often is given up."""
+"""Number of lost workers after which an item is given up."""
 
 
 @dataclass(frozen=True)
 class TaskContext:
-    """How an item is done, which does not change what comes out.
+    """Settings for the computation of an item that do not change its result.
 
     Attributes
     ----------
     progress
-        Told how much more is done; if not given, the reporter of who made this.
+        Called with the amount of additional progress. Default: the reporter in force.
     threads
-        The most threads to use.
+        Largest number of threads to use.
     """
 
     progress: Progress = field(default_factory=lambda: reporter().advance)
@@ -38,13 +38,13 @@ class TaskContext:
 
 
 class Task(Protocol):
-    """The work; it must survive pickling."""
+    """The work on an item; it must be picklable."""
 
     def __call__(self, item: int, context: TaskContext) -> int:
-        """Do one item, leave its result where it belongs, and say how many runs failed."""
+        """Compute and save one item; return the number of failed runs."""
 
     def runs_of(self, item: int) -> int:
-        """The amount of progress that one item is worth."""
+        """Return the amount of progress of one item."""
 
 
 @dataclass(frozen=True)
@@ -57,35 +57,35 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Executor(Component):
-    """Has items done, in any order.
+    """Computes items, in any order.
 
     Attributes
     ----------
     workers
-        The most items at a time.
+        Largest number of items at a time.
     """
 
     workers: Count = 1
 
     def for_engine(self, engine: Engine) -> Executor:
-        """The same, with the options decided that it leaves to the engine."""
+        """Return the executor with the options set whose defaults depend on the engine."""
         return self
 
     def at_once(self, items: int, each: float) -> int:
-        """How many of so many items it does at a time, where one takes `each` s."""
+        """Return how many of the items run at a time, if one takes `each` s."""
         return min(self.workers, items)
 
     def threads_for(self, items: int) -> int:
-        """The most threads that one of so many items may use."""
+        """Return the largest number of threads for one of so many items."""
         return 1
 
     def wall_time(self, items: int, each: float) -> float:
-        """How long so many items take, s, where one takes `each` s."""
+        """Return the wall time of so many items, s, if one takes `each` s."""
         return math.ceil(items / max(self.at_once(items, each), 1)) * each
 
     @abstractmethod
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
-        """Yield the items as they end; what is done meanwhile is told to `reporter().advance`.
+        """Yield the items as they finish; progress goes to `reporter().advance`.
 
-        An exception of the task, or closing the iterator, ends everything that is under way.
+        An exception of the task, or closing the iterator, stops all running items.
         """

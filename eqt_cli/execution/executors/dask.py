@@ -1,4 +1,4 @@
-"""A Dask cluster: one that runs already, or one of this machine, started for the occasion."""
+"""Computes items on a Dask cluster: a running one, or a temporary one on this machine."""
 
 import logging
 import pickle
@@ -23,16 +23,16 @@ from eqt_cli.execution.executors.base import (
 )
 
 CONNECT_WITHIN = 20.0
-"""s to reach a scheduler."""
+"""Time limit for connecting to a scheduler, s."""
 
 
 OF_WORKER = "from eqt_cli.core import interruptions\ninterruptions.of_worker()\n"
-"""What a worker of a cluster of this machine does first."""
+"""Code that each worker of a local cluster runs first."""
 
 
 @dataclass(frozen=True)
 class Dask(Executor):
-    """Workers of Dask.distributed, which see the same result folder as this process.
+    """Workers of Dask.distributed, which must see the same result folder as this process.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Dask(Executor):
             finished = as_completed(loop=client.loop)
 
             def submit() -> None:
-                # No more than can run: a dying worker then takes none with it that only waited.
+                # Submit only what can run now, so that a lost worker loses no waiting items.
                 room = max(1, sum(client.nthreads().values())) - len(futures)
                 for _ in range(min(room, len(waiting))):
                     item = waiting.popleft()
@@ -97,7 +97,7 @@ class Dask(Executor):
                 ) from error
         settings = {
             "distributed.scheduler.allowed-failures": MOST_TRIES - 1,
-            # What Ctrl-C means is decided here, though a terminal sends it to all of them.
+            # The terminal sends Ctrl-C to all processes; only this one handles it.
             "distributed.worker.preload": [OF_WORKER],
         }
         stack.enter_context(dask.config.set(settings))
@@ -105,7 +105,7 @@ class Dask(Executor):
         return stack.enter_context(Client(cluster, set_as_default=False))
 
     def _local_cluster(self) -> Any:
-        """A cluster of this machine; one whose workers die while it starts is started again."""
+        """Start a cluster on this machine; try again if its workers die during the start."""
         from distributed import LocalCluster
 
         tries = 0
@@ -115,7 +115,7 @@ class Dask(Executor):
                     n_workers=self.workers,
                     threads_per_worker=1,
                     processes=True,
-                    dashboard_address="127.0.0.1:0",  # some port is opened; any, and for us only
+                    dashboard_address="127.0.0.1:0",  # any free port, not reachable from outside
                     silence_logs=logging.CRITICAL,
                 )
             except RuntimeError as error:
@@ -125,12 +125,12 @@ class Dask(Executor):
 
 
 def _do(payload: bytes, item: int) -> int:
-    """One item, in a worker."""
+    """Compute one item in a worker."""
     with threadpool_limits(1):
         return _task(payload)(item, TaskContext())
 
 
 @lru_cache(maxsize=4)
 def _task(payload: bytes) -> Task:
-    """The work, opened once in each worker."""
+    """Unpickle the task, once in each worker."""
     return pickle.loads(payload)

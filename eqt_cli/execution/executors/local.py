@@ -1,7 +1,8 @@
-"""Several processes of this machine; one that dies costs the item that it had in hand.
+"""Computes items in several processes of this machine. A lost process loses only its current item.
 
-Processes are spawned, not forked: a fork copies locks that threads of the parent hold. They are not
-a pool of the standard library, which gives up all items when one process dies.
+Processes are spawned, not forked, because a fork copies locks that threads of the parent hold. The
+process pool of the standard library is not used, because it gives up all items when one process
+dies.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ from eqt_cli.execution.executors.base import (
 )
 
 NONE = -1
-"""No item."""
+"""Marks a worker without an item."""
 
 REPORT_EVERY = 0.2
-"""s between a worker's reports of progress."""
+"""Time between progress reports of a worker, s."""
 
 MOST_PATIENCE = 10.0
-"""s that an interruption waits for a thread's next report: a law may be in an endless loop."""
+"""Time limit for stopping a thread after an interruption, s: a law may loop endlessly."""
 
 
 @dataclass(frozen=True)
@@ -50,24 +51,24 @@ class Local(Executor):
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         workers = [_Worker(task) for _ in range(min(self.workers, len(items)))]
-        yield from _done_by(workers, items)
+        yield from _outcomes_of(workers, items)
 
     def share(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
-        """As `outcomes`, but a thread of this process takes the place of one, and saves its memory.
+        """Yield the same as `outcomes`, with a thread here instead of one process to save memory.
 
-        An interruption waits for the thread's next report of progress.
+        An interruption waits for the thread's next progress report.
         """
         others = min(self.workers, len(items)) - 1
         workers = [_ThreadHere(task), *(_Worker(task) for _ in range(others))]
-        yield from _done_by(workers, items)
+        yield from _outcomes_of(workers, items)
 
 
-def _done_by(workers: Sequence[_Worker], items: Sequence[int]) -> Iterator[Outcome]:
-    """Hand out items, also again where a worker is lost, and end the workers whatever happens."""
+def _outcomes_of(workers: Sequence[_Worker], items: Sequence[int]) -> Iterator[Outcome]:
+    """Hand out items, again if a worker is lost, and stop all workers at the end."""
     waiting = deque(items)
     tries = dict.fromkeys(items, 0)
     try:
-        while busy := _occupied(workers, waiting):
+        while busy := _busy(workers, waiting):
             ready = connection.wait([worker.pipe for worker in busy])
             for worker in [worker for worker in busy if worker.pipe in ready]:
                 item = worker.item
@@ -88,11 +89,11 @@ def _done_by(workers: Sequence[_Worker], items: Sequence[int]) -> Iterator[Outco
 
 
 class _Lost(Exception):
-    """The process is gone, with the item that it had in hand."""
+    """The process died while it computed an item."""
 
 
-def _occupied(workers: Sequence[_Worker], waiting: deque[int]) -> list[_Worker]:
-    """Give an item to everyone without one, and return those who have one."""
+def _busy(workers: Sequence[_Worker], waiting: deque[int]) -> list[_Worker]:
+    """Give an item to each free worker, and return the busy workers."""
     for worker in workers:
         if worker.item == NONE and waiting:
             worker.give(waiting.popleft())
@@ -101,7 +102,7 @@ def _occupied(workers: Sequence[_Worker], waiting: deque[int]) -> list[_Worker]:
 
 @dataclass
 class _Worker:
-    """One process, started when it is first given an item, and what it has in hand."""
+    """A process, started with its first item, and its current item."""
 
     task: Task
     item: int = NONE
@@ -113,7 +114,7 @@ class _Worker:
         self.item, self.reported = item, 0.0
         if self.process is None:
             self.start()
-        with suppress(OSError):  # if it has died meanwhile, the end of the pipe says so next
+        with suppress(OSError):  # `answer` finds out if the process has died
             self.pipe.send(item)
 
     def start(self) -> None:
@@ -125,7 +126,7 @@ class _Worker:
         theirs.close()
 
     def answer(self) -> int | None:
-        """What it says: how many runs failed, or None where it only reports progress."""
+        """Return the number of failed runs of the item, or None after a progress report."""
         try:
             kind, value = self.pipe.recv()
         except (EOFError, OSError):
@@ -148,14 +149,14 @@ class _Worker:
 
     def end(self) -> None:
         if self.process is not None:
-            self.process.kill()  # a part that it has not finished does not exist
+            self.process.kill()  # an unfinished part leaves no file
             self.process.join()
             self.pipe.close()
 
 
 @dataclass
 class _ThreadHere(_Worker):
-    """A thread of this process, which gets its items and answers as a process does."""
+    """A thread of this process with the interface of a worker process."""
 
     def start(self) -> None:
         self.pipe, theirs = get_context("spawn").Pipe()
@@ -166,21 +167,21 @@ class _ThreadHere(_Worker):
 
     def end(self) -> None:
         if self.process is not None:
-            self.pipe.close()  # its next report of progress finds nobody, and ends its item
+            self.pipe.close()  # its next progress report fails and ends its item
             self.process.join(MOST_PATIENCE)
 
 
 def _serve(pipe: Any, task: Task) -> None:
-    """The life of a process."""
+    """Main function of a worker process."""
     interruptions.of_worker()
-    # Python, at its end, ends by this signal the workers that an interruption has left over.
+    # At exit, Python stops the workers that an interruption left with this signal.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()  # where the system does not
+    threading.Thread(target=_end_with_parent, daemon=True).start()  # if the system does not do it
     _do_items(pipe, task)
 
 
 def _do_items(pipe: Any, task: Task) -> None:
-    """Do items until the pipe ends."""
+    """Compute items until the pipe is closed."""
     due = pending = 0.0
 
     def report(amount: float) -> None:
@@ -202,7 +203,7 @@ def _do_items(pipe: Any, task: Task) -> None:
 
 
 def _portable(error: Exception) -> Exception:
-    """The error itself where it survives the journey, or one that says the same."""
+    """Return the error if it is picklable, else an error with the same message."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
@@ -211,7 +212,7 @@ def _portable(error: Exception) -> Exception:
 
 
 def _end_with_parent() -> None:
-    """A worker must not outlive who gave it work, not even if that was killed."""
+    """Exit when the parent process ends, even if it was killed."""
     parent = parent_process()
     if parent is not None:
         connection.wait([parent.sentinel])

@@ -1,4 +1,4 @@
-"""One item after the other, in this process."""
+"""Computes one item after the other in this process."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -11,23 +11,23 @@ from eqt_cli.execution.executors.base import Executor, Outcome, Task, TaskContex
 
 @dataclass(frozen=True)
 class Serial(Executor):
-    """In this process, one item at a time; an engine that can may use several threads for it."""
+    """In this process, one item at a time. Some engines use several threads for an item."""
 
     name: ClassVar[str] = "serial"
 
     def at_once(self, items: int, each: float) -> int:
-        """One."""
+        """Return 1."""
         return 1
 
     def threads_for(self, items: int) -> int:
-        """All of them."""
+        """Return all workers."""
         return self.workers
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         yield from self.take(task, items, self.threads_for(len(items)))
 
     def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
-        """As `outcomes`, with so many threads for each item, which is taken when it can begin."""
+        """Yield the outcomes of items, each taken when it can begin, with `threads` for each."""
         context = TaskContext(threads=threads)
         for item in items:
             with threadpool_limits(1):  # results must not depend on how a library splits a product

@@ -1,4 +1,4 @@
-"""Several items at a time in threads of this process, for engines that compute outside Python."""
+"""Computes several items at a time in threads, for engines that compute outside Python."""
 
 import threading
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,27 +16,27 @@ from eqt_cli.execution.executors.base import Executor, Outcome, Task, TaskContex
 
 @dataclass(frozen=True)
 class Threads(Executor):
-    """In threads of this process; where there are fewer items than workers, they share the rest."""
+    """In threads of this process. If there are fewer items than workers, they share the rest."""
 
     name: ClassVar[str] = "threads"
 
     def threads_for(self, items: int) -> int:
-        """What is left where there are fewer items than workers."""
+        """Return the threads for each item: more than one if there are fewer items than workers."""
         return max(1, self.workers // min(self.workers, max(items, 1)))
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         yield from self.take(task, items, self.threads_for(len(items)))
 
     def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
-        """As `outcomes`, with so many threads for each item, which is taken when it can begin."""
-        lock, waiting, told = threading.Lock(), iter(items), reporter()
+        """Yield the outcomes of items, each taken when it can begin, with `threads` for each."""
+        lock, waiting, here = threading.Lock(), iter(items), reporter()
 
         def report(amount: float) -> None:
             with lock:
-                told.advance(amount)
+                here.advance(amount)
 
         def begin(item: int) -> Future[int]:
-            return pool.submit(copy_context().run, task, item, context)  # with its reporter
+            return pool.submit(copy_context().run, task, item, context)  # keeps the reporter
 
         context = TaskContext(report, threads)
         with threadpool_limits(1), ThreadPoolExecutor(self.workers) as pool:

@@ -45,6 +45,7 @@ static void compare(const char *what, int state, int entry, double found, double
     wrong = 1;
 }
 
+$filter
 int main(void)
 {
     int state, entry;
@@ -67,6 +68,7 @@ int main(void)
                         start_bound[entry]);
         }
     }
+    check_filter();
     if (wrong)
         return 1;
     printf("$label: %d states pass; the largest error is %.2g, where %.2g is allowed\n", STATES,

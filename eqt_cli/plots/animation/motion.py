@@ -7,7 +7,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import Part, group_named
-from eqt_cli.plots.shown.controllers import Ensemble
+from eqt_cli.plots.shown.controllers import Chosen, Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 from eqt_cli.results.result import Result
 
@@ -94,7 +94,7 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
     EqtError
         If the run is not stored, there is no such controller, or the group is not known here.
     """
-    source = ShownRuns([results], "animation", controllers)
+    source = ShownRuns([results], "animation", Chosen(controllers))
     poses = results.trajectory("pose", run)
     ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
     shown = [ensemble.controller for ensemble in ensembles]

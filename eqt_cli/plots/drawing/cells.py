@@ -12,12 +12,18 @@ from matplotlib.patches import Rectangle
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.key_labels import key_label
 from eqt_cli.plots.drawing.labels import free_text
-from eqt_cli.plots.drawing.style import ink
+from eqt_cli.plots.drawing.style import Width, ink
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
 
 _LONGEST = 36
 """Characters in a line of a label."""
+
+_LONGEST_NAME = 18
+"""Of the name of a value that is no number."""
+
+_TICK_LETTER = 0.06
+"""in, of a letter below a map, with its share of the gap to the next name."""
 
 _LETTER, _BESIDE, _LINE = 0.048, 0.088, 0.16
 """in, of a letter in a cell, around the letters, and of a line."""
@@ -102,7 +108,7 @@ class Cells:
         rows, columns = self.shape
         if texts is None:
             longest, lines = _LONGEST_NUMBER, 1
-            texts = [f"{v:#.2g}" if abs(v) < _TENS else f"{v:.0f}" for v in values]
+            texts = [short(value) for value in values]
         else:
             longest = max(len(line) for text in texts for line in text.split("\n"))
             lines = max(text.count("\n") for text in texts) + 1
@@ -121,10 +127,10 @@ class Cells:
                 )
         return True
 
-    def mark(self, panel: Axes, point: int) -> None:
-        """Draw a frame around the cell of a point, seen on every colour."""
+    def mark(self, panel: Axes, points: Sequence[int]) -> None:
+        """Draw a frame around the cells of some points, seen on every colour."""
         for colour, width in ((ink(0), 2.2), (ink(), 1.0)):
-            self._outline(panel, [point], 0.06, edgecolor=colour, linewidth=width, zorder=3)
+            self._outline(panel, points, 0.06, edgecolor=colour, linewidth=width, zorder=3)
 
     def _outline(self, panel: Axes, points: Iterable[int], inset: float = 0, **look: Any) -> None:
         side = 1 - 2 * inset
@@ -132,19 +138,42 @@ class Cells:
             corner = self.columns[point] - side / 2, self.rows[point] - side / 2
             panel.add_patch(Rectangle(corner, side, side, fill=False, **look))
 
-    def scales(self, panel: Axes, result: Result, *, leftmost: bool = True) -> None:
-        """Name the keys, and number the cells along them."""
-        self._number(panel, "x", self.across, result)
+    def scales(self, panel: Axes, result: Result, room: float, *, leftmost: bool = True) -> float:
+        """Name the keys, and number the cells along them; the panel takes so many inches across.
+
+        Returns the inches that texts take below it besides: those for which it is too narrow stand
+        upright.
+        """
+        texts = self._number(panel, "x", self.across, result)
+        longest = _TICK_LETTER * max(len(line) for text in texts for line in text.split("\n"))
+        upright = longest * len(texts) > room
+        if upright:
+            panel.tick_params(axis="x", labelrotation=90)
         if self.up is None:
             panel.set_yticks([])
         elif leftmost:
             self._number(panel, "y", self.up, result)
+        return longest if upright else 0.0
 
-    def _number(self, panel: Axes, direction: str, key: SweptKey, result: Result) -> None:
+    def _number(self, panel: Axes, direction: str, key: SweptKey, result: Result) -> list[str]:
+        """Number the cells along a scale; with what."""
         levels = np.unique(key.values).tolist()
         shown = range(0, len(levels), max(1, len(levels) // _MOST_LEVELS))
         numbers = {level: f"{level:.3g}".replace("-", "−") for level in levels}
-        names = numbers | key.texts
-        texts = [free_text(names[levels[k]], _LONGEST) for k in shown]
+        names = numbers | key.names
+        most = _LONGEST if key.is_number else _LONGEST_NAME
+        texts = [free_text(names[levels[k]], most) for k in shown]
         panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
         panel.set(**{f"{direction}label": key_label(result, key)})
+        return texts
+
+
+def short(value: float) -> str:
+    """A number as it is written in a cell."""
+    return f"{value:#.2g}" if abs(value) < _TENS else f"{value:.0f}"
+
+
+def map_columns(count: int, width: Width) -> int:
+    """Of so many maps, how many stand side by side."""
+    most = (1 if count < 3 else 2) if width == "column" else 2 if count == 4 else 3
+    return min(count, most)

@@ -8,19 +8,38 @@ from eqt_cli.plots.drawing.labels import component
 
 
 def axis_labels(G: MatrixLieGroup) -> list[str]:
-    """What the k-th curve of a panel shows: the names of that axis in all parts."""
+    """What the k-th curve of a panel shows: the direction, or the names of that axis in all parts.
+
+    ``x`` for ωx and vx: the scales say of what.
+    """
     names = [G.axis_names[part.axes] for part in G.parts]
-    return [
-        ", ".join(f"${component('', axes[k]).lstrip('_')}$" for axes in names if k < len(axes))
-        for k in range(max(map(len, names)))
-    ]
+    found = []
+    for k in range(max(map(len, names))):
+        here = [axes[k] for axes in names if k < len(axes)]
+        directions = {axis[1:] for axis in here}
+        shown = directions if len(directions) == 1 and "" not in directions else here
+        found.append(", ".join(f"${component('', each).lstrip('_')}$" for each in shown))
+    return found
 
 
-def symbols(part: Part, parts: int) -> tuple[str, str]:
-    """Of the velocity and the force in a part of so many."""
-    if parts > 1 and part.turns:
-        return r"\omega", r"\tau"
-    return ("v", "f") if parts > 1 and part.pose_unit == "m" else ("V", r"\tau")
+def symbols(G: MatrixLieGroup, part: Part, index: str = "") -> tuple[str, str, str]:
+    """Of the pose, the velocity and the force in a part, with an index where one is given."""
+    vectors = [each for each in G.parts if not each.turns]
+    if len(G.parts) == 1 or not (part.turns or part.pose_unit.startswith("m")):
+        pose, velocity, force = ("x" if part.pose_unit == "m" else "Q"), "V", r"\tau"
+    elif part.turns:
+        pose, velocity, force = "R", r"\omega", r"\tau"
+    elif len(vectors) == 1:
+        pose, velocity, force = "x", "v", "f"
+    else:
+        initial = part.name[0]
+        pose, velocity = initial, str(G.axis_names[part.axes][0])[0]
+        return _indexed(pose, index), _indexed(velocity, index), _indexed("f", initial + index)
+    return _indexed(pose, index), _indexed(velocity, index), _indexed(force, index)
+
+
+def _indexed(symbol: str, index: str) -> str:
+    return f"{symbol}_{{{','.join(index)}}}" if index else symbol
 
 
 def pose_coordinates(
@@ -31,16 +50,17 @@ def pose_coordinates(
     `near` are curves of about the same poses, as of `without_jumps`.
     """
     block = pose[(..., *part.entries)].reshape(len(pose), -1)
+    symbol = symbols(G, part, index)[0]
     if block.shape[1] == len(G.axis_names[part.axes]):
-        return block, f"x{index}" if part.pose_unit == "m" else f"Q{index}", part.pose_unit
+        return block, symbol, part.pose_unit
     with np.errstate(all="ignore"):
         logarithm = np.full((len(pose), G.dimension), np.nan)
         real = np.isfinite(pose).all(axis=(1, 2))
         logarithm[real] = G.log(pose[real])
     turns = logarithm[:, part.axes]
     if not part.turns:
-        return turns, rf"\log Q{index}", ""
-    return without_jumps(turns, near), rf"\log R{index}", "rad"
+        return turns, rf"\log {symbol}", ""
+    return without_jumps(turns, near), rf"\log {_indexed('R', index)}", "rad"
 
 
 def without_jumps(vectors: Array, near: Array | None = None) -> Array:

@@ -26,6 +26,18 @@ _GAP, _PAD = 2.0, 1.5
 """pt, from a curve to its name, and that a name keeps from all curves."""
 _NEARER = 1.6
 """How much farther the next curve is than a name's own, at least."""
+_LED, _LEAST_GAP, _STEEPEST = 6.0, 0.6, 0.8
+"""pt, steps from the curves to a stack of names, and how far curves lie apart where lines end; and
+how much these rise over their length."""
+_LONGEST = 0.25
+"""Length of a line to a name relative to the width of its panel; a longer one crosses curves."""
+_LEADER: dict[str, Any] = {
+    "arrowstyle": "-",
+    "linewidth": 0.4,
+    "shrinkA": 1,
+    "shrinkB": 0,
+    "relpos": (0, 0.5),
+}
 _STEP = 2.0
 """pt, between the points of a curve that a name must not hide."""
 
@@ -42,7 +54,7 @@ class _Place:
 def name_curves(
     drawing: Figure, panels: Iterable[Axes], lines: Sequence[Line2D], names: Sequence[str]
 ) -> None:
-    """Name each curve beside it in the panel with most room for that; else in a legend above.
+    """Name each curve beside it, in the first panel with room for that; else in a legend above.
 
     Scales must be there already, since the room depends on them.
 
@@ -57,11 +69,12 @@ def name_curves(
     if 2 <= len(names) <= MOST_NAMED and all(len(name) <= LONGEST for name in names):
         add_letters(drawing)  # which take room
         arrange(drawing)
-        found = [(panel, places) for panel in panels if (places := _places(panel, wanted))]
-        if found:
-            panel, places = max(found, key=lambda each: min(place.margin for place in each[1]))
-            _write(panel, wanted, places)
-            return
+        for panel in panels:
+            if places := _places(panel, wanted):
+                _write(panel, wanted, places)
+                return
+            if _led(panel, wanted):
+                return
     add_legend(drawing, lines, names)
 
 
@@ -72,6 +85,79 @@ def _write(axes: Axes, names: Sequence[str], places: Sequence[_Place]) -> None:
         look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
         look["path_effects"] = [Stroke(linewidth=1.5, foreground=ink(0)), Normal()]
         axes.text(float(x), float(y), name, color=darker(str(line.get_color())), **look)
+
+
+def _led(axes: Axes, names: Sequence[str]) -> bool:
+    """Write all names in a stack that hides no curve, with a line to each; whether it fits.
+
+    The lines end where the curves lie apart, and the names stand in the order of the curves there.
+    """
+    if len(axes.lines) < len(names) or any(map(_marked, axes.lines)):
+        return False
+    curves = [_points(axes, line) for line in axes.lines]
+    if any(len(points) < 2 for points in curves[: len(names)]):
+        return False
+    seen = np.concatenate(curves)
+    low, high = _points_of(axes, axes.bbox.get_points())
+    sizes = np.array([_size(axes, name) for name in names])
+    size = np.array([sizes[:, 0].max(), sizes[:, 1].sum() + _PAD * (len(names) - 1)])
+    for x, heights in _apart(curves[: len(names)], np.linspace(low[0], high[0], _PLACES)[1:-1]):
+        longest = min(_LONGEST * (high[0] - low[0]), _LED * _PLACES)
+        for left in np.arange(x + _LED, x + longest, _LED):
+            for top in (high[1] - _PAD, low[1] + _PAD + size[1]):
+                corner, opposite = np.array([left, top - size[1]]), np.array([left + size[0], top])
+                if (opposite > high - _PAD).any() or (corner < low + _PAD).any():
+                    continue
+                rise = np.abs(_middles(sizes, heights, top) - heights).max()
+                if rise <= _STEEPEST * (left - x) and _distance(seen, corner, opposite) >= _PAD:
+                    _write_stack(axes, names, np.array([left, top]), sizes, x, heights)
+                    return True
+    return False
+
+
+def _apart(curves: Sequence[Array], across: Array) -> list[tuple[float, Array]]:
+    """Where all curves are seen and lie apart, and their heights there; the farthest first."""
+    found = []
+    for x in across:
+        if all(points[0, 0] <= x <= points[-1, 0] for points in curves):
+            heights = np.array([np.interp(x, *points.T) for points in curves])
+            gap = np.diff(np.sort(heights)).min()
+            if gap >= _LEAST_GAP:
+                found.append((gap, float(x), heights))
+    return [(x, heights) for _, x, heights in sorted(found, key=lambda each: -each[0])]
+
+
+def _middles(sizes: Array, heights: Array, top: float) -> Array:
+    """How high the names of a stack stand that begins at its top, in the order of heights."""
+    found = np.empty(len(heights))
+    for index in np.argsort(-heights):
+        found[index] = top - sizes[index, 1] / 2
+        top -= sizes[index, 1] + _PAD
+    return found
+
+
+def _write_stack(
+    axes: Axes, names: Sequence[str], at: Array, sizes: Array, x: float, heights: Array
+) -> None:
+    """Names below each other from a corner, pt, and lines from them to the curves."""
+    to_data = axes.transData.inverted()
+
+    def in_data(across: float, up: float) -> tuple[float, float]:
+        found = to_data.transform(np.array([across, up]) * axes.figure.dpi / 72)
+        return float(found[0]), float(found[1])
+
+    for index, up in enumerate(_middles(sizes, heights, at[1])):
+        colour = darker(str(axes.lines[index].get_color()))
+        axes.annotate(
+            names[index],
+            in_data(x, heights[index]),
+            in_data(at[0], up),
+            ha="left",
+            va="center",
+            fontsize="small",
+            color=colour,
+            arrowprops={**_LEADER, "color": colour},
+        )
 
 
 def _places(axes: Axes, names: Sequence[str]) -> list[_Place]:

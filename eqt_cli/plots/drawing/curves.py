@@ -90,12 +90,12 @@ def draw_mean(axes: Axes, times: Array, values: Array, bands: Bands, ensemble: E
 
 
 def draw_points(
-    axes: Axes, across: Array, up: Array, band: tuple[Array, Array], position: int, title: str
+    axes: Axes, across: Array, up: Array, band: tuple[Array, Array], of: Look, title: str
 ) -> list[Line2D]:
-    """A curve with a hollow marker at every number, in its band, of the controller there."""
-    look = line_style(position)
+    """A curve with a hollow marker at every number, in its band, of the controller of this look."""
+    look = line_style(of)
     axes.fill_between(across, *band, label=title, **band_look(look["color"]))
-    return axes.plot(across, up, label=title, marker=marker(position), **_POINTS, **look)
+    return axes.plot(across, up, label=title, marker=marker(of), **_POINTS, **look)
 
 
 def band_look(colour: str) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 
 from eqt_cli.config.option_scales import scale_of
 from eqt_cli.core.option_types import TORQUE
-from eqt_cli.plots.drawing.labels import free_text, in_words, quantity
+from eqt_cli.plots.drawing.labels import free_text, quantity
 from eqt_cli.plots.drawing.scales import number_values
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
@@ -23,13 +23,26 @@ _BESIDE = 0.6
 
 def key_label(result: Result, swept: SweptKey) -> str:
     """The name of a swept key, with its unit; the key itself where it has no name."""
+    words, unit = _named(result, swept)
+    return words + quantity("", unit).removeprefix("$$")
+
+
+def key_at(result: Result, swept: SweptKey, point: int) -> str:
+    """The name of a swept key with its value at a point and the unit: ``initial angle 90 deg``."""
+    words, unit = _named(result, swept)
+    of_value = "" if swept.unit or unit in ("", "1") else f" {unit}"  # some values have their own
+    return f"{words} {swept.at(point)}{of_value}"
+
+
+def _named(result: Result, swept: SweptKey) -> tuple[str, str]:
+    """The name of a swept key, or its symbol, as text to draw; and its unit."""
     key, scale = swept.key, scale_of(result.config, swept.key)
     if scale is None:
-        return in_words(free_text(key, _LONGEST), swept.unit)
+        return free_text(key, _LONGEST), swept.unit
     of, unit = _owner(result, key), swept.unit or _unit(result, scale.unit)
     if scale.is_symbol:
-        return quantity(scale.label, unit) + free_text(of, _LONGEST)
-    return in_words(free_text(scale.label + of, _LONGEST), unit)
+        return f"${scale.label}$" + free_text(of, _LONGEST), unit
+    return free_text(scale.label + of, _LONGEST), unit
 
 
 def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> None:
@@ -37,7 +50,7 @@ def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> Non
     panel.margins(x=_MARGIN)
     panel.set_xlabel(key_label(result, axis))
     if axis.texts:
-        texts = [free_text(text, _LONGEST) for text in axis.texts.values()]
+        texts = [free_text(text, _LONGEST) for text in axis.names.values()]
         panel.set_xticks(list(axis.texts), texts)
         longest = max(len(line) for text in texts for line in text.split("\n"))
         if longest * len(texts) * _LETTER > room - _BESIDE:

@@ -34,6 +34,8 @@ _COMMANDS = {
     "Υ": r"\Upsilon",
     "τ": r"\tau",
 }
+_LONGEST = 30
+"""Characters of a line of a name that a user gives a signal."""
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
 _DOLLAR = re.compile(r"(?<!\\)\$")
 _POWER = re.compile(r"\(([^()]*)\)\^(-?\d+)")
@@ -97,21 +99,27 @@ def _labelled(result: Result, name: str, symbol: str, unit: str) -> str:
 
 def signal_label(result: Result, signal: str) -> str:
     """The label of an axis along which a signal is drawn: its symbol with its unit there."""
+    if signal in result.given_names:
+        return in_words(free_text(result.given_names[signal], _LONGEST), result.units(signal))
     symbol = norm_symbol(result, result.quantity(signal))
     text = _labelled(result, signal, symbol, result.units(signal))
     own = signal == "lyapunov" and result.lyapunov_functions
-    return f"{text}, each law's own" if own else text
+    return f"{text},\neach law's own" if own else text
 
 
 def metric_label(result: Result, metric: str, characters: int) -> str:
     """The name of a metric with its unit, in lines of at most so many characters."""
-    found = result.quantity(metric)
-    unit = result.units(metric) if result.has(metric) else found.units
-    if "{}" in found.label:
+    if result.has(metric):
+        found, unit = result.quantity(metric), result.units(metric)
+    else:  # it follows from what is stored
+        found = result.comparable_named(metric)
+        unit = found.unit(result.units(found.signals[0])) if found.signals else found.units
+    words = result.given_names.get(metric, "")
+    if "{}" in found.label and not words:
         part = _part(result, found)
         label = found.label.replace(f"{{}} {part_name(part.name)}", "{}") if part else found.label
         return label.replace("{}", _labelled(result, metric, norm_symbol(result, found), unit))
-    words = free_text(found.label or found.long_name, characters)
+    words = free_text(words or found.label or found.long_name, characters)
     return words + _labelled(result, metric, "", unit).removeprefix("$$")
 
 

@@ -64,6 +64,21 @@ def _escaped_letter(letter: str) -> str:
     return letter if found is None else rf"\ensuremath{{{found}}}"
 
 
+def sentence(text: str) -> str:
+    """Words, with mathematics between dollar signs, as a document sets them."""
+    pieces = enumerate(re.split(r"(?<!\\)\$", text.replace("\n", " ")))
+    return "".join(
+        f"${mathematics(piece)}$" if number % 2 else _plain(piece) for number, piece in pieces
+    )
+
+
+def _plain(text: str) -> str:
+    return "".join(
+        letter if letter in "-,'" else _escaped_letter(letter)
+        for letter in unicodedata.normalize("NFC", text.replace(r"\$", "$"))
+    )
+
+
 def mathematics(text: str) -> str:
     """Mathematics that Matplotlib knows, for LaTeX, where comments and the like must be escaped."""
     safe = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", text)

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from string import ascii_lowercase
 from typing import Any
 
+import numpy as np
 from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -19,8 +20,8 @@ from eqt_cli.plots.drawing.style import WIDTHS, Width, size_of_type
 EMPTY = "."
 """An empty place in a mosaic."""
 
-_PANEL_HEIGHTS: dict[Width, float] = {"column": 1.25, "page": 1.65}
-_LONGEST = 9.0
+_PANEL_HEIGHTS: dict[Width, float] = {"column": 1.25, "page": 1.65, "slide": 1.4}
+_LONGEST: dict[Width, float] = {"column": 9.0, "page": 9.0, "slide": 2.8}
 """in, that the panels of a figure fill at most: a page, as long as none gets too low."""
 _LOWEST_PANEL = 0.6
 _LABEL = 8.0
@@ -49,7 +50,11 @@ Mosaic = list[list[str]]
 
 
 def sheet(
-    width: Width, mosaic: Mosaic, span: tuple[float, float], unit: str
+    width: Width,
+    mosaic: Mosaic,
+    span: tuple[float, float],
+    unit: str,
+    tallest: float = np.inf,
 ) -> tuple[Figure, dict[str, Axes]]:
     """A figure of panels with a common time axis, and its panels by name.
 
@@ -60,9 +65,12 @@ def sheet(
         is no panel.
     span, unit
         The range of the time axis and its unit.
+    tallest
+        in, that all rows take at most.
     """
     taller = max(1.0, size_of_type("axes.labelsize") / _LABEL)  # a label is as long as a panel
-    drawing, panels = blank_sheet(width, mosaic, taller * _PANEL_HEIGHTS[width])
+    height = min(taller * _PANEL_HEIGHTS[width], tallest / len(mosaic))
+    drawing, panels = blank_sheet(width, mosaic, height)
     numbered = numbered_below(mosaic)
     ticks = 3 if WIDTHS[width] / len(mosaic[0]) < _NARROW else 5
     for name, axes in panels.items():
@@ -85,7 +93,7 @@ def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, di
         in, of a row of panels; less where the rows would not fit a page.
     """
     rows = len(mosaic)
-    height = max(_LOWEST_PANEL, min(height, _LONGEST / rows))
+    height = max(_LOWEST_PANEL, min(height, _LONGEST[width] / rows))
     drawing = Figure(figsize=(WIDTHS[width], height * rows))
     FigureCanvasAgg(drawing)  # without one, Matplotlib makes a new one for every text it measures
     nested: Any = mosaic  # Matplotlib's type for it is a recursive one

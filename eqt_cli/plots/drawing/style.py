@@ -22,16 +22,21 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing import latex, style_sheets
 from eqt_cli.plots.drawing.style_sheets import Settings
 
-Width = Literal["column", "page"]
+Width = Literal["column", "page", "slide"]
 
-WIDTHS: dict[Width, float] = {"column": 3.5, "page": 7.16}
-"""Widths in inches of one and of both columns of a two-column journal (IEEE's, among others)."""
+ENLARGED: dict[Width, float] = {"column": 1.0, "page": 1.0, "slide": 18 / 8}
+"""How many times larger a drawing is written than it is laid out: 8 pt are 18 pt on a slide."""
+
+WIDTHS: dict[Width, float] = {"column": 3.5, "page": 7.16, "slide": 13.3 / ENLARGED["slide"]}
+"""Widths in inches of one and of both columns of a two-column journal (IEEE's, among others), and
+of a slide, as it is laid out."""
 
 # By any key, and not only by those that its types list.
 _PRESENT: Any = matplotlib.rcParams
 _DEFAULTS: Any = matplotlib.rcParamsDefault
 
 _SHEET = Path(__file__).with_name("eqt.mplstyle")
+_SLIDE = Path(__file__).with_name("slide.mplstyle")
 _LATEX_SHEET = Path(__file__).with_name("latex.mplstyle")
 
 _KEPT: Settings = {
@@ -51,6 +56,11 @@ _DASHES: tuple[Any, ...] = ("-", (0, (4.5, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (1.
 
 _MARKERS = "os^DvP*"
 
+_GREYS = (0.55, 0.35)
+"""The shares of ink in curves that are not in focus."""
+_PALER = 0.55
+"""The share of its colour in a variant, beside those that have the same dashes."""
+
 
 @dataclass(frozen=True)
 class Style:
@@ -62,10 +72,13 @@ class Style:
         Matplotlib style sheets, by path or by name; later ones win.
     tex
         Whether LaTeX sets the text; a sheet may ask for it too, with ``text.usetex``.
+    width
+        Of the figure: a slide has type of its own.
     """
 
     sheets: tuple[str, ...] = ()
     tex: bool = False
+    width: Width = "column"
 
     @cached_property
     def settings(self) -> Settings:
@@ -79,6 +92,8 @@ class Style:
         given: Settings = {}
         for sheet in self.sheets:
             given |= style_sheets.read(sheet)
+        if self.width == "slide":
+            given = style_sheets.read_file(_SLIDE) | given
         settings = style_sheets.read_file(_SHEET) | given | _KEPT
         if not (self.tex or given.get("text.usetex", False)):
             return settings | {"text.usetex": False, "font.family": _installed(settings)}
@@ -181,35 +196,43 @@ def _moderate_numbers() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Look:
-    """On what the line style of a curve depends.
+    """On what the look of a curve depends: its law gives the colour, its variant the dashes.
 
     Attributes
     ----------
-    index
-        The controller's position, or the curve's place in the figure.
-    pair
-        The positions of its colour and its dashes, where these mean two different things.
-    pairs
-        How many colours and dashes the figure needs for that.
+    law
+        The position of its law among all of them.
+    variant, variants
+        Which variant of the law it is, such as its start or one of several results, and how many
+        the law with most of them has.
+    grey
+        Its place among the curves that are grey, since they are not in focus; None of the others.
     """
 
-    index: int
-    pair: tuple[int, int] = (0, 0)
-    pairs: tuple[int, int] = (0, 0)
+    law: int
+    variant: int = 0
+    variants: int = 1
+    grey: int | None = None
 
 
 def line_style(look: int | Look) -> dict[str, Any]:
     """Colour and dashes of a curve, for example of the one of the controller at this position.
 
     Dashes keep curves apart where colours do not: in greyscale, or for a colour-blind reader. They
-    are those of the sheet's property cycle, or eqt's where it has none. A pair is heeded where
-    there are as many colours and dashes as the figure needs: no two curves look the same.
+    are those of the sheet's property cycle, or eqt's where it has none. Where laws have variants,
+    the dashes are those of the variant, and paler where all dashes are taken.
     """
-    index = look if isinstance(look, int) else look.index
+    look = Look(look) if isinstance(look, int) else look
     cycle = list(_PRESENT["axes.prop_cycle"])
-    if isinstance(look, Look) and _has_pairs(cycle, look.pairs):
-        colour, dashes = look.pair
-        return {"color": to_hex(cycle[colour]["color"]), "linestyle": _DASHES[dashes]}
+    if look.grey is not None:
+        shade, dashes = divmod(look.grey, len(_DASHES))
+        return {"color": ink(_GREYS[shade % len(_GREYS)]), "linestyle": _DASHES[dashes]}
+    own = cycle[look.law % len(cycle)]
+    colour = to_hex(own.get("color", ink()))
+    if look.variants > 1 and "linestyle" not in own and "color" in own:
+        shade, dashes = divmod(look.variant, len(_DASHES))
+        return {"color": mixed(colour, ink(0), _PALER**shade), "linestyle": _DASHES[dashes]}
+    index = look.law * look.variants + look.variant
     own = cycle[index % len(cycle)]
     # With every turn through both, dashes move on by one: all pairs occur before one repeats.
     turns = index // lcm(len(cycle), len(_DASHES))
@@ -217,17 +240,12 @@ def line_style(look: int | Look) -> dict[str, Any]:
     return {"color": to_hex(own.get("color", ink())), "linestyle": dashes}
 
 
-def _has_pairs(cycle: list[dict[str, Any]], needed: tuple[int, int]) -> bool:
-    colours, dashes = needed
-    free = "linestyle" not in cycle[0] and "color" in cycle[0]
-    return free and 0 < colours <= len(cycle) and dashes <= len(_DASHES)
-
-
-def marker(index: int) -> str:
+def marker(look: int | Look) -> str:
     """The shape of the points that belong to the controller at this position.
 
     Where the colours of eqt's own style begin anew, the shapes are the next ones.
     """
+    index = look if isinstance(look, int) else look.law
     return _MARKERS[(index + index // len(_MARKERS)) % len(_MARKERS)]
 
 
@@ -239,16 +257,19 @@ def ink(share: float = 1.0) -> str:
     grounds = ("axes.facecolor", "figure.facecolor")
     seen = [to_rgba(_PRESENT[key]) for key in grounds]
     paper = next((colour for colour in seen if colour[3] > 0), (1.0, 1.0, 1.0, 1.0))
-    text = to_rgba(_PRESENT["text.color"])
-    red, green, blue, _ = (share * a + (1 - share) * b for a, b in zip(text, paper, strict=True))
+    return mixed(_PRESENT["text.color"], paper, share)
+
+
+def mixed(colour: Any, other: Any, share: float) -> str:
+    """So much of a colour, and the rest of another."""
+    both = zip(to_rgba(colour), to_rgba(other), strict=True)
+    red, green, blue, _ = (share * a + (1 - share) * b for a, b in both)
     return to_hex((red, green, blue))
 
 
 def darker(colour: str) -> str:
     """A colour for words: a third of the way to the colour of text."""
-    own, text = to_rgba(colour), to_rgba(ink())
-    red, green, blue, _ = ((2 * a + b) / 3 for a, b in zip(own, text, strict=True))
-    return to_hex((red, green, blue))
+    return mixed(colour, ink(), 2 / 3)
 
 
 def size_of_type(key: str) -> float:

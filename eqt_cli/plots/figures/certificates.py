@@ -12,10 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
 from eqt_cli.analysis.certificates.base import Row, Verdict
+from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.drawing.labels import notation
 from eqt_cli.plots.drawing.layout import add_legend
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
+from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink, line_style, marker
 from eqt_cli.plots.shown.certificates import ShownCertificates
 
 _ROW_HEIGHT = 0.155
@@ -35,18 +36,35 @@ _NO_LAW, _BEYOND = 0.65, 0.07
 class Certificates(OfCertificates):
     """Certificates: what was measured over what is allowed, a row per statement of the paper.
 
+    Shown are the statements that come nearest to their bounds, or beyond them.
+
     Allowed are rounding for identities and a multiple of the solver's tolerance for trajectories.
     Values left of 1 hold (filled). Hollow: no claim about the finite time of the runs. Cross:
     fails. The scale is logarithmic; 0 is left of the axis break.
+
+    Attributes
+    ----------
+    rows
+        How many statements, at most; 0 for all.
     """
 
     name: ClassVar[str] = "certificates"
 
+    rows: int = 16
+
+    def check(self, problems: Problems) -> None:
+        """A number of rows."""
+        if self.rows < 0:
+            problems.at("rows").add(f"expected 0 or more, got {self.rows}")
+
     def compose(self, found: ShownCertificates, width: Width) -> Drawing:
         """Identities above trajectories, the paper's order downwards."""
+        worst = {name: max(map(_ratio, found.rows(name))) for name in found.names}
+        nearest = sorted(found.names, key=lambda name: -worst[name])[: self.rows or None]
+        found.keep(nearest)
         drawing = Drawing(figsize=(WIDTHS[width], 0.5 + _ROW_HEIGHT * len(found.names)))
         axes = drawing.add_subplot(label="certificates")
-        looks = {law.label: _look(law.controller) for law in found.laws} | {
+        looks = {law.label: _look(law.look) for law in found.laws} | {
             "": {"color": ink(_NO_LAW), "marker": "|"}
         }
         least = _least(found)
@@ -88,8 +106,8 @@ def _least(found: ShownCertificates) -> float:
     return float(10.0 ** (np.floor(np.log10(min([*ratios, 1.0]))) - 1))
 
 
-def _look(index: int) -> dict[str, Any]:
-    return {"color": line_style(index)["color"], "marker": marker(index)}
+def _look(of: Look) -> dict[str, Any]:
+    return {"color": line_style(of)["color"], "marker": marker(of)}
 
 
 def _shifts(count: int) -> list[float]:

@@ -12,44 +12,43 @@ from matplotlib.patches import Patch
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
-from eqt_cli.plots.base import OverTime
+from eqt_cli.plots.base import OverTime, Panelled
 from eqt_cli.plots.drawing.labels import force_component, free_text, in_words, quantity
-from eqt_cli.plots.drawing.layout import (
-    add_legend,
-    add_title,
-    hide_inner_scales,
-    name_scale,
-    share_scale,
-    sheet,
-)
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
+from eqt_cli.plots.drawing.layout import add_legend, name_scale
+from eqt_cli.plots.drawing.style import Width, ink, line_style
+from eqt_cli.plots.law_columns import law_columns
 from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
-_MOST_CONTROLLERS: dict[Width, int] = {"column": 4, "page": 8}
 _ASKED: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.2))}
 _ANY = 0.7
 """The share of ink in the grey that stands for every controller's colour in the legend."""
 _SHADE = 0.13
 """The share of ink in what lies behind the curves."""
-_MARGIN = 0.06
-"""Of the range of a thruster, shown on either side of it."""
-_MOST_NAME = 16
-"""Characters of the name of a thruster."""
+_NEAR = 1e-6
+"""Of a limit, within which it is reached."""
+_SEEN = 2.0
+"""Times the largest value, within which a limit is drawn."""
+Limits = tuple[Array, Array] | None
+
+_GIVEN = {"torque": "given", "thrust": "thrust"}
+_MOST_NAME = 10
+"""Characters in a line of the name of a thruster, where there are many."""
 
 
 @dataclass(frozen=True)
-class Commands(OverTime):
+class Commands(Panelled, OverTime):
     """What a law asks for and what its actuators give in one run; the time at a limit is shaded.
 
-    A row per axis and a column per controller. In an ideal loop the two are the same.
+    A row per axis and a column per controller, with the limits of each axis. Limits of other kinds,
+    such as of the norm, shade all axes.
 
     Attributes
     ----------
     run
         Which run, by its number.
     thrusters
-        Show the thrust of each thruster instead, a row each; what is beyond its limits is shaded.
+        Show the thrust of each thruster instead, a row each.
     """
 
     name: ClassVar[str] = "commands"
@@ -64,71 +63,80 @@ class Commands(OverTime):
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Axes downwards with a scale each, controllers to the right."""
-        shown, most = runs.shown, _MOST_CONTROLLERS[width]
-        if len(shown) > most:
+        if not self.thrusters and not any(e.results.has("command") for e in runs.shown):
             raise runs.error(
-                f"has a column of panels per controller, and width '{width}' has room for "
-                f"{most}, not {len(shown)}; choose some with the option 'controllers'"
+                "finds no actuators in this loop, so what a law asks for is what acts; figure "
+                "'torque' shows it"
             )
-        names = runs.thrusters if self.thrusters else [axis for axis, _ in runs.axes]
-        rows = [[f"{name} {e.label}" for e in shown] for name in names]
-        drawing, panels = sheet(width, rows, runs.span, runs.unit("time"))
-        grid = [[panels[name] for name in row] for row in rows]
-        labels = [quantity(force_component(axis, unit), unit) for axis, unit in runs.axes]
+        axes = {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
         if self.thrusters:
-            labels = [in_words(free_text(name, _MOST_NAME), runs.unit("thrust")) for name in names]
-        for row, label in zip(grid, labels, strict=True):
-            share_scale(row)
-            name_scale(row[0], label)
-        hide_inner_scales(panels, rows)
-        fill, limited = self._fill_thrusts if self.thrusters else self._fill, False
-        for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
-            add_title(column[0], ensemble.title, WIDTHS[width] / len(shown))
-            limited |= fill(column, runs, ensemble)
-        self._add_legend(drawing, limited)
+            names = runs.thrusters
+            unit, most = runs.unit("thrust"), 2 * _MOST_NAME // (1 + len(names) // 5)
+            axes = {name: in_words(free_text(name, most), unit) for name in names}
+        places, wanted = list(axes), self.picked(list(axes))
+        drawing, rows = law_columns(runs, width, wanted)
+        found = _Kinds()
+        limits = {e.label: runs.limits(e, self.run, thrusters=self.thrusters) for e in runs.shown}
+        for name in wanted:
+            name_scale(next(iter(rows[name].values())), axes[name])
+            for ensemble in runs.shown:
+                k, panel = places.index(name), rows[name][ensemble.label]
+                self._fill(panel, runs, ensemble, k, limits[ensemble.label], found)
+        self._add_legend(drawing, found)
+        runs.remarks.append(f"Run {self.run}.")
         return drawing
 
-    def _fill_thrusts(self, column: tuple[Axes, ...], runs: ShownRuns, ensemble: Ensemble) -> bool:
-        """Draw the thrusts of a controller; whether they have limits."""
-        times, thrust = runs.times(ensemble), runs.of_run("thrust", ensemble, self.run)
-        limits = runs.thrust_limits(ensemble, self.run)
-        colour = line_style(ensemble.look)["color"]
-        for k, axes in enumerate(column):
-            axes.plot(times, thrust[:, k], color=colour, label="thrust")
-            if limits is None:
-                continue
-            low, high = limits[0][k], limits[1][k]
-            beyond = _MARGIN * (high - low)
-            for start, end in ((low - beyond, low), (high, high + beyond)):
-                axes.axhspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
-            axes.set_ylim(low - beyond, high + beyond)
-        return limits is not None
+    def _fill(
+        self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits, found: "_Kinds"
+    ) -> None:
+        """Draw one axis or thruster of a controller; shade where it is at a limit."""
+        times, signal = runs.times(ensemble), "thrust" if self.thrusters else "torque"
+        given = runs.of_run(signal, ensemble, self.run)[:, k]
+        asked = given
+        if not self.thrusters and ensemble.results.has("command"):
+            asked = runs.of_run("command", ensemble, self.run)[:, k]
+        if ends is not None:
+            low, high = float(ends[0][k]), float(ends[1][k])
+            beyond = (asked <= low + _NEAR * abs(low)) | (asked >= high - _NEAR * abs(high))
+        else:
+            low, high = -np.inf, np.inf
+            beyond = np.zeros(len(times), dtype=bool)
+            if ensemble.results.has("at_limit") and not self.thrusters:
+                beyond = runs.of_run("at_limit", ensemble, self.run) > 0
+        for start, end in _stretches(times, beyond):
+            axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
+        reach = _SEEN * np.max(np.abs(given), initial=0.0, where=np.isfinite(given))
+        for number, end in enumerate((low, high)):
+            if np.isfinite(end) and abs(end) <= reach:
+                axes.axhline(end, label=f"limit {number}", **_limit())
+                found.limits = True
+        axes.plot(times, given, color=line_style(ensemble.look)["color"], label=_GIVEN[signal])
+        if not self.thrusters:
+            axes.plot(times, asked, color=ink(), label="asked", **_ASKED)
+        found.shaded |= bool(beyond.any())
 
-    def _fill(self, column: tuple[Axes, ...], runs: ShownRuns, ensemble: Ensemble) -> bool:
-        """Draw the panels of a controller; whether its run is ever at a limit."""
-        times, given = runs.times(ensemble), runs.of_run("torque", ensemble, self.run)
-        asked, at_limit = given, np.zeros(len(times))
-        if ensemble.results.has("command"):
-            asked = runs.of_run("command", ensemble, self.run)
-        if ensemble.results.has("at_limit"):
-            at_limit = runs.of_run("at_limit", ensemble, self.run)
-        colour = line_style(ensemble.look)["color"]
-        for k, axes in enumerate(column):
-            for start, end in _stretches(times, at_limit > 0):
-                axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
-            axes.plot(times, given[:, k], color=colour, label="given")
-            axes.plot(times, asked[:, k], color=ink(), label="asked", **_ASKED)
-        return bool(at_limit.any())
-
-    def _add_legend(self, drawing: Drawing, limited: bool) -> None:
+    def _add_legend(self, drawing: Drawing, found: "_Kinds") -> None:
         given = "thrust" if self.thrusters else "given by the actuators"
         handles: dict[str, Artist] = {given: Line2D([], [], color=ink(_ANY))}
         if not self.thrusters:
             handles["asked by the law"] = Line2D([], [], color=ink(), **_ASKED)
-        if limited:
-            words = "beyond its limits" if self.thrusters else "at a limit"
-            handles[words] = Patch(facecolor=ink(_SHADE), linewidth=0)
+        if found.limits:
+            handles["limit"] = Line2D([], [], **_limit())
+        if found.shaded:
+            handles["at a limit"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         add_legend(drawing, list(handles.values()), list(handles))
+
+
+@dataclass
+class _Kinds:
+    """What the legend explains."""
+
+    limits: bool = False
+    shaded: bool = False
+
+
+def _limit() -> dict[str, Any]:
+    return {"color": ink(_ANY), "linewidth": 0.6, "linestyle": (0, (6, 2)), "zorder": 1.5}
 
 
 def _stretches(times: Array, inside: Array) -> list[tuple[float, float]]:

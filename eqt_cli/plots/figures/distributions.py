@@ -19,14 +19,14 @@ from eqt_cli.plots.shown.metrics import Sample, ShownMetrics
 MOST_STEPS = 500
 """Steps of a distribution function, at most: each then stands for several runs."""
 
-_COLUMNS: dict[Width, int] = {"column": 2, "page": 3}
-_NAMES: dict[Width, int] = {"column": 14, "page": 26}
+_COLUMNS: dict[Width, int] = {"column": 2, "page": 3, "slide": 3}
+_NAMES: dict[Width, int] = {"column": 14, "page": 26, "slide": 20}
 """Characters in a line of a controller's name beside the boxes."""
 _ROW, _LINE = 0.19, 0.12
 """in, of a box, and of a further line of its name."""
 _AROUND = 0.5
 """in, of the numbers and the name below a panel and the room above it."""
-_CURVES: dict[Width, float] = {"column": 1.45, "page": 1.8}
+_CURVES: dict[Width, float] = {"column": 1.45, "page": 1.8, "slide": 1.25}
 
 _BESIDE: dict[str, Any] = {
     "xycoords": ("axes fraction", "data"),

@@ -12,14 +12,14 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import draw_points
-from eqt_cli.plots.drawing.key_labels import scale_along
+from eqt_cli.plots.drawing.key_labels import key_at, scale_along
 from eqt_cli.plots.drawing.layout import add_title, blank_sheet, hide_inner_scales, rows_of
 from eqt_cli.plots.drawing.style import WIDTHS, Width
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.swept_key import SweptKey
 
-_HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.4}
-_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4}
+_HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.4, "slide": 2.3}
+_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 3}
 _MOST_PANELS = 12
 
 
@@ -53,21 +53,21 @@ class Envelope(OfSweep):
         mosaic = rows_of(names, min(_IN_A_ROW[width], len(names)))
         drawing, panels = blank_sheet(width, mosaic, _HEIGHTS[width])
         room = WIDTHS[width] / len(mosaic[0])
-        laws = list(zip(swept.controllers, swept.titles, strict=True))
+        laws = list(zip(swept.looks, swept.titles, strict=True))
         lines: list[Line2D] = []
         for name, level in zip(names, levels, strict=True):
             axes = panels[name]
             points = np.flatnonzero(other.values == level) if other else np.arange(len(settled))
             order = points[np.argsort(across.values[points], kind="stable")]
             x, lines = across.values[order], []
-            for k, (position, title) in enumerate(laws):
+            for k, (look, title) in enumerate(laws):
                 share, low, high = shares(settled[order, k]).T
-                lines += draw_points(axes, x, share, (low, high), position, title)
+                lines += draw_points(axes, x, share, (low, high), look, title)
             axes.set_ylim(-0.03, 1.03)
             axes.set_ylabel(f"share settled {f'by {self.by:g} s' if self.by else 'at the end'}")
             scale_along(axes, swept.results, across, room)
             if other:
-                add_title(axes, f"{other.key} {other.at(int(points[0]))}", room)
+                add_title(axes, key_at(swept.results, other, int(points[0])), room)
         hide_inner_scales(panels, mosaic)
         name_curves(drawing, panels.values(), lines, swept.titles)
         swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")

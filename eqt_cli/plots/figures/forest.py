@@ -14,17 +14,18 @@ from eqt_cli.analysis.comparison.ratios import relative_difference
 from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
-from eqt_cli.plots.base import Alongside, OfSweep
+from eqt_cli.plots.base import Alongside, OfOneMetric
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
+from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink, line_style, marker
+from eqt_cli.plots.shown.controllers import Chosen
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.result import Result
 from eqt_cli.tuning.held_out import side_by_side
 
 MOST_ROWS = 40
 
-Look = dict[str, Any]
+Settings = dict[str, Any]
 
 _ROW, _AROUND = 0.2, 0.85
 """in, the height of a row, and that of scales and legend."""
@@ -37,7 +38,7 @@ _SMALL = 3.5
 
 
 @dataclass(frozen=True)
-class Forest(OfSweep):
+class Forest(OfOneMetric):
     """A row for each point of a sweep: the paired difference of two laws, and who settles.
 
     The difference of the means over all runs, in per cent of the second law's mean, with its
@@ -46,15 +47,12 @@ class Forest(OfSweep):
 
     Attributes
     ----------
-    metric
-        What is compared, by its name in the result.
     confidence
         Of the intervals, each by itself.
     """
 
     name: ClassVar[str] = "forest"
 
-    metric: str = "mean_pose_error"
     confidence: float = 0.95
 
     def check(self, problems: Problems) -> None:
@@ -66,8 +64,8 @@ class Forest(OfSweep):
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownSweep:
         """The points; of a tuning, the winners unless others are chosen."""
         shown = self._only(results, "sweep")
-        chosen = self.controllers or (side_by_side(shown) if shown.is_sweep else ())
-        return ShownSweep(shown, self.name, chosen)
+        laws = self.controllers or (side_by_side(shown) if shown.is_sweep else ())
+        return ShownSweep(shown, self.name, Chosen(laws, self.focus))
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Two panels with the same rows, the first point on top."""
@@ -78,7 +76,7 @@ class Forest(OfSweep):
                 if len(swept.controllers) > 2
                 else f"compares two laws, and here is one: {swept.titles[0]}"
             )
-        values = swept.metric(self.metric)
+        values = swept.metric(self.metric_of(swept))
         if (points := len(values)) > MOST_ROWS:
             raise swept.error(
                 f"has a row for each point, at most {MOST_ROWS}, and here are {points}"
@@ -91,11 +89,11 @@ class Forest(OfSweep):
         first, second = swept.titles
         found = np.array([self._difference(*of_point) for of_point in values])
         _draw_differences(left, rows, 100 * found, f"{first} − {second}")
-        label = metric_label(swept.results, self.metric, 40)
+        label = metric_label(swept.results, self.metric_of(swept), 40)
         left.set_xlabel(f"{label}\n{first} − {second}, % of {second}")
-        for k, position in enumerate(swept.controllers):
+        for k, look in enumerate(swept.looks):
             share = shares(settled[:, k].astype(float), self.confidence)
-            _draw_shares(right, rows + (2 * k - 1) * _BESIDE, share, position, swept.titles[k])
+            _draw_shares(right, rows + (2 * k - 1) * _BESIDE, share, look, swept.titles[k])
         right.set_xlim(-0.04, 1.04)
         right.set_xlabel("share settled")
         left.set_yticks(rows, [free_text(swept.point_name(int(k)), _LONGEST) for k in rows])
@@ -115,8 +113,9 @@ class Forest(OfSweep):
             "lower": f" Left of 0: {first} is better.",
             "higher": f" Right of 0: {first} is better.",
         }
+        quantity = swept.results.quantity(self.metric_of(swept))
         told = [
-            f"{swept.count} per row.{better.get(swept.results.quantity(self.metric).better, '')} "
+            f"{swept.count} per row.{better.get(quantity.better, '')} "
             f"Intervals of {100 * self.confidence:g} %, each by itself; filled where they exclude "
             "0. Failed runs are no part of the differences."
         ]
@@ -130,11 +129,11 @@ def _draw_differences(panel: Axes, rows: Array, found: Array, name: str) -> None
     panel.axvline(0, color=ink(0.5), linewidth=0.6, label="no difference")
     known = np.isfinite(low) & np.isfinite(high)
     ends = np.array([mean - low, high - mean])[:, known]
-    bars: Look = {"fmt": "none", "ecolor": ink(0.8), "elinewidth": 0.9}
+    bars: Settings = {"fmt": "none", "ecolor": ink(0.8), "elinewidth": 0.9}
     if known.any():
         panel.errorbar(mean[known], rows[known], xerr=ends, label=f"{name}, intervals", **bars)
     decided = known & ((low > 0) | (high < 0))
-    look: Look = {"marker": "D", "markersize": _SMALL, "linestyle": "", "color": ink(0.8)}
+    look: Settings = {"marker": "D", "markersize": _SMALL, "linestyle": "", "color": ink(0.8)}
     hollow = look | {"markerfacecolor": ink(0)}
     for some, which, style in ((decided, "without 0", look), (~decided, "with 0", hollow)):
         if some.any():
@@ -142,11 +141,11 @@ def _draw_differences(panel: Axes, rows: Array, found: Array, name: str) -> None
     panel.margins(x=0.06)
 
 
-def _draw_shares(panel: Axes, rows: Array, found: Array, position: int, title: str) -> None:
+def _draw_shares(panel: Axes, rows: Array, found: Array, of: Look, title: str) -> None:
     share, low, high = found.T
-    colour = line_style(position)["color"]
-    look: Look = {"marker": marker(position), "markersize": _SMALL, "color": colour}
+    colour = line_style(of)["color"]
+    look: Settings = {"marker": marker(of), "markersize": _SMALL, "color": colour}
     panel.plot(share, rows, label=title, linestyle="", **look)
-    bars: Look = {"fmt": "none", "ecolor": colour, "elinewidth": 0.8}
+    bars: Settings = {"fmt": "none", "ecolor": colour, "elinewidth": 0.8}
     ends = [share - low, high - share]
     panel.errorbar(share, rows, xerr=ends, label=f"{title}, intervals", **bars)

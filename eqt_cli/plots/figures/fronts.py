@@ -17,7 +17,7 @@ from eqt_cli.plots.drawing.scales import scale
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
 from eqt_cli.plots.shown.fronts import ShownFronts
 
-_HEIGHTS: dict[Width, float] = {"column": 2.6, "page": 3.8}
+_HEIGHTS: dict[Width, float] = {"column": 2.6, "page": 3.8, "slide": 2.7}
 _SMALL = 3.5
 """pt, of markers: the intervals are the point."""
 
@@ -45,19 +45,19 @@ class Fronts(OfTuning):
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panel = drawing.add_subplot()
         lines, seen = [], []
-        for front, position in zip(shown.fronts, shown.positions, strict=True):
-            look = line_style(position)
+        for front, of in zip(shown.fronts, shown.looks, strict=True):
+            look = line_style(of)
             points = [_intervals(values) for values in shown.values(front)]
             best = front.best
             others = np.setdiff1d(np.arange(len(front.labels)), best)
-            style: dict[str, Any] = look | {"marker": marker(position), "markersize": _SMALL}
+            style: dict[str, Any] = look | {"marker": marker(of), "markersize": _SMALL}
             x, y = (each[best, 0] for each in points)
             lines += panel.plot(x, y, label=front.law, **style)
             _crosses(panel, points, best, look["color"], f"{front.law}, intervals")
             if len(others):
                 x, y = (each[others, 0] for each in points)
                 hollow = style | {"linestyle": "", "markerfacecolor": "none"}
-                panel.plot(x, y, label=f"{front.law}, bettered", **hollow)
+                panel.plot(x, y, label=f"{front.law}, dominated", **hollow)
             start = shown.start(front)
             panel.plot(*start, "x", color=look["color"], label=f"{front.law}, start")
             seen += points

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup, Part
-from eqt_cli.plots.base import OfMeasured
+from eqt_cli.plots.base import OfMeasured, Panelled
 from eqt_cli.plots.drawing.coordinates import axis_labels, pose_coordinates, symbols
 from eqt_cli.plots.drawing.labels import in_words, part_name, quantity
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
@@ -26,7 +26,7 @@ _PALE = 0.35
 
 
 @dataclass(frozen=True)
-class Measured(OfMeasured):
+class Measured(Panelled, OfMeasured):
     """A recording beside a run: pose, error, velocity and wrench, a column per part.
 
     It shows one controller: the first, unless another is chosen. The error is log Q_d⁻¹Q, from the
@@ -45,9 +45,11 @@ class Measured(OfMeasured):
 
     def compose(self, shown: ShownMeasured, width: Width) -> Drawing:
         """A row for each quantity; the coordinates of a part share a panel."""
-        parts, curves = shown.group.parts, shown.curves
+        parts = shown.group.parts
+        wanted = self.picked([name for name, *_ in shown.curves])
+        curves = [row for row in shown.curves if row[0] in wanted]
         places = [[f"{name} {part.name}" for part in parts] for name, *_ in curves]
-        times = shown.pair.simulated.times
+        times = curves[0][2][0]
         drawing, panels = sheet(width, places, (float(times[0]), float(times[-1])), shown.unit)
         for row, (name, measured, (t, run)) in zip(places, curves, strict=True):
             for panel, part in zip(row, parts, strict=True):
@@ -72,7 +74,7 @@ class Measured(OfMeasured):
         self, shown: ShownMeasured, name: str, part: Part, values: Array, near: Array | None = None
     ) -> tuple[Array, str]:
         """The curves of a part, and the name of their scale; those of poses `near` others."""
-        velocity, force = symbols(part, len(shown.group.parts))
+        _, velocity, force = symbols(shown.group, part)
         degrees = self.degrees and part.turns
         if name == "pose":
             near = np.radians(near) if degrees and near is not None else near

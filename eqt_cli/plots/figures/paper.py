@@ -1,25 +1,34 @@
 """The four panels of the paper's figure for any result: means over runs of errors, torque and L."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.plots.base import OverTime
+from eqt_cli.plots.base import OverTime, Panelled
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import Bands, draw_mean, of_bands
 from eqt_cli.plots.drawing.labels import part_name
-from eqt_cli.plots.drawing.layout import add_title, name_scale, sheet
+from eqt_cli.plots.drawing.layout import (
+    add_title,
+    name_scale,
+    rows_of,
+    sheet,
+)
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width
+from eqt_cli.plots.law_columns import law_columns
+from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
+_FUNCTION = "lyapunov"
 
 
 @dataclass(frozen=True)
-class Paper(OverTime):
+class Paper(Panelled, OverTime):
     """Means over runs of pose error, velocity error, torque norm and Lyapunov function.
 
     Figure 3 of Hampsey et al. (2025), on any group: where rotation and translation have units of
@@ -30,9 +39,11 @@ class Paper(OverTime):
     log
         A logarithmic scale for what converges to zero: the errors and L, but not the torque. The
         default is linear, as in the paper, so that the two can be compared.
+    log_torque
+        A logarithmic scale for the torque, too.
     bands
-        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, ``bootstrap``
-        the 95 % interval of the mean at each time.
+        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a column of
+        panels per law; ``bootstrap`` the 95 % interval of the mean at each time.
     degrees
         The attitude error as the angle of the rotation, in degrees.
     """
@@ -40,31 +51,59 @@ class Paper(OverTime):
     name: ClassVar[str] = "paper"
 
     log: bool = False
+    log_torque: bool = False
     bands: Bands = "none"
     degrees: bool = False
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Two by two panels, or a row per norm and a column per part."""
+        """Two by two panels, or a row per norm and a column per part; quantiles by law."""
         runs.require_attitude(degrees=self.degrees)
-        parts = runs.parts
-        norms = [[norm + part for part in parts] for norm in _NORMS]
-        if len(parts) > 1:
-            mosaic = [*norms, ["lyapunov"] * len(parts)]
-        else:
-            mosaic = [["pose_error", "velocity_error"], ["torque_norm", "lyapunov"]]
-        drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"))
-        for signal, axes in panels.items():
-            self._fill(axes, signal, runs)
-        for signal, part in zip(norms[0], parts, strict=True):
-            add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
-        complete = [axes for axes in panels.values() if len(axes.lines) == len(runs.shown)]
-        name_curves(drawing, complete, panels[norms[0][0]].lines, [e.title for e in runs.shown])
+        norms = self.picked((*_NORMS, _FUNCTION))
+        draw = self._by_law if self.bands == "quantiles" else self._together
+        drawing = draw(runs, width, norms)  # since such bands would hide each other
         runs.remarks.append(f"Curves: mean over runs, {runs.count()}{of_bands(self.bands)}.")
         return drawing
 
-    def _fill(self, axes: Axes, signal: str, runs: ShownRuns) -> None:
-        for ensemble in runs.with_function() if signal == "lyapunov" else runs.shown:
-            values = runs.errors(signal, ensemble, degrees=self.degrees)
-            draw_mean(axes, runs.times(ensemble), values, self.bands, ensemble)
-        scale_norm(axes, log=self.log and not signal.startswith("torque_norm"))
-        name_scale(axes, runs.error_label(signal, degrees=self.degrees))
+    def _together(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
+        """All laws in each panel."""
+        parts = runs.parts
+        rows = [[norm + part for part in parts] for norm in norms if norm != _FUNCTION]
+        if len(parts) > 1:
+            mosaic = [*rows, *([_FUNCTION] * len(parts) for norm in norms if norm == _FUNCTION)]
+        else:
+            mosaic = rows_of([*(row[0] for row in rows), *norms[len(rows) :]], 2)
+        drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"))
+        for signal, axes in panels.items():
+            for ensemble in self._shown(runs, signal):
+                self._draw(axes, signal, runs, ensemble)
+            self._scale([axes], signal, runs)
+        for signal, part in zip(rows[0], parts, strict=True) if rows else ():
+            add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
+        complete = [axes for axes in panels.values() if len(axes.lines) == len(runs.shown)]
+        lines = max(panels.values(), key=lambda axes: len(axes.lines)).lines
+        name_curves(drawing, complete, lines, [e.title for e in runs.shown])
+        return drawing
+
+    def _by_law(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
+        """A row per norm and part, and a column per law."""
+        of_parts = {norm: [""] if norm == _FUNCTION else runs.parts for norm in norms}
+        signals = [norm + part for norm in norms for part in of_parts[norm]]
+        drawing, rows = law_columns(runs, width, signals, lambda s, e: e in self._shown(runs, s))
+        for signal, row in rows.items():
+            for ensemble in self._shown(runs, signal):
+                self._draw(row[ensemble.label], signal, runs, ensemble)
+            self._scale(list(row.values()), signal, runs)
+        return drawing
+
+    def _shown(self, runs: ShownRuns, signal: str) -> list[Ensemble]:
+        return runs.with_function() if signal == _FUNCTION else runs.shown
+
+    def _draw(self, axes: Axes, signal: str, runs: ShownRuns, ensemble: Ensemble) -> None:
+        values = runs.errors(signal, ensemble, degrees=self.degrees)
+        draw_mean(axes, runs.times(ensemble), values, self.bands, ensemble)
+
+    def _scale(self, panels: Sequence[Axes], signal: str, runs: ShownRuns) -> None:
+        log = self.log_torque if signal.startswith("torque_norm") else self.log
+        for axes in panels:
+            scale_norm(axes, log=log)
+        name_scale(panels[0], runs.error_label(signal, degrees=self.degrees))

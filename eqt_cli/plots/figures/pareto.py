@@ -17,7 +17,7 @@ from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.tuning.ranking import front
 
-_HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4}
+_HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4, "slide": 2.6}
 _PALE = 0.45
 
 MOST_NAMED = 16
@@ -30,31 +30,38 @@ _LONGEST, _ALONG = 40, 25
 class Pareto(OfSweep):
     """Every point of a sweep by two metrics, of which lower is better, and the Pareto front.
 
-    Points are means over the runs; a line joins the Pareto front of each law. On a page,
-    few such points carry the values of the swept keys, as far as there is room.
+    Only of design choices: gains and options of laws. Points are means over the runs; a line joins
+    the Pareto front of each law. On a page, few such points carry the values of the swept keys, as
+    far as there is room.
 
     Attributes
     ----------
     cost, error
-        The metrics across and up, by their names in the result.
+        The metrics across and up, by their names in the result; by default the effort and the mean
+        pose error, of the first part where parts have units of their own.
     log
         Logarithmic scales; by default, of the metrics that span more than a decade.
     """
 
     name: ClassVar[str] = "pareto"
 
-    cost: str = "effort"
-    error: str = "mean_pose_error"
+    cost: str = ""
+    error: str = ""
     log: bool | None = None
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """The means over the runs of every point, and their front, for every controller."""
-        cost, error = map(swept.means, (self.cost, self.error))
+        swept.require_choices()
+        cost_name, error_name = (
+            self.cost or swept.of_one_unit("effort"),
+            self.error or swept.of_one_unit("mean_pose_error"),
+        )
+        cost, error = map(swept.means, (cost_name, error_name))
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panel = drawing.add_subplot()
         lines, fronts = [], []
-        for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
-            look = line_style(position) | {"marker": marker(position), "label": title}
+        for k, (of, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
+            look = line_style(of) | {"marker": marker(of), "label": title}
             x, y = cost[:, k], error[:, k]
             pale = {"color": look["color"], "alpha": _PALE, "linewidths": 0}
             panel.scatter(x, y, s=16, marker=look["marker"], label=title, **pale)
@@ -65,10 +72,10 @@ class Pareto(OfSweep):
         panel.margins(0.03)
         scale(panel, "x", cost, log=self.log)
         scale(panel, "y", error, log=self.log)
-        for name, set_label in ((self.cost, panel.set_xlabel), (self.error, panel.set_ylabel)):
+        for name, set_label in ((cost_name, panel.set_xlabel), (error_name, panel.set_ylabel)):
             set_label(metric_label(swept.results, name, 36))
         add_legend(drawing, lines, swept.titles)
-        if width == "page" and sum(map(len, fronts)) <= MOST_NAMED:
+        if width != "column" and sum(map(len, fronts)) <= MOST_NAMED:
             _name_fronts(panel, swept, fronts, cost, error)
         swept.remarks.append(f"Each point: mean over runs, {swept.count}.")
         return drawing
@@ -79,11 +86,11 @@ def _name_fronts(
 ) -> None:
     """Write the swept values beside the points of the fronts."""
     points, texts, colours, corners = [], [], [], [np.column_stack([cost.ravel(), error.ravel()])]
-    for k, (best, position) in enumerate(zip(fronts, swept.controllers, strict=True)):
+    for k, (best, look) in enumerate(zip(fronts, swept.looks, strict=True)):
         x, y = cost[best, k], error[best, k]
         points.append(np.column_stack([x, y]))
         texts += [free_text(swept.point_name(int(point)), _LONGEST) for point in best]
-        colours += [line_style(position)["color"]] * len(best)
+        colours += [line_style(look)["color"]] * len(best)
         corners += [steps(x, y)]
     name_points(panel, np.concatenate(points), texts, colours, np.concatenate(corners))
 

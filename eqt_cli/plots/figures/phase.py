@@ -32,8 +32,8 @@ from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
-_HEIGHTS: dict[Width, float] = {"column": 1.35, "page": 1.75}
-_COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
+_HEIGHTS: dict[Width, float] = {"column": 1.35, "page": 1.75, "slide": 1.35}
+_COLUMNS: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
 _BESIDE = 0.15
 """in, of a panel's place that its title cannot use: the scale is there."""
 _CELLS = 48
@@ -54,9 +54,8 @@ class Phase(OfFirstRuns):
 
     Some single runs, from a hollow dot at the start to a filled one at the end; darker shading:
     more runs pass there. A panel per controller, and a column per part where parts have units of
-    their own. A triangle marks the rotation error of the critical points of Υ other than I, if it
-    is within the axes. They are half-turns for every weight: with no velocity error they are
-    unstable equilibria.
+    their own. A triangle marks the unstable equilibria, if they are within the axes: the
+    rotation error of the critical points of Υ other than I, which are half-turns for every weight.
 
     Attributes
     ----------
@@ -91,7 +90,7 @@ class Phase(OfFirstRuns):
         _hide_scales(panels, places, parts)
         handles = path_legend(shown, self.runs, density=self.density)
         if marked:
-            handles["half-turns"] = Line2D([], [], color=ink(), **_HALF_TURN)
+            handles["unstable equilibria"] = Line2D([], [], color=ink(), **_HALF_TURN)
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 

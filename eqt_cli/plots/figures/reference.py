@@ -7,16 +7,18 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from eqt_cli.plots.base import OfReference
+from eqt_cli.plots.base import OfReference, Panelled
 from eqt_cli.plots.drawing.coordinates import axis_labels, pose_coordinates, symbols
 from eqt_cli.plots.drawing.labels import part_name, quantity
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
 from eqt_cli.plots.shown.reference import ShownReference
 
+_ROWS = ("pose", "velocity", "torque")
+
 
 @dataclass(frozen=True)
-class ReferenceOverTime(OfReference):
+class ReferenceOverTime(Panelled, OfReference):
     """Pose, velocity and torque of the reference, a column per part; it needs no run.
 
     A rotation is drawn as its vector, axis times angle, without jumps by whole turns.
@@ -34,19 +36,21 @@ class ReferenceOverTime(OfReference):
     def compose(self, shown: ShownReference, width: Width) -> Drawing:
         """Three rows; the coordinates of a part share a panel."""
         parts = shown.group.parts
-        rows = [[f"{row} {part.name}" for part in parts] for row in ("pose", "velocity", "torque")]
+        names = self.picked(_ROWS)
+        rows = [[f"{row} {part.name}" for part in parts] for row in names]
         span = float(shown.times[0]), float(shown.times[-1])
         drawing, panels = sheet(width, rows, span, "s")
         for place, part in enumerate(parts):
             turns = self.degrees and part.turns
-            values, symbol, unit = pose_coordinates(shown.group, part, shown.pose, "_d")
-            velocity, force = (f"{each}_d" for each in symbols(part, len(parts)))
-            panes = (
-                (symbol, values, unit),
-                (velocity, shown.velocity[:, part.axes], part.velocity_unit),
-                (force, shown.torque[:, part.axes], part.force_unit),
-            )
-            for row, (name, coordinates, in_unit) in zip(rows, panes, strict=True):
+            values, symbol, unit = pose_coordinates(shown.group, part, shown.pose, "d")
+            _, velocity, force = symbols(shown.group, part, "d")
+            panes = {
+                "pose": (symbol, values, unit),
+                "velocity": (velocity, shown.velocity[:, part.axes], part.velocity_unit),
+                "torque": (force, shown.torque[:, part.axes], part.force_unit),
+            }
+            for row, which in zip(rows, names, strict=True):
+                name, coordinates, in_unit = panes[which]
                 axes = panels[row[place]]
                 if turns and in_unit.startswith("rad"):
                     coordinates, in_unit = np.degrees(coordinates), in_unit.replace("rad", "deg")
@@ -55,6 +59,7 @@ class ReferenceOverTime(OfReference):
                 name_scale(axes, quantity(name, in_unit))
             if len(parts) > 1:
                 add_title(panels[rows[0][place]], part_name(part.name), WIDTHS[width] / len(parts))
-        names = axis_labels(shown.group)
-        add_legend(drawing, [Line2D([], [], **line_style(k)) for k in range(len(names))], names)
+        axes_of = axis_labels(shown.group)
+        lines = [Line2D([], [], **line_style(k)) for k in range(len(axes_of))]
+        add_legend(drawing, lines, axes_of)
         return drawing

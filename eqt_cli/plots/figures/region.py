@@ -11,7 +11,7 @@ from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OfSweep
-from eqt_cli.plots.drawing.cells import Cells
+from eqt_cli.plots.drawing.cells import Cells, map_columns
 from eqt_cli.plots.drawing.layout import add_title
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.sweep import ShownSweep
@@ -56,7 +56,7 @@ class Region(OfSweep):
                 "'envelope' shows a swept number"
             )
         cells, count = Cells(*swept.axes), len(swept.titles)
-        columns = _in_a_row(count, width)
+        columns = map_columns(count, width)
         rows = -(-count // columns)
         height = min(max(_LEAST, _ROW * cells.shape[0] + _AROUND), _MOST)
         drawing = Drawing(figsize=(WIDTHS[width], height * rows))
@@ -78,19 +78,14 @@ class Region(OfSweep):
             if not told[-1]:
                 cells.write(panel, share, image, room, alone)
             add_title(panel, title, WIDTHS[width] / columns)
-            cells.scales(panel, swept.results, leftmost=index % columns == 0)
+            below = cells.scales(panel, swept.results, room[0], leftmost=index % columns == 0)
             if index + columns < count:
                 panel.label_outer()
+        drawing.set_figheight(height * rows + below)
         when = f"by {self.by:g} s" if self.by else "at the end"
         drawing.colorbar(image, ax=panels[:count], label=f"share settled {when} (%)")
         swept.remarks.append(f"Each cell: {swept.count}; {_intervals(found, told)}.")
         return drawing
-
-
-def _in_a_row(count: int, width: Width) -> int:
-    """Of so many maps, how many stand side by side."""
-    most = {"column": 1 if count < 3 else 2, "page": 2 if count == 4 else 3}[width]
-    return min(count, most)
 
 
 def _intervals(found: Array, told: list[bool]) -> str:

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
 
 from eqt_cli.core.arrays import Array
@@ -27,10 +28,17 @@ from eqt_cli.plots.drawing.layout import (
 )
 from eqt_cli.plots.drawing.scales import scale_norm, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink
+from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
+
+ESTIMATED = {"pose_error": "estimate_error"}
+"""What is shaded below a signal, where a law reads an estimate."""
+
+_SHADE = 0.16
+"""The share of ink in what lies behind the curves."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +46,7 @@ class Runs(OverTime):
     """Single runs as thin lines and the mean over runs, a panel per controller.
 
     Where a norm has parts with units of their own, such as rotation and translation, each part has
-    a column of panels.
+    a column of panels. Where a law reads an estimate, the mean error of that is shaded.
 
     Attributes
     ----------
@@ -69,7 +77,7 @@ class Runs(OverTime):
             shown, parts = runs.with_function(), [""]
             if not shown:
                 raise runs.error("has no L to show: none of these laws claims that its own falls")
-        places = panels_by_controller([e.label for e in shown], parts)
+        places, estimated = panels_by_controller([e.label for e in shown], parts), False
         room = WIDTHS[width] / len(places[0])
         drawing, panels = sheet(width, places, runs.span, runs.unit("time"))
         for part in parts:
@@ -78,6 +86,7 @@ class Runs(OverTime):
             for ensemble, axes in zip(shown, column, strict=True):
                 values = runs.errors(signal, ensemble, degrees=self.degrees)
                 self._fill(axes, runs.times(ensemble), values, ensemble.look)
+                estimated |= self._shade(axes, runs, ensemble, part)
                 add_title(axes, panel_title(ensemble.title, part), room)
                 name_scale(axes, runs.error_label(signal, degrees=self.degrees))
             self._scale(column)  # now that every curve of a common scale is there
@@ -85,6 +94,8 @@ class Runs(OverTime):
             hide_inner_scales(panels, places)
         handles = thin_line_legend(shown, MOST_LINES)
         handles["mean over runs"] = Line2D([], [], color=ink())
+        if estimated:
+            handles["mean error of the estimate"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         add_legend(drawing, list(handles.values()), list(handles))
         runs.remarks.append(f"Mean over runs, {runs.count()}.")
         return drawing
@@ -97,6 +108,16 @@ class Runs(OverTime):
             log = self.signal != "torque_norm" and spans_decade(np.concatenate(seen))
         for axes in panels:
             scale_norm(axes, log=log)
+
+    def _shade(self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, part: str) -> bool:
+        """Shade up to the mean error of the estimate that the law reads; whether it reads one."""
+        signal = ESTIMATED.get(self.signal, "") + part
+        if not ensemble.results.has(signal):
+            return False
+        error = runs.errors(signal, ensemble, degrees=self.degrees).mean(axis=0)
+        shade: dict[str, Any] = {"facecolor": ink(_SHADE), "linewidth": 0, "zorder": 0}
+        axes.fill_between(runs.times(ensemble), 0.0 * error, error, label="estimate", **shade)
+        return True
 
     def _fill(self, axes: Axes, times: Array, values: Array, look: Look) -> None:
         drawn = values[:MOST_LINES]

@@ -1,5 +1,6 @@
 """The figure of attitude errors as paths on the sphere, in an equal-area projection."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -26,7 +27,7 @@ from eqt_cli.plots.drawing.layout import (
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, size_of_type
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
-_COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
+_COLUMNS: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
 _AXES = "xyz"
 _BESIDE = 0.1
 """in, of a panel's place that a disc leaves free."""
@@ -41,6 +42,8 @@ _RAYS = 45
 """Degrees between the lines from the centre."""
 _NUMBERED = (0, 45, 90, 180)
 """Those of the circles, and the centre, that are numbered on the scale below the disc."""
+_SPARSE, _ROOM = (0, 90, 180), 1.6
+"""Those on discs that have less room, in."""
 _SCALE, _TICK = -1.12, 0.05
 """Of the radius: where that scale is, and how long its ticks are."""
 _CELLS = np.linspace(-1, 1, 49), np.linspace(-1, 1, 49)
@@ -85,7 +88,7 @@ class Sphere(OfFirstRuns):
             for part, suffix in zip(parts, suffixes, strict=True):
                 axes = panels[panel(ensemble.label, suffix)]
                 points = errors[(..., *part.entries)][..., centre]
-                _draw_grid(axes, centre)
+                _draw_grid(axes, centre, _NUMBERED if room >= _ROOM else _SPARSE)
                 paths = [sphere_projection.path(run, centre) for run in points[: self.runs]]
                 if self.density:
                     every = [sphere_projection.project(run, centre) for run in points]
@@ -95,6 +98,7 @@ class Sphere(OfFirstRuns):
                 add_title(axes, panel_title(ensemble.title, suffix), room - _BESIDE)
         handles = path_legend(shown, self.runs, density=self.density)
         add_legend(drawing, list(handles.values()), list(handles))
+        runs.remarks.append(f"Paths of the body axis $e_{self.axis}$ under the error $R_E$.")
         return drawing
 
     def _rotations(self, runs: ShownRuns) -> tuple[MatrixLieGroup, list[Part]]:
@@ -113,7 +117,7 @@ class Sphere(OfFirstRuns):
         return runs.group, found
 
 
-def _draw_grid(axes: Axes, centre: int) -> None:
+def _draw_grid(axes: Axes, centre: int, numbered: Sequence[int]) -> None:
     """Circles, rays and what they mean."""
     grid: dict[str, Any] = {"color": ink(_GRID_SHARE), "linewidth": 0.4, "zorder": 0.5}
     small = _SMALL * size_of_type("font.size")
@@ -122,7 +126,7 @@ def _draw_grid(axes: Axes, centre: int) -> None:
         radius = float(sphere_projection.radius(np.deg2rad(angle)))
         edge = {"color": ink(), "linewidth": 0.6} if angle == _CIRCLES[-1] else grid
         axes.add_patch(Circle((0, 0), radius, fill=False, **edge))
-        if angle in _NUMBERED:
+        if angle in numbered:
             ticks.append([(radius, _SCALE), (radius, _SCALE - _TICK)])
             text = free_text(f"{angle}°", 9)
             axes.text(radius, _SCALE - 2 * _TICK, text, fontsize=small, ha="center", va="top")

@@ -11,8 +11,8 @@ from matplotlib.patches import Patch
 
 from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.base import OfSweep
-from eqt_cli.plots.drawing.cells import Cells
+from eqt_cli.plots.base import OfOneMetric
+from eqt_cli.plots.drawing.cells import Cells, map_columns, short
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import BAND, draw_points
 from eqt_cli.plots.drawing.key_labels import scale_along
@@ -24,7 +24,11 @@ from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.swept_key import SweptKey
 
 _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
-_HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
+_HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0, "slide": 2.4}
+
+_LOWER: dict[Width, float] = {"column": 1.6, "page": 2.2, "slide": 1.6}
+"""Of maps in several rows."""
+_EQUAL = 1e-9
 
 _COLOURS, _AROUND = 1.0, 0.9
 """in, that the scale of colours and of a map take across, and title and scale up."""
@@ -34,37 +38,34 @@ FAILED, BEYOND = "xxxx", "////"
 
 
 @dataclass(frozen=True)
-class SweepFigure(OfSweep):
+class SweepFigure(OfOneMetric):
     """A metric over the swept keys: curves with bands for one key, heat maps for two.
 
     Means over the runs of every point; bands reach from the 10 % to the 90 % quantile.
 
-    A frame marks the best cell of each map. Cells with failed runs, which have no mean, are
-    hatched in two directions; hatched in one are cells with censored runs, whose number lies beyond
-    the horizon. The means are written in the cells where they fit.
+    Frames mark the best cell of each map, and those that are equal to it. Cells with failed runs,
+    which have no mean, are hatched in two directions; hatched in one are cells with censored runs,
+    whose number lies beyond the horizon. The means are written in the cells where they fit.
 
     Where the sweep is over the options of a law, points at which it is a law with a name of its own
     carry that name.
 
     Attributes
     ----------
-    metric
-        What to show, by its name in the result.
     log
         A logarithmic scale of the metric; by default, where it spans more than a decade.
     """
 
     name: ClassVar[str] = "sweep"
 
-    metric: str = "mean_pose_error"
     log: bool | None = None
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """One panel of curves, or a map per controller, of means over the runs."""
-        values, means = swept.metric(self.metric), swept.means(self.metric)
+        values, means = swept.metric(self.metric_of(swept)), swept.means(self.metric_of(swept))
         axes = swept.one_or_two("; figure 'pareto' shows sweeps of any number")
-        label = metric_label(swept.results, self.metric, 36)
-        counts = swept.results.quantity(self.metric).counts
+        label = metric_label(swept.results, self.metric_of(swept), 36)
+        counts = swept.results.quantity(self.metric_of(swept)).counts
         remark = f"Mean over runs at each point, {swept.count}"
         if len(axes) == 1:
             bands = "95 % Wilson intervals" if counts else "10–90 % of runs"
@@ -84,10 +85,10 @@ class SweepFigure(OfSweep):
         panel = drawing.add_subplot()
         order = np.argsort(axis.values, kind="stable")
         lines = []
-        for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
+        for k, (look, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
             found = values[order, k]
             mean, band = np.mean(found, axis=-1), self._band(swept, found)
-            lines += draw_points(panel, axis.values[order], mean, band, position, title)
+            lines += draw_points(panel, axis.values[order], mean, band, look, title)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
         scale_along(panel, swept.results, axis, WIDTHS[width])
@@ -102,7 +103,7 @@ class SweepFigure(OfSweep):
 
     def _band(self, swept: ShownSweep, values: Array) -> tuple[Array, Array]:
         """Where most runs are; of what counts runs, how well their share is known."""
-        if swept.results.quantity(self.metric).counts:
+        if swept.results.quantity(self.metric_of(swept)).counts:
             _, low, high = np.moveaxis(shares(values), -1, 0)
         else:
             low, high = np.quantile(values, BAND, axis=-1)
@@ -111,27 +112,36 @@ class SweepFigure(OfSweep):
     def _maps(
         self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width
     ) -> Drawing:
-        count = len(swept.titles)
-        drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
-        panels = drawing.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
+        count, cells = len(swept.titles), Cells(*axes)
+        # Two stand side by side also in a column, since few numbers are in their cells.
+        columns = count if count == 2 else map_columns(count, width)
+        rows = -(-count // columns)
+        height = _HEIGHTS[width] if rows == 1 else _LOWER[width]
+        drawing = Drawing(figsize=(WIDTHS[width], height * rows))
+        grid = drawing.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+        panels = grid[:count]
+        for spare in grid[count:]:
+            spare.remove()
         norm = self._colours(means)
-        cells = Cells(*axes)
-        failed, beyond = swept.failed_runs, swept.beyond(self.metric)
+        room = (WIDTHS[width] - _COLOURS) / columns, height - _AROUND
+        failed, beyond = swept.failed_runs, swept.beyond(self.metric_of(swept))
         for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
             image = cells.draw(panel, means[:, index], norm=norm)
             cells.hatch(panel, np.flatnonzero(failed[:, index]), FAILED)
             cells.hatch(panel, np.flatnonzero(beyond[:, index]), BEYOND)
-            best = _best(means[:, index], swept.results.quantity(self.metric).better)
-            if best is not None:
-                cells.mark(panel, best)
             named = swept.laws(index)
-            room = (WIDTHS[width] - _COLOURS) / count, _HEIGHTS[width] - _AROUND
             others = np.array([point not in named for point in range(len(means))])
-            cells.write(panel, np.where(others, means[:, index], np.nan), image, room)
+            shown = np.where(others, means[:, index], np.nan)
+            written = cells.write(panel, shown, image, room)
+            better = swept.results.quantity(self.metric_of(swept)).better
+            cells.mark(panel, _best(means[:, index], better, written=written))
             for point, law in named.items():
                 _name(panel, cells.columns[point], cells.rows[point], law)
-            add_title(panel, title, WIDTHS[width] / count)
-            cells.scales(panel, swept.results, leftmost=index == 0)
+            add_title(panel, title, WIDTHS[width] / columns)
+            below = cells.scales(panel, swept.results, room[0], leftmost=index % columns == 0)
+            if index + columns < count:
+                panel.label_outer()
+        drawing.set_figheight(height * rows + below)
         drawing.colorbar(image, ax=list(panels), label=label)
         _explain(drawing, bool(failed.any()), bool(beyond.any()))
         return drawing
@@ -143,11 +153,17 @@ class SweepFigure(OfSweep):
         return LogNorm(**ends) if log and (seen > 0).all() else Normalize(**ends)
 
 
-def _best(means: Array, better: str) -> int | None:
-    """The point with the best mean; None where there is none, or none is better."""
+def _best(means: Array, better: str, *, written: bool) -> list[int]:
+    """The points with the best mean: all that are written alike, or equal where none is written.
+
+    None where no mean is better.
+    """
     if better == "neither" or not np.isfinite(means).any():
-        return None
-    return int(np.nanargmax(means) if better == "higher" else np.nanargmin(means))
+        return []
+    best = np.nanmax(means) if better == "higher" else np.nanmin(means)
+    if not written:
+        return np.flatnonzero(np.isclose(means, best, rtol=_EQUAL, atol=0)).tolist()
+    return [k for k, mean in enumerate(means) if np.isfinite(mean) and short(mean) == short(best)]
 
 
 def _explain(drawing: Drawing, failed: bool, beyond: bool) -> None:

@@ -1,5 +1,6 @@
 """The figure of torque components: the mean over runs of every law, a panel per axis."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -9,7 +10,9 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.base import OverTime
+from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.base import OverTime, Panelled
+from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import Bands, draw_mean, of_bands
 from eqt_cli.plots.drawing.labels import force_component, quantity
 from eqt_cli.plots.drawing.layout import (
@@ -20,8 +23,10 @@ from eqt_cli.plots.drawing.layout import (
     rows_of,
     sheet,
 )
+from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import Width, ink
-from eqt_cli.plots.shown.controllers import Ensemble, names
+from eqt_cli.plots.law_columns import law_columns
+from eqt_cli.plots.shown.controllers import names
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _DESIRED: dict[str, Any] = {"linewidth": 2.2, "zorder": 1.5}
@@ -32,9 +37,11 @@ _ACROSS = 3
 
 Share = Literal["total", "feedback", "feedforward"]
 
+_NAMED = {"total": "torque"}
+
 
 @dataclass(frozen=True)
-class Torque(OverTime):
+class Torque(Panelled, OverTime):
     """Torque components in the body frame: the mean over runs, all laws in a panel per axis.
 
     Forces have panels of their own. The torque of the reference is drawn beside the whole torque
@@ -43,67 +50,102 @@ class Torque(OverTime):
     Attributes
     ----------
     share
-        ``total``; or ``feedforward``, what the law gives without its gains, and ``feedback``, the
-        rest. The result must be of an ideal loop, and the law must say what its feedforward is.
+        ``feedback``; ``feedforward``, what the law gives without its gains; or ``total``. The parts
+        are known in an ideal loop, of laws that say what their feedforward is: there, the default
+        is ``feedback``, and else ``total``.
+    log
+        The size of each component on a logarithmic scale.
     bands
-        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, ``bootstrap``
-        the 95 % interval of the mean at each time.
+        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a column of
+        panels per law; ``bootstrap`` the 95 % interval of the mean at each time.
     """
 
     name: ClassVar[str] = "torque"
 
-    share: Share = "total"
+    share: Share | None = None
+    log: bool = False
     bands: Bands = "none"
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """A row per part of the coordinates on a page, and a column per part in a column."""
-        mosaic = _places(runs, width)
-        drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"))
-        for k, (axis, unit) in enumerate(runs.axes):
-            name_scale(panels[axis], quantity(force_component(axis, unit), unit))
-            for ensemble in runs.shown:
-                values = self._values(runs, ensemble)[..., k]
-                draw_mean(panels[axis], runs.times(ensemble), values, self.bands, ensemble)
-        handles: dict[str, Artist] = dict(
-            zip([e.title for e in runs.shown], panels[runs.axes[0][0]].lines, strict=False)
-        )
-        if self.share != "feedback":
-            handles[r"$\tau_d$"] = _draw_desired(runs, panels)
-        add_legend(drawing, list(handles.values()), list(handles))
-        what = "" if self.share == "total" else f" of the {self.share}"
+        """A panel per axis; with quantiles, a column of them per law."""
+        wanted = self.picked([name for name, _ in runs.axes])
+        units = {name: unit for name, unit in runs.axes if name in wanted}
+        share, values = self._of_laws(runs)
+        size = "size of the " if self.log else ""
+        what = "" if share == "total" and not size else f" of the {size}{_NAMED.get(share, share)}"
         runs.remarks.append(f"Curves: mean{what} over runs, {runs.count()}{of_bands(self.bands)}.")
+        by_law = self.bands == "quantiles" and len(runs.shown) > 1
+        if by_law:  # since bands would hide each other
+            drawing, rows = law_columns(runs, width, wanted)
+        else:
+            drawing, panels = sheet(width, _places(units, width), runs.span, runs.unit("time"))
+            rows = {name: {e.label: panels[name] for e in runs.shown} for name in wanted}
+        for k, (name, _) in enumerate(runs.axes):
+            for ensemble in runs.shown if name in wanted else ():
+                found = values[ensemble.label][..., k]
+                panel, drawn = rows[name][ensemble.label], abs(found) if self.log else found
+                draw_mean(panel, runs.times(ensemble), drawn, self.bands, ensemble)
+        first = list(dict.fromkeys(rows[wanted[0]].values()))
+        lines = [line for axes in first for line in axes.lines[: len(runs.shown)]]
+        laws = dict(zip((e.title for e in runs.shown), lines, strict=False))
+        desired = {} if share == "feedback" else _draw_desired(runs, rows, log=self.log)
+        for name, unit in units.items():
+            name_scale(next(iter(rows[name].values())), quantity(_symbol(name, unit, self), unit))
+            for axes in rows[name].values() if self.log else ():
+                scale_norm(axes, log=True)
+        handles = desired if by_law else {**laws, **desired}
+        if not desired and not by_law:
+            name_curves(drawing, panels.values(), list(laws.values()), list(laws))
+        elif handles:
+            add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
-    def _values(self, runs: ShownRuns, ensemble: Ensemble) -> Array:
-        """What is drawn of every run, ``(runs, samples, axes)``."""
-        torque = runs.values("torque", ensemble)
+    def _of_laws(self, runs: ShownRuns) -> tuple[Share, dict[str, Array]]:
+        """What is drawn, of every run of each law ``(runs, samples, axes)``."""
+        torque = {e.label: runs.values("torque", e) for e in runs.shown}
         if self.share == "total":
-            return torque
-        feedforward = runs.feedforward(ensemble)
-        return feedforward if self.share == "feedforward" else torque - feedforward
+            return self.share, torque
+        try:
+            given = {e.label: runs.feedforward(e) for e in runs.shown}
+        except EqtError:
+            if self.share:
+                raise
+            return "total", torque
+        if self.share == "feedforward":
+            return self.share, given
+        return "feedback", {label: torque[label] - given[label] for label in torque}
 
 
-def _draw_desired(runs: ShownRuns, panels: dict[str, Axes]) -> Artist:
+def _symbol(axis: str, unit: str, figure: Torque) -> str:
+    symbol = force_component(axis, unit)
+    return f"|{symbol}|" if figure.log else symbol
+
+
+def _draw_desired(
+    runs: ShownRuns, rows: Mapping[str, Mapping[str, Axes]], *, log: bool
+) -> dict[str, Artist]:
     """The torque of each result's reference in every panel; the last of the lines."""
     line: Artist = Line2D([], [])
+    places = [name for name, _ in runs.axes]
     for result, name in zip(runs.results, names(runs.results), strict=True):
         first = next((e for e in runs.shown if e.results is result), None)
         if first is None:
             continue
         desired = runs.desired("torque", first)
         label = f"desired, {name}" if len(runs.results) > 1 else "desired"
-        for k, (axis, _) in enumerate(runs.axes):
-            (line,) = panels[axis].plot(
-                runs.times(first), desired[:, k], label=label, color=ink(_PALE), **_DESIRED
-            )
-    return line
+        look: dict[str, Any] = {"label": label, "color": ink(_PALE), **_DESIRED}
+        for axis, row in rows.items():
+            drawn = desired[:, places.index(axis)]
+            for panel in dict.fromkeys(row.values()):
+                (line,) = panel.plot(runs.times(first), abs(drawn) if log else drawn, **look)
+    return {r"$\tau_d$": line}
 
 
-def _places(runs: ShownRuns, width: Width) -> Mosaic:
+def _places(axes: Mapping[str, str], width: Width) -> Mosaic:
     """The panels by their axes: those of torques and of forces apart."""
-    units = dict.fromkeys(unit for _, unit in runs.axes)
-    parts = [[axis for axis, of in runs.axes if of == unit] for unit in units]
-    if width == "page":
+    units = dict.fromkeys(axes.values())
+    parts = [[axis for axis, of in axes.items() if of == unit] for unit in units]
+    if width != "column":
         across = min(_ACROSS, max(map(len, parts)))
         rows = [row for part in parts for row in rows_of(part, across)]
         return [row + [EMPTY] * (across - len(row)) for row in rows]

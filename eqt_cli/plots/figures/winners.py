@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from eqt_cli.analysis.comparison.maps import NOBODY, Map, compare_map
 from eqt_cli.core.problems import Problems
-from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.base import OfOneMetric
 from eqt_cli.plots.drawing.cells import Cells
 from eqt_cli.plots.drawing.curves import RESAMPLING
 from eqt_cli.plots.drawing.labels import metric_label
@@ -22,8 +22,10 @@ from eqt_cli.plots.shown.sweep import ShownSweep
 
 _CELL = 0.32
 """in, the least height of a row of cells, for the number in it."""
-_NUMBER = 0.30
-"""in, the width of such a number."""
+_NUMBER, _LETTER = 0.30, 0.06
+"""in, the width of such a number, and of a letter beside it."""
+_SCALE = 1.0
+"""in, that the scale up takes across."""
 _LEAST, _MOST = 1.2, 3.6
 """in, of the map."""
 _TINT = 0.55
@@ -32,7 +34,7 @@ FAILED = "////"
 
 
 @dataclass(frozen=True)
-class Winners(OfSweep):
+class Winners(OfOneMetric):
     """Which law wins at each point of a sweep over one or two keys, and by how many per cent.
 
     A law wins where it is better than every other one, run by run, with all tests of the map
@@ -40,15 +42,12 @@ class Winners(OfSweep):
 
     Attributes
     ----------
-    metric
-        Metric to compare, by its name in the result.
     confidence
         1 minus the share of false wins that is allowed.
     """
 
     name: ClassVar[str] = "winners"
 
-    metric: str = "mean_pose_error"
     confidence: float = 0.95
 
     def check(self, problems: Problems) -> None:
@@ -60,15 +59,15 @@ class Winners(OfSweep):
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """One map; colours are those of the laws in all other figures."""
         axes = swept.one_or_two()
-        swept.results.check_metrics([self.metric], who=f"figure '{self.name}'")
+        swept.results.check_metrics([self.metric_of(swept)], who=f"figure '{self.name}'")
         resampling = replace(RESAMPLING, confidence=self.confidence)
-        found = compare_map(swept.results, self.metric, resampling, swept.controllers)
+        found = compare_map(swept.results, self.metric_of(swept), resampling, swept.controllers)
         cells = Cells(*axes)
         rows, columns = cells.shape
         height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
         drawing = Drawing(figsize=(WIDTHS[width], height))
         panel = drawing.add_subplot()
-        colours = [ink(0), *(line_style(k)["color"] for k in swept.controllers)]
+        colours = [ink(0), *(line_style(look)["color"] for look in swept.looks)]
         winners = np.array([cell.winner - NOBODY for cell in found.cells], dtype=float)
         look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
         look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
@@ -76,10 +75,14 @@ class Winners(OfSweep):
         cells.draw(panel, winners, cmap=ListedColormap(colours), **look)
         failed = [cell.point for cell in found.cells if any(cell.failed)]
         cells.hatch(panel, failed, FAILED)
-        if (WIDTHS[width] - 1.0) / columns >= _NUMBER and height / rows >= _CELL * 0.6:
-            _number_leads(panel, cells, found)
-        cells.scales(panel, swept.results)
-        add_title(panel, f"better {metric_label(swept.results, self.metric, 60)}", WIDTHS[width])
+        room = (WIDTHS[width] - _SCALE) / columns
+        if room >= _NUMBER and height / rows >= _CELL * 0.6:
+            _number_leads(panel, cells, found, int(room / _LETTER))
+        below = cells.scales(panel, swept.results, WIDTHS[width] - _SCALE)
+        drawing.set_figheight(height + below)
+        add_title(
+            panel, f"better {metric_label(swept.results, self.metric_of(swept), 60)}", WIDTHS[width]
+        )
         _explain(drawing, colours, found, bool(failed))
         share = f"{100 * (1 - self.confidence):g} %"
         swept.remarks += [
@@ -90,11 +93,13 @@ class Winners(OfSweep):
         return drawing
 
 
-def _number_leads(panel: Axes, cells: Cells, found: Map) -> None:
+def _number_leads(panel: Axes, cells: Cells, found: Map, characters: int) -> None:
+    """Write each lead, with the law where its name has room in a line of so many characters."""
     for cell in found.cells:
         if cell.winner != NOBODY and np.isfinite(cell.lead.value):
             place = cells.columns[cell.point], cells.rows[cell.point]
-            text = f"{100 * abs(cell.lead.value):.2g}"
+            lead, title = f"{100 * abs(cell.lead.value):.2g}", found.titles[cell.winner]
+            text = f"{title} {lead}" if len(title) + len(lead) < characters else lead
             panel.annotate(text, place, ha="center", va="center", fontsize="small")
 
 

@@ -21,8 +21,8 @@ from eqt_cli.plots.drawing.scales import scale
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
 from eqt_cli.plots.shown.worst import Along, ShownWorst
 
-_HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.2}
-_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4}
+_HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.2, "slide": 1.35}
+_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
 _SMALL, _LARGE = 2.5, 4.5
 """pt, of markers; large where the worst was found."""
 
@@ -70,8 +70,8 @@ class WorstFigure(OfWorst):
 
 
 def _draw(panel: Axes, line: Along) -> Any:
-    look = line_style(line.position)
-    mark: dict[str, Any] = {"marker": marker(line.position), "color": look["color"]}
+    look = line_style(line.look)
+    mark: dict[str, Any] = {"marker": marker(line.look), "color": look["color"]}
     hollow = look | mark | {"markersize": _SMALL, "markerfacecolor": "none"}
     (drawn,) = panel.plot(line.values, line.worst, label=line.title, **hollow)
     found_look = mark | {"markersize": _LARGE, "linestyle": "", "clip_on": False}

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from eqt_cli.analysis.certificates.base import Row, Verdict
 from eqt_cli.plots.drawing.labels import notation
-from eqt_cli.plots.shown.controllers import ShownControllers, error_of
+from eqt_cli.plots.shown.controllers import ALL, Chosen, ShownControllers, error_of
 from eqt_cli.results.result import Result
 
 
@@ -36,7 +36,7 @@ class ShownCertificates:
     """
 
     def __init__(
-        self, results: Result, rows: Sequence[Row], figure: str, chosen: Sequence[str] = ()
+        self, results: Result, rows: Sequence[Row], figure: str, chosen: Chosen = ALL
     ) -> None:
         self.laws = ShownControllers([results], figure, chosen).ensembles
         labels = ["", *(law.label for law in self.laws)]
@@ -45,7 +45,18 @@ class ShownCertificates:
         self._left_out = [row for row in judged if row not in self.shown]
         if not self.shown:
             raise error_of(results, figure, "finds no certificate to show; see `eqt verify`")
+        self._told: list[str] = []
         self.names = list(dict.fromkeys(row.name for row in self.shown))
+
+    def keep(self, names: Sequence[str]) -> None:
+        """Show only these, in the paper's order; the notes say of how many they are the worst."""
+        if len(names) < len(self.names):
+            self._told = [
+                f"The {len(names)} of {len(self.names)} statements that come nearest to their "
+                "bounds, or beyond."
+            ]
+        self.names = [name for name in self.names if name in names]
+        self.shown = [row for row in self.shown if row.name in names]
 
     def rows(self, name: str) -> list[Row]:
         """The rows of a certificate, one per law where it is about laws."""
@@ -58,7 +69,7 @@ class ShownCertificates:
 
     def notes(self) -> list[str]:
         """What was checked and has no number."""
-        notes = []
+        notes = list(self._told)
         for row in self._left_out:
             law = f" ({row.controller})" if row.controller else ""
             why = f", {row.remark}" if row.remark else ""

@@ -1,7 +1,8 @@
 """The controllers of single experiments that a figure shows, and why some runs are left out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,6 +10,66 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.plots.drawing.style import Look
 from eqt_cli.results.result import Result
+from eqt_cli.tuning.folder import TUNE
+
+_ROUNDING = 1e-9
+"""s, by which a sample may miss an end of a range."""
+
+MOST_COLOURS = 6
+"""Laws that have a colour each; the others are grey."""
+
+
+class TimeRange(NamedTuple):
+    """From when to when something is shown, s; None for where it starts and ends."""
+
+    start: float | None = None
+    end: float | None = None
+
+    def samples(self, times: Array, problem: Callable[[str], EqtError]) -> Array:
+        """The samples in the range, by position.
+
+        Raises
+        ------
+        EqtError
+            If there are fewer than two; `problem` says where.
+        """
+        low = -np.inf if self.start is None else self.start - _ROUNDING
+        high = np.inf if self.end is None else self.end + _ROUNDING
+        found = np.flatnonzero((times >= low) & (times <= high))
+        if len(found) < 2:
+            ends = (
+                (times[0] if self.start is None else self.start),
+                (times[-1] if self.end is None else self.end),
+            )
+            raise problem(
+                "needs two samples or more in the time that it shows, got {:g} s to {:g} s; the "
+                "result holds {:g} s to {:g} s".format(*ends, times[0], times[-1])
+            )
+        return found
+
+
+ALWAYS = TimeRange()
+
+
+class Chosen(NamedTuple):
+    """Which controllers a figure shows.
+
+    Attributes
+    ----------
+    controllers
+        Labels or titles of those to show; all if empty.
+    focus
+        Of those, the ones in colour; the first `MOST_COLOURS` laws if empty.
+    time
+        Of what times, if not of all.
+    """
+
+    controllers: Sequence[str] = ()
+    focus: Sequence[str] = ()
+    time: TimeRange = ALWAYS
+
+
+ALL = Chosen()
 
 
 @dataclass(frozen=True)
@@ -22,8 +83,7 @@ class Ensemble:
     controller
         The controller's position there.
     look
-        On what its line style depends: its position; among several results, its law for the colour
-        and the result for the dashes, or the result for both where there is one law.
+        On what its line style depends.
     label, title
         Its name in the result and in figures; both name the result too where there are several.
     good : (runs,)
@@ -63,7 +123,7 @@ class ShownControllers:
     figure
         Name of the figure, for messages.
     chosen
-        Labels of the controllers to show; all if empty.
+        Which of the controllers to show.
 
     Attributes
     ----------
@@ -79,7 +139,7 @@ class ShownControllers:
         any is good.
     """
 
-    def __init__(self, results: Sequence[Result], figure: str, chosen: Sequence[str] = ()) -> None:
+    def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
         self.results, self.figure = results, figure
         self.remarks: list[str] = []
         for one in results:
@@ -90,7 +150,8 @@ class ShownControllers:
                     f"{results[0].path} on {results[0].group_name}"
                 )
                 raise error_of(one, figure, message)
-        self.ensembles = _ensembles(results, positions(results, figure, chosen))
+        kept = positions(results, figure, chosen.controllers)
+        self.ensembles = _ensembles(results, kept, looks(results, kept, figure, chosen.focus))
         if not self.shown:
             raise self.error("has nothing to show, since every run failed; see `eqt show`")
 
@@ -118,7 +179,7 @@ class ShownControllers:
             if e.failed
         ]
         own = [e.title for e in self.shown if e.law in e.results.not_matched]
-        matched = [f"Not matched, with gains of their own: {', '.join(own)}."] if own else []
+        matched = [f"Gains not matched: {', '.join(own)}."] if own else []
         return failed + matched + self.remarks
 
     def error(self, message: str) -> EqtError:
@@ -150,19 +211,82 @@ def positions(results: Sequence[Result], figure: str, chosen: Sequence[str]) -> 
     ]
 
 
-def _ensembles(results: Sequence[Result], kept: Sequence[Sequence[int]]) -> list[Ensemble]:
+def looks(
+    results: Sequence[Result],
+    kept: Sequence[Sequence[int]],
+    figure: str = "",
+    focus: Sequence[str] = (),
+) -> list[Look]:
+    """The looks of the controllers at these positions of each result, one after another.
+
+    A law has one colour in all results and variants. Where only one law is shown, its variants have
+    one each. Laws keep the colours that they have among all, as far as these are enough.
+    """
+    places = [(number, k) for number, of in enumerate(kept) for k in of]
+    laws = [_laws(one) for one in results]
+    every = list(dict.fromkeys(law for of in laws for law, _ in of))
+    most = 1 + max(variant for of in laws for _, variant in of)
+    variant = {(number, k): number * most + laws[number][k][1] for number, k in places}
+    several = len(set(variant.values())) > 1
+    shown = list(dict.fromkeys(laws[number][k][0] for number, k in places))
+    if len(shown) == 1 and several:
+        return [Look(index) for index in range(len(places))]
+    chosen = {_law(results, laws, name, figure) for name in focus} or set(shown[:MOST_COLOURS])
+    colours = _colours([law for law in shown if law in chosen], every)
+    found: list[Look] = []
+    for number, k in places:
+        law = laws[number][k][0]
+        grey = None if law in chosen else sum(look.grey is not None for look in found)
+        position = colours.get(law, every.index(law))
+        of_law = (variant[number, k], most * len(results)) if several else (0, 1)
+        found.append(Look(position, *of_law, grey))
+    return found
+
+
+def _laws(result: Result) -> list[tuple[str, int]]:
+    """The law of each controller, and which variant: a search has its start and what it found."""
+    record = TUNE.beside(result)
+    found: dict[str, tuple[str, int]] = {}
+    for law in record["laws"] if record else ():
+        winners = [winner["label"] for winner in law["winners"]]
+        others = [each["label"] for each in law["searches"]]
+        variants = list(dict.fromkeys([*winners[:1], law["start"], *winners[1:], *others]))
+        found |= {label: (law["label"], number) for number, label in enumerate(variants)}
+    return [found.get(label, (label, 0)) for label in result.labels]
+
+
+def _law(
+    results: Sequence[Result], laws: Sequence[list[tuple[str, int]]], name: str, figure: str
+) -> str:
+    """The law that a user names."""
+    for one, of in zip(results, laws, strict=True):
+        if (label := one.label_of(name)) in one.labels:
+            return of[one.labels.index(label)][0]
+        if any(law == name for law, _ in of):
+            return name
+    raise error_of(results[0], figure, f"has no controller '{name}' to focus on")
+
+
+def _colours(shown: Sequence[str], every: Sequence[str]) -> dict[str, int]:
+    """Colours by law: its own where it has one, and else one that no law here has."""
+    own = {law: every.index(law) for law in shown}
+    if len(shown) > MOST_COLOURS or max(own.values(), default=0) < MOST_COLOURS:
+        return own
+    kept = {law: colour for law, colour in own.items() if colour < MOST_COLOURS}
+    free = iter(sorted(set(range(MOST_COLOURS)) - set(kept.values())))
+    return kept | {law: next(free) for law in shown if law not in kept}
+
+
+def _ensembles(
+    results: Sequence[Result], kept: Sequence[Sequence[int]], of: Sequence[Look]
+) -> list[Ensemble]:
     """The controllers at these positions of each result."""
-    several = len(results) > 1
-    laws = list(dict.fromkeys(label for one in results for label in one.labels))
-    shown = {one.labels[k] for one, places in zip(results, kept, strict=True) for k in places}
-    pairs = (len(laws), len(results)) if len(shown) > 1 else (0, 0)
     found: list[Ensemble] = []
     for number, (one, name) in enumerate(zip(results, names(results), strict=True)):
-        end = f", {name}" if several else ""
+        end = f", {name}" if len(results) > 1 else ""
         for k in kept[number]:
-            label, title = one.labels[k], one.titles[k]
-            look = Look(len(found), (laws.index(label), number), pairs) if several else Look(k)
-            found.append(Ensemble(one, k, look, label + end, title + end, one.good[k]))
+            label, title = one.labels[k] + end, one.titles[k] + end
+            found.append(Ensemble(one, k, of[len(found)], label, title, one.good[k]))
     return found
 
 

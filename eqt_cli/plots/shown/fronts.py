@@ -1,10 +1,11 @@
 """The fronts of a search with two objectives."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.shown.controllers import error_of, positions
-from eqt_cli.results.origin import law_title
+from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, looks, positions
+from eqt_cli.results.origin import label_named, law_title
 from eqt_cli.results.result import Result
 from eqt_cli.tuning.folder import TUNE
 from eqt_cli.tuning.fronts import Front, fronts
@@ -27,8 +28,8 @@ class ShownFronts:
         Of the laws.
     titles : list of str
         How the laws are written.
-    positions : list of int
-        Those of the laws in the search, on which their line styles depend.
+    looks : list of Look
+        On what the line styles of the laws depend.
     objectives : list of str
         The two metrics.
 
@@ -38,11 +39,12 @@ class ShownFronts:
         If the result is not of such a search, or there is no such law.
     """
 
-    def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
+    def __init__(self, results: Result, figure: str, chosen: Chosen = ALL) -> None:
         record = TUNE.beside(results)
         self.results = results = held_out(results, record) if record else results
         laws = [law["label"] for law in record["laws"]] if record else []
-        positions([results], figure, [label for label in chosen if label not in laws])
+        wanted = [_law_of(name, laws) for name in chosen.controllers]
+        positions([results], figure, [name for name in wanted if name not in laws])
         if record is None or len(record["objectives"]) < 2:
             raise error_of(
                 results,
@@ -50,11 +52,16 @@ class ShownFronts:
                 "shows the fronts of `eqt tune` with two `objectives`; this is none",
             )
         self.objectives = list(record["objectives"])
-        found = [front for front in fronts(results, record) if not chosen or front.law in chosen]
+        found = [front for front in fronts(results, record) if not wanted or front.law in wanted]
         if not found:
             raise error_of(results, figure, "finds no front with two points")
-        self.fronts, self.positions = found, [laws.index(front.law) for front in found]
-        self.titles = [law_title(front.law) for front in found]
+        self.fronts = found
+        firsts = [results.labels.index(front.labels[0]) for front in found]
+        self.looks = [
+            replace(look, variant=0, variants=1)
+            for look in looks([results], [firsts], figure, chosen.focus)
+        ]
+        self.titles = [results.given_names.get(front.law, law_title(front.law)) for front in found]
         self.starts = {law["label"]: results.labels.index(law["start"]) for law in record["laws"]}
 
     def values(self, front: Front) -> list[Array]:
@@ -73,3 +80,8 @@ class ShownFronts:
             f"Means over {self.results.runs} held-out runs with 95 % intervals. Hollow: found by "
             "the search, but dominated on these runs. Crosses: starting gains."
         ]
+
+
+def _law_of(name: str, laws: Sequence[str]) -> str:
+    """The label of a law of the search that a user names by it, or by its title."""
+    return label_named(name, {law: law_title(law) for law in laws})

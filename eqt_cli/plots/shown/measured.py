@@ -1,6 +1,7 @@
 """A recording beside a run of one controller of a result."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, Remedy
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.logs.recording import Recording
-from eqt_cli.plots.shown.controllers import error_of, positions
+from eqt_cli.plots.shown.controllers import ALWAYS, TimeRange, error_of, positions
 from eqt_cli.results.result import Result
 
 
@@ -43,6 +44,7 @@ class ShownMeasured:
         figure: str,
         chosen: Sequence[str],
         run: int,
+        time: TimeRange = ALWAYS,
     ) -> None:
         if measured is None:
             text = f"figure '{figure}' shows a recording beside a run, and none is given"
@@ -51,7 +53,8 @@ class ShownMeasured:
         if chosen and len(places) > 1:
             raise error_of(result, figure, f"shows one controller, got {len(places)}")
         (self.pair,) = measured_runs(result, measured, places[:1], run, f"figure '{figure}'")
-        self.unit = result.units("time")
+        self.unit, self._time = result.units("time"), time
+        self._error = partial(error_of, result, figure)
 
     @property
     def group(self) -> MatrixLieGroup:
@@ -75,7 +78,14 @@ class ShownMeasured:
             ("velocity", (seen.times, seen.velocities), (t, here.velocity)),
             ("wrench", (seen.times, seen.wrenches), (t, here.wrench)),
         ]
-        return [row for row in found if not np.isnan(row[1][1]).all()]
+        found = [row for row in found if not np.isnan(row[1][1]).all()]
+        seen_at = self._time.samples(seen.times, self._error)
+        run_at = self._time.samples(t, self._error)
+
+        def part(of: tuple[Array, Array], at: Array) -> tuple[Array, Array]:
+            return of[0][at], of[1][at]
+
+        return [(name, part(told, seen_at), part(run, run_at)) for name, told, run in found]
 
     def notes(self) -> list[str]:
         """What is shown, how it was aligned, and what was not measured."""

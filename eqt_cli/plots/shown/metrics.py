@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.shown.controllers import Ensemble, ShownControllers
+from eqt_cli.plots.shown.controllers import ALL, Chosen, Ensemble, ShownControllers
 from eqt_cli.results.result import Result
 
 DEFAULT_METRICS = (
@@ -81,17 +81,19 @@ class ShownMetrics(ShownControllers):
         self,
         results: Sequence[Result],
         figure: str,
-        chosen: Sequence[str] = (),
+        chosen: Chosen = ALL,
         metrics: Sequence[str] = (),
     ) -> None:
         super().__init__(results, figure, chosen)
-        held = [name for name in DEFAULT_METRICS if all(name in one.metrics for one in results)]
+        parts = [part for name in DEFAULT_METRICS for part in results[0].in_parts(name)]
+        held = [name for name in parts if all(name in one.metrics for one in results)]
         self.metrics = list(dict.fromkeys(metrics)) or held
         if not self.metrics:
             message = f"finds none of the metrics {', '.join(DEFAULT_METRICS)}"
             raise self.error(f"{message}; choose others with the option 'metrics'")
         for one in results:
-            one.check_metrics(self.metrics, who=f"figure '{figure}'")
+            unknown = [name for name in self.metrics if name not in one.comparable]
+            one.check_metrics(unknown, who=f"figure '{figure}'")
 
     @cached_property
     def samples(self) -> dict[tuple[str, str], Sample]:
@@ -109,6 +111,8 @@ class ShownMetrics(ShownControllers):
     def _without_value(self) -> Iterator[str]:
         for name in self.metrics:
             for ensemble in self.shown:
+                if name not in ensemble.results.metrics:
+                    continue  # which is known of the runs with trajectories
                 total = int(ensemble.good.sum())
                 without = total - self.samples[name, ensemble.label].values.size
                 if without:
@@ -117,5 +121,12 @@ class ShownMetrics(ShownControllers):
 
 def _sample(name: str, ensemble: Ensemble) -> Sample:
     result, controller = ensemble.results, ensemble.controller
-    values = np.where(result.censored(name, controller), np.inf, result.metric(name, controller))
-    return Sample(values[ensemble.good & ~np.isnan(values)])
+    if name in result.metrics:
+        found, late = result.metric(name, controller), result.censored(name, controller)
+        good = ensemble.good
+    else:  # what follows from the trajectories
+        of = result.per_run(result.comparable_named(name))
+        found, late = of.values[controller], of.censored[controller]
+        good = np.isfinite(found)
+    values = np.where(late, np.inf, found)
+    return Sample(values[good & ~np.isnan(values)])

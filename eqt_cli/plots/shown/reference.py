@@ -2,10 +2,13 @@
 
 from collections.abc import Sequence
 
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
-from eqt_cli.plots.shown.controllers import error_of, positions
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, positions
 from eqt_cli.results.result import Result
 
 MOST_REMARKS = 3
@@ -39,26 +42,33 @@ class ShownReference:
         If the result is a sweep's, lacks the reference or is on a group that is not known.
     """
 
-    def __init__(
-        self, source: Result | Experiment, figure: str, chosen: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, source: Result | Experiment, figure: str, chosen: Chosen = ALL) -> None:
         self._remarks: list[str] = []
+        self.group, of = self._take(source, figure, chosen.controllers)
+        place = "the reference" if isinstance(source, Experiment) else str(source.path)
+        shown = chosen.time.samples(
+            of[0], lambda message: EqtError(f"{place}: figure '{figure}' {message}")
+        )
+        self.times, self.pose, self.velocity, self.torque = (each[shown] for each in of)
+
+    def _take(
+        self, source: Result | Experiment, figure: str, chosen: Sequence[str]
+    ) -> tuple[MatrixLieGroup, tuple[Array, Array, Array, Array]]:
+        """The group; times, poses, velocities and torques over the whole horizon."""
         if isinstance(source, Experiment):
             found = reference_over_horizon(source)
-            self.group, self.times = source.group, found.times
-            self.pose, self.velocity, self.torque = found.pose, found.velocity, found.torque
             problems = Problems(lambda path: "")
             jumps = check_reference(found, None, problems)
             self._remarks += [problem.message for problem in problems] + jumps
-            return
+            return source.group, (found.times, found.pose, found.velocity, found.torque)
         source.single(f"figure '{figure}' shows single experiments")
         positions([source], figure, chosen)
         needed = ("desired_pose", "desired_velocity", "desired_torque")
         source.check_stored(*needed, who=f"figure '{figure}' needs")
         if source.group is None:
             raise error_of(source, figure, f"does not know group '{source.group_name}' of a plugin")
-        self.group, self.times = source.group, source.times
-        self.pose, self.velocity, self.torque = (source[name] for name in needed)
+        pose, velocity, torque = (source[name] for name in needed)
+        return source.group, (source.times, pose, velocity, torque)
 
     def notes(self) -> list[str]:
         """Where the reference leaves the real numbers, and where it jumps; the first places."""

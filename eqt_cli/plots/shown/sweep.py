@@ -1,14 +1,26 @@
 """The points of a sweep, and what was measured at each."""
 
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from eqt_cli.closed_loop.signals import MIXED
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.shown.controllers import error_of, positions
+from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, looks, positions
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
+
+CHOICES = ("gains", "controllers")
+"""Sections of a configuration whose keys a designer chooses: gains, and options of laws."""
+SEED = "ensemble.seed"
+
+
+def are_choices(axes: Sequence[SweptKey]) -> bool:
+    """Whether all swept keys are choices of a designer; seeds only repeat what was chosen."""
+    keys = [axis.key for axis in axes if axis.key != SEED]
+    return all(re.split(r"\W", key)[0] in CHOICES for key in keys)
 
 
 class ShownSweep:
@@ -24,7 +36,9 @@ class ShownSweep:
     Attributes
     ----------
     controllers : list of int
-        The positions of the controllers, on which their line styles depend.
+        The positions of the controllers.
+    looks : list of Look
+        On what their line styles depend.
     titles : list of str
         Their names in figures.
     remarks
@@ -36,13 +50,14 @@ class ShownSweep:
         If the result is not one of a sweep, or there is no such controller.
     """
 
-    def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
+    def __init__(self, results: Result, figure: str, chosen: Chosen = ALL) -> None:
         self.results, self.figure, self._shares = results, figure, False
         if not results.is_sweep:
             raise self.error(
                 "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
             )
-        self.controllers = positions([results], figure, chosen)[0]
+        self.controllers = positions([results], figure, chosen.controllers)[0]
+        self.looks = looks([results], [self.controllers], figure, chosen.focus)
         self.titles = [results.titles[position] for position in self.controllers]
         self._shown: list[str] = []
         self.remarks: list[str] = []
@@ -69,6 +84,25 @@ class ShownSweep:
     def keys(self) -> str:
         """The names of `axes`, for messages."""
         return ", ".join(axis.key for axis in self.axes) or "none"
+
+    def require_choices(self) -> None:
+        """Refuse a trade-off between what nobody chooses, such as a lag or an initial angle.
+
+        Raises
+        ------
+        EqtError
+            That says what is swept.
+        """
+        if not are_choices(self.axes):
+            raise self.error(
+                "shows a trade-off between design choices, which are gains and options of laws; "
+                f"here is swept: {self.keys}"
+            )
+
+    def of_one_unit(self, name: str) -> str:
+        """A metric; that of the first part where the parts have units of their own."""
+        mixed = self.results.has(name) and self.results.units(name) == MIXED
+        return self.results.in_parts(name)[0] if mixed else name
 
     def metric(self, name: str) -> Array:
         """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed.

@@ -13,7 +13,7 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.angles import turn_of_distance
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.plots.drawing.labels import in_words, signal_label
-from eqt_cli.plots.shown.controllers import Ensemble, ShownControllers, error_of, names
+from eqt_cli.plots.shown.controllers import ALL, Chosen, Ensemble, ShownControllers, error_of, names
 from eqt_cli.results.result import Result
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
@@ -28,8 +28,9 @@ class ShownRuns(ShownControllers):
         As `ShownControllers`; and if a result holds no trajectories, or of failed runs only.
     """
 
-    def __init__(self, results: Sequence[Result], figure: str, chosen: Sequence[str] = ()) -> None:
+    def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
         super().__init__(results, figure, chosen)
+        self._time = chosen.time
         for one in results:
             self._check_stored(one, "lyapunov")
             if len(one.times) < 2:
@@ -47,20 +48,26 @@ class ShownRuns(ShownControllers):
     def with_function(self) -> list[Ensemble]:
         """The controllers whose L is drawn; a remark names the others."""
         others = [e.title for e in self.shown if not e.has_function]
-        if others:
-            named = ", ".join(others)
-            self.remarks.append(f"Without L, since the law does not claim that it falls: {named}.")
+        named = ", ".join(others)
+        remark = f"Without L, since the law does not claim that it falls: {named}."
+        if others and remark not in self.remarks:
+            self.remarks.append(remark)
         return [e for e in self.shown if e.has_function]
 
     @property
     def span(self) -> tuple[float, float]:
         """The first and the last time of all results."""
-        ends = [one.times[[0, -1]] for one in self.results]
+        ends = [one.times[self._samples(one)[[0, -1]]] for one in self.results]
         return float(np.min(ends)), float(np.max(ends))
 
     def times(self, ensemble: Ensemble) -> Array:
         """The sample times of a controller's runs."""
-        return ensemble.results.times
+        found: Array = ensemble.results.times[self._samples(ensemble.results)]
+        return found
+
+    def _samples(self, result: Result) -> Array:
+        """The samples that are shown, by position."""
+        return self._time.samples(result.times, partial(error_of, result, self.figure))
 
     def values(self, signal: str, ensemble: Ensemble, most: int | None = None) -> Array:
         """One signal of the good runs of a controller, ``(runs, samples, …)``.
@@ -76,7 +83,8 @@ class ShownRuns(ShownControllers):
             If the result does not hold the signal over time.
         """
         self._check_stored(ensemble.results, signal)
-        return ensemble.results.trajectories(signal, ensemble.controller, most)
+        every = ensemble.results.trajectories(signal, ensemble.controller, most)
+        return every[:, self._samples(ensemble.results)]
 
     def of_run(self, signal: str, ensemble: Ensemble, run: int) -> Array:
         """One signal of one run of a controller, ``(samples, …)``.
@@ -89,12 +97,13 @@ class ShownRuns(ShownControllers):
         found: Array = ensemble.results.trajectory(signal, run)[ensemble.controller]
         if not ensemble.results.good[ensemble.controller, run]:
             raise self.error(f"cannot show run {run} of {ensemble.label}, which failed")
-        return found
+        return found[self._samples(ensemble.results)]
 
     def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
         """`values` of a norm; those that are distances of rotations as angles, if in `degrees`."""
         values = self.values(signal, ensemble)
-        if degrees and signal in self.results[0].attitude_errors:
+        turns = signal.replace("estimate_error", "pose_error") in self.results[0].attitude_errors
+        if degrees and turns:
             return np.degrees(turn_of_distance(values))
         return values
 
@@ -117,7 +126,8 @@ class ShownRuns(ShownControllers):
     def desired(self, signal: str, ensemble: Ensemble) -> Array:
         """A signal of the reference at the sample times, ``(samples, …)``: ``torque`` for τ_d."""
         self._check_stored(ensemble.results, f"desired_{signal}")
-        return ensemble.results[f"desired_{signal}"]
+        found: Array = ensemble.results[f"desired_{signal}"][self._samples(ensemble.results)]
+        return found
 
     def feedforward(self, ensemble: Ensemble) -> Array:
         """What a law gives without its gains in the good runs, body frame, ``(runs, samples, m)``.
@@ -135,7 +145,7 @@ class ShownRuns(ShownControllers):
         loop = result.experiment().loops[ensemble.law]
         poses, velocities = (self.values(name, ensemble) for name in ("pose", "velocity"))
         found = np.empty_like(velocities)
-        for k, t in enumerate(result.times):
+        for k, t in enumerate(self.times(ensemble)):
             inertia = loop.inertia.at(t)
             state = Tracking(
                 G=loop.group,
@@ -198,12 +208,18 @@ class ShownRuns(ShownControllers):
             raise self.error("has a row for each thruster, and the results have other thrusters")
         return names[0]
 
-    def thrust_limits(self, ensemble: Ensemble, run: int) -> tuple[Array, Array] | None:
-        """The least and the largest thrust of each thruster in a run; None where it has none."""
+    def limits(
+        self, ensemble: Ensemble, run: int, *, thrusters: bool
+    ) -> tuple[Array, Array] | None:
+        """The least and the largest torque along each axis in a run, or thrust of each thruster.
+
+        None where the vehicle has no such limits.
+        """
         experiment = ensemble.results.experiment()
         vehicle = experiment.loops[ensemble.law].vehicle
         random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, run)
-        return vehicle.of_run(experiment.group, random_of).thrust_limits
+        flying = vehicle.of_run(experiment.group, random_of)
+        return flying.thrust_limits if thrusters else flying.torque_limits(experiment.group)
 
     def notes(self) -> list[str]:
         """As `ShownControllers.notes`, after what flies and how many runs have trajectories."""

@@ -1,13 +1,13 @@
 """The runs along each key through the worst that a search found."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.shown.controllers import error_of, positions
-from eqt_cli.results.origin import law_title
+from eqt_cli.plots.drawing.style import Look
+from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, looks, positions
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
 from eqt_cli.tuning.folder import WORST
@@ -23,7 +23,7 @@ class Along:
     ----------
     key
         Of the configuration.
-    position
+    look
         Of the law, on which its line style depends.
     title
         How it is written.
@@ -38,7 +38,7 @@ class Along:
     """
 
     key: str
-    position: int
+    look: Look
     title: str
     values: Array
     worst: Array
@@ -69,12 +69,13 @@ class ShownWorst:
         If the result is not of such a search, or there is no such law.
     """
 
-    def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
+    def __init__(self, results: Result, figure: str, chosen: Chosen = ALL) -> None:
         self.results = results
         record = WORST.beside(results)
         if record is None:
             raise error_of(results, figure, "shows what `eqt worst` found; this is none")
-        shown = positions([results], figure, chosen)[0]
+        shown = positions([results], figure, chosen.controllers)[0]
+        look_of = dict(zip(shown, looks([results], [shown], figure, chosen.focus), strict=True))
         self.objective: str = record["objective"]
         costs = costs_of_runs(results, self.objective).max(axis=-1)
         quantity = results.quantity(self.objective)
@@ -90,8 +91,8 @@ class ShownWorst:
                 self.lines.append(
                     Along(
                         key,
-                        position,
-                        law_title(law["label"]),
+                        look_of[position],
+                        results.titled[law["label"]],
                         values.astype(float),
                         quantity.cost(np.where(np.isfinite(cost), cost, np.nan)),
                         np.isposinf(cost),

@@ -50,6 +50,10 @@
   if ($("data-animation")) player(JSON.parse($("data-animation").textContent));
   downloads();
   window.addEventListener("hashchange", linked);
+  // What is folded cannot be opened on paper.
+  window.addEventListener("beforeprint", () => {
+    for (const folded of document.querySelectorAll("details.folded")) folded.open = true;
+  });
   linked();
 
   // A link to a run: report.html#run-17.
@@ -435,7 +439,7 @@
     $("forth").addEventListener("click", () => { page += 1; render(); });
     offer($("all-caption"), "CSV", `${table.item}s.csv`, "text/csv", () => csv([
       columns.map((column) => (column.unit ? `${column.name} (${column.unit})` : column.name)),
-      ...kept.map((row) => [table.controllers[row[0]], ...row.slice(1)]),
+      ...kept.map((row) => [table.labels[row[0]], ...row.slice(1)]),
     ]));
     refresh();
   }

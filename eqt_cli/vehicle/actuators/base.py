@@ -106,6 +106,13 @@ class Actuator(VehiclePart):
         short = np.abs(command - self.output(G, command, x)) > 1e-12 * (1 + np.abs(command))
         return np.array(short.any(axis=-1))
 
+    def torque_range(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
+        """The least and the largest torque along each axis, ``(m,)``, of what flies.
+
+        None where it has no limit along an axis by itself.
+        """
+        return None
+
     def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
         """How much of what is `limited` a torque takes, and what there is, ``(n, k)`` each.
 

@@ -62,6 +62,17 @@ class Limit(Actuator):
         beyond = (command < self.low) | (command > self.high)
         return np.array(beyond.any(axis=-1))
 
+    def torque_range(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
+        """The limits along the axes; None for that of the norm."""
+        if self.norm:
+            return None
+        ends = (
+            (-np.inf if self.low is None else self.low),
+            (np.inf if self.high is None else self.high),
+        )
+        low, high = (np.broadcast_to(np.asarray(end, float), G.dimension) for end in ends)
+        return low, high
+
     def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
         """Sizes along the axes, or the norm in the unit of the largest limit; and the limits."""
         if not self.norm:

@@ -84,6 +84,13 @@ class Sensor(VehiclePart):
         what = G.name if self.of is None else f"the {self.of} of {G.name}"
         check_count(value, self.coordinates(G), what, problems, deviations)
 
+    def bias_deviation(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
+        """Of a sensor whose errors are a bias, what an estimator may know of it; else None.
+
+        The root mean square at t = 0, and the deviation of the drift after one second, ``(n,)``.
+        """
+        return None
+
     def white_deviation(self, G: MatrixLieGroup, period: float) -> Array | None:
         """The standard deviation of each error, ``(n,)``, of a sensor whose errors are white noise.
 

@@ -8,7 +8,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.numbers import Numbers
+from eqt_cli.vehicle.numbers import Numbers, drawn, mean_square
 from eqt_cli.vehicle.sensors.base import Sensor
 
 
@@ -38,6 +38,13 @@ class Bias(Sensor):
         steps = random.standard_normal((instants, self.coordinates(G)))
         drift = np.cumsum(steps, axis=0) - steps[:1]
         return self.entries(part.value, G) + self.entries(part.walk, G) * np.sqrt(period) * drift
+
+    def bias_deviation(self, G: MatrixLieGroup) -> tuple[Array, Array]:
+        """As they are given."""
+        values = self.value if isinstance(self.value, list) else [self.value]
+        mean_squares = [mean_square(value) for value in values]
+        size = self.entries(mean_squares if len(values) > 1 else mean_squares[0], G)
+        return np.sqrt(size), self.entries(drawn(self.walk, None), G)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A negative deviation of the walk, a wrong length."""

@@ -32,11 +32,23 @@ class Errors(NamedTuple):
         b with V_m = V + b.
     arrived : (..., channels)
         `NOTHING`, `MEASURED` or `FIRST`, of every channel that holds.
+    bias : (..., m)
+        What of b is a bias, for an estimator to find; ``(0,)`` where there is none to find it.
     """
 
     pose: Array
     velocity: Array
     arrived: Array
+    bias: Array = np.empty(0)
+
+    def of(self, *places: Any) -> "Errors":
+        """Those of some runs, or at some instants."""
+        return Errors(*(part[places] for part in self.of_runs))
+
+    @property
+    def of_runs(self) -> list[Array]:
+        """Those that there are, of many runs."""
+        return [part for part in self if part.ndim > 1]
 
 
 @dataclass(frozen=True)

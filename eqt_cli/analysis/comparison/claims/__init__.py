@@ -1,4 +1,4 @@
-"""What papers say of their controllers, as data: one file per paper, found by scanning."""
+"""Claims of papers about their controllers, as data: one file per paper, found by scanning."""
 
 from eqt_cli.analysis.comparison.claims.base import AtMost, Claim, ClaimSet, Less
 from eqt_cli.core.registry import Registry

@@ -1,4 +1,4 @@
-"""What a claim is; it knows no single paper and no way to test one."""
+"""Base classes of claims. Does not know how claims are tested."""
 
 from abc import ABC
 from dataclasses import dataclass
@@ -16,11 +16,12 @@ class Less:
     lesser, greater
         Kinds of controllers, as in a configuration: ``eqt``.
     measure
-        Name of a measure; where it has parts with units of their own, each part is a row.
+        Name of a measure. If its parts have different units, each part is tested.
     window
-        Over which it is taken.
+        Window over which it is taken.
     rotation_only
-        It is about orientation: rows of other parts of the pose do not belong to it.
+        Whether the claim concerns only the orientation; then other parts of the pose are not
+        tested.
     """
 
     lesser: str
@@ -31,24 +32,24 @@ class Less:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The controllers that it is about."""
+        """Kinds of the controllers of the claim."""
         return (self.lesser, self.greater)
 
 
 @dataclass(frozen=True)
 class AtMost:
-    """In every run, something stays at or below a bound.
+    """In every run, a measure stays at or below a bound.
 
     Attributes
     ----------
     kind
-        Of the controller.
+        Kind of the controller.
     measure
         Name of a measure.
     bound
-        For the measure, in its unit.
+        Bound in the unit of the measure.
     statement
-        The row in words.
+        The claim in words.
     """
 
     kind: str
@@ -58,7 +59,7 @@ class AtMost:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The controller that it is about."""
+        """Kind of the controller of the claim."""
         return (self.kind,)
 
 
@@ -69,9 +70,9 @@ class Claim:
     Attributes
     ----------
     says
-        In the words of its source.
+        The claim in the words of its source.
     rows
-        Each is tested by itself; the claim holds as far as its rows do.
+        Statements that are tested separately; the claim is supported as far as they are.
     """
 
     says: str
@@ -84,11 +85,11 @@ class ClaimSet(ABC):
     Attributes
     ----------
     name
-        Short, for tables and messages.
+        Short name for tables and messages.
     source
-        Where they are made.
+        Reference of the source.
     claims
-        In the order of the source.
+        Claims in the order of the source.
     """
 
     name: ClassVar[str]

@@ -6,7 +6,7 @@ from eqt_cli.analysis.comparison.claims.base import AtMost, Claim, ClaimSet, Les
 from eqt_cli.results.metrics import EARLY
 
 NEVER_RISES = 1e-6
-"""Relative to L(0): far above the error of a solver, far below anything that is seen."""
+"""Bound relative to L(0): far above solver errors, and far below any visible rise."""
 
 
 class Hampsey2025(ClaimSet):

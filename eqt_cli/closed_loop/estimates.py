@@ -1,0 +1,102 @@
+"""How good the estimate is that a law is told, as of the last control instant.
+
+Every function takes what an estimator keeps, which is among the states of a vehicle, and gives NaN
+where there is none: of a point of a sweep without an estimator.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, frobenius, less, norm, sqrt, stack, where
+from eqt_cli.groups import Part
+from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.vehicle.estimators.base import pivots, symmetric
+from eqt_cli.vehicle.vehicle import estimator_states
+
+
+def kept(s: Tracking, name: str, like: Array) -> Array:
+    """What an estimator keeps by a name; NaN of this shape where it keeps none."""
+    found: Mapping[str, Array] = estimator_states(s.vehicle)
+    return found[name] if name in found else np.nan + 0.0 * like
+
+
+def pose(s: Tracking) -> Array:
+    """Q̂."""
+    return s.G.unpack(kept(s, "pose", s.G.pack(s.Q)))
+
+
+def velocity(s: Tracking) -> Array:
+    """V̂."""
+    return kept(s, "velocity", s.P)
+
+
+def bias(s: Tracking) -> Array:
+    """b̂."""
+    return kept(s, "bias", s.P)
+
+
+def error(s: Tracking) -> Array:
+    """(ε, b̃) = (log(Q̂⁻¹Q), b − b̂), ``(..., 2m)``."""
+    return kept(s, "error", np.concatenate([s.P, s.P], axis=-1))
+
+
+def of_pose(s: Tracking) -> Array:
+    """ε."""
+    return error(s)[..., : s.G.dimension]
+
+
+def of_bias(s: Tracking) -> Array:
+    """b̃."""
+    return error(s)[..., s.G.dimension :]
+
+
+def distance(s: Tracking, part: Part | None = None) -> Array:
+    """‖I − Q̂⁻¹Q‖_F, or of the block of a part."""
+    difference = s.G.identity - s.G.exp(of_pose(s))
+    return frobenius(difference if part is None else difference[(..., *part.entries)])
+
+
+def deviations(s: Tracking) -> Array:
+    """The roots of the diagonal of Σ, ``(..., 2m)``."""
+    n = 2 * s.G.dimension
+    rows, columns = np.triu_indices(n)
+    entries = _covariance(s)[..., np.flatnonzero(rows == columns)]
+    return sqrt(where(less(0.0, entries), entries, 0.0))
+
+
+def consistency(s: Tracking) -> tuple[Array, Array]:
+    """(ε, b̃)ᵀ Σ⁻¹ (ε, b̃), and the number of its degrees of freedom, ``(...)`` each."""
+    d, y = pivots(symmetric(_covariance(s), 2 * s.G.dimension), error(s))
+    square = freedom = 0.0 * d[0]
+    for pivot, value in zip(d, y, strict=True):
+        counts = less(0.0, pivot)
+        square = square + where(counts, value * value / where(counts, pivot, 1.0), 0.0)
+        freedom = freedom + where(counts, 1.0, 0.0)
+    return square, freedom
+
+
+def innovations(s: Tracking) -> tuple[Array, Array, Array]:
+    """How many there were, the mean of their squares, and how much successive ones agree."""
+    sums = kept(s, "innovations", stack([s.P[..., 0]] * 3))
+    count, squares, products = (sums[..., k] for k in range(3))
+    some = less(0.5, count)
+    mean = where(some, squares / where(some, count, 1.0), np.nan)
+    told = less(0.0, squares)
+    return count, mean, where(told, products / where(told, squares, 1.0), np.nan)
+
+
+def _covariance(s: Tracking) -> Array:
+    """Σ on and above its diagonal."""
+    n = 2 * s.G.dimension
+    return kept(s, "covariance", stack([s.P[..., 0]] * (n * (n + 1) // 2)))
+
+
+def length_unit(part: Part) -> str:
+    """Of a coordinate of a displacement: that of a velocity, times s."""
+    return part.velocity_unit.removesuffix("/s") if "^" not in part.velocity_unit else "m/s"
+
+
+def bias_norm(s: Tracking, part: Part | None = None) -> Array:
+    """‖b̃‖, or of the coordinates of a part."""
+    return norm(of_bias(s) if part is None else of_bias(s)[..., part.axes])

@@ -1,0 +1,203 @@
+"""The figure of an estimate: its errors within three deviations, and NEES between its limits."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup, Part
+from eqt_cli.plots.base import OverTime
+from eqt_cli.plots.drawing.coordinates import axis_labels
+from eqt_cli.plots.drawing.curves import band_look
+from eqt_cli.plots.drawing.labels import in_words, part_name
+from eqt_cli.plots.drawing.layout import (
+    EMPTY,
+    add_legend,
+    add_title,
+    hide_inner_scales,
+    name_scale,
+    share_scale,
+    sheet,
+)
+from eqt_cli.plots.drawing.scales import scale_log
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
+from eqt_cli.plots.shown.controllers import Ensemble
+from eqt_cli.plots.shown.trajectories import ShownRuns
+
+_MOST_CONTROLLERS: dict[Width, int] = {"column": 3, "page": 6}
+_DEVIATIONS = 3.0
+"""So many standard deviations a band reaches to either side."""
+_OF_ONE, _OF_MEAN = 0.1, 0.28
+"""The shares of ink between the limits of a run and between those of a mean."""
+_ALIKE = 0.05
+"""Bands that differ by less, over their widest, are drawn as the first of them."""
+_LINE = 0.8
+"""pt, of a coordinate."""
+
+
+@dataclass(frozen=True)
+class Estimate(OverTime):
+    """Errors of the estimate in one run within ±3 of its own deviations; NEES with χ² limits.
+
+    A column per controller. Errors are those of the pose, in exponential coordinates, and of the
+    bias, part by part. Two shades in the lowest panels are 95 % of χ²: that of one run and, darker,
+    that of the mean over runs. A filter without a covariance has neither bands nor NEES.
+
+    Attributes
+    ----------
+    run
+        Which run, by its number.
+    """
+
+    name: ClassVar[str] = "estimate"
+
+    run: int = 0
+
+    def check(self, problems: Problems) -> None:
+        """A run has a number from 0."""
+        if self.run < 0:
+            problems.at("run").add(f"expected 0 or more, got {self.run}")
+
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
+        """Errors downwards with a scale each, controllers to the right."""
+        G, shown = self._group(runs), self._shown(runs, width)
+        rows = [(part, name) for name in self._errors(runs, shown) for part in G.parts]
+        names = [[f"{_words(*row)} {e.label}" for e in shown] for row in rows]
+        judged = [f"NEES {e.label}" if e.results.has("nees") else EMPTY for e in shown]
+        knows = set(judged) != {EMPTY}
+        places = [*names, judged] if knows else names
+        drawing, panels = sheet(width, places, runs.span, runs.unit("time"))
+        for ensemble, name in zip(shown, names[0], strict=True):
+            add_title(panels[name], ensemble.title, WIDTHS[width] / len(shown))
+        for (part, error), row in zip(rows, names, strict=True):
+            own = [panels[name] for name in row]
+            share_scale(own)
+            unit = part.velocity_unit if error == "bias" else _unit(part)
+            name_scale(own[0], in_words(_words(part, error, alone=len(G.parts) == 1), unit))
+            for axes, ensemble in zip(own, shown, strict=True):
+                self._fill(axes, runs, ensemble, error, G, part)
+        self._judge(runs, {panels[n]: e for n, e in zip(judged, shown, strict=True) if n != EMPTY})
+        hide_inner_scales(panels, places)
+        self._add_legend(drawing, G, knows)
+        means = f", and means over runs, {runs.count()}" if knows else ""
+        runs.remarks.append(f"Run {self.run}{means}.")
+        return drawing
+
+    def _group(self, runs: ShownRuns) -> MatrixLieGroup:
+        if runs.group is None:
+            raise runs.error(
+                f"shows no estimate on a group of a plugin, {runs.results[0].group_name}"
+            )
+        return runs.group
+
+    def _shown(self, runs: ShownRuns, width: Width) -> list[Ensemble]:
+        """The controllers, each of which reads an estimate."""
+        most = _MOST_CONTROLLERS[width]
+        if len(runs.shown) > most:
+            raise runs.error(
+                f"has a column of panels per controller, and width '{width}' has room for "
+                f"{most}, not {len(runs.shown)}; choose some with the option 'controllers'"
+            )
+        for ensemble in runs.shown:
+            if not ensemble.results.has("estimated_pose"):
+                raise ensemble.results.error(
+                    f"figure '{self.name}' finds no estimate, since the laws read measurements; "
+                    "set the key 'estimator' and run the experiment again"
+                )
+        return runs.shown
+
+    def _errors(self, runs: ShownRuns, shown: list[Ensemble]) -> list[str]:
+        """``pose``; and ``bias`` where there is one, or one is estimated."""
+        told = ((e, f"bias_estimate_{kind}") for e in shown for kind in ("error", "std"))
+        biased = (np.any(runs.of_run(name, e, self.run)) for e, name in told if e.results.has(name))
+        return ["pose", "bias"] if any(biased) else ["pose"]
+
+    def _fill(
+        self,
+        axes: Axes,
+        runs: ShownRuns,
+        ensemble: Ensemble,
+        error: str,
+        G: MatrixLieGroup,
+        part: Part,
+    ) -> None:
+        """The coordinates of a part, each in its band."""
+        times = runs.times(ensemble)
+        values = runs.of_run(f"{error}_estimate_error", ensemble, self.run)[:, part.axes]
+        reach = np.zeros(values.shape)
+        if ensemble.results.has(f"{error}_estimate_std"):
+            deviation = runs.of_run(f"{error}_estimate_std", ensemble, self.run)[:, part.axes]
+            reach = _DEVIATIONS * deviation
+        alike = np.ptp(reach, axis=1).max() < _ALIKE * reach.max()
+        for k, axis in enumerate(G.axis_names[part.axes]):
+            look = line_style(k)
+            if reach[:, k].any() and not (alike and k):
+                band = band_look(ink() if alike else look["color"])
+                axes.fill_between(times, -reach[:, k], reach[:, k], label=f"3σ {axis}", **band)
+            axes.plot(times, values[:, k], label=axis, linewidth=_LINE, **look)
+
+    def _judge(self, runs: ShownRuns, panels: dict[Axes, Ensemble]) -> None:
+        """NEES of the run and its mean over runs, each between its limits."""
+        if not panels:
+            return
+        share_scale(panels)
+        seen = []
+        for axes, ensemble in panels.items():
+            times, values = runs.times(ensemble), runs.values("nees", ensemble)
+            degrees = float(runs.of_run("nees_dof", ensemble, self.run)[0])
+            for shade, count in ((_OF_ONE, 1), (_OF_MEAN, len(values))):
+                low, high = _limits(degrees, count)
+                name = f"95 % of χ² over {count}"
+                axes.axhspan(low, high, facecolor=ink(shade), linewidth=0, zorder=0, label=name)
+                seen += [low, high]
+            own, mean = runs.of_run("nees", ensemble, self.run), values.mean(axis=0)
+            axes.plot(times, own, label="NEES", **_NEES)
+            axes.plot(times, mean, label="mean NEES", color=ink(), linewidth=_LINE)
+            seen += [*own[own > 0], *mean[mean > 0]]
+        for number, axes in enumerate(panels):
+            scale_log(axes, "y", np.array(seen))
+            if not number:
+                name_scale(axes, "NEES")
+
+    def _add_legend(self, drawing: Drawing, G: MatrixLieGroup, judged: bool) -> None:
+        names = axis_labels(G)
+        handles: dict[str, Artist] = {
+            name: Line2D([], [], linewidth=_LINE, **line_style(k)) for k, name in enumerate(names)
+        }
+        if judged:
+            handles[f"±{_DEVIATIONS:g}σ"] = Patch(**band_look(ink()))
+            handles["NEES"] = Line2D([], [], **_NEES)
+            handles["mean over runs"] = Line2D([], [], color=ink(), linewidth=_LINE)
+            handles[r"95 % of $\chi^2$"] = Patch(facecolor=ink(_OF_ONE), linewidth=0)
+            handles["of its mean"] = Patch(facecolor=ink(_OF_MEAN), linewidth=0)
+        add_legend(drawing, list(handles.values()), list(handles))
+
+
+_NEES: dict[str, Any] = {"color": "0.45", "linewidth": 0.6}
+
+
+def _words(part: Part, error: str, *, alone: bool = False) -> str:
+    """What a row shows: ``rotation error``, ``bias error``."""
+    if error == "bias":
+        return "bias error" if alone else f"{part_name(part.name)} bias"
+    return f"{part_name(part.name)} error"
+
+
+def _unit(part: Part) -> str:
+    """Of the logarithm of a part of a pose."""
+    return "rad" if part.turns else part.pose_unit
+
+
+def _limits(degrees: float, runs: int) -> Array:
+    """Between which the mean of so many independent χ² lies with 95 %."""
+    from scipy.special import gammaincinv  # slow to import
+
+    found: Array = 2 * gammaincinv(runs * degrees / 2, np.array([0.025, 0.975])) / runs
+    return found

@@ -1,0 +1,357 @@
+"""What an estimator is: it tells the law pose and velocity, from measurements at control instants.
+
+It knows no law and no engine. What is the same for all kinds is here: which measurement is of which
+instant, and where an estimate starts.
+"""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, less, where
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.component import VehiclePart
+from eqt_cli.vehicle.estimators.schedule import Schedule
+from eqt_cli.vehicle.numbers import Numbers
+
+INNOVATIONS = 3
+"""Numbers that sum up all innovations: how many, their squares, products of successive ones."""
+
+
+class Deviations(NamedTuple):
+    """What sensors say of their own errors, for each coordinate, ``(m,)`` each.
+
+    Attributes
+    ----------
+    pose, velocity
+        Standard deviations of the white noise of one measurement.
+    bias, walk
+        The root mean square of the bias of the velocity at t = 0, and the deviation of its drift
+        after one second.
+    """
+
+    pose: Array
+    velocity: Array
+    bias: Array
+    walk: Array
+
+
+class Estimate(NamedTuple):
+    """An estimate at an instant.
+
+    Attributes
+    ----------
+    pose : (..., d, d)
+        Q̂.
+    bias : (..., m)
+        b̂.
+    covariance : (..., n, n)
+        Σ of (log(Q̂⁻¹Q), b − b̂), with n = 2m; n = 0 where a kind has none.
+    """
+
+    pose: Array
+    bias: Array
+    covariance: Array
+
+
+class Fix(NamedTuple):
+    """Parts of a pose that were measured.
+
+    Attributes
+    ----------
+    pose : (..., d, d)
+        Q̂ with the measured parts in their place.
+    arrived : (..., m)
+        1 for each measured coordinate, else 0.
+    """
+
+    pose: Array
+    arrived: Array
+
+
+class Measured(NamedTuple):
+    """What there is at a control instant.
+
+    Attributes
+    ----------
+    pose, velocity
+        As they have arrived, ``(..., d, d)`` and ``(..., m)``.
+    fresh : (..., parts)
+        1 for each measured part of the pose of which a measurement is made now that will arrive.
+    true_pose, true_bias
+        Q and b, for the error of the estimate and for where it starts.
+    """
+
+    pose: Array
+    velocity: Array
+    fresh: Array
+    true_pose: Array
+    true_bias: Array
+
+
+@dataclass(frozen=True)
+class Estimator(VehiclePart):
+    """A filter on G with a bias of the velocity in g; the law reads Q̂ and V̂ = V_m − b̂.
+
+    At each control instant it predicts with the mean of the last two measured velocities, corrects
+    with the parts of the pose that are measured at that instant, and tells the law. Where
+    measurements arrive late, it stands at the oldest instant of which one may still come, and goes
+    on from there to the present anew at every instant, with all that is known by then. Between
+    instants its numbers stay as they are.
+
+    b̂ starts at 0, and Q̂ at the first fix.
+
+    Attributes
+    ----------
+    initial_error
+        log(Q̂⁻¹Q) at the start, in the coordinates of the algebra: a number or a list, or
+        distributions. Q̂ then starts there, and the first fix corrects it.
+    """
+
+    departs: ClassVar[str] = "estimated state"
+    vectors: ClassVar[tuple[str, ...]] = ("initial_error",)
+
+    has_covariance: ClassVar[bool] = False
+    """Whether it says how far off it may be, by a covariance."""
+
+    initial_error: Numbers | None = field(default=None, kw_only=True)
+
+    # What a kind gives.
+
+    def completed(self, G: MatrixLieGroup, known: Deviations) -> "Estimator":
+        """The same with what sensors say where nothing else is given."""
+        return self
+
+    def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
+        """Note what is wrong with it for what is measured."""
+
+    def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:
+        """The estimate at the start, at a pose."""
+        bias = np.zeros_like(pose, shape=(*pose.shape[:-2], G.dimension))
+        return Estimate(pose, bias, bias[..., None, :0][..., :0, :])
+
+    @abstractmethod
+    def predicted(
+        self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
+    ) -> Estimate:
+        """The estimate a duration later, s, ``(..., 1)``, which may be 0.
+
+        Parameters
+        ----------
+        velocity : (..., m)
+            The mean of what was measured over it.
+        """
+
+    @abstractmethod
+    def corrected(
+        self, schedule: Schedule, now: Estimate, fix: Fix
+    ) -> tuple[Estimate, Array | None]:
+        """The estimate behind a fix, and its whitened innovations ``(..., m)``, if it has any."""
+
+    # What is the same for all.
+
+    @property
+    def _given(self) -> bool:
+        """Whether the start is given, and not the first fix."""
+        return self.initial_error is not None
+
+    def states(self, schedule: Schedule) -> dict[str, int]:
+        """What is kept from instant to instant, and how many numbers of each."""
+        G, depth = schedule.G, schedule.depth
+        m, n = G.dimension, 2 * G.dimension * self.has_covariance
+        own = {"pose": G.pose_length, "bias": m, "covariance": n * (n + 1) // 2}
+        found = {**own, "velocity": m, "error": 2 * m, "begun": 1, "past_velocity": (depth + 1) * m}
+        if self.has_covariance:
+            found |= {"innovations": INNOVATIONS, "last_innovation": m, "lost": 1}
+        if depth:
+            found |= {f"behind_{name}": length for name, length in own.items()}
+            found |= {"past_live": depth, "past_fresh": depth * len(schedule.fixes)}
+            found |= {
+                f"past_fix_{channel.part.name}": schedule.waits(channel) * channel.size
+                for channel in schedule.fixes
+            }
+        return {name: length for name, length in found.items() if length}
+
+    def after(
+        self, schedule: Schedule, measured: Measured, states: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """The states behind an instant."""
+        G, depth, begun = schedule.G, schedule.depth, states["begun"]
+        past = _Past(schedule, measured, states)
+        here = self._loaded(G, states, "behind_" if depth else "")
+        start = self._start(schedule, measured)
+        is_begun = less(0.5, begun)
+        here = Estimate(
+            where(is_begun[..., None], here.pose, start.pose),
+            where(is_begun, here.bias, start.bias),
+            where(is_begun[..., None], here.covariance, start.covariance),
+        )
+        here = self.predicted(schedule, here, past.velocity(0), past.duration(0))
+        here, innovations = self.corrected(schedule, here, past.fix(0, here.pose, self._given))
+        arrived = past.fix(0, here.pose, self._given).arrived
+        found = self._stored(G, here, "behind_") if depth else {}
+        for step in range(1, depth + 1):
+            here = self.predicted(schedule, here, past.velocity(step), past.duration(step))
+            if any(schedule.available(step)):
+                here, _ = self.corrected(schedule, here, past.fix(step, here.pose))
+        found |= self._stored(G, here) | past.later
+        error = G.log(G.inverse(here.pose) @ measured.true_pose)
+        found["velocity"] = past.latest - here.bias
+        found["error"] = np.concatenate([error, measured.true_bias - here.bias], axis=-1)
+        found["begun"] = 1.0 + 0.0 * begun
+        if innovations is not None:
+            found |= _summed(innovations, arrived, states)
+            found["lost"] = indefinite(here.covariance)[..., None]
+        return found
+
+    def _start(self, schedule: Schedule, measured: Measured) -> Estimate:
+        G, Q = schedule.G, measured.true_pose
+        if self.initial_error is not None:
+            # Of symbols or of many runs, with axes in front as the pose has.
+            return self.first(G, Q @ G.exp(-1.0 * self.initial_error))
+        first = Q.copy()
+        for channel in schedule.fixes:
+            first[channel.entries] = measured.pose[channel.entries]
+        return self.first(G, first)
+
+    def _loaded(self, G: MatrixLieGroup, states: Mapping[str, Array], prefix: str) -> Estimate:
+        pose, bias = G.unpack(states[f"{prefix}pose"]), states[f"{prefix}bias"]
+        if not self.has_covariance:
+            return Estimate(pose, bias, self.first(G, pose).covariance)
+        return Estimate(pose, bias, symmetric(states[f"{prefix}covariance"], 2 * G.dimension))
+
+    def _stored(self, G: MatrixLieGroup, now: Estimate, prefix: str = "") -> dict[str, Array]:
+        found = {f"{prefix}pose": G.pack(now.pose), f"{prefix}bias": now.bias}
+        if self.has_covariance:
+            rows, columns = np.triu_indices(2 * G.dimension)
+            found[f"{prefix}covariance"] = now.covariance[..., rows, columns]
+        return found
+
+
+class _Past:
+    """What is known at an instant of the steps from the oldest instant that counts to now."""
+
+    def __init__(self, schedule: Schedule, measured: Measured, states: Mapping[str, Array]) -> None:
+        self._schedule, self._measured, self._begun = schedule, measured, states["begun"]
+        m, depth, parts = schedule.G.dimension, schedule.depth, len(schedule.fixes)
+        self._velocities = [*_cut(states["past_velocity"], m, depth + 1), measured.velocity]
+        self._live = [*_cut(states.get("past_live"), 1, depth), self._begun]
+        self._fresh = [*_cut(states.get("past_fresh"), parts, depth), measured.fresh]
+        self._values = []
+        for channel in schedule.fixes:
+            now = measured.pose[channel.entries]
+            now = now.reshape(*now.shape[: now.ndim - len(channel.shape)], channel.size)
+            kept = states.get(f"past_fix_{channel.part.name}")
+            self._values.append([*_cut(kept, channel.size, schedule.waits(channel)), now])
+        delays = schedule.of_axes("velocity", "delay", 0)
+        self._place = [
+            [min(depth + 1, step + 1 + int(delay)) for delay in delays]
+            for step in range(-1, depth + 1)
+        ]
+
+    @property
+    def later(self) -> dict[str, Array]:
+        """The same a period later, as states."""
+        rings = {"velocity": self._velocities, "live": self._live, "fresh": self._fresh}
+        for channel, values in zip(self._schedule.fixes, self._values, strict=True):
+            rings[f"fix_{channel.part.name}"] = values
+        found = {
+            name: np.concatenate(ring[1:], axis=-1) for name, ring in rings.items() if ring[1:]
+        }
+        return {f"past_{name}": ring for name, ring in found.items()}
+
+    @property
+    def latest(self) -> Array:
+        """The velocity that has arrived last."""
+        return self._velocities[-1]
+
+    def velocity(self, step: int) -> Array:
+        """The mean of what was measured at both ends of a step; of what is not known, the last."""
+        return (self._at(step) + self._at(step + 1)) / 2
+
+    def _at(self, end: int) -> Array:
+        places = self._place[end]
+        if len(set(places)) == 1:
+            return self._velocities[places[0]]
+        columns = [self._velocities[k][..., axis, None] for axis, k in enumerate(places)]
+        return np.concatenate(columns, axis=-1)
+
+    def duration(self, step: int) -> Array:
+        """Of a step, s, ``(..., 1)``: 0 before the start."""
+        return self._schedule.period * self._live[step]
+
+    def fix(self, step: int, pose: Array, at_start: bool = False) -> Fix:
+        """What was measured at the end of a step; the first fix counts only if asked for."""
+        found, arrived = pose.copy(), 0.0 * self._measured.velocity
+        for number, channel in self._schedule.available(step):
+            count = self._live[step] * self._fresh[step][..., number, None]
+            value = self._values[number][step]
+            if at_start:
+                count = count + (1.0 - self._begun)
+                value = where(less(0.5, self._begun), value, self._values[number][-1])
+            was = pose[channel.entries]
+            value = value.reshape(was.shape)
+            counts = less(0.5, count.reshape(*count.shape[:-1], *(1,) * len(channel.shape)))
+            found[channel.entries] = where(counts, value, was)
+            arrived[..., channel.part.axes] = count
+        return Fix(found, arrived)
+
+
+def _cut(ring: Array | None, length: int, count: int) -> list[Array]:
+    """The entries of a ring, the oldest first."""
+    if ring is None:
+        return []
+    return [ring[..., k * length : (k + 1) * length] for k in range(count)]
+
+
+def _summed(innovations: Array, arrived: Array, states: Mapping[str, Array]) -> dict[str, Array]:
+    """How many innovations there were, their squares, and the products of successive ones."""
+    last, sums = states["last_innovation"], states["innovations"]
+    own = innovations * arrived
+    new = [arrived.sum(axis=-1), (own * own).sum(axis=-1), (own * last).sum(axis=-1)]
+    added = np.concatenate([number[..., None] for number in map(np.asarray, new)], axis=-1)
+    return {
+        "innovations": sums + added,
+        "last_innovation": where(less(0.5, arrived), innovations, last),
+    }
+
+
+def symmetric(upper: Array, n: int) -> Array:
+    """The symmetric matrix with these entries on and above its diagonal, row by row."""
+    place = np.zeros((n, n), dtype=int)
+    rows, columns = np.triu_indices(n)
+    place[rows, columns] = place[columns, rows] = np.arange(len(rows))
+    return upper[..., place]
+
+
+def pivots(matrix: Array, vector: Array) -> tuple[list[Array], list[Array]]:
+    """d of the LDLᵀ of a symmetric matrix, and L⁻¹ of a vector, ``(...)`` each, n of them.
+
+    A row that is 0 has the pivot 0, and takes no part.
+    """
+    n = matrix.shape[-1]
+    rows = [matrix[..., k, :] for k in range(n)]
+    y, d = [vector[..., k] for k in range(n)], []
+    for k in range(n):
+        pivot = rows[k][..., k]
+        d.append(pivot)
+        none = where(less(0.0, pivot), 0.0, where(less(pivot, 0.0), 0.0, 1.0))
+        over = 1.0 / (pivot + none)
+        for j in range(k + 1, n):
+            factor = rows[k][..., j] * over
+            rows[j] = rows[j] - factor[..., None] * rows[k]
+            y[j] = y[j] - factor * y[k]
+    return d, y
+
+
+def indefinite(covariance: Array) -> Array:
+    """1 where a symmetric matrix has a negative pivot, else 0, ``(...)``."""
+    d, _ = pivots(covariance, covariance[..., 0, :])
+    lost = 0.0 * d[0]
+    for pivot in d:
+        lost = where(less(pivot, 0.0), 1.0, lost)
+    return lost

@@ -1,0 +1,222 @@
+"""Kalman's filter for the error log(Q̂⁻¹Q) of a pose and that of the bias, on any group.
+
+Q̇ = Q V^ is measured as V_m = V + b + n, with a bias b that walks; a fix is Q exp(n), or parts of
+it. With V̂ = V_m − b̂, ε̇ = −ad_V̂ ε − b̃ − n to first order. It must not know how a kind applies a
+correction.
+"""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, sqrt, transpose
+from eqt_cli.core.leaves import with_fields
+from eqt_cli.core.option_types import Scale
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.component import check_deviations
+from eqt_cli.vehicle.estimators.base import Deviations, Estimate, Estimator, Fix, symmetric
+from eqt_cli.vehicle.estimators.schedule import Schedule
+from eqt_cli.vehicle.numbers import Numbers, drawn
+
+
+@dataclass(frozen=True)
+class ErrorStateFilter(Estimator):
+    """What filters with a covariance have in common; each says how it takes a fix.
+
+    A step of h seconds: Q̂ ← Q̂ exp(hV̂), Σ ← ΦΣΦᵀ + diag(h²σ_v², hσ_b²), with
+    Φ = exp(h[[−ad_V̂, −I], [0, 0]]) in closed form. A fix is taken coordinate by coordinate, in
+    Joseph's form.
+
+    Attributes
+    ----------
+    pose_std
+        Standard deviation of a fix, in the coordinates of the algebra; one number, or a list.
+        Default: that of the noise of `sensors.pose`.
+    velocity_std
+        That of one measurement of the velocity. Default: that of the noise of `sensors.velocity`.
+    bias_walk
+        That of the drift of the bias after one second. Default: as of the bias of
+        `sensors.velocity`.
+    initial_pose_std
+        That of log(Q̂⁻¹Q) at the start, where Q̂ then is, drawn for each run. Default: Q̂ starts at
+        the first fix, with the deviation of one.
+    initial_bias_std
+        That of the bias at the start. Default: the root mean square of the `value` of the bias.
+    """
+
+    vectors: ClassVar[tuple[str, ...]] = (
+        "pose_std",
+        "velocity_std",
+        "bias_walk",
+        "initial_pose_std",
+        "initial_bias_std",
+        "initial_error",
+    )
+    has_covariance: ClassVar[bool] = True
+
+    pose_std: Annotated[Numbers | None, Scale("assumed deviation of a fix")] = None
+    velocity_std: Annotated[Numbers | None, Scale("assumed deviation of a velocity")] = None
+    bias_walk: Annotated[Numbers | None, Scale("assumed drift of the bias")] = None
+    initial_pose_std: Annotated[Numbers | None, Scale("initial deviation of the pose")] = None
+    initial_bias_std: Annotated[Numbers | None, Scale("initial deviation of the bias")] = None
+
+    # What a kind gives.
+
+    @abstractmethod
+    def output(self, G: MatrixLieGroup, residual: Array) -> Array:
+        """H with log(Q̂⁻¹Q_m) = H (ε, b̃) + n, ``(..., m, 2m)``, where the left side is measured."""
+
+    @abstractmethod
+    def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
+        """The estimate moved by a correction of (ε, b̃), ``(..., 2m)``."""
+
+    # Options.
+
+    @property
+    def varies(self) -> bool:
+        """Also where the start is drawn."""
+        return super().varies or (self.initial_pose_std is not None and self.initial_error is None)
+
+    def completed(self, G: MatrixLieGroup, known: Deviations) -> Self:
+        """With what the sensors say."""
+        said = {
+            "pose_std": known.pose,
+            "velocity_std": known.velocity,
+            "bias_walk": known.walk,
+            "initial_bias_std": known.bias,
+        }
+        found = {name: value.tolist() for name, value in said.items()}
+        own = {name: getattr(self, name) for name in found}
+        return with_fields(self, **found | {k: v for k, v in own.items() if v is not None})
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """With the start of the run, where it is drawn."""
+        found = super().of_run(G, random)
+        if self.initial_pose_std is None or self.initial_error is not None:
+            return found
+        normal = np.zeros(G.dimension) if random is None else random.standard_normal(G.dimension)
+        return with_fields(found, initial_error=_of(found).initial_pose_std * normal)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Deviations that are negative or too many, and a start without one."""
+        for name in self.vectors[:-1]:
+            if (value := getattr(self, name)) is not None:
+                check_deviations(value, G, problems.at(name))
+        super().check(G, problems)
+        if self.initial_error is not None and self.initial_pose_std is None:
+            problems.at("initial_pose_std").add(
+                "missing; with initial_error, the filter must be told how large that may be"
+            )
+
+    def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
+        """Deviations of 0, parts whose start is not known, and a bias that no fix can tell."""
+        G, done = schedule.G, self.completed(schedule.G, known)
+        values = {
+            name: np.broadcast_to(np.array(drawn(value, None), dtype=float), G.dimension)
+            for name in self.vectors[:-1]
+            if (value := getattr(done, name)) is not None
+        }
+        measured = {axis: axis in schedule.axes for axis in range(G.dimension)}
+        for part in G.parts:
+            own = list(range(G.dimension)[part.axes])
+            fixed = all(measured[axis] for axis in own)
+            positive = ["velocity_std", *["pose_std"] * fixed, "initial_pose_std"]
+            for name in positive:
+                if name in values and (values[name][own] <= 0).any():
+                    problems.at(name).add(self._no_deviation(name, part.name))
+            if fixed:
+                continue
+            biased = (values["initial_bias_std"][own] > 0) | (values["bias_walk"][own] > 0)
+            if biased.any():
+                problems.add(
+                    f"the bias of the {part.name} cannot be told: nothing measures the "
+                    f"{part.name}; add an entry for it to sensors.pose, or set "
+                    "initial_bias_std and bias_walk to 0 there"
+                )
+            elif "initial_pose_std" not in values:
+                problems.at("initial_pose_std").add(
+                    f"missing; nothing measures the {part.name}, so that no fix says where its "
+                    "estimate starts"
+                )
+
+    def _no_deviation(self, name: str, part: str) -> str:
+        """What is said of a deviation of 0."""
+        if getattr(self, name) is not None:
+            return f"expected deviations greater than 0 for the {part}, got 0"
+        signal = name.partition("_")[0]
+        return (
+            f"sensors.{signal} has no noise of the {part}, whose deviation is the default; give "
+            "deviations greater than 0"
+        )
+
+    # The filter.
+
+    def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:
+        """With the deviations at the start."""
+        bias = np.zeros_like(pose, shape=(*pose.shape[:-2], G.dimension))
+        own: Any = self
+        std = own.pose_std if own.initial_pose_std is None else own.initial_pose_std
+        deviations = np.concatenate([std + bias, own.initial_bias_std + bias], axis=-1)
+        return Estimate(pose, bias, _diagonal(deviations * deviations))
+
+    def predicted(
+        self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
+    ) -> Estimate:
+        """ΦΣΦᵀ + diag(h²σ_v², hσ_b²); a velocity that is held over k periods counts k times."""
+        G, m, own = schedule.G, schedule.G.dimension, _of(self)
+        x = duration * (velocity - now.bias)
+        step = G.exp(x)
+        A = G.Ad_matrix(G.inverse(step))
+        B = -duration[..., None] * G.jacobian(-x)
+        S = now.covariance
+        first = A @ S[..., :m, :] + B @ S[..., m:, :]
+        pose, both = first[..., :m], first[..., m:]
+        held = schedule.of_axes("velocity", "every", 1)
+        noise, walk = duration * own.velocity_std, own.bias_walk
+        top = pose @ transpose(A) + both @ transpose(B) + _diagonal(held * noise * noise)
+        rest = S[..., m:, m:] + _diagonal(duration * walk * walk)
+        found = np.zeros_like(S)
+        found[..., :m, :m], found[..., m:, m:] = top, rest
+        found[..., :m, m:] = both
+        return Estimate(now.pose @ step, now.bias, mirrored(found))
+
+    def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, Array]:
+        """Coordinate by coordinate: K = Σhᵀ/(hΣhᵀ + σ²), Joseph's (I − Kh)Σ(I − Kh)ᵀ + σ²KKᵀ."""
+        G, own = schedule.G, _of(self)
+        residual = G.log(G.inverse(now.pose) @ fix.pose)
+        H, S = self.output(G, residual), now.covariance
+        by = 0.0 * np.concatenate([now.bias, now.bias], axis=-1)
+        innovations = 0.0 * now.bias
+        for axis in schedule.axes:
+            h = H[..., axis, :]
+            seen = (S @ h[..., None])[..., 0]
+            variance = (own.pose_std * own.pose_std)[..., axis, None]
+            total = (h * seen).sum(axis=-1)[..., None] + variance
+            K = fix.arrived[..., axis, None] * seen / total
+            unexpected = residual[..., axis, None] - (h * by).sum(axis=-1)[..., None]
+            by = by + K * unexpected
+            left = S - K[..., :, None] * seen[..., None, :]
+            back = variance * K - (left @ h[..., None])[..., 0]
+            S = mirrored(left + back[..., :, None] * K[..., None, :])
+            innovations[..., axis] = (unexpected / sqrt(total))[..., 0]
+        return self.moved(G, now._replace(covariance=S), by), innovations
+
+
+def _of(estimator: ErrorStateFilter) -> Any:
+    """As it flies, with arrays for its options."""
+    return estimator
+
+
+def _diagonal(entries: Array) -> Array:
+    """The diagonal matrix with these entries, ``(..., n) -> (..., n, n)``."""
+    return entries[..., :, None] * np.eye(entries.shape[-1])
+
+
+def mirrored(matrix: Array) -> Array:
+    """The symmetric matrix with the entries on and above the diagonal of this one."""
+    n = matrix.shape[-1]
+    rows, columns = np.triu_indices(n)
+    return symmetric(matrix[..., rows, columns], n)

@@ -1,0 +1,205 @@
+"""Filters as their papers write them: one run, matrices, `scipy.linalg.expm`, no line of eqt.
+
+Kalman (1960) on R^n and on the circle; the left-invariant filter with a bias after Barrau and
+Bonnabel (2017); the equivariant filter on the tangent group after van Goor, Hamel and Mahony (2023)
+and Fornasier, Ng, Mahony and Weiss (2022); the filter of Mahony, Hamel and Pflimlin (2008), in its
+passive form. An algebra is given by its basis, and all else is matrices.
+"""
+
+import numpy as np
+from scipy.linalg import block_diag, expm, logm
+
+# The algebras, in the coordinates of the configurations ------------------------------------------
+
+
+def basis(group):
+    """The basis of so(2), so(3), se(2), se(3), se_2(3) or of R^n, rotation first."""
+    if group.startswith("R"):
+        n = int(group[1:])
+        found = np.zeros((n, n + 1, n + 1))
+        found[range(n), range(n), n] = 1.0
+        return found
+    dimension, columns = {
+        "SO2": (2, 0),
+        "SO3": (3, 0),
+        "SE2": (2, 1),
+        "SE3": (3, 1),
+        "SE23": (3, 2),
+    }[group]
+    size, found = dimension + columns, []
+    for i, j in [(1, 0)] if dimension == 2 else [(2, 1), (0, 2), (1, 0)]:
+        E = np.zeros((size, size))
+        E[i, j], E[j, i] = 1.0, -1.0
+        found.append(E)
+    for column in range(dimension, size):
+        for row in range(dimension):
+            E = np.zeros((size, size))
+            E[row, column] = 1.0
+            found.append(E)
+    return np.array(found)
+
+
+class Algebra:
+    """What a basis says of its group."""
+
+    def __init__(self, group):
+        self.E = basis(group)
+        self.m, self.d = self.E.shape[:2]
+
+    def hat(self, v):
+        return np.einsum("i,ijk->jk", v, self.E)
+
+    def vee(self, X):
+        return np.einsum("ijk,jk->i", self.E, X) / np.einsum("ijk,ijk->i", self.E, self.E)
+
+    def exp(self, v):
+        return expm(self.hat(v))
+
+    def log(self, Q):
+        return self.vee(np.real(logm(Q)))
+
+    def ad(self, v):
+        V = self.hat(v)
+        return np.array([self.vee(V @ E - E @ V) for E in self.E]).T
+
+    def Ad(self, Q):
+        return np.array([self.vee(Q @ E @ np.linalg.inv(Q)) for E in self.E]).T
+
+
+# Kalman (1960): V_m = q̇ + b + n, ḃ white, q_m = q + n_p, on R^n and, nearby, on the circle ------
+
+
+class Kalman:
+    """x = (q, b) with q⁺ = q + h (V_m − b), of vectors."""
+
+    def __init__(self, n, period, velocity_std, bias_walk, q, b, covariance):
+        one, none = np.eye(n), np.zeros((n, n))
+        self.F = np.block([[one, -period * one], [none, one]])
+        self.B = np.vstack([period * one, none])
+        self.N = block_diag(period**2 * velocity_std**2 * one, period * bias_walk**2 * one)
+        self.H = np.hstack([one, none])
+        self.x, self.P = np.concatenate([q, b]), covariance
+
+    def predict(self, V):
+        self.x = self.F @ self.x + self.B @ V
+        self.P = self.F @ self.P @ self.F.T + self.N
+
+    def correct(self, q, noise):
+        S = self.H @ self.P @ self.H.T + noise
+        K = self.P @ self.H.T @ np.linalg.inv(S)
+        self.x = self.x + K @ (q - self.H @ self.x)
+        self.P = (np.eye(len(self.x)) - K @ self.H) @ self.P
+
+
+# On groups: rows are the coordinates that a fix measures ------------------------------------------
+
+
+def covariance_of(m, *deviations):
+    """Of independent coordinates, m with each of these deviations: a number, or m."""
+    return np.diag(np.concatenate([np.ones(m) * each for each in deviations]) ** 2)
+
+
+class InvariantFilter:
+    """Q̂, b̂ and the covariance of (ε, b̃) with Q = Q̂ exp ε and b = b̂ + b̃."""
+
+    def __init__(self, group, period, velocity_std, bias_walk, Q, b, covariance):
+        self.A, self.h = Algebra(group), period
+        self.pose, self.bias, self.P = Q, b, covariance
+        self.N = covariance_of(self.A.m, period * velocity_std, np.sqrt(period) * bias_walk)
+
+    def predict(self, V_m):
+        """Through a period, with the mean of the velocities measured at its ends."""
+        A, m, V = self.A, self.A.m, V_m - self.bias
+        rate = np.block([[-A.ad(V), -np.eye(m)], [np.zeros((m, 2 * m))]])
+        F = expm(self.h * rate)
+        self.pose = self.pose @ A.exp(self.h * V)
+        self.P = F @ self.P @ F.T + self.N
+
+    def correct(self, residual, rows, noise):
+        """By a fix whose residual is in the body frame, of these coordinates."""
+        m = self.A.m
+        H = np.eye(2 * m)[rows]
+        K = self.P @ H.T @ np.linalg.inv(H @ self.P @ H.T + noise)
+        step = K @ residual
+        self.pose, self.bias = self.pose @ self.A.exp(step[:m]), self.bias + step[m:]
+        self.P = (np.eye(2 * m) - K @ H) @ self.P
+
+    def nees(self, Q, b):
+        e = np.concatenate([self.A.log(np.linalg.inv(self.pose) @ Q), b - self.bias])
+        return e @ np.linalg.solve(self.P, e)
+
+
+class EquivariantFilter:
+    """T = [[Q̂, Q̂ b̂^], [0, Q̂]] in the tangent group, and the covariance of its error.
+
+    The error is T of the truth times T̂⁻¹, (QQ̂⁻¹, Ad_Q̂(b − b̂)), in the coordinates (log, identity).
+    """
+
+    def __init__(self, group, period, velocity_std, bias_walk, Q, b, covariance):
+        self.A, self.h = Algebra(group), period
+        self.N = covariance_of(self.A.m, period * velocity_std, np.sqrt(period) * bias_walk)
+        self.T = self.element(Q, b)
+        self.P = self.carried(covariance)
+
+    def element(self, Q, b):
+        return np.block([[Q, Q @ self.A.hat(b)], [0 * Q, Q]])
+
+    @property
+    def pose(self):
+        return self.T[: self.A.d, : self.A.d]
+
+    @property
+    def bias(self):
+        return self.A.vee(np.linalg.inv(self.pose) @ self.T[: self.A.d, self.A.d :])
+
+    def carried(self, covariance):
+        """From the body frame to that of space."""
+        both = block_diag(self.A.Ad(self.pose), self.A.Ad(self.pose))
+        return both @ covariance @ both.T
+
+    def predict(self, V_m):
+        """ε̇_r = −ε_b, ε̇_b = ad_{Ad_Q̂ V̂} ε_b, with noise that is Ad_Q̂ of the body's."""
+        A, V, b = self.A, V_m - self.bias, self.bias
+        one, none = np.eye(A.m), np.zeros((A.m, A.m))
+        F = expm(self.h * np.block([[none, -one], [none, A.ad(A.Ad(self.pose) @ V)]]))
+        before = F @ self.P @ F.T
+        self.T = self.element(self.pose @ A.exp(self.h * V), b)
+        self.P = before + self.carried(self.N)
+
+    def correct(self, residual, rows, noise):
+        """n = log(exp(−ε) exp(r)) is r − (1 − ½ad_r)ε to third order; the rest is in space."""
+        A, full = self.A, np.zeros(self.A.m)
+        full[rows] = residual
+        back = np.linalg.inv(A.Ad(self.pose))
+        C = np.hstack([(np.eye(A.m) - A.ad(full) / 2) @ back, np.zeros((A.m, A.m))])[rows]
+        K = self.P @ C.T @ np.linalg.inv(C @ self.P @ C.T + noise)
+        u, s = (A.hat(part) for part in np.split(K @ residual, 2))
+        self.T = expm(np.block([[u, s], [0 * u, u]])) @ self.T
+        self.P = (np.eye(2 * A.m) - K @ C) @ self.P
+
+    def nees(self, Q, b):
+        off = self.A.log(Q @ np.linalg.inv(self.pose))
+        e = np.concatenate([off, self.A.Ad(self.pose) @ (b - self.bias)])
+        return e @ np.linalg.solve(self.P, e)
+
+
+class PassiveFilter:
+    """Mahony, Hamel, Pflimlin (2008): R̂̇ = R̂ (Ω_y − b̂ + k_P ω)_×, b̂̇ = −k_I ω on SO(3).
+
+    ω = vex of the antisymmetric part of R̂ᵀR_y. What a fix tells acts at once, for the time between
+    two of them.
+    """
+
+    def __init__(self, R, b, kp, ki, period, between):
+        self.A, self.pose, self.bias = Algebra("SO3"), R, b
+        self.kp, self.ki, self.h, self.between = kp, ki, period, between
+
+    def predict(self, omega_y):
+        self.pose = self.pose @ self.A.exp(self.h * (omega_y - self.bias))
+
+    def correct(self, R_y):
+        off = self.pose.T @ R_y
+        skew = (off - off.T) / 2
+        omega = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+        self.pose = self.pose @ self.A.exp(self.between * self.kp * omega)
+        self.bias = self.bias - self.between * self.ki * omega

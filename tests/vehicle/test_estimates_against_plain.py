@@ -1,0 +1,238 @@
+"""Estimates against filters that were written without eqt, on the same measurements.
+
+The truth is that of eqt's own run, at the control instants, and the errors of measurement are those
+that the run drew. So nothing is integrated twice, and only rounding can differ.
+"""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag, solve_discrete_are
+
+from eqt_cli.closed_loop.signals import compute
+from eqt_cli.ensemble.seeds import Stream, generator_at
+
+SPEC = importlib.util.spec_from_file_location(
+    "plain_filters", Path(__file__).with_name("plain_filters.py")
+)
+plain = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(plain)
+
+FILTERS = {"invariant": plain.InvariantFilter, "eqf": plain.EquivariantFilter}
+DIMENSION = {"R1": 1, "R3": 3, "SO2": 1, "SO3": 3, "SE2": 3, "SE3": 6, "SE23": 9}
+POSE, VELOCITY, BIAS, WALK = 0.05, 0.02, 0.1, 0.01
+PERIOD = 0.1
+
+
+def text(group, kind, *, every=0.5, duration=2.0, fixes="", options="", pose=None, walk=WALK):
+    """A loop whose law reads an estimate; samples are the control instants."""
+    pose = pose or f"[{{kind: noise, std: {POSE}, period: {every}{fixes}}}]"
+    samples = round(duration / PERIOD) + 1
+    turning = [0.3, -0.2, 0.4, 0.2, 0.1, -0.3, 0.2, 0.1, -0.1][: DIMENSION[group]]
+    return f"""
+group: {group}
+inertia: 1.0
+gains: {{kp: 2, kd: 2}}
+reference: {{kind: constant, velocity: {turning}}}
+controllers: [eqt]
+initial: {{pose: {{kind: exp_normal, std: 0.5}}, velocity: {{kind: normal, std: 0.5}}}}
+ensemble: {{runs: 2, seed: 4}}
+control: {{period: {PERIOD}}}
+sensors:
+  pose: {pose}
+  velocity: [{{kind: noise, std: {VELOCITY}}}, {{kind: bias, value: {BIAS}, walk: {walk}}}]
+estimator: {{kind: {kind}{options}}}
+time: {{duration: {duration}, samples: {samples}}}
+solver: {{engine: solve_ivp}}
+"""
+
+
+def told(problem, solution):
+    """The truth of each run, what is measured of it, and the signals, up to the last instant."""
+    loop = problem.batched_loop(extra_axes=1)
+    with np.errstate(all="ignore"):
+        found = compute(loop, problem.times, solution.states)
+    k = slice(0, len(problem.times) - 1)  # the last sample is before its instant
+    signals = {name: values[:, k] for name, values in found.items()}
+    E, b = (part[:, k] for part in problem.errors[:2])
+    return signals, signals["pose"] @ E, signals["velocity"] + b
+
+
+def true_bias(group, run, instants, walk=WALK):
+    """The bias at every instant, as the sensor draws it."""
+    random = generator_at(4, Stream.VEHICLE, run, "sensors.velocity[1]")
+    steps = random.standard_normal((instants, DIMENSION[group]))
+    return BIAS + walk * np.sqrt(PERIOD) * (np.cumsum(steps, axis=0) - steps[:1])
+
+
+def filtered(start, V_m, correct, latest=0):
+    """A plain filter after every instant.
+
+    Parameters
+    ----------
+    start
+        Makes the filter as it is before what is measured at t = 0 corrects it.
+    correct
+        Corrects a filter by what was measured at one instant and has arrived by another one.
+    latest
+        After how many instants the last measurements arrive; the filter is made anew for each.
+    """
+    F = start()
+    for k in range(len(V_m)):
+        F = start() if latest else F
+        for j in range(0 if latest else k, k + 1):
+            if j:
+                F.predict((V_m[j] + V_m[j - 1]) / 2)
+            correct(F, j, k)
+        yield F
+
+
+def close(found, expected, tolerance=1e-8):
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
+
+
+MORE = pytest.mark.slow("scipy.linalg.logm takes milliseconds at every fix, on every group")
+
+
+@pytest.mark.parametrize(
+    ("group", "instants"),
+    [("SE2", 6), *(pytest.param(name, 20, marks=MORE) for name in ("SO3", "SE3", "SE23"))],
+)
+@pytest.mark.parametrize("kind", FILTERS)
+def test_estimates_are_those_of_a_plain_filter(solved, group, instants, kind):
+    """From 70 degrees off, so that corrections are large and the two filters differ."""
+    m, A = DIMENSION[group], plain.Algebra(group)
+    error = [1.0, -0.6, 0.4, 0.5, -0.5, 0.3, 0.2, 0.1, -0.2][:m]
+    options = f", initial_error: {error}, initial_pose_std: 0.8, initial_bias_std: 0.2"
+    every, duration = instants // 3 * PERIOD, instants * PERIOD
+    given = text(group, kind, every=every, duration=duration, options=options)
+    s, Q_m, V_m = told(*solved(given, runs=[1]))
+    P = block_diag(0.8**2 * np.eye(m), 0.2**2 * np.eye(m))
+    b = true_bias(group, 1, instants)
+
+    def start():
+        Q = s["pose"][0, 0] @ A.exp(-np.array(error))
+        return FILTERS[kind](group, PERIOD, VELOCITY, WALK, Q, np.zeros(m), P)
+
+    def correct(F, j, k):
+        if j % (instants // 3) == 0:
+            off = A.log(np.linalg.inv(F.pose) @ Q_m[0, j])
+            F.correct(off, list(range(m)), POSE**2 * np.eye(m))
+
+    for k, F in enumerate(filtered(start, V_m[0], correct)):
+        close(s["estimated_pose"][0, k], F.pose)
+        close(s["estimated_bias"][0, k], F.bias)
+        close(s["estimated_velocity"][0, k], V_m[0, k] - F.bias)
+        close(s["nees"][0, k] / F.nees(s["pose"][0, k], b[k]), 1.0)
+
+
+def coordinates(group, Q):
+    """The vector of R^n, or the angle of SO2 without its whole turns."""
+    if group == "SO2":
+        return np.unwrap(np.arctan2(Q[..., 1, 0], Q[..., 0, 0]), axis=-1)[..., None]
+    return Q[..., :-1, -1]
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+@pytest.mark.parametrize("group", ["R3", "SO2"])
+def test_on_vectors_and_on_the_circle_it_is_kalmans_filter(solved, group, kind):
+    """The first fix begins it, with the deviations of the sensors."""
+    n = DIMENSION[group]
+    s, Q_m, V_m = told(*solved(text(group, kind)))
+    q, q_m, q_hat = (coordinates(group, Q) for Q in (s["pose"], Q_m, s["estimated_pose"]))
+    P = block_diag(POSE**2 * np.eye(n), BIAS**2 * np.eye(n))
+    for run in range(2):
+        b = true_bias(group, run, 20)
+        F = plain.Kalman(n, PERIOD, VELOCITY, WALK, q_m[run, 0], np.zeros(n), P)
+        for k in range(20):
+            if k:
+                F.predict((V_m[run, k] + V_m[run, k - 1]) / 2)
+            if k and k % 5 == 0:
+                F.correct(q_m[run, k], POSE**2 * np.eye(n))
+            e = np.concatenate([q[run, k], b[k]]) - F.x
+            close(q_hat[run, k], F.x[:n], 1e-10)
+            close(s["estimated_bias"][run, k], F.x[n:], 1e-10)
+            close(s["pose_estimate_error"][run, k], e[:n], 1e-10)
+            close(s["bias_estimate_error"][run, k], e[n:], 1e-10)
+            close(s["pose_estimate_std"][run, k] ** 2, np.diag(F.P)[:n], 1e-10)
+            close(s["bias_estimate_std"][run, k] ** 2, np.diag(F.P)[n:], 1e-10)
+            close(s["nees"][run, k], e @ np.linalg.solve(F.P, e), 1e-10 * (1 + s["nees"][run, k]))
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+@pytest.mark.parametrize("group", ["R1", "SO2"])
+def test_its_steady_covariance_solves_the_riccati_equation(solved, group, kind):
+    """With a fix at every instant, and deviations with which it is steady after some seconds."""
+    noise = ", pose_std: 0.1, velocity_std: 2.0, bias_walk: 4.0"
+    given = text(group, kind, every=PERIOD, duration=3.0, options=noise)
+    s, _, _ = told(*solved(given, runs=[0]))
+    F = np.array([[1, -PERIOD], [0, 1]])
+    N = np.diag([PERIOD**2 * 2.0**2, PERIOD * 4.0**2])
+    H, R = np.array([[1.0, 0.0]]), np.array([[0.1**2]])
+    before = solve_discrete_are(F.T, H.T, N, R)
+    P = before - before @ H.T @ np.linalg.inv(H @ before @ H.T + R) @ H @ before
+    close(s["pose_estimate_std"][0, -1, 0] ** 2, P[0, 0], 1e-10)
+    close(s["bias_estimate_std"][0, -1, 0] ** 2, P[1, 1], 1e-10)
+
+
+PARTS = (
+    f"[{{kind: noise, std: 0.02, of: rotation}}, "
+    f"{{kind: noise, std: {POSE}, of: translation, period: 0.4, delay: 3, dropout: 0.4}}]"
+)
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+def test_a_late_fix_of_a_part_corrects_the_state_of_its_own_time(solved, kind):
+    """An attitude at every instant, a position at some, three instants late and with drop-outs."""
+    A, start_error, deviations = plain.Algebra("SE2"), np.array([0.5, -1, 1]), (0.02, 0.03, 0.04)
+    given = (
+        ", pose_std: [0.03, 0.05, 0.06], velocity_std: [0.02, 0.03, 0.04], bias_walk: 0.02, "
+        "initial_error: [0.5, -1, 1], initial_pose_std: 1.0, initial_bias_std: 0.1"
+    )
+    s, Q_m, V_m = told(
+        *solved(text("SE2", kind, duration=1.2, pose=PARTS, options=given), runs=[0])
+    )
+    R, P = np.diag([0.03, 0.05, 0.06]) ** 2, block_diag(np.eye(3), 0.1**2 * np.eye(3))
+    arrives = (
+        generator_at(4, Stream.VEHICLE, 0, "measured_pose_translation.arrived").random(3) >= 0.4
+    )
+    arrives[0] = True
+    assert arrives.tolist() == [True, False, True]
+
+    def start():
+        Q = s["pose"][0, 0] @ A.exp(-start_error)
+        return FILTERS[kind]("SE2", PERIOD, np.array(deviations), 0.02, Q, np.zeros(3), P)
+
+    def correct(F, j, k):
+        there = k >= j + 3 or j == 0
+        rows = [0, 1, 2] if j % 4 == 0 and arrives[j // 4] and there else [0]
+        measured = F.pose.copy()
+        measured[:2, :2] = Q_m[0, j, :2, :2]
+        if len(rows) == 3:
+            measured[:2, 2] = Q_m[0, j, :2, 2]
+        off = A.log(np.linalg.inv(F.pose) @ measured)
+        F.correct(off[rows], rows, R[np.ix_(rows, rows)])
+
+    for k, F in enumerate(filtered(start, V_m[0], correct, latest=3)):
+        close(s["estimated_pose"][0, k], F.pose)
+        close(s["estimated_bias"][0, k], F.bias)
+
+
+def test_the_complementary_filter_is_that_of_its_paper(solved):
+    """From 100 degrees off, where the sine of an angle is not the angle."""
+    error = [1.2, -1.0, 0.8]
+    options = f", kp: 0.6, ki: 0.2, initial_error: {error}"
+    s, Q_m, V_m = told(*solved(text("SO3", "complementary", options=options)))
+    for run in range(2):
+        R = s["pose"][run, 0] @ plain.Algebra("SO3").exp(-np.array(error))
+        F = plain.PassiveFilter(R, np.zeros(3), 0.6, 0.2, PERIOD, 0.5)
+        for k in range(20):
+            if k:
+                F.predict((V_m[run, k] + V_m[run, k - 1]) / 2)
+            if k % 5 == 0:
+                F.correct(Q_m[run, k])
+            close(s["estimated_pose"][run, k], F.pose)
+            close(s["estimated_bias"][run, k], F.bias)
+            close(s["estimated_velocity"][run, k], V_m[run, k] - F.bias)
