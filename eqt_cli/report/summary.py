@@ -16,7 +16,8 @@ def lead(result: Result) -> str:
     labels, horizon = result.labels, result.horizon
     points = ""
     if result.is_sweep:
-        keys = " and ".join(swept.key for swept in result.swept_keys) or "nothing"
+        swept = [each.key for each in result.swept_keys]
+        keys = listed(swept) if swept else "nothing"
         points = f"{result.points} points over {keys}, each with "
     lasting = f" of {horizon:g} s" if horizon else ""
     controllers = f"{len(labels)} controllers" if len(labels) > 1 else "one controller"

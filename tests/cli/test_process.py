@@ -33,7 +33,7 @@ def test_a_wrong_configuration_is_2_with_errors_on_stderr(process: Eqt) -> None:
     done = process("run", "c.yaml", "--set", "time.samples=1")
     assert (done.code, done.out) == (2, "")
     assert done.err == (
-        "eqt: --set[0]: time.samples: expected a whole number of at least 2, got 1\n"
+        "eqt: --set time.samples=1: time.samples: expected a whole number of at least 2, got 1\n"
     )
 
 

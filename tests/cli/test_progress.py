@@ -72,7 +72,7 @@ def test_lines_say_when_a_step_is_done(clock: Clock, capsys: pytest.CaptureFixtu
             advance(runs)
     assert capsys.readouterr().err.splitlines() == [
         "400/800 runs, 200 runs/s, 2 s left",
-        "800 runs: done in 40.0 s",
+        "800/800 runs: done in 40.0 s",
     ]
 
 
@@ -86,7 +86,7 @@ def test_a_guess_waits_for_more_than_the_first_runs(
     assert capsys.readouterr().err.splitlines() == [
         "8/100000 points checked, 4.0 points/s",
         "2000/100000 points checked, 200 points/s, 8.2 min left",
-        "100000 points checked: done in 30.0 s",
+        "100000/100000 points checked: done in 30.0 s",
     ]
 
 
@@ -151,9 +151,9 @@ def test_a_run_tells_how_far_it_is(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) ->
     runs = [line for line in lines if re.fullmatch(r"\d/6 runs, [\d.]+ runs/s, \d+ s left", line)]
     assert runs[0].startswith("1/6 runs, ")
     packed = [line for line in lines if "parts packed" in line]
-    assert re.fullmatch(r"2 parts packed: done in \d\.\d s", packed[-1])
+    assert re.fullmatch(r"2/2 parts packed: done in \d\.\d s", packed[-1])
     end = lines[len(runs)]
-    assert re.fullmatch(r"6 runs: done in \d\.\d s", end)
+    assert re.fullmatch(r"6/6 runs: done in \d\.\d s", end)
     assert lines == [*runs, end, *packed]
     assert "runs/s" not in done.out
 

@@ -32,6 +32,7 @@ from eqt_cli.plots.base import (
 from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.figures.certificates import Certificates
+from eqt_cli.plots.figures.commands import Commands
 from eqt_cli.plots.figures.estimate import Estimate
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
@@ -39,15 +40,17 @@ from eqt_cli.results.result import open_result
 
 FORMATS = ("pdf", "svg", "png")  # the pixels of the last one are looked at
 
-# Figures of sweeps, searches, certificates, recordings and estimates have tests of their own.
+# Figures of sweeps, searches, certificates, recordings, actuators and estimates have tests of their
+# own.
 NAMES = [
     name
     for name in figures.names()
     if not issubclass(
-        figures.get(name), OfSweep | OfCertificates | OfTuning | OfWorst | OfMeasured | Estimate
+        figures.get(name),
+        OfSweep | OfCertificates | OfTuning | OfWorst | OfMeasured | Commands | Estimate,
     )
 ]
-MANY_PANELS = ("commands", "phase", "runs")
+MANY_PANELS = ("phase", "runs")
 
 
 def every(of):
@@ -176,6 +179,24 @@ def test_texts_do_not_overlap(name, se3, drawn):
 @pytest.mark.parametrize("name", slow_but("paper"))
 def test_other_texts_do_not_overlap(name, width, result, drawn, request):
     assert_apart(drawn(name, request.getfixturevalue(result), width).texts)
+
+
+@pytest.mark.slow("draws many panels")
+@pytest.mark.parametrize("width", ["column", "page"])
+@pytest.mark.parametrize("name", ["commands", "estimate"])
+def test_panels_of_a_vehicle_fit_the_sheet(name, width, simulate, drawn):
+    vehicle = simulate(
+        controllers=["eqt", "gt"],
+        actuators=[{"kind": "limit", "limit": 1.0}, {"kind": "lag", "time_constant": 0.1}],
+        control={"period": 0.1},
+        sensors={
+            "pose": [{"kind": "noise", "std": 0.1, "period": 0.4}],
+            "velocity": [{"kind": "noise", "std": 0.1}, {"kind": "bias", "value": 0.1}],
+        },
+        estimator={"kind": "invariant"},
+    )
+    assert_inside(drawn(name, vehicle, width).drawing, width)
+    assert_apart(drawn(name, vehicle, width).texts)
 
 
 def assert_apart(boxes):

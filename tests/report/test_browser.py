@@ -154,6 +154,8 @@ def test_keyboard_reaches_the_content_first(page):
 
 
 def test_every_control_has_a_name(page):
+    for folded in page.find_elements(By.CSS_SELECTOR, "details"):
+        page.execute_script("arguments[0].open = true", folded)
     controls = page.find_elements(
         By.CSS_SELECTOR, "button, input, select, svg[role=img], [role=region]"
     )

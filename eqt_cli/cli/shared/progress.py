@@ -199,7 +199,7 @@ class _Lines(Meter):
         """Say that it is done, if it was long enough to be told of."""
         took = time.monotonic() - self.started
         if took >= SHOW_AFTER and self.found + 1 <= round(self.done) >= self.total:
-            say(f"{self.total} {self.what}: done in {duration(took)}")
+            say(f"{self.total}/{self.total} {self.what}: done in {duration(took)}")
         super().end()
 
     def show(self) -> None:
