@@ -22,7 +22,7 @@ Hold = Annotated[
     options.named(
         "--hold",
         completion.words("zero", "linear"),
-        "How the wrench goes on behind a row: zero holds it, as an autopilot does; linear "
+        "The wrench between two rows: zero holds the earlier one, as an autopilot does; linear "
         "interpolates.",
         EXPERIMENT,
     ),
@@ -44,7 +44,7 @@ def replay(
     horizon: Annotated[float | None, _horizon("a tenth")] = None,
     windows: Annotated[
         int,
-        options.valued("--windows", "N", "Most windows.", EXPERIMENT, min=1),
+        options.valued("--windows", "N", "Largest number of windows.", EXPERIMENT, min=1),
     ] = 50,
     set_: options.Set = None,
     engine: options.Engine = None,
@@ -53,9 +53,9 @@ def replay(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Drive the plant by a recorded wrench and print how its error grows with the horizon.
+    """Drive the plant with a recorded wrench and print how the error grows with the horizon.
 
-    Many windows start in recorded states. The laws of the configuration take no part.
+    Each window starts at a recorded state. The control laws of the configuration are not used.
     """
     from eqt_cli import api
     from eqt_cli.config.source import read_config
@@ -85,7 +85,7 @@ def fit(
         options.valued(
             "--over",
             "KEYS",
-            "Numbers of the plant to find, parted by commas, such as "
+            "Numbers of the plant to find, separated by commas, such as "
             "plant.inertia.relative,plant.forces[0].linear.",
             EXPERIMENT,
         ),
@@ -101,9 +101,9 @@ def fit(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Find numbers of the plant with which it predicts a recording, with 95 % intervals.
+    """Fit numbers of the plant to a recording, with 95 % intervals.
 
-    The configuration with these numbers is written as fitted.yaml, in results/NAME-fitted.
+    The configuration with the fitted numbers is written to results/NAME-fitted/fitted.yaml.
     """
     from eqt_cli import api
     from eqt_cli.config.source import read_config

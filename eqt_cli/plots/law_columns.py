@@ -19,6 +19,8 @@ from eqt_cli.plots.shown.trajectories import ShownRuns
 MOST: dict[Width, int] = {"column": 4, "page": 8, "slide": 6}
 """Laws side by side."""
 
+_BESIDE = 0.7
+"""in, of the labels beside the first column, and between columns."""
 _TALLEST = 5.0
 """in, of all rows."""
 
@@ -63,6 +65,6 @@ def law_columns(
     for k, law in enumerate(laws):
         top = next((names[k] for names in mosaic if names[k] != EMPTY), EMPTY)
         if top != EMPTY:
-            add_title(panels[top], law.title, WIDTHS[width] / len(laws))
+            add_title(panels[top], law.title, (WIDTHS[width] - _BESIDE) / len(laws))
     hide_inner_scales(panels, mosaic)
     return drawing, found

@@ -82,7 +82,7 @@ def test_the_summary(eqt: Eqt) -> None:
     assert re.fullmatch(r"EqT +3 +(\d\.\d{3} +){4}\de-\d\d", eqt_row)
     assert gt_row.split()[:2] == ["GT", "3"]
     assert blank == ""
-    assert settled == "settled runs: EqT 0 of 3, GT 0 of 3"
+    assert settled == "settled runs  EqT: 0 of 3; GT: 0 of 3"
     assert re.fullmatch(
         r"6 runs, simulation \d+\.\d s, cross-check \d+\.\d s, writing \d+\.\d s", runs
     )
@@ -111,8 +111,8 @@ def test_the_summary_tells_who_settled_and_how_long_actuators_are_at_a_limit(eqt
         shares = results["saturated_share"].mean(axis=1)
     assert 0 < min(shares) and 0 < sum(settled) < 6
     assert done.out.splitlines()[5:7] == [
-        f"settled runs: EqT {settled[0]} of 3, GT {settled[1]} of 3",
-        f"time at a limit: EqT {shares[0]:.2%}, GT {shares[1]:.2%}",
+        f"settled runs  EqT: {settled[0]} of 3; GT: {settled[1]} of 3",
+        f"time at a limit  EqT: {shares[0]:.2%}; GT: {shares[1]:.2%}",
     ]
     rows = json.loads(eqt(*run, "--json").out)["controllers"]
     assert [row["settled"] for row in rows] == settled

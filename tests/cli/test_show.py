@@ -135,7 +135,7 @@ def test_few_unsettled_runs_of_many_have_an_exact_interval(make_result: Any) -> 
     result = make_result(["eqt", "gt"], metrics=metrics)
     lines = list(result_tables._shares(result))
     assert lines == [
-        "settled runs: EqT 1999 of 2000, GT 2000 of 2000",
+        "settled runs  EqT: 1999 of 2000; GT: 2000 of 2000",
         "not settled: EqT 1 of 2000, 0.0005 [1.3e-05, 0.0028]; GT 0 of 2000, 0 [0, 0.0018] "
         "(exact 95 % intervals)",
         f"`eqt show {result.path.parent} --unsettled` lists their starts",

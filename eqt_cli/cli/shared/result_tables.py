@@ -114,12 +114,12 @@ def _shares(result: Result) -> Iterator[str]:
     """How many runs have settled, and how much of the time actuators are at a limit."""
     rows = [(result.titled[row["controller"]], row) for row in result.headline()]
     if all("settled" in row for _, row in rows):
-        counts = ", ".join(f"{title} {row['settled']} of {row['runs']}" for title, row in rows)
-        yield f"settled runs: {counts}"
+        counts = "; ".join(f"{title}: {row['settled']} of {row['runs']}" for title, row in rows)
+        yield f"settled runs  {counts}"
         yield from _rare(result, {title: row["runs"] - row["settled"] for title, row in rows})
     if all("saturated_share" in row for _, row in rows):
-        shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
-        yield f"time at a limit: {shares}"
+        shares = "; ".join(f"{title}: {row['saturated_share']:.2%}" for title, row in rows)
+        yield f"time at a limit  {shares}"
 
 
 def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:

@@ -11,7 +11,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.text import Text
+from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.labels import free_text, part_name, quantity
@@ -42,6 +43,12 @@ NO_NUMBERS = "<density>"
 jump where rounding takes a sample over an edge."""
 _LEAST_OF_PANEL = 0.6
 """Of a panel's width that its name has at least."""
+_WHOLE = 9
+"""Characters of a word in a name that is never broken."""
+_ROW_PITCH = 1.15
+"""From row to row, in heights of a panel."""
+_LEAST_TYPE = 5.0
+"""pt, of a label; on a slide, this is 11 pt."""
 _LETTER = 0.2
 """in, of the letter of a panel."""
 
@@ -171,7 +178,9 @@ def add_title(axes: Axes, name: str, room: float) -> None:
     """Name a panel above it, within so many inches; the name is a user's text."""
     # Beside the letter, and as much on the other side, since the name is centred.
     room = max(room - 2.5 * _LETTER, _LEAST_OF_PANEL * room)
-    axes.set_title(free_text(name, _characters(room, size_of_type("axes.titlesize"))))
+    fit = _characters(room, size_of_type("axes.titlesize"))
+    whole = [len(word) for word in name.split() if len(word) <= _WHOLE]
+    axes.set_title(free_text(name, max([fit, *whole])))
 
 
 def add_letters(figure: Figure) -> None:
@@ -231,8 +240,29 @@ def freeze(figure: Figure) -> None:
     """
     figure.align_ylabels()
     arrange(figure)
+    _fit_to_rows(figure)
     arrange(figure)  # once more, since other room may have brought wider numbers
     figure.set_layout_engine("none")
+
+
+def _fit_to_rows(figure: Figure) -> None:
+    """Write labels smaller that are longer than their row, such as those of many rows on a slide."""
+    for axes in figure.axes:
+        if axes.get_label() == COLOUR_SCALE:
+            continue
+        tall = axes.get_window_extent().height
+        label, numbers = axes.yaxis.label, axes.get_yticklabels()
+        _shrink([label], label.get_window_extent().height / (_ROW_PITCH * tall))
+        if isinstance(axes.yaxis.get_major_locator(), FixedLocator):  # words, a line for each
+            lines = sum(number.get_window_extent().height for number in numbers)
+            _shrink(numbers, lines / tall)
+
+
+def _shrink(texts: Iterable[Text], factor: float) -> None:
+    """Write texts so many times smaller, but so that they can be read."""
+    for text in texts if factor > 1 else ():
+        size = text.get_fontsize()
+        text.set_fontsize(max(size / factor, min(size, _LEAST_TYPE)))
 
 
 def arrange(figure: Figure) -> None:

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OverTime, Panelled
-from eqt_cli.plots.drawing.labels import force_component, free_text, in_words, quantity
+from eqt_cli.plots.drawing.labels import force_component, free_text, quantity
 from eqt_cli.plots.drawing.layout import add_legend, name_scale
 from eqt_cli.plots.drawing.style import Width, ink, line_style
 from eqt_cli.plots.law_columns import law_columns
@@ -72,7 +72,7 @@ class Commands(Panelled, OverTime):
         if self.thrusters:
             names = runs.thrusters
             unit, most = runs.unit("thrust"), 2 * _MOST_NAME // (1 + len(names) // 5)
-            axes = {name: in_words(free_text(name, most), unit) for name in names}
+            axes = {name: free_text(f"{name} ({unit})", most) for name in names}
         places, wanted = list(axes), self.picked(list(axes))
         drawing, rows = law_columns(runs, width, wanted)
         found = _Kinds()

@@ -42,7 +42,7 @@ _RAYS = 45
 """Degrees between the lines from the centre."""
 _NUMBERED = (0, 45, 90, 180)
 """Those of the circles, and the centre, that are numbered on the scale below the disc."""
-_SPARSE, _ROOM = (0, 90, 180), 1.6
+_SPARSE, _ROOM = (0, 180), 1.6
 """Those on discs that have less room, in."""
 _SCALE, _TICK = -1.12, 0.05
 """Of the radius: where that scale is, and how long its ticks are."""
