@@ -246,7 +246,7 @@ def freeze(figure: Figure) -> None:
 
 
 def _fit_to_rows(figure: Figure) -> None:
-    """Write labels smaller that are longer than their row, such as those of many rows on a slide."""
+    """Write labels smaller that are longer than their row, as of many rows on a slide."""
     for axes in figure.axes:
         if axes.get_label() == COLOUR_SCALE:
             continue
@@ -261,7 +261,7 @@ def _fit_to_rows(figure: Figure) -> None:
 def _shrink(texts: Iterable[Text], factor: float) -> None:
     """Write texts so many times smaller, but so that they can be read."""
     for text in texts if factor > 1 else ():
-        size = text.get_fontsize()
+        size = float(text.get_fontsize())
         text.set_fontsize(max(size / factor, min(size, _LEAST_TYPE)))
 
 
