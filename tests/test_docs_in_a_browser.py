@@ -18,7 +18,9 @@ PAGES = [
     "reference/commands",
     "experiments/flies",
     "explanation/glossary",
+    "explanation/estimates",
     "explanation/theory",
+    "howto/estimate",
     "howto/index",
 ]
 

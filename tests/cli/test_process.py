@@ -22,6 +22,7 @@ Eqt = Callable[..., Any]
 HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray", "heyoka"]
 
 
+@pytest.mark.slow("starts an interpreter")
 def test_success_is_0_with_results_on_stdout(process: Eqt) -> None:
     done = process("run", "c.yaml", "--json", "--quiet")  # a slow run says how far it is
     assert (done.code, done.err) == (0, "")
@@ -118,6 +119,7 @@ def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: P
 ANOTHER = pytest.mark.slow("starts a process of every command")
 
 
+@pytest.mark.slow("starts an interpreter")
 @pytest.mark.skipif(os.name != "posix", reason="pipes as a POSIX shell has them")
 @pytest.mark.parametrize(
     ("arguments", "code"),

@@ -29,6 +29,7 @@ def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
+@pytest.mark.slow("searches, and draws what it finds")
 def test_it_prints_what_was_found_and_draws_it(eqt: Eqt, config: Path) -> None:
     done = eqt("worst", config, "--fail-above", "100")
     assert (done.code, done.err) == (0, "")

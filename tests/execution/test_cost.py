@@ -31,6 +31,7 @@ def test_memory(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_disk(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cost, "_free_disk", lambda folder: 64 * 10**9)
     text = refusal(run, "ensemble.runs=100000000")

@@ -161,6 +161,7 @@ def test_a_finished_result_is_kept(make, tmp_path):
     assert (tmp_path / "out/results.h5").stat().st_ino == before
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_force_starts_over_and_says_what_it_removed(make, tmp_path):
     out = tmp_path / "out"
     interrupted(make(), out)
@@ -216,6 +217,7 @@ def test_a_damaged_reference_is_computed_again(make, whole, tmp_path):
     assert_same(contents(out), whole)
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_what_killed_processes_left_is_removed(make, whole, tmp_path):
     out = tmp_path / "out"
     interrupted(make(), out)
@@ -227,6 +229,7 @@ def test_what_killed_processes_left_is_removed(make, whole, tmp_path):
     assert [path.name for path in out.glob("**/*.tmp")] == ["mine.tmp"]
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_a_kill_before_the_parts_are_removed_loses_nothing(make, whole, tmp_path, monkeypatch):
     out = tmp_path / "out"
 
@@ -281,6 +284,7 @@ def test_parts_of_other_versions_are_told_of_and_remembered(make, whole, tmp_pat
     assert_same(contents(out), whole)
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_every_session_is_remembered_once(make, tmp_path, remarks):
     out = tmp_path / "out"
     for version in ("1.0", "1.1", "1.0", np.__version__):
@@ -317,6 +321,7 @@ def test_versions_of_what_is_not_there_any_more_do_not_matter(make, tmp_path, re
     assert "other_sessions" not in origin_of(out)
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_what_affects_no_number_is_not_told(make, tmp_path, remarks):
     out = tmp_path / "out"
     interrupted(make(), out)
@@ -325,6 +330,7 @@ def test_what_affects_no_number_is_not_told(make, tmp_path, remarks):
     assert remarks == []
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_failed_runs_computed_again_with_other_versions(make, tmp_path, remarks):
     out = tmp_path / "out"
     execute(make(), out, executor=Losing({1}))
@@ -336,6 +342,7 @@ def test_failed_runs_computed_again_with_other_versions(make, tmp_path, remarks)
     assert [session["numpy"] for session in origin["other_sessions"]] == [np.__version__]
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_packing_parts_of_shards_of_other_versions(make, tmp_path, remarks):
     out = tmp_path / "out"
     execute(make(), out, shard=Shard(1, 2))
@@ -375,6 +382,7 @@ def renamed(rows, names):
     return rows, ["exertion" if name == "effort" else name for name in names]
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_numbers_of_a_part_are_read_by_name(make, whole, tmp_path, remarks):
     out = tmp_path / "out"
     interrupted(make(), out)
@@ -395,6 +403,7 @@ def test_a_part_that_lacks_a_number_is_computed_again(make, whole, tmp_path, cha
     assert_same(contents(out), whole)
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_failed_runs_of_a_result_with_other_variables_are_not_mixed_in(make, tmp_path):
     out = tmp_path / "out"
     execute(make(), out, executor=Losing({1}))
@@ -574,6 +583,7 @@ def test_a_lock_ends_with_its_process_even_if_killed(tmp_path):
         pass
 
 
+@pytest.mark.slow("computes an experiment several times")
 @POSIX
 @pytest.mark.parametrize(
     ("code", "shard"),
@@ -640,6 +650,7 @@ def test_a_full_disk_loses_nothing(make, whole, tmp_path):
 # The state of an unfinished folder.
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_status_counts_from_the_listing_alone(make, tmp_path):
     out = tmp_path / "out"
     interrupted(make(), out, after=4)
@@ -798,6 +809,7 @@ class Remembering(EqT):
 '''
 
 
+@pytest.mark.slow("computes an experiment several times")
 @pytest.mark.parametrize(
     ("laws", "text"),
     [

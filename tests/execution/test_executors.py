@@ -111,6 +111,7 @@ def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_
     assert len(list((tmp_path / "done").glob("1-*"))) == 1
 
 
+@pytest.mark.slow("starts processes")
 @POSIX
 @pytest.mark.parametrize("name", SURVIVORS)
 def test_an_item_that_loses_its_worker_again_and_again_is_given_up(name, task, tmp_path, told):
@@ -121,6 +122,7 @@ def test_an_item_that_loses_its_worker_again_and_again_is_given_up(name, task, t
     assert told.total("runs") == 10  # of the good item alone
 
 
+@pytest.mark.slow("starts processes")
 @pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
 def test_a_cluster_starts_beside_another(task):
     """The other one has taken the port where Dask's schedulers show themselves."""
@@ -210,6 +212,7 @@ def test_a_worker_that_starts_ignores_ctrl_c(task, tmp_path, monkeypatch, capfd)
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.slow("starts processes")
 @POSIX
 def test_workers_that_nobody_has_ended_end_with_python(task):
     """As after an interruption of the very moment in which they are ended."""

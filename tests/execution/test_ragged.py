@@ -147,6 +147,7 @@ def test_the_root_is_that_of_any_sweep_without_what_differs(finished):
         assert results.attributes["cross_check_runs"] == 2
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_groups_are_the_results_of_single_experiments(make, finished, tmp_path):
     """Blocks of five hold the runs of one point only, so that even the last bits agree."""
     found = make(finished[1])
@@ -297,6 +298,7 @@ def test_points_of_one_shape_keep_the_layout_without_groups(make, tmp_path):
         assert not any(isinstance(entry, h5py.Group) for entry in file.values())
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_one_point_of_a_sweep_without_groups(make, tmp_path):
     execute(make("", grids=["gains.kp=1,2"]), tmp_path / "out")
     execute(make("", "gains.kp=2"), tmp_path / "alone")

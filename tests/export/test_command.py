@@ -71,6 +71,7 @@ def test_json_has_a_record_for_each_law(config, invoke):
     assert law["flash"] is None
 
 
+@pytest.mark.slow("compiles several exports")
 def test_it_replaces_its_own_files_and_no_others(config, invoke):
     command = ["export", "flight.yaml", "--out", "out", "--controller", "lee2010"]
     invoke(*command)

@@ -146,6 +146,7 @@ def test_a_file_of_another_is_not_replaced(recorded, tmp_path, is_link, said):
     assert theirs.read_text() == "mine\n"
 
 
+@pytest.mark.slow("fits a plant again")
 def test_the_command_prints_what_the_function_finds(recorded, invoke, tmp_path):
     recorded()
     (tmp_path / "model.yaml").write_text(json.dumps(model("SO3")))

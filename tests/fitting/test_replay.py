@@ -175,6 +175,7 @@ def test_a_true_plant_predicts_to_the_noise(recorded):
     np.testing.assert_allclose(found.rms.mean(axis=1), found.noise.mean(axis=1), rtol=0.26)
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_errors_of_a_wrong_plant_grow(recorded):
     found = eqt_cli.replay(model("SO3"), recorded(), horizon=1.0, windows=10, out="figures")
     assert (np.diff(found.median[0, 2:]) > 0).all()  # before, noise is as large

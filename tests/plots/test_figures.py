@@ -246,6 +246,7 @@ def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened, dra
         assert matplotlib.rcParams["font.size"] == 20
 
 
+@pytest.mark.slow("writes every format")
 @unarranged
 def test_every_format_is_drawn_once(so3, opened, monkeypatch):
     drawing, own, drawn = figures.get("paper")().draw([opened(so3)]), Figure.draw, []

@@ -416,6 +416,7 @@ def test_an_envelope_shows_the_share_that_settles_with_its_intervals(swept):
         np.testing.assert_allclose([edges.min(), edges.max()], [np.min(ends), np.max(ends)])
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_an_envelope_may_ask_for_an_earlier_time(swept):
     results = swept(LAGS, **FLIES)
     (panel,) = Envelope(by=2.0).draw([results]).axes

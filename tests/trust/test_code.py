@@ -360,6 +360,7 @@ OWN_COMMANDS = {
 }
 
 
+@pytest.mark.slow("calls every command with a plugin")
 @pytest.mark.parametrize("name", OWN_COMMANDS)
 def test_the_plugins_of_a_configuration_are_the_users_own(shards, witness, eqt, forgotten, name):
     forgotten()

@@ -52,6 +52,7 @@ def full_when(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setattr(io, "FileIO", Full)
 
 
+@pytest.mark.slow("computes an experiment on a full disk")
 def test_parts_and_result_are_counted_together(
     begun: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -79,6 +80,7 @@ def test_parts_that_are_there_are_not_counted_again(
     assert execute(found, out).packed
 
 
+@pytest.mark.slow("computes an experiment on a full disk")
 @pytest.mark.parametrize(
     ("name", "command"), [("results.h5", execute), ("manifest.json", pack_folder)]
 )
@@ -109,6 +111,7 @@ def test_what_cannot_be_packed_is_kept(
     assert Path("other disk/results.h5").exists()
 
 
+@pytest.mark.slow("computes an experiment on a full disk")
 def test_a_part_that_does_not_fit_tells_what_is_kept(
     begun: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -303,6 +303,7 @@ def test_a_search_of_another_shape_is_none(sent, eqt):
         assert (done.code, done.out) == (0, expected), record
 
 
+@pytest.mark.slow("starts processes")
 def test_a_date_of_builds_that_is_none(sent, eqt, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "garbage")
     done = eqt("plot", "c.yaml", "--format", "pdf", "--out", "f")
@@ -371,6 +372,7 @@ if sys.argv[1:]:
 """
 
 
+@pytest.mark.slow("starts processes")
 def test_the_next_process_knows_of_a_crash(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PYTHONFAULTHANDLER", raising=False)

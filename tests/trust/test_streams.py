@@ -49,7 +49,7 @@ ENDS = {
 }
 
 
-FAST = ("both closed", "an error on a full stderr", "a document on a full stdout")
+FAST = ("a document on a full stdout",)
 
 
 @FULL

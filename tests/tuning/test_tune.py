@@ -175,6 +175,7 @@ def test_how_much_a_bound_is_violated(bound: Constraint, violation: list[float])
     assert found.violation == pytest.approx(violation)
 
 
+@pytest.mark.slow("searches several times")
 def test_what_was_found_is_kept_when_the_search_is_interrupted(
     small: dict[str, Any], tmp_path: Path, searched: tuple[Found, Path]
 ) -> None:

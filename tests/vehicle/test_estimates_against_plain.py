@@ -183,7 +183,9 @@ PARTS = (
 )
 
 
-@pytest.mark.parametrize("kind", FILTERS)
+@pytest.mark.parametrize(
+    "kind", ["invariant", pytest.param("eqf", marks=pytest.mark.slow("compiles a long program"))]
+)
 def test_a_late_fix_of_a_part_corrects_the_state_of_its_own_time(solved, kind):
     """An attitude at every instant, a position at some, three instants late and with drop-outs."""
     A, start_error, deviations = plain.Algebra("SE2"), np.array([0.5, -1, 1]), (0.02, 0.03, 0.04)

@@ -355,6 +355,7 @@ def test_a_run_has_the_same_bits_beside_any_others(solved):
     np.testing.assert_array_equal(together.states[1], alone.states[0])
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_points_with_other_thrusters_have_their_own(folder):
     parts = {
         "none": [],
