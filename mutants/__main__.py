@@ -39,6 +39,7 @@ TESTS = (
             "vehicle",
             "code",
             "export",
+            "fitting",
             "logs",
             "analysis/test_bootstrap.py",
             "analysis/test_comparison.py",

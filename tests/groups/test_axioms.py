@@ -519,6 +519,14 @@ def test_terms_of_the_inverse_jacobian_are_those_of_the_cotangent(angle):
     assert slope == pytest.approx(expected, abs=1e-14 / square**2)
 
 
+@pytest.mark.parametrize("G", dict.fromkeys(ALL), ids=lambda G: G.name)
+def test_a_covector_of_the_logarithm_has_the_power_of_its_rate(G, derivative):
+    """⟨f, V⟩ = ⟨p, d/dt log(Q exp(tV))⟩."""
+    x, p, V = np.random.default_rng(5).uniform(-1, 1, (3, 20, G.dimension))
+    rate = derivative(lambda t: dot(p, G.log(G.exp(x) @ G.exp(t * V))))
+    np.testing.assert_allclose(dot(G.log_force(x, p), V), rate, rtol=0, atol=DIFFERENCES)
+
+
 @pytest.mark.parametrize("angle", [0.1, 1.0, 1.5])
 def test_the_ratio_to_the_sine_is_found_from_the_cosine(angle):
     assert ratio_to_sine(np.cos(angle)) == pytest.approx(angle / np.sin(angle), rel=1e-14)

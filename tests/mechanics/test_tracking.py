@@ -26,6 +26,9 @@ def test_the_desired_acceleration_is_that_of_the_velocity_while_the_inertia_vari
     gains = Gains(np.eye(3), np.eye(3))
     s = Tracking(G, law.at(T), gains, T, np.eye(3), momentum, np.eye(3), momentum, torque)
     assert s.Vd_dot == pytest.approx(ACCELERATION, abs=1e-12)
+    again = s.following(RATES, ACCELERATION)
+    assert again.Pd == pytest.approx(momentum, abs=1e-12)
+    assert again.tau_d == pytest.approx(torque, abs=1e-12)
 
 
 def test_the_cancelling_feedforward_is_that_with_the_weights_1_1_0_1():

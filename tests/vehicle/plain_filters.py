@@ -85,10 +85,13 @@ class Kalman:
         self.P = self.F @ self.P @ self.F.T + self.N
 
     def correct(self, q, noise):
+        """Return the square of the normalised innovation."""
         S = self.H @ self.P @ self.H.T + noise
         K = self.P @ self.H.T @ np.linalg.inv(S)
-        self.x = self.x + K @ (q - self.H @ self.x)
+        r = q - self.H @ self.x
+        self.x = self.x + K @ r
         self.P = (np.eye(len(self.x)) - K @ self.H) @ self.P
+        return r @ np.linalg.solve(S, r)
 
 
 # On groups: rows are the coordinates that a fix measures ------------------------------------------

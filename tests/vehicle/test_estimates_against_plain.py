@@ -90,6 +90,7 @@ def filtered(start, V_m, correct, latest=0):
 
 
 def close(found, expected, tolerance=1e-8):
+    assert np.isfinite(expected).all()  # of a run that failed, both are NaN
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
 
 
@@ -146,11 +147,16 @@ def test_on_vectors_and_on_the_circle_it_is_kalmans_filter(solved, group, kind):
     for run in range(2):
         b = true_bias(group, run, 20)
         F = plain.Kalman(n, PERIOD, VELOCITY, WALK, q_m[run, 0], np.zeros(n), P)
+        fixes, squares = 0, 0.0
         for k in range(20):
             if k:
                 F.predict((V_m[run, k] + V_m[run, k - 1]) / 2)
             if k and k % 5 == 0:
-                F.correct(q_m[run, k], POSE**2 * np.eye(n))
+                squares += F.correct(q_m[run, k], POSE**2 * np.eye(n))
+                fixes += 1
+            assert s["innovations"][run, k] == n * fixes
+            if fixes:
+                close(s["innovation_square"][run, k], squares / (n * fixes), 1e-10)
             e = np.concatenate([q[run, k], b[k]]) - F.x
             close(q_hat[run, k], F.x[:n], 1e-10)
             close(s["estimated_bias"][run, k], F.x[n:], 1e-10)

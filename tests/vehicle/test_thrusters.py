@@ -239,6 +239,11 @@ def test_numbers_of_thrusters_are_drawn_once_each_in_their_order():
     assert all(own.high[1] == 1.5 != own.high[0] != own.high[2] for own in runs)
 
 
+def test_thrusters_without_a_name_are_numbered_from_1():
+    part = Thrusters(matrix=[[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+    assert part.thruster_names == ("thruster 1", "thruster 2")
+
+
 def test_a_run_that_is_lost_has_no_thrust():
     part = Thrusters(matrix=[[1.0], [0], [0]], low=-1.0, high=1.0, allocation="bounded")
     part = part.of_run(SE2, None)
