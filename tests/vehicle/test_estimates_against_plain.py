@@ -226,6 +226,7 @@ def test_a_late_fix_of_a_part_corrects_the_state_of_its_own_time(solved, kind):
     for k, F in enumerate(filtered(start, V_m[0], correct, latest=3)):
         close(s["estimated_pose"][0, k], F.pose)
         close(s["estimated_bias"][0, k], F.bias)
+        close(s["estimated_velocity"][0, k], V_m[0, k] - F.bias)
 
 
 def test_the_complementary_filter_is_that_of_its_paper(solved):

@@ -17,6 +17,7 @@ from eqt_cli.program import traced
 from eqt_cli.program.decimals import evaluated
 from eqt_cli.vehicle.estimators.base import indefinite
 from eqt_cli.vehicle.estimators.invariant import Invariant
+from eqt_cli.vehicle.numbers import Normal
 
 FIXES = "[{kind: noise, std: 0.02, period: 0.2}]"
 MEASURED = "[{kind: noise, std: 0.01}, {kind: bias, value: 0.05}]"
@@ -64,6 +65,8 @@ solver: {{engine: {engine}}}
          "a standard deviation of at least 0, got -1"),
         ({"estimator": "{kind: eqf, bias_walk: [1, 2]}"}, "estimator.bias_walk: expected 1 entries "
          "for SO2, got 2"),
+        ({"estimator": "{kind: eqf, initial_pose_std: 1, initial_error: [1, 2]}"},
+         "estimator.initial_error: expected 1 entries for SO2, got 2"),
         ({"velocity": "[{kind: bias, value: 0.05}]"}, "estimator.velocity_std: sensors.velocity "
          "has no noise of the rotation, whose deviation is the default; give deviations greater "
          "than 0"),
@@ -86,6 +89,19 @@ def test_what_cannot_be_estimated_is_refused(solved, options, said):
     with pytest.raises(ConfigError) as error:
         solved(text(**options))
     assert said in [f"{each.path}: {each.message}" for each in error.value.problems]
+
+
+@pytest.mark.parametrize(
+    ("options", "varies"),
+    [
+        ({}, False),
+        ({"initial_pose_std": 0.5}, True),
+        ({"initial_pose_std": 0.5, "initial_error": 0.1}, False),
+        ({"initial_pose_std": 0.5, "initial_error": Normal([0.0, 0.1])}, True),
+    ],
+)
+def test_runs_differ_where_the_start_of_the_estimate_is_drawn(options, varies):
+    assert Invariant(**options).varies == varies
 
 
 def test_a_part_that_nothing_measures_is_told_before_the_run(tmp_path):

@@ -17,9 +17,12 @@ from eqt_cli.execution.run_study import execute
 from eqt_cli.experiment.horizon import remarks
 from eqt_cli.groups import group_named
 from eqt_cli.results.result import open_result
+from eqt_cli.vehicle.actuators.limit import Limit
 from eqt_cli.vehicle.actuators.thrusters import Thruster, Thrusters, unreachable
 from eqt_cli.vehicle.forces.drag import Drag
 from eqt_cli.vehicle.numbers import Normal, Uniform
+from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.vehicle import Vehicle
 
 SPEC = importlib.util.spec_from_file_location(
     "plain_thrusters", Path(__file__).with_name("plain_thrusters.py")
@@ -242,6 +245,20 @@ def test_numbers_of_thrusters_are_drawn_once_each_in_their_order():
 def test_thrusters_without_a_name_are_numbered_from_1():
     part = Thrusters(matrix=[[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
     assert part.thruster_names == ("thruster 1", "thruster 2")
+
+
+def test_a_vehicle_has_the_limits_and_the_solution_of_its_thrusters():
+    limited = Thrusters(matrix=np.eye(3).tolist(), low=-1.0, high=2.0, allocation="bounded")
+    free, all_axes = Thrusters(matrix=np.eye(3).tolist()), Limit(limit=1.5)
+    G = group_named("SO3")
+    assert Vehicle(actuators=(all_axes,)).of_run(G).thrust_limits is None
+    assert Vehicle(actuators=(free,)).of_run(G).thrust_limits is None
+    vehicle = Vehicle(actuators=(all_axes, limited), control=Sampling(period=0.1)).of_run(G)
+    low, high = vehicle.thrust_limits
+    np.testing.assert_array_equal([low, high], [[-1.0] * 3, [2.0] * 3])
+    asked = np.array([[3.0, -3.0, 0.5]])
+    found = vehicle.solution(G, asked, {"commands": np.zeros((1, 3))})
+    np.testing.assert_allclose(found, [[1.5, -1.0, 0.5]], atol=1e-12)
 
 
 def test_a_run_that_is_lost_has_no_thrust():
