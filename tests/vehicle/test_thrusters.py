@@ -257,7 +257,8 @@ def test_a_vehicle_has_the_limits_and_the_solution_of_its_thrusters():
     low, high = vehicle.thrust_limits
     np.testing.assert_array_equal([low, high], [[-1.0] * 3, [2.0] * 3])
     asked = np.array([[3.0, -3.0, 0.5]])
-    found = vehicle.solution(G, asked, {"commands": np.zeros((1, 3))})
+    states = {name: np.zeros((1, length)) for name, length in vehicle.states(G).items()}
+    found = vehicle.solution(G, asked, states)
     np.testing.assert_allclose(found, [[1.5, -1.0, 0.5]], atol=1e-12)
 
 
