@@ -27,7 +27,7 @@ from eqt_cli.vehicle.forces.gravity_gradient import GravityGradient
 from eqt_cli.vehicle.forces.gust import SINES, Gust
 from eqt_cli.vehicle.forces.restoring import Restoring
 from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, VaryingInertia
-from eqt_cli.vehicle.numbers import Normal, Uniform, drawn, is_drawn, lowest
+from eqt_cli.vehicle.numbers import Normal, Uniform, drawn, is_drawn, lowest, mean_square
 from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors.bias import Bias
 from eqt_cli.vehicle.sensors.noise import Noise
@@ -47,6 +47,15 @@ time: {{duration: 1}}
 
 def acting(force, G, Q, V, t=0.0):
     return force.of_run(G, None).in_body(G, t, Q, V)
+
+
+@pytest.mark.parametrize("number", [Uniform([1.0, 4.0]), Normal([-3.0, 0.5]), -2.0])
+def test_the_mean_square_of_a_number_is_that_of_many_draws(number):
+    random = np.random.default_rng(7)
+    squares = np.array([drawn(number, random) for _ in range(20_000)]) ** 2
+    # Five standard errors.
+    spread = 5 * squares.std() / np.sqrt(len(squares)) + 1e-12
+    assert mean_square(number) == pytest.approx(squares.mean(), abs=spread)
 
 
 def test_drag_is_odd_and_takes_power():
