@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from eqt_cli.closed_loop.estimates import length_unit
+from eqt_cli.closed_loop.signals import compute
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.engines import Status
@@ -102,6 +104,19 @@ def test_what_cannot_be_estimated_is_refused(solved, options, said):
 )
 def test_runs_differ_where_the_start_of_the_estimate_is_drawn(options, varies):
     assert Invariant(**options).varies == varies
+
+
+def test_an_error_of_a_part_has_the_unit_of_its_velocity_times_a_second():
+    units = {part.name: length_unit(part) for part in group_named("SE23").parts}
+    assert units == {"rotation": "rad", "velocity": "m/s", "position": "m"}
+
+
+def test_what_is_known_for_sure_is_no_degree_of_freedom(solved):
+    start = "{kind: invariant, initial_pose_std: 0.1, initial_bias_std: [0.1, 0, 0]}"
+    problem, solution = solved(text(start, "SE2", ATTITUDE))
+    with np.errstate(all="ignore"):
+        s = compute(problem.batched_loop(extra_axes=1), problem.times, solution.states)
+    assert (s["nees_dof"] == 4).all() and np.isfinite(s["nees"]).all()
 
 
 def test_a_part_that_nothing_measures_is_told_before_the_run(tmp_path):

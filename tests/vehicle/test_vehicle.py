@@ -16,6 +16,7 @@ from eqt_cli.mechanics.inertia import Inertia, PrescribedInertia
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.actuators.base import against
 from eqt_cli.vehicle.actuators.deadband import Deadband
 from eqt_cli.vehicle.actuators.lag import Lag
 from eqt_cli.vehicle.actuators.limit import Limit
@@ -47,6 +48,21 @@ time: {{duration: 1}}
 
 def acting(force, G, Q, V, t=0.0):
     return force.of_run(G, None).in_body(G, t, Q, V)
+
+
+def test_a_command_counts_against_the_limit_on_its_side_of_zero():
+    sizes, limits = against(np.array([-3.0, 0.0, 2.0]), -1.0, 4.0)
+    np.testing.assert_array_equal(sizes, [3.0, 0.0, 2.0])
+    np.testing.assert_array_equal(limits, [1.0, 4.0, 4.0])
+
+
+def test_a_drawn_inertia_is_definite():
+    """Half of the draws of one entry are not."""
+    G, drawn_entry = group_named("R2"), Normal([0.0, 1.0])
+    inertia = ConstantInertia([[drawn_entry, 0.0], [0.0, 1.0]])
+    for run in range(20):
+        found = inertia.of_run(G, generator_at(1, Stream.VEHICLE, run, "inertia"))
+        assert np.linalg.eigvalsh(found.matrix).min() > 0
 
 
 @pytest.mark.parametrize("number", [Uniform([1.0, 4.0]), Normal([-3.0, 0.5]), -2.0])
