@@ -19,7 +19,7 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 INTERRUPTED = "interrupted; run the same command again"
 
 OBJECTS_BETWEEN_COLLECTIONS = 50_000
-"""New objects until Python searches for unreachable ones, instead of its 700 or 2,000: loading
+"""New objects between searches for unreachable ones, instead of Python's 700 or 2,000: loading
 libraries makes many objects and no garbage."""
 
 
@@ -27,7 +27,7 @@ def main() -> None:
     """Run the command line and exit; the only place where errors become exit codes."""
     streams.make_safe()
     gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
-    # Else Python searches all objects once more before the process ends, for 0.1 to 0.4 s.
+    # Else Python searches all objects once more at the end of the process, for 0.1 to 0.4 s.
     atexit.register(gc.freeze)
     told_as_others = warnings.catch_warnings()
     with interruptions.as_exceptions(_interrupted_again), without_current_folder(), told_as_others:
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def _show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-    """A library's warning, without the line of code that warned."""
+    """Print a library's warning, without the line of code that warned."""
     from eqt_cli.cli.shared.output import say
 
     say(f"{category.__name__}: {message}")
@@ -56,20 +56,20 @@ def _run() -> None:
         finally:
             sys.stdout.flush()
     except (EqtError, interruptions.Interrupted) as error:
-        if isinstance(error, interruptions.Interrupted):  # nothing can be said of what is kept
+        if isinstance(error, interruptions.Interrupted):  # what is kept is not known here
             error = InterruptedRun(INTERRUPTED, error.exit_code)
         _tell(error)
         sys.exit(error.exit_code)
     except OSError as error:
         from eqt_cli.core.replacement import NO_SPACE
 
-        if error.filename is not None:  # a name that somebody has given, such as a too long one
+        if error.filename is not None:  # a name given by the user, such as one too long
             refused = EqtError(f"{error.filename}: cannot be used: {str(error.strerror).lower()}")
             _tell(refused)
             sys.exit(refused.exit_code)
         if error.errno not in NO_SPACE:
             raise
-        # All files are written where their names are known; what is left is stdout.
+        # Errors in writing files are handled where their names are known; only stdout is left.
         streams.drop_stdout()
         reason = str(error.strerror).lower()
         _say(f"eqt: standard output: cannot be written: {reason}")
@@ -77,7 +77,7 @@ def _run() -> None:
 
 
 def _tell(error: EqtError) -> None:
-    """What went wrong, in words, and with --json also as the one document on stdout."""
+    """Print an error in words, and with --json also as the one document on stdout."""
     from eqt_cli.cli.shared.output import option, print_error
     from eqt_cli.core.errors import ConfigError
 
@@ -89,7 +89,7 @@ def _tell(error: EqtError) -> None:
 
 
 _said: list[str] = []
-"""What this process has said at its end, which is one thing."""
+"""Final messages of this process, of which there is at most one."""
 
 
 def _say(message: str) -> None:

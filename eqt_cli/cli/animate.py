@@ -10,7 +10,7 @@ from eqt_cli.cli.shared.output import print_found
 
 
 class Format(StrEnum):
-    """Files that are written."""
+    """Formats of the files written."""
 
     GIF = "gif"
     HTML = "html"

@@ -35,14 +35,14 @@ from eqt_cli.cli.shared.usage import in_words
 from eqt_cli.core.version import __version__
 
 MOST_COLUMNS = 1000
-"""Of the terminal: who lays out lines fills all of their width with spaces."""
+"""Maximum width assumed of the terminal, since lines are padded with spaces to their width."""
 
 
 class _Commands(Group):
-    """The commands, whose output somebody may stop reading."""
+    """The commands; a reader may close their output early."""
 
     def main(self, *args: Any, **extra: Any) -> Any:
-        """Run a command, for a terminal of a width that can be."""
+        """Run a command, with the width of the terminal limited to a plausible one."""
         columns = os.environ.get("COLUMNS", "")
         if columns.isdecimal() and (len(columns) > 9 or int(columns) > MOST_COLUMNS):
             os.environ["COLUMNS"] = str(MOST_COLUMNS)
@@ -60,8 +60,8 @@ class _Commands(Group):
                     return super().invoke(ctx)
             finally:
                 sys.stdout.flush()
-        except BrokenPipeError as error:  # whoever read our output has gone, as `head` does
-            # What is left to write at the end of the process must not fail again.
+        except BrokenPipeError as error:  # the reader of our output has left, as `head` does
+            # Writing the rest at the end of the process must not fail again.
             drop_stdout()
             raise typer.Exit(getattr(error.__context__, "exit_code", 0)) from None
 

@@ -1,4 +1,4 @@
-"""`eqt cite`: what to cite with a result."""
+"""`eqt cite`: references to cite with a result."""
 
 from pathlib import Path
 from typing import Annotated

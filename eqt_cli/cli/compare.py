@@ -1,4 +1,4 @@
-"""`eqt compare`: paired statistics of a result, and what a paper claims."""
+"""`eqt compare`: paired statistics of a result, and tests of the paper's claims."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ if TYPE_CHECKING:
 
 
 MAPPED = "mean_pose_error"
-"""What is compared over a sweep unless a user chooses."""
+"""Metric compared over a sweep by default."""
 
 
 PIPED = 100
-"""Characters of a line of text where the output is no terminal."""
+"""Width of a line of text if the output is not a terminal."""
 
 
 class Format(StrEnum):
-    """How tables are printed."""
+    """Format of the printed tables."""
 
     TEXT = "text"
     CSV = "csv"
@@ -51,7 +51,7 @@ class Format(StrEnum):
 
 
 class Table(StrEnum):
-    """Which table is printed."""
+    """Table to print."""
 
     CONTROLLERS = "controllers"
     PAIRS = "pairs"
@@ -62,7 +62,7 @@ class Table(StrEnum):
 
 
 class Rows(StrEnum):
-    """What the table of means has rows of."""
+    """Rows of the table of means."""
 
     MEASURES = "measures"
     CONTROLLERS = "controllers"
@@ -229,7 +229,7 @@ def _of_recording(
     *,
     whole: bool,
 ) -> _Found | None:
-    """How much of the errors in a recording the run of each controller explains."""
+    """Return how much of the errors in a recording the run of each controller explains."""
     from eqt_cli import api
     from eqt_cli.analysis.measured.explained import explained_table, records
 
@@ -261,7 +261,7 @@ def _print_tables(tables: Sequence[TextTable], format: Format) -> None:
 
 
 class _Found(NamedTuple):
-    """What there is to print: for programs, as rows, as tables, and what is said around them."""
+    """Findings to print: a document for programs, rows, tables, and text around them."""
 
     document: dict[str, Any]
     records: Sequence[Mapping[str, Any]]
@@ -279,7 +279,7 @@ def _of_whole(
     how: Resampling,
     write: Plain,
 ) -> _Found | None:
-    """What there is of a sweep or of fronts as a whole; None of any other result."""
+    """Return the findings on a sweep or on fronts as a whole; None for other results."""
     from eqt_cli import api
 
     with api.open_results(path, "arrays") as result:
@@ -305,7 +305,7 @@ def _require_table_of_experiment(table: Table | None) -> None:
 
 
 def _of_sweep(maps: Sequence[Map], result: Result, table: Table | None, write: Plain) -> _Found:
-    """Which law wins at which point of a sweep."""
+    """Return which law wins at each point of a sweep."""
     from eqt_cli.analysis.comparison.map_tables import map_records, map_tables
 
     records = [record for found in maps for record in map_records(found, result)]
@@ -327,7 +327,7 @@ def _print_metrics(results: Result, json: bool) -> None:
 
 
 def _windows(measure: Quantity) -> str:
-    """The windows that a measure can be taken over."""
+    """Return the time windows over which a measure can be taken."""
     from eqt_cli.results.time_windows import WHOLE
 
     if measure.windowed:
@@ -336,7 +336,7 @@ def _windows(measure: Quantity) -> str:
 
 
 def _labels(comparison: Comparison, names: Sequence[str]) -> list[str]:
-    """The labels of controllers that are named by them or as tables write them."""
+    """Return the labels of controllers named by their label or by their title in tables."""
     from eqt_cli.results.origin import label_named
 
     labels = [label_named(name, comparison.titles) for name in names]
@@ -358,15 +358,16 @@ def _of_experiment(
     whole: bool | None,
     laws_as_rows: bool = False,
 ) -> _Found:
-    """What there is of one experiment.
+    """Return the findings on one experiment.
 
-    `whole` is for what a user chose nothing of: the findings, with all tables or the means only.
+    `whole` is None if a user chose a part; else the findings come with all tables (True) or the
+    means only (False).
     """
     from eqt_cli.analysis.comparison.records import records
     from eqt_cli.analysis.comparison.tables import text_tables
 
     rows = records(comparison)
-    # A table of every pair of many controllers is long: without a wish, pairs with the first one.
+    # A table of all pairs of many controllers is long: by default, pairs with the first one.
     narrowed = whole is None and table is None and format is Format.TEXT
     shown_pairs = against or (comparison.labels[:1] if narrowed else ())
     made = text_tables(comparison, write, shown_pairs, laws_as_rows=laws_as_rows)
@@ -408,7 +409,7 @@ def _of_experiment(
 
 
 def _findings(comparison: Comparison) -> list[str]:
-    """What was found, in a sentence for each claim; without claims, which law is best."""
+    """Return a sentence for each claim; without claims, which law is best."""
     from eqt_cli.analysis.comparison.findings import findings
 
     sources = "; ".join(dict.fromkeys(row.source for row in comparison.judgements))
@@ -430,7 +431,7 @@ def _wrapped(line: str) -> str:
 
 
 def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _Found:
-    """How far each law of a sweep carries along the swept number."""
+    """Return the range of the swept number over which the runs of each law settle."""
     from eqt_cli import api
     from eqt_cli.analysis.comparison.robustness import robustness_table
 
@@ -442,7 +443,7 @@ def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _F
 
 
 def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Found | None:
-    """Laws at equal cost; None where the result is not of a search with two objectives."""
+    """Return the laws at equal cost; None if the result is not of a two-objective search."""
     from eqt_cli.tuning.folder import TUNE
     from eqt_cli.tuning.fronts import at_equal_cost, equal_cost_table, fronts
     from eqt_cli.tuning.held_out import held_out

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
 
 MOST_CHECKED = 300
-"""Points of a sweep, spread over all of them."""
+"""Maximum number of points of a sweep that are checked, spread over all of them."""
 
 app = typer.Typer(
     cls=Group,
@@ -154,7 +154,7 @@ def check(
 def _document(
     path: Path, problems: list[dict[str, str]], study: Study | None = None
 ) -> dict[str, Any]:
-    """What `check` finds, for programs: an editor, or continuous integration."""
+    """Return the findings of `check` for programs: an editor, or continuous integration."""
     found: dict[str, Any] = {"config": str(path), "fine": not problems, "problems": problems}
     if study is None:
         return found

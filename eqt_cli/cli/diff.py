@@ -1,4 +1,4 @@
-"""`eqt diff`: what differs between two results."""
+"""`eqt diff`: differences between two results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from eqt_cli.analysis.differences import Change, Dataset, Differences
 
 LONGEST = 120
-"""Characters of a value in a table."""
+"""Maximum number of characters of a value in a table."""
 
 
 def diff(
@@ -60,7 +60,7 @@ def _print(found: Differences) -> None:
 
 
 def _verdict(found: Differences) -> str:
-    """In a sentence."""
+    """Return the outcome in a sentence."""
     datasets = count_of(found.compared, "dataset")
     if found.equal:
         if found.provenance:
@@ -105,7 +105,7 @@ def _size(shape: Sequence[int]) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A value in a table."""
+    """Return a value as shown in a table."""
     from eqt_cli.analysis.differences import Absent
 
     if value is Absent.ABSENT:
@@ -132,7 +132,7 @@ def _document(first: Path, second: Path, found: Differences) -> dict[str, Any]:
 
 
 def _change(each: Change) -> dict[str, Any]:
-    """A change for a program: a side that has no such key is left out."""
+    """Return a change for programs, without a side that lacks the key."""
     from eqt_cli.analysis.differences import Absent
 
     return {name: value for name, value in vars(each).items() if value is not Absent.ABSENT}

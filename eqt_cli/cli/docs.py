@@ -1,4 +1,4 @@
-"""`eqt docs`: opens the documentation."""
+"""`eqt docs`: open the documentation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eqt_cli.cli.shared.output import print_found, say
 from eqt_cli.core.errors import EqtError
 
 CHECKOUT = Path(__file__).parents[2]
-"""Of a copy of the repository that eqt runs from; else the folder that packages are in."""
+"""Root of the repository that eqt runs from; else the folder of the installed packages."""
 
 DISTRIBUTION = "eqt-cli"
 
@@ -33,7 +33,7 @@ def docs(
 
 
 def _address() -> str:
-    """Of the pages that were built here, or of those online."""
+    """Return the address of the pages built here, or of those online."""
     built = CHECKOUT / "build" / "docs" / "index.html"
     if built.exists():
         return built.as_uri()
@@ -48,7 +48,7 @@ def _address() -> str:
 
 
 def _online() -> str:
-    """The address in the description of the distribution; nothing where it names none."""
+    """Return the address in the metadata of the distribution; empty if there is none."""
     try:
         entries = metadata(DISTRIBUTION).get_all("Project-URL") or []
     except PackageNotFoundError:

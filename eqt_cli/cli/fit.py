@@ -1,4 +1,4 @@
-"""`eqt replay` and `eqt fit`: a model against a recording."""
+"""`eqt replay` and `eqt fit`: a model of the plant against a recording."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def fit(
 
 
 def _plain(found: Growth | PlantFit) -> dict[str, Any]:
-    """What was found as JSON can hold it."""
+    """Return the findings in types that JSON can hold."""
     values = {each.name: getattr(found, each.name) for each in fields(found)}
     return {name: _entry(value) for name, value in values.items() if name != "source"}
 

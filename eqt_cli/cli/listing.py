@@ -1,4 +1,4 @@
-"""`eqt list`: the components there are."""
+"""`eqt list`: the available components."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +13,7 @@ from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.registry import load_plugin, summary
 
 MOST_BESIDE = 24
-"""Characters of a name beside which a summary stands; below longer ones, where it can be folded."""
+"""Longest name with its summary beside it; below longer names the summary can be wrapped."""
 
 
 def list_components(
@@ -76,7 +76,7 @@ def _text(listed: dict[str, list[dict[str, Any]]]) -> str:
 
 
 def _counted(listed: dict[str, list[dict[str, Any]]]) -> str:
-    """The kinds, and how many components each has."""
+    """Return the kinds, with the number of components of each."""
     width = max(map(len, listed))
     lines = [f"  {kind:<{width}}  {len(entries):>3}" for kind, entries in listed.items()]
     return "\n".join(["kinds, and how many of each; `eqt list KIND` shows one kind", *lines])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from eqt_cli.logs.check import LogCheck
 
 MOST_GAPS = 5
-"""That are listed; the others are counted."""
+"""Maximum number of gaps that are listed; further gaps are counted."""
 
 app = typer.Typer(
     cls=Group,

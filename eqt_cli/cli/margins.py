@@ -1,4 +1,4 @@
-"""`eqt margins`: how far the loop of each law is from instability."""
+"""`eqt margins`: stability margins of the loop of each law."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _document(found: Margins, causes: list[str]) -> dict[str, Any]:
 
 
 def _pieces(found: Margins) -> Iterator[str | Text]:
-    """What is printed: the table, and what must be known to read it."""
+    """Yield the printed text: the table, and notes on how to read it."""
     from eqt_cli.analysis.margins import GAINS, LARGEST_FACTOR
 
     titles, sampled = found.experiment.titles, found.period is not None
@@ -108,7 +108,7 @@ def _pieces(found: Margins) -> Iterator[str | Text]:
 
 
 def _cells(law: LawMargins, period: float | None) -> list[str]:
-    """All of a row but the name."""
+    """Return the cells of a row except the name."""
     from eqt_cli.analysis.margins import GAINS
 
     gains = ["-" if not law.growth.is_stable else _factors(law.gains.get(name)) for name in GAINS]
@@ -146,7 +146,7 @@ def _factors(found: GainMargin | None) -> str:
 
 
 def _beside(found: Margins, law: LawMargins) -> str:
-    """How far from its reference a loop stays, part by part; empty if it stays at it."""
+    """Return the offset of a loop from its reference, part by part; empty if it has none."""
     import numpy as np
 
     from eqt_cli.closed_loop.linearised import AT_REST

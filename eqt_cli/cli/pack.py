@@ -1,4 +1,4 @@
-"""`eqt pack`: one result file from the parts that the shards of a job array have computed."""
+"""`eqt pack`: one result file from the parts computed by the shards of a job array."""
 
 from pathlib import Path
 from typing import Annotated

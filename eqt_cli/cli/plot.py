@@ -23,7 +23,7 @@ _WITHOUT = {
     "end": "{} has no time axis",
     "degrees": "{} has no angles to show in degrees",
 }
-"""What figures lack that have no such option."""
+"""Reasons why a figure lacks an option."""
 
 if TYPE_CHECKING:
     from eqt_cli.api import Shown
@@ -210,9 +210,9 @@ def plot(
 
 
 def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
-    """What is drawn, after its plugins were loaded, because they may define the figure.
+    """Return the study or result to draw, with its plugins loaded, since they may define figures.
 
-    Of a configuration with what ``--set`` changes of it; of a result its path.
+    It is a study for a configuration, with the changes by ``--set``, and the path for a result.
     """
     from eqt_cli.config.plugins import load_stored_plugins
     from eqt_cli.config.source import read_config
@@ -230,7 +230,7 @@ def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
 
 
 def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:
-    """Say where figures differ from what is kept, and exit with 4 if any does."""
+    """Print where figures differ from the stored numbers, and exit with 4 if any does."""
     from eqt_cli.plots.kept_numbers import TOLERANCE
 
     checked = [str(one if one.is_file() else one / FILE_NAME) for one in results]
@@ -249,7 +249,7 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
 
 
 def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list[str]:
-    """The figures to draw where none is asked for."""
+    """Return the figures to draw by default."""
     from eqt_cli.plots.shown.sweep import are_choices
     from eqt_cli.results.result import open_result
     from eqt_cli.tuning.folder import WORST
@@ -287,9 +287,9 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
 def _options(
     names: Sequence[str], given: Sequence[str], flags: Mapping[str, tuple[str, Any]]
 ) -> dict[str, dict[str, Any]]:
-    """What ``KEY=VALUE``, ``FIGURE.KEY=VALUE`` and `flags` set of each figure.
+    """Return the options of each figure from ``KEY=VALUE``, ``FIGURE.KEY=VALUE`` and `flags`.
 
-    Each flag is an option, by its name and what it was given, of all figures that have it.
+    Each flag sets an option, given as name and value, of all figures that have it.
     """
     from eqt_cli.config.yaml_source import parse_value
     from eqt_cli.plots.render import options_of

@@ -1,4 +1,4 @@
-"""`eqt show`: what a result holds."""
+"""`eqt show`: the contents of a result."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ def _failed(results: Result, json: bool) -> None:
 
 
 def _unsettled(results: Result, json: bool) -> None:
-    """Runs and starts, in columns that `initial.file` takes."""
+    """Print the unsettled runs and their starts, in columns that `initial.file` takes."""
     import numpy as np
 
     from eqt_cli.cli.shared.table_formats import as_csv
@@ -226,7 +226,7 @@ def _plugins(results: Result, json: bool) -> None:
 
 
 def _stored(results: Result, name: str) -> Any:
-    """What an attribute of the file holds as YAML."""
+    """Return the content of an attribute of the file, parsed as YAML."""
     from eqt_cli.config import yaml_source
 
     return yaml_source.load(str(results.attributes[name]), name).data

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
 
 FIRST_POINTS = 5
-"""Shown by --dry-run."""
+"""Number of points shown by --dry-run."""
 
 MOST_CHECKED = 1000
-"""By --dry-run; checking a point takes about a millisecond."""
+"""Maximum number of points checked by --dry-run; each takes about a millisecond."""
 
 
 def sweep(

@@ -102,7 +102,7 @@ def verify(
         loaded = study(source, trust_plugins=trust_plugins)
         if is_sweep:
             say(f"{target}: verified without its sweep; choose one of its points with --point")
-        subject, point = loaded, None  # which is that point already
+        subject, point = loaded, None  # already the configuration of that point
     found = api.verify(
         subject,
         runs=runs,
@@ -138,7 +138,7 @@ def _check_options(
 
 
 def _causes(rows: Sequence[Row], failed_runs: int) -> list[str]:
-    """Why the command does not exit with 0."""
+    """Return the reasons why the exit code is not 0."""
     causes = ["some runs failed"] if failed_runs else []
     for row in rows:
         if row.verdict is row.verdict.FAILS:
@@ -163,7 +163,7 @@ def _document(target: Path, found: Verification) -> dict[str, object]:
 
 
 def _pieces(found: Verification, *, verbose: bool) -> Iterator[str | Text]:
-    """What is printed: the rows that do not hold, or all; then totals, doubts and causes."""
+    """Yield the printed text: the rows that do not hold, or all; then totals, doubts and causes."""
     from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally, titled
 
     rows = titled(found.rows, found.experiment.titles)

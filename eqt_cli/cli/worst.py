@@ -62,7 +62,7 @@ def worst(
 
 
 def _beyond(record: dict[str, Any], bound: float) -> Iterator[str]:
-    """The laws with a run that is worse than a bound."""
+    """Yield a line for each law with a failed run, or one worse than a bound."""
     from eqt_cli.results.quantity_table import QUANTITIES
 
     metric = record["objective"]

@@ -1,6 +1,6 @@
-"""The error system by itself: Lemma 6.1 as a differential equation for E, and not for X.
+"""The error system by itself: Lemma 6.1 as a differential equation for E instead of X.
 
-It is integrated by any engine like a closed loop; that both give the same E is a certificate.
+Any engine integrates it like a closed loop; that both give the same E is a certificate.
 """
 
 import dataclasses
@@ -16,31 +16,31 @@ from eqt_cli.mechanics.tracking import Tracking
 
 @dataclass(frozen=True)
 class ErrorSystem(ClosedLoop):
-    """The Lie-Poisson system of E = X X_d⁻¹, with the inertia 𝕀̄_t and the reference beside it.
+    """The Lie-Poisson system of E = X X_d⁻¹, with the inertia 𝕀̄_t, and the reference.
 
-    A flat state is that of the closed loop with E = (Q_E, P_E) in the place of X.
+    A flat state is the closed loop's with E = (Q_E, P_E) in place of X.
     """
 
     def error(self, state: Array) -> State:
-        """E of a flat state of this system."""
+        """Return E from a flat state of this system."""
         found = self.layout.split(state)
         return self.group.unpack(found["pose"]), found["momentum"]
 
     def state_from(self, loop_state: Array, t: float) -> Array:
-        """The flat state of this system at one of the closed loop's."""
+        """Return the flat state of this system for a flat state of the closed loop."""
         s = super().tracking(t, loop_state)
         Q_E, P_E = Semidirect(self.group).error((s.Q, s.P), (s.Qd, s.Pd))
         error = {"pose": self.group.pack(Q_E), "momentum": P_E}
         return self.layout.join(self.layout.split(loop_state) | error, loop_state)
 
     def tracking(self, t: Any, state: Array) -> Tracking:
-        """What a law may read at X = E X_d."""
+        """Return the quantities that a law may read, at X = E X_d."""
         s = super().tracking(t, state)
         Q, P = Semidirect(self.group).compose(self.error(state), (s.Qd, s.Pd))
         return dataclasses.replace(s, Q=Q, P=P)
 
     def vector_field(self, t: Any, state: Array) -> Array:
-        """Q̇_E = Q_E V_E^, Ṗ_E = ad*_{V_E} P_E + τ_E with V_E = 𝕀̄_t⁻¹ P_E.
+        """Return Q̇_E = Q_E V_E^, Ṗ_E = ad*_{V_E} P_E + τ_E with V_E = 𝕀̄_t⁻¹ P_E.
 
         Hampsey et al. (2025), eq. (18) and Lemma 6.1; τ_E is the second part of eq. (19).
         """

@@ -1,7 +1,7 @@
-"""How good the estimate is that a law is told, as of the last control instant.
+"""The estimate that a law is given, and its quality, at the last control instant.
 
-Every function takes what an estimator keeps, which is among the states of a vehicle, and gives NaN
-where there is none: of a point of a sweep without an estimator.
+Every function reads the estimator's states, which are among those of the vehicle, and returns NaN
+where there is no estimator, as at some points of a sweep.
 """
 
 from collections.abc import Mapping
@@ -16,49 +16,49 @@ from eqt_cli.vehicle.vehicle import estimator_states
 
 
 def kept(s: Tracking, name: str, like: Array) -> Array:
-    """What an estimator keeps by a name; NaN of this shape where it keeps none."""
+    """Return the estimator state of this name; NaN in the shape of `like` if there is none."""
     found: Mapping[str, Array] = estimator_states(s.vehicle)
     return found[name] if name in found else np.nan + 0.0 * like
 
 
 def pose(s: Tracking) -> Array:
-    """Q̂."""
+    """Return the estimated pose Q̂."""
     return s.G.unpack(kept(s, "pose", s.G.pack(s.Q)))
 
 
 def velocity(s: Tracking) -> Array:
-    """V̂."""
+    """Return the estimated velocity V̂."""
     return kept(s, "velocity", s.P)
 
 
 def bias(s: Tracking) -> Array:
-    """b̂."""
+    """Return the estimated bias b̂ of the measured velocity."""
     return kept(s, "bias", s.P)
 
 
 def error(s: Tracking) -> Array:
-    """(ε, b̃) = (log(Q̂⁻¹Q), b − b̂), ``(..., 2m)``."""
+    """Return the estimation error (ε, b̃) = (log(Q̂⁻¹Q), b − b̂), ``(..., 2m)``."""
     return kept(s, "error", np.concatenate([s.P, s.P], axis=-1))
 
 
 def of_pose(s: Tracking) -> Array:
-    """ε."""
+    """Return the error ε of the estimated pose."""
     return error(s)[..., : s.G.dimension]
 
 
 def of_bias(s: Tracking) -> Array:
-    """b̃."""
+    """Return the error b̃ of the estimated bias."""
     return error(s)[..., s.G.dimension :]
 
 
 def distance(s: Tracking, part: Part | None = None) -> Array:
-    """‖I − Q̂⁻¹Q‖_F, or of the block of a part."""
+    """Return ‖I − Q̂⁻¹Q‖_F, or the norm of the block of a part."""
     difference = s.G.identity - s.G.exp(of_pose(s))
     return frobenius(difference if part is None else difference[(..., *part.entries)])
 
 
 def deviations(s: Tracking) -> Array:
-    """The roots of the diagonal of Σ, ``(..., 2m)``."""
+    """Return the standard deviations, the roots of the diagonal of Σ, ``(..., 2m)``."""
     n = 2 * s.G.dimension
     rows, columns = np.triu_indices(n)
     entries = _covariance(s)[..., np.flatnonzero(rows == columns)]
@@ -66,7 +66,7 @@ def deviations(s: Tracking) -> Array:
 
 
 def consistency(s: Tracking) -> tuple[Array, Array]:
-    """(ε, b̃)ᵀ Σ⁻¹ (ε, b̃), and the number of its degrees of freedom, ``(...)`` each."""
+    """Return (ε, b̃)ᵀ Σ⁻¹ (ε, b̃) and the number of its degrees of freedom, ``(...)`` each."""
     d, y = pivots(symmetric(_covariance(s), 2 * s.G.dimension), error(s))
     square = freedom = 0.0 * d[0]
     for pivot, value in zip(d, y, strict=True):
@@ -77,7 +77,7 @@ def consistency(s: Tracking) -> tuple[Array, Array]:
 
 
 def innovations(s: Tracking) -> tuple[Array, Array, Array]:
-    """How many there were, the mean of their squares, and how much successive ones agree."""
+    """Return the number, mean square and lag-one correlation of the innovations."""
     sums = kept(s, "innovations", stack([s.P[..., 0]] * 3))
     count, squares, products = (sums[..., k] for k in range(3))
     some = less(0.5, count)
@@ -87,16 +87,16 @@ def innovations(s: Tracking) -> tuple[Array, Array, Array]:
 
 
 def _covariance(s: Tracking) -> Array:
-    """Σ on and above its diagonal."""
+    """Return the entries of the covariance Σ on and above its diagonal."""
     n = 2 * s.G.dimension
     return kept(s, "covariance", stack([s.P[..., 0]] * (n * (n + 1) // 2)))
 
 
 def length_unit(part: Part) -> str:
-    """Of a coordinate of a displacement: that of a velocity, times s."""
+    """Return the unit of a displacement: the unit of a velocity, times s."""
     return part.velocity_unit.removesuffix("/s") if "^" not in part.velocity_unit else "m/s"
 
 
 def bias_norm(s: Tracking, part: Part | None = None) -> Array:
-    """‖b̃‖, or of the coordinates of a part."""
+    """Return ‖b̃‖, or the norm of the coordinates of a part."""
     return norm(of_bias(s) if part is None else of_bias(s)[..., part.axes])

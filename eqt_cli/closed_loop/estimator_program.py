@@ -1,7 +1,7 @@
-"""An estimator by itself as a program: from what is measured and its states to what a law is told.
+"""An estimator by itself as a program: from measurements and its states to a law's input.
 
-It is what is exported. Its states are those that a law needs: what only tells how good an estimate
-is stays away, and so does where a simulated run starts.
+It is what is exported. Its states are those that a law needs: neither those that only judge the
+estimate, nor the initial error of a simulated run, are part of it.
 """
 
 from __future__ import annotations
@@ -25,26 +25,27 @@ MEASURED, STATE = "measured_", "state_"
 POSE, VELOCITY = "pose", "velocity"
 
 QUALITY = ("error", "innovations", "last_innovation")
-"""States that no estimate needs."""
+"""States that judge an estimate and that it does not need."""
 
 
 @dataclass(frozen=True)
 class EstimatorProgram:
-    """An estimator on a group, with all that goes in and comes out.
+    """An estimator on a group, with its inputs and outputs.
 
     Attributes
     ----------
     estimator
-        As it flies, and starts at the first fix.
+        The estimator as it flies; it starts at the first fix.
     measured
-        ``pose`` and ``velocity`` as they are measured, and ``arrived``, 1 for each part of the pose
-        that has a new measurement.
+        Measured ``pose`` and ``velocity``, and ``arrived``, 1 for each part of the pose that has a
+        new measurement.
     numbers
         Its options.
     states
-        What it keeps, all 0 before the first call.
+        Its states, all 0 before the first call.
     step
-        ``pose``, ``velocity`` and the states behind an instant; it takes the ``period`` as well.
+        Program of ``pose``, ``velocity`` and the states after an instant; it takes the ``period``
+        as well.
     """
 
     estimator: Estimator
@@ -60,7 +61,7 @@ class EstimatorProgram:
 
 
 def estimator_program(loop: ClosedLoop) -> EstimatorProgram:
-    """The estimator of a loop, whose measurements arrive at once."""
+    """Return the program of a loop's estimator; its measurements arrive without delay."""
     G, vehicle = loop.group, loop.vehicle
     assert vehicle.estimator is not None
     estimator, schedule = with_fields(vehicle.estimator, initial_error=None), vehicle.schedule(G)

@@ -1,6 +1,6 @@
-"""What a law is told at an instant: the interface between a law and the vehicle that it flies.
+"""The input of a law at an instant: the interface between a law and the vehicle that it flies.
 
-A law needs nothing else but numbers of its own and its memory, in a simulation as in firmware.
+Besides it, a law needs only its own numbers and its memory, in a simulation as in firmware.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from eqt_cli.mechanics.tracking import Gains, Tracking
 
 
 class LawInput(NamedTuple):
-    """What a law is told, body frame.
+    """The input of a law, body frame.
 
     Attributes
     ----------
     t
         Time, s.
     pose, desired_pose : (..., d, d)
-        Q as it was measured, and Q_d.
+        Measured Q, and Q_d.
     velocity, desired_velocity, desired_acceleration : (..., m)
-        V as it was measured, V_d and V̇_d.
+        Measured V, and V_d and V̇_d.
     """
 
     t: Any
@@ -36,13 +36,13 @@ class LawInput(NamedTuple):
 
     @classmethod
     def of(cls, s: Tracking) -> LawInput:
-        """What of a motion a law is told."""
+        """Return the input of a law at a tracking state."""
         return cls(s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot)
 
     def tracking(
         self, G: MatrixLieGroup, inertia: InertiaLaw, gains: Gains, memory: Mapping[str, Array]
     ) -> Tracking:
-        """The motion as a law reads it, with the momenta that its own inertia gives."""
+        """Return the tracking state that the law reads, with momenta by its own inertia."""
         now = inertia.at(self.t)
         P = now.momentum(self.velocity)
         told = Tracking(

@@ -1,8 +1,8 @@
-"""A law by itself as a program: from what it is told, its numbers and its memory to a torque.
+"""A law by itself as a program: from its input, its numbers and its memory to a torque.
 
-The groups of its inputs are named `TOLD`, `NUMBER` or `MEMORY` and the name of an entry of
-`LawProgram`; its outputs are `TORQUE`, and `MEMORY` and a name for each state of the law. It is
-what engines evaluate at control instants, and what is exported.
+The groups of its inputs are named `TOLD`, `NUMBER` or `MEMORY` followed by the name of an entry of
+`LawProgram`; its outputs are `TORQUE`, and `MEMORY` followed by a name for each state of the law.
+Engines evaluate it at control instants, and it is exported.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from eqt_cli.vehicle import Vehicle
 TOLD, NUMBER, MEMORY = "told_", "number_", "memory_"
 TORQUE = "torque"
 PERIOD = "period"
-"""The number by which memory goes on, s."""
+"""Name of the control period, by which memory advances, s."""
 
 CONTROLLER = "controller."
-"""What the paths of a law's own numbers begin with."""
+"""Prefix of the paths of a law's own numbers."""
 
 NUMBER_NAMES = {
     "inertia.matrix": "inertia",
@@ -38,7 +38,7 @@ NUMBER_NAMES = {
     "gains.K": "kp",
     "gains.K_d": "kd",
 }
-"""What a configuration calls the numbers that no law has to itself, by their paths."""
+"""Names in a configuration of the numbers shared by all laws, by their paths."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,13 @@ class Entry:
     Attributes
     ----------
     name
-        Of its field in C.
+        Name of its field in C.
     shape
-        Its numbers are in C row by row; () is a single one.
+        Shape; C stores it row by row, and () is a single number.
     source
-        What it is called in eqt: of a number, its path among the leaves of a closed loop.
+        Its name in eqt; for a number, its path among the leaves of a closed loop.
     unit
-        In each part of the coordinates; "" where eqt knows none.
+        Unit in each part of the coordinates; "" where eqt knows none.
     """
 
     name: str
@@ -64,28 +64,28 @@ class Entry:
 
     @property
     def size(self) -> int:
-        """How many numbers it has."""
+        """The number of its entries."""
         return math.prod(self.shape)
 
 
 @dataclass(frozen=True)
 class LawProgram:
-    """A law on a group, with all that goes in and comes out; equal ones do the same.
+    """A law on a group, with its inputs and outputs; equal ones compute the same.
 
     Attributes
     ----------
     told
-        What it is told, in the order of `LawInput`.
+        The input of the law, in the order of `LawInput`.
     numbers
-        Its gains, the inertia and its options, as far as it reads them, and last the period.
+        The gains, inertia and options that it reads, and last the period.
     memory
-        Its own states; empty where it has none.
+        Its own states; may be empty.
     torque
-        Body frame.
+        Commanded torque, body frame.
     step
-        The program of the torque, and of the memory after a period.
+        Program of the torque, and of the memory after a period.
     start
-        That of the memory at the start, from the same inputs; None where there is none.
+        Program of the initial memory, from the same inputs; None if there is no memory.
     """
 
     told: tuple[Entry, ...]
@@ -96,7 +96,7 @@ class LawProgram:
     start: Program | None
 
     def values(self, loop: ClosedLoop) -> dict[str, Array]:
-        """The numbers that a loop gives the law, by name; without sampled control, no period: 0."""
+        """Return the law's numbers in a loop, by name; the period is 0 without sampled control."""
         control, numbers = loop.vehicle.control, leaves(loop)
         period = np.array(0.0 if control is None else control.period)
         given = {entry.name: numbers[entry.source] for entry in self.numbers[:-1]}
@@ -105,7 +105,7 @@ class LawProgram:
 
 
 def law_program(loop: ClosedLoop) -> LawProgram:
-    """The law of a closed loop as a program.
+    """Return the law of a closed loop as a program.
 
     A law that cannot be traced raises whatever error it raises on symbols.
     """
@@ -142,7 +142,7 @@ def law_program(loop: ClosedLoop) -> LawProgram:
 
 
 def by_part(G: MatrixLieGroup, attribute: str, more: str = "") -> str:
-    """A unit in each part of the coordinates: ``rad/s (rotation), m/s (translation)``."""
+    """Return the unit in each part: ``rad/s (rotation), m/s (translation)``."""
     units = {part.name: getattr(part, attribute) + more for part in G.parts}
     if len(set(units.values())) == 1:
         return next(iter(units.values()))
@@ -166,7 +166,7 @@ def _told(G: MatrixLieGroup) -> tuple[Entry, ...]:
 
 
 def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
-    """Those that a law can read, and the period."""
+    """Return the numbers that a law can read, and the period."""
     readable = dataclasses.replace(loop, vehicle=Vehicle(), held_reference=None, held_law=None)
     shapes = {path: _shape(value) for path, value in leaves(readable).items()}
     names = distinct([name_of_number(path) for path in shapes], taken=(PERIOD,))
@@ -176,12 +176,12 @@ def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
 
 
 def name_of_number(path: str) -> str:
-    """What a configuration calls the number at a path."""
+    """Return the name in a configuration of the number at a path."""
     return NUMBER_NAMES.get(path, path.removeprefix(CONTROLLER))
 
 
 def _shape(value: Array) -> tuple[int, ...]:
-    """Of a parameter of one run; scalars are stored as (1,)."""
+    """Return the shape of a parameter of one run; scalars are stored as (1,)."""
     return () if value.shape == (1,) else value.shape
 
 
@@ -201,14 +201,14 @@ def _symbolic(
     numbers: tuple[Entry, ...],
     memory: tuple[Entry, ...],
 ) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
-    """The loop with symbols for the numbers of the law, what the law is told, and its memory."""
+    """Return the loop with symbols for the law's numbers, its input, and its memory."""
 
     def one(prefix: str, entry: Entry) -> Array:
         return given[prefix + entry.name].reshape(1, *entry.shape or (1,))
 
     heard = LawInput(*(one(TOLD, entry) for entry in told))
     G, (Q, Qd) = loop.group, (heard.pose, heard.desired_pose)
-    # What is the same in every pose need not be read.
+    # Constant entries of a pose need not be read.
     heard = heard._replace(
         t=heard.t[0, 0], pose=G.unpack(G.pack(Q)), desired_pose=G.unpack(G.pack(Qd))
     )

@@ -1,4 +1,4 @@
-"""The layout of a flat state: named stretches of numbers, one behind the other."""
+"""The layout of a flat state: named stretches of numbers, one after the other."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,12 +13,14 @@ from eqt_cli.core.arrays import Array
 
 @dataclass(frozen=True)
 class StateLayout:
-    """What a flat state holds, by name and in order; a part that has states adds a stretch.
+    """Names and lengths of the stretches of a flat state, in order.
+
+    A part of the loop that has states adds a stretch.
 
     Attributes
     ----------
     lengths
-        How many numbers each stretch has.
+        Length of each stretch.
     """
 
     lengths: Mapping[str, int]
@@ -30,7 +32,7 @@ class StateLayout:
 
     @cached_property
     def slices(self) -> dict[str, slice]:
-        """Where each stretch is in a flat state."""
+        """The slice of each stretch in a flat state."""
         ends = accumulate(self.lengths.values())
         return {
             name: slice(end - length, end)
@@ -38,11 +40,11 @@ class StateLayout:
         }
 
     def split(self, state: Array) -> dict[str, Array]:
-        """Every stretch of flat states ``(..., length)``."""
+        """Split flat states ``(..., length)`` into their stretches."""
         return {name: state[..., where] for name, where in self.slices.items()}
 
     def join(self, stretches: Mapping[str, Any], like: Array) -> Array:
-        """Flat states with these stretches, of the shape and type of others; undoes `split`.
+        """Join stretches to flat states, of the shape and type of `like`; undoes `split`.
 
         Stretches that the layout does not have are left out.
         """

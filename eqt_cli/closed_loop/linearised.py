@@ -1,7 +1,7 @@
-"""A closed loop to first order about its reference, as matrices; it knows no engine.
+"""A closed loop linearised about its reference, as matrices; it knows no engine.
 
-The loop's own code is differentiated, by differences: the law, the hold, the delay and the
-actuators are those that a run has.
+The loop's own code is differentiated by finite differences: law, hold, delay and actuators are
+those of a run.
 """
 
 import dataclasses
@@ -18,38 +18,38 @@ from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.vehicle.sensors.channels import FIRST, MEASURED, Errors
 
 STEP = 1e-4
-"""Of a difference. Rounding then changes a derivative by 1e-12, and the terms that are left out by
-less; a kink at the reference itself, as of quadratic drag at rest, by 1e-4 of its coefficient."""
+"""Step of a difference. Rounding then changes a derivative by 1e-12, and truncation by less; a kink
+at the reference itself, such as quadratic drag at rest, changes it by 1e-4 of its coefficient."""
 
 STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
-"""Weights of the values at so many steps in a first derivative, to fourth order."""
+"""Weights of a fourth-order first derivative, by the number of steps from the centre."""
 
 SMOOTH = 0.1
-"""Relative: differences over one step and over two that differ by more are of a function that jumps
-or is not finite, and no derivative. Of a jump they differ by half."""
+"""Relative: where differences over one step and over two differ by more, the function jumps or is
+not finite, and has no derivative. At a jump they differ by half."""
 
 MOST_ITERATIONS = 20
-"""Of Newton's method for the place where a loop comes to rest; it takes 2 to 5."""
+"""Limit on Newton's iterations for the state where a loop comes to rest; it takes 2 to 5."""
 
 AT_REST = 1e-6
-"""rad or m: a loop that is as near to rest is at rest. References are integrated to 1e-8."""
+"""Newton step, rad or m, below which a loop is at rest. References are integrated to 1e-8."""
 
 SAME = 1e-6
-"""Relative: matrices that differ by less are the same."""
+"""Relative difference below which matrices count as equal."""
 
 _ELSEWHERE = {"pose", "momentum", *DESIRED, "work"}
-"""Stretches of a flat state that are no coordinates of their own."""
+"""Stretches of a flat state that are not copied into x as they are."""
 
 
 @dataclass(frozen=True)
 class Linearised:
-    """The loop about its reference at some times, cut where the law gives its command.
+    """The linearised loop at some times, opened where the law gives its command.
 
     Continuous: ẋ = A x + B u, y = C x. Sampled: A x + B u is x one period later, just before the
-    next control instant. The loop is closed by u = y, and a further delay is one of y on its way to
-    u. The state is x = (ε, e, z, …): Q = Q_d exp(ε), the body error (left-trivialised), which
-    moves with e = V − Ad_{Q_L⁻¹}V_d to first order; the memory of the law; the states of the
-    actuators, and the commands on their way.
+    next control instant. The loop is closed by u = y; a further delay acts between y and u. The
+    state is x = (ε, e, z, …): the body error ε (left-trivialised) with Q = Q_d exp(ε), whose rate
+    is e = V − Ad_{Q_L⁻¹}V_d to first order; the memory z of the law; the states of the actuators
+    and the delayed commands.
 
     Attributes
     ----------
@@ -57,12 +57,12 @@ class Linearised:
     B : (times, n, m)
     C : (times, m, n)
     period
-        Of a sampled loop, s; None of a continuous one.
+        Control period of a sampled loop, s; None for a continuous one.
     offset : (times, m)
         ε of the states about which it is linearised.
     is_constant
-        Whether the loop stays at these states, and is the same at all times; all axes of times then
-        have length 1. Else it is linearised about its reference.
+        Whether the loop stays at these states and has the same matrices at all times; all axes of
+        times then have length 1. Else it is linearised about its reference.
     """
 
     A: Array
@@ -75,27 +75,27 @@ class Linearised:
 
     @cached_property
     def closed(self) -> Array:
-        """A + BC."""
+        """The matrix A + BC of the closed loop."""
         return self.A + self.B @ self.C
 
     @cached_property
     def eigenvalues(self) -> Array:
-        """Of the closed loop, ``(times, n)``: rates, 1/s, or multipliers of one period."""
+        """The closed loop's eigenvalues, ``(times, n)``: rates, 1/s, or multipliers per period."""
         return np.linalg.eigvals(self.closed)
 
     def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
-        """The loop about the same states with some of its gains, kp and kd, multiplied."""
+        """Return the loop about the same states with its gains kp and kd multiplied."""
         own, kp, kd = self.about.loop.gains, factors.get("kp", 1.0), factors.get("kd", 1.0)
         loop = dataclasses.replace(self.about.loop, gains=Gains(kp * own.K, kd * own.K_d))
         about = dataclasses.replace(self.about, loop=loop)
-        if self.period is not None:  # what moves under a held command knows no gains
+        if self.period is not None:  # motion under a held command does not depend on gains
             vars(about).update(_flow=self.about._flow, held=self.about.held)
         return about.linearised(self.is_constant)
 
 
 @dataclass(frozen=True)
 class _Pushed(ClosedLoop):
-    """A loop in which something is added to what the law asks for."""
+    """A loop with `push` added to the command of the law."""
 
     push: Array = dataclasses.field(default_factory=lambda: np.zeros(1))
 
@@ -111,17 +111,17 @@ class _Derivative(NamedTuple):
 
 
 def linearised(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Linearised:
-    """The loop without limits and steps about its reference; NaN where it has no derivative.
+    """Linearise a loop, without limits and steps; NaN where it has no derivative.
 
-    If it does not depend on the time, to first order, and a force keeps it beside its reference, it
-    is linearised about where it stays.
+    It is linearised about its reference. If it does not depend on time to first order, and a force
+    keeps it off its reference, it is linearised about the states where it comes to rest.
 
     Parameters
     ----------
     times : (times,)
-        s.
+        Times, s.
     poses, velocities
-        Q_d and V_d there, ``(times, d, d)`` and ``(times, m)``.
+        Q_d and V_d at these times, ``(times, d, d)`` and ``(times, m)``.
     """
     loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear_part)
     about = _About.reference(loop, times, poses, velocities)
@@ -139,7 +139,7 @@ def linearised(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) 
 
 
 def flow(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Array:
-    """The rates of x about the reference, of a sampled loop while its command is held.
+    """Return the matrix of ẋ about the reference, for a sampled loop while its command is held.
 
     ``(times, n, n)``; NaN where there is no derivative.
     """
@@ -148,13 +148,13 @@ def flow(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Arr
 
 
 def _same(arrays: Array) -> bool:
-    """Whether what was found at all times is the same; not where it is not finite."""
+    """Return whether arrays are the same at all times; False if they are not finite."""
     return bool(np.abs(arrays - arrays[0]).max() <= SAME * np.abs(arrays).max())
 
 
 @dataclass(frozen=True)
 class _About:
-    """Flat states about some at which e = 0, from small coordinates (x, u).
+    """A chart (x, u) of flat states about base states with e = 0.
 
     u is added to the command of the law.
 
@@ -163,9 +163,9 @@ class _About:
     poses
         Q at x = 0, ``(times, d, d)``.
     states
-        Flat states of which all else is kept, ``(times, l)``.
+        Flat states from which all else is taken, ``(times, l)``.
     errors
-        A measurement without errors, where sensors hold what they measure.
+        A measurement without errors, where sensors hold their measurements.
     """
 
     loop: ClosedLoop
@@ -177,7 +177,7 @@ class _About:
 
     @classmethod
     def reference(cls, loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Self:
-        """About the reference, with all else of the loop as at the start of a run."""
+        """Return the chart about the reference, with all other states as at the start of a run."""
         states, errors = loop.initial_state(poses, velocities, poses, velocities, times), None
         if channels := loop.vehicle.holding(loop.group):
             still = np.zeros(loop.group.dimension)
@@ -188,7 +188,7 @@ class _About:
 
     @cached_property
     def others(self) -> dict[str, slice]:
-        """Where in x the stretches are that have no place of their own."""
+        """The slice in x of each stretch that is copied into x as it is."""
         found, begin = {}, 2 * self.loop.group.dimension
         for name, length in self.loop.layout.lengths.items():
             if name not in _ELSEWHERE:
@@ -198,12 +198,12 @@ class _About:
 
     @property
     def dimension(self) -> int:
-        """Of x."""
+        """The dimension of x."""
         m = self.loop.group.dimension
         return 2 * m + sum(where.stop - where.start for where in self.others.values())
 
     def moved(self, x: Array) -> Self:
-        """About other coordinates, ``(times, n)``; of these, e is left out."""
+        """Return the chart about the states at x, ``(times, n)``; e in x is ignored."""
         m = self.loop.group.dimension
         poses = self.poses @ self.loop.group.exp(x[:, :m])
         found = self.loop.layout.split(self.states)
@@ -214,12 +214,12 @@ class _About:
 
     @cached_property
     def desired(self) -> Array:
-        """Q_d."""
+        """The desired pose Q_d."""
         return self.loop.tracking(self.times, self.states).Qd
 
     @property
     def is_same_at_all_times(self) -> bool:
-        """Whether neither the matrices nor the way to rest depend on the time."""
+        """Whether neither the matrices nor the steps to rest depend on time."""
         found = (self._flow,) if self._is_continuous else (self._flow, self._jump)
         if not all(_same(each.slope) for each in found):
             return False
@@ -228,7 +228,7 @@ class _About:
 
     @property
     def at_first_time(self) -> Self:
-        """The same at the first of the times."""
+        """The chart at the first of the times."""
         one = {name: getattr(self, name)[:1] for name in ("times", "poses", "states", "offset")}
         return dataclasses.replace(self, **one)
 
@@ -237,7 +237,7 @@ class _About:
         return self.loop.vehicle.control is None
 
     def linearised(self, is_constant: bool = False) -> Linearised:
-        """The matrices."""
+        """Return the matrices of the linearised loop."""
         n, control = self.dimension, self.loop.vehicle.control
         whole = (self._flow if control is None else self._jump).slope
         closed, B, C = whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n]
@@ -248,7 +248,7 @@ class _About:
 
     @cached_property
     def held(self) -> Array:
-        """What becomes of x in a period under a held command, ``(times, n, n)``."""
+        """The transition matrix of x over a period under a held command, ``(times, n, n)``."""
         from scipy.linalg import expm  # slow to import
 
         assert self.loop.vehicle.control is not None
@@ -258,17 +258,17 @@ class _About:
 
     @property
     def flow(self) -> Array:
-        """The rates of x, of a sampled loop while its command is held, ``(times, n, n)``."""
+        """The matrix of ẋ, for a sampled loop while its command is held, ``(times, n, n)``."""
         return self._flow.slope[:, : self.dimension, : self.dimension]
 
     def steps_to_rest(self) -> Array:
-        """Steps of Newton's method to where the loop stays, ``(times, n)``.
+        """Return Newton's steps to the states where the loop is at rest, ``(times, n)``.
 
-        All are by the matrices at the first time.
+        All use the matrices at the first time.
         """
         n = self.dimension
         value, slope = self._flow.value[:, :n], self._flow.slope[0, :n, :n]
-        if not self._is_continuous:  # and no control instant changes anything
+        if not self._is_continuous:  # at rest, a control instant changes nothing
             value = np.concatenate([value, self._jump.value[:, :n]], axis=1)
             slope = np.concatenate([slope, self._jump.slope[0, :n, :n] - np.eye(n)])
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
@@ -285,7 +285,7 @@ class _About:
         return self._derivative(self._change_and_command)
 
     def _derivative(self, function: Callable[[Array], Array]) -> _Derivative:
-        """Of a function of (x, u), ``(k, 1, n + m) -> (k, times, l)``."""
+        """Differentiate a function of (x, u), ``(k, 1, n + m) -> (k, times, l)``."""
         count = self.dimension + self.loop.group.dimension
         moved = [number * np.eye(count) for number in STENCIL]
         points = STEP * np.concatenate([np.zeros((1, count)), *moved])
@@ -299,7 +299,7 @@ class _About:
         return _Derivative(values[0], np.moveaxis(slope, 0, -1))
 
     def _flat(self, x: Array) -> Array:
-        """Flat states, ``(k, times, l)``."""
+        """Return the flat states at x, ``(k, times, l)``."""
         loop, m = self.loop, self.loop.group.dimension
         like = np.empty((len(x), *self.states.shape))
         found = loop.layout.split(self.states)
@@ -310,7 +310,7 @@ class _About:
         return loop.layout.join(found, like)
 
     def _rates_and_command(self, x: Array) -> Array:
-        """The time derivative of x, and the command."""
+        """Return the time derivative of x, and the command."""
         loop = dataclasses.replace(_Pushed.of(self.loop), push=x[..., self.dimension :])
         states = self._flat(x)
         s, rates = loop.tracking(self.times, states), loop.vector_field(self.times, states)
@@ -320,7 +320,7 @@ class _About:
         return np.concatenate([r.V_tilde, V_dot - r.Vd_dot, *others, self.loop.command(s)], axis=-1)
 
     def _change_and_command(self, x: Array) -> Array:
-        """x behind a control instant, less x where it is 0, and the command."""
+        """Return x after a control instant, relative to the base states, and the command."""
         loop, t, control = self.loop, self.times, self.loop.vehicle.control
         assert control is not None
         states = loop.measured(t, self._flat(x), self.errors)

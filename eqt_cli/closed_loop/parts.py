@@ -1,4 +1,4 @@
-"""The parts of a closed loop: where each is in a configuration, and what messages call it."""
+"""The parts of a closed loop: their places in a configuration and their names in messages."""
 
 from typing import Any, NamedTuple
 
@@ -17,9 +17,9 @@ class LoopPart(NamedTuple):
     Attributes
     ----------
     path
-        In the configuration.
+        Its place in the configuration.
     name
-        ``controller 'eqt'``; of what has no name, its place.
+        Its name in messages, ``controller 'eqt'``; its place if it has no name.
     """
 
     part: Any
@@ -28,12 +28,12 @@ class LoopPart(NamedTuple):
 
     @property
     def is_foreign(self) -> bool:
-        """Whether it is the user's own."""
+        """Whether the part is the user's own code."""
         return is_foreign(type(self.part).__module__)
 
 
 def parts_of(loop: ClosedLoop, index: int = 0) -> list[LoopPart]:
-    """The parts of a loop, its law first, which is `index` among the controllers."""
+    """Return the parts of a loop; the first is its law, number `index` of the controllers."""
     law, reference, group = loop.controller, loop.reference, loop.group
     return [
         LoopPart(law, ("controllers", index), f"controller '{law.name}'"),
@@ -44,7 +44,7 @@ def parts_of(loop: ClosedLoop, index: int = 0) -> list[LoopPart]:
 
 
 def vehicle_parts(loop: ClosedLoop) -> list[LoopPart]:
-    """What is between the law and the motion."""
+    """Return the parts of the vehicle, between the law and the motion."""
     return [
         LoopPart(part, parse_key(place), _name(part, place))
         for place, part in loop.vehicle.parts.items()

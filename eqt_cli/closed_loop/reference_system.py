@@ -1,6 +1,6 @@
-"""The reference by itself: the differential equation of X_d, which no law and no plant acts on.
+"""The reference by itself: the differential equation of X_d, without a law or a plant.
 
-It is integrated by any engine like a closed loop; the desired motion that is stored is this one.
+Any engine integrates it like a closed loop; the desired motion that is stored is its solution.
 """
 
 import dataclasses
@@ -18,12 +18,12 @@ from eqt_cli.vehicle import Vehicle
 class ReferenceSystem(ClosedLoop):
     """The Lie-Poisson system of X_d = (Q_d, P_d) under τ_d.
 
-    A flat state holds what of X_d is integrated, and nothing else.
+    A flat state holds the integrated parts of X_d, and nothing else.
     """
 
     @classmethod
     def of(cls, loop: ClosedLoop) -> Self:
-        """The reference of a closed loop."""
+        """Return the reference system of a closed loop."""
         return super().of(dataclasses.replace(loop, vehicle=Vehicle()))
 
     @property
@@ -33,12 +33,12 @@ class ReferenceSystem(ClosedLoop):
 
     @cached_property
     def layout(self) -> StateLayout:
-        """The stretches of Q_d and P_d."""
+        """The layout of Q_d and P_d in a flat state."""
         lengths = super().layout.lengths
         return StateLayout({name: lengths[name] for name in DESIRED if name in lengths})
 
     def tracking(self, t: Any, state: Array) -> Tracking:
-        """The desired state, in which the true one is."""
+        """Return the tracking state with the true state equal to the desired one."""
         desired, inertia = self._desired(t, state)
         return Tracking(
             G=self.group,
@@ -53,5 +53,5 @@ class ReferenceSystem(ClosedLoop):
         )
 
     def vector_field(self, t: Any, state: Array) -> Array:
-        """Q̇_d = Q_d V_d^, Ṗ_d = ad*_{V_d} P_d + τ_d."""
+        """Return the rates Q̇_d = Q_d V_d^, Ṗ_d = ad*_{V_d} P_d + τ_d."""
         return self.layout.join(self._desired_rates(self.tracking(t, state)), state)

@@ -1,4 +1,4 @@
-"""Declares the signals over time, with symbols and units, and computes them from states.
+"""Signals over time, with symbols and units, and their computation from states.
 
 Each signal is computed from the same laws that were integrated; none has a formula of its own
 beyond a norm.
@@ -19,26 +19,26 @@ from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle import Vehicle
 
 MIXED = "mixed"
-"""The unit of what has different ones in different parts of the coordinates."""
+"""The unit of a signal whose units differ between parts of the coordinates."""
 
 
 THRUSTER = "thruster"
-"""The dimension along which thrusters stand."""
+"""Name of the dimension of the thrusters."""
 
 
 class LoopOutputs(NamedTuple):
-    """What the law asks, what the actuators give, and the law's function, over time.
+    """Command of the law, outputs of the actuators and Lyapunov function, over time.
 
     Attributes
     ----------
     torque, command : (..., m)
-        Body frame.
+        Torque of the actuators and command of the law, body frame.
     at_limit : (...)
         1 where an actuator is at its limit, else 0.
     thrust : (..., k)
-        What each thruster gives.
+        Thrust of each thruster.
     lyapunov : (...)
-        L, the function of the law.
+        Lyapunov function L of the law.
     """
 
     torque: Array
@@ -59,19 +59,19 @@ class Signal:
     dims
         Dimensions beyond run and time: ``("row", "col")``, ``("axis",)`` or none.
     symbol
-        The paper's, in LaTeX.
+        Symbol of the paper, in LaTeX.
     long_name
-        In words.
+        Its name in words.
     unit_in
         Its unit in a part of the coordinates.
     of
-        From the state, and what follows from it.
+        Computes it from the tracking state and the outputs.
     of_part
-        The same of one part of the coordinates, for a norm; None for all else.
+        Computes a norm for one part of the coordinates; None for all other signals.
     stored_of
-        The vehicles of which it is stored; of others it says nothing that another does not.
+        Whether it is stored for a vehicle; for others it repeats another signal or is empty.
     only_there
-        Whether of others it is no number.
+        Whether it is NaN for vehicles without it.
     """
 
     name: str
@@ -85,12 +85,12 @@ class Signal:
     only_there: bool = False
 
     def units(self, group: MatrixLieGroup) -> str:
-        """Its unit on a group."""
+        """Return its unit on a group."""
         found = {self.unit_in(part) for part in group.parts}
         return found.pop() if len(found) == 1 else MIXED
 
     def parts(self, group: MatrixLieGroup) -> tuple[Part, ...]:
-        """The parts with a norm of their own: none where there is only one, or it is no norm."""
+        """Return the parts with a norm of their own; empty if there is one part, or no norm."""
         return group.parts if self.of_part and len(group.parts) > 1 else ()
 
 
@@ -294,23 +294,23 @@ SIGNALS = (
         lambda s, given: estimates.innovations(s)[2],
     ),
 )
-"""Every signal, in the order of `compute`."""
+"""All signals, in the order of `compute`."""
 
 
 def signal_of(name: str) -> Signal | None:
-    """The signal that a name is of, or of a part of: that of ``torque_norm_rotation``."""
+    """Return the signal of a name, which may end with a part: ``torque_norm_rotation``."""
     # The last one first: ``pose_error`` is no part of ``pose``.
     found = (signal for signal in reversed(SIGNALS) if f"{name}_".startswith(f"{signal.name}_"))
     return next(found, None)
 
 
 def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
-    """All signals at the sample times, and the energy balance L + W.
+    """Compute all signals at the sample times, and the energy balance L + W.
 
     Parameters
     ----------
     loop
-        With parameters that broadcast over ``(runs, samples)``.
+        Closed loop with parameters that broadcast over ``(runs, samples)``.
     times : (samples,)
     states : (runs, samples, n)
 
@@ -327,20 +327,20 @@ def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
 
 
 def knows_energy(loop: ClosedLoop, times: Array, states: Array) -> bool:
-    """Whether L + W is a balance: whether the law says what it dissipates."""
+    """Return whether L + W is a balance: whether the dissipation of the law is known."""
     return loop.dissipation(loop.tracking(times[:1], states[:, :1])) is not None
 
 
 def at_state(
     loop: ClosedLoop, s: Tracking, work: Array, asked: Collection[str] = ()
 ) -> Iterator[tuple[str, Array]]:
-    """Every signal and L + W, by name, of floats or symbols.
+    """Yield every signal and L + W, by name, as floats or symbols.
 
     Parameters
     ----------
     asked
-        The signals of estimates that are asked for, which are NaN where there is no estimate; all
-        that there are if empty.
+        The requested signals of estimates, NaN where there is no estimate; if empty, all that
+        exist.
     """
     command = loop.command(s)
     torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
@@ -356,6 +356,6 @@ def at_state(
             found.append((f"{signal.name}_{part.name}", partial(signal.of_part, s, given, part)))
         for name, of in found:
             if always or name in asked:
-                # A compiled choice between numbers does not hand on what is none.
+                # A compiled choice between numbers does not propagate NaN.
                 yield name, of() if exists else of() + np.nan
     yield "energy_balance", given.lyapunov + work

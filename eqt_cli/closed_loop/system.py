@@ -1,6 +1,6 @@
 """The closed loop as a vector field on flat states, and the signals that follow from a state.
 
-It joins the laws and owns no formula of its own. The same code runs on floats with leading batch
+It joins the laws and has no formula of its own. The same code runs on floats with leading batch
 axes and on object arrays of symbols; it knows no engine.
 """
 
@@ -31,30 +31,30 @@ from eqt_cli.vehicle.vehicle import LOST
 
 _STRETCH = {"pose": "desired_pose", "velocity": "desired_momentum"}
 DESIRED = tuple(_STRETCH.values())
-"""The stretches that hold what of Q_d and V_d is integrated."""
+"""The stretches of the integrated parts of Q_d and V_d."""
 
 MEMORY = "controller."
-"""What the stretches of a law's memory are called, before the names that the law gives them."""
+"""Prefix of the stretches of a law's memory, before the law's own names."""
 
 VEHICLE = "vehicle."
-"""What the stretches of what is between law and plant are called, before their own names."""
+"""Prefix of the stretches of the vehicle, between law and plant, before their own names."""
 
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """A mechanical system on G, the reference it tracks and the law that makes it do so.
+    """A mechanical system on G, the reference it tracks and the law that controls it.
 
     A flat state is (Q, P, Q_d, P_d, W, …): the free entries of both poses, both momenta, the
-    work W that was taken out of L, the memory of the law, and the states of the actuators. P is
-    𝕀V with the inertia that the law believes, also where the plant has another. The reference is
-    part of every state, so that the errors between the two are consistent.
+    work W taken out of L, the memory of the law, and the states of the actuators. P is 𝕀V with
+    the law's model of the inertia, even where the plant's differs. The reference is part of every
+    state, so that the errors between the two are consistent.
 
     Its leaves are the numbers that may change from run to run without changing the structure.
 
     Attributes
     ----------
-    held
-        The reference as it is between two known instants; see `holding`.
+    held_reference, held_law
+        Reference and law with their numbers between two known instants; see `holding`.
     """
 
     group: MatrixLieGroup = field(metadata=STRUCTURE)
@@ -68,43 +68,43 @@ class ClosedLoop:
 
     @classmethod
     def of(cls, loop: "ClosedLoop") -> Self:
-        """The system of this kind that belongs to a closed loop."""
+        """Return the system of this class for a closed loop."""
         return cls(**{field.name: getattr(loop, field.name) for field in dataclasses.fields(loop)})
 
-    # What certificates, metrics and figures ask for.
+    # Quantities for certificates, metrics and figures.
 
     def command(self, s: Tracking) -> Array:
-        """The torque that the law asks for, or asked for last, body frame, ``(..., m)``."""
+        """Return the commanded torque, a held one if sampled, body frame, ``(..., m)``."""
         if self.vehicle.control is not None:
             return self.vehicle.last_command(self.group, s.vehicle)
         return (self.held_law or self.controller).torque(s)
 
     def torque(self, s: Tracking) -> Array:
-        """τ, the torque that the actuators give, body frame, ``(..., m)``."""
+        """Return the torque τ of the actuators, body frame, ``(..., m)``."""
         torque, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
         return torque
 
     def thrust(self, s: Tracking) -> Array:
-        """What each thruster gives, ``(..., k)``."""
+        """Return the thrust of each thruster, ``(..., k)``."""
         return self.vehicle.thrust(self.group, self.command(s), s.vehicle)
 
     def at_limit(self, s: Tracking) -> Array:
-        """1 where an actuator is at its limit, else 0, ``(...)``."""
+        """Return 1 where an actuator is at its limit, else 0, ``(...)``."""
         if not self.vehicle.limits:
             return np.zeros(s.P.shape[:-1])
         return self.vehicle.at_limit(self.group, self.command(s), s.vehicle).astype(float)
 
     def acting_and_rates(self, s: Tracking) -> tuple[Array, Mapping[str, Array]]:
-        """The force under which the law's plant would move as the true one does, ``(..., m)``.
+        """Return the force that moves the law's model as the true plant, and actuator rates.
 
-        It is τ where nothing else acts and the law knows the inertia; body frame. With it come the
-        rates of the actuators' states.
+        The force, ``(..., m)`` in the body frame, is τ if nothing else acts and the law knows the
+        inertia. The rates are those of the actuators' states.
         """
         torque, rates = self.vehicle.passed(self.group, self.command(s), s.vehicle)
         return self.vehicle.acting(s, torque), rates
 
     def dissipation(self, s: Tracking) -> Array | None:
-        """The power −dL/dt that the law takes out of L by itself; None where it is not known."""
+        """Return the power −dL/dt that the law alone takes out of L; None if it is not known."""
         dissipation = self.controller.dissipation(s)
         if dissipation is None or not self._holds_memory:
             return dissipation
@@ -112,7 +112,7 @@ class ClosedLoop:
         if gradient is None:
             return None
         rates = self.controller.memory_rate(s)
-        # The law counts with a memory that moves; here it does so at instants only.
+        # The law assumes that its memory moves continuously; here it changes at instants only.
         return dissipation + sum(dot(gradient[name], rates[name]) for name in gradient)
 
     @property
@@ -121,58 +121,58 @@ class ClosedLoop:
         return self.vehicle.control is not None and bool(self.controller.memory(self.group))
 
     def outflow(self, s: Tracking, acting: Array) -> Array | None:
-        """The power −dL/dt under a force that acts, ``(...)``; None where it is not known.
+        """Return the power −dL/dt under an acting force, ``(...)``; None if it is not known.
 
-        It is dissipation − ⟨δ, y⟩ with δ = `acting` − τ(s), all that the law does not know of,
-        and the law's own velocity error y.
+        It is dissipation − ⟨δ, y⟩ with δ = `acting` − τ(s), the force unknown to the law, and the
+        law's own velocity error y.
         """
         dissipation = self.dissipation(s)
         if dissipation is None or self.vehicle.is_ideal:
             return dissipation
         law = self.controller.formula
-        assert law is not None  # else nothing is known of what it dissipates
+        assert law is not None  # without a formula, the dissipation is None
         unknown = acting - law.torque(s)
         return dissipation - dot(unknown, self.controller.velocity_error(s))
 
     @property
     def departures(self) -> str:
-        """In what it departs from what theorems are about, in words; nothing where it does not."""
+        """The departures from the assumptions of the theorems, in words; empty if none."""
         return ", ".join(filter(None, [self.controller.departs, self.vehicle.departures]))
 
     @property
     def claims_decrease(self) -> bool | None:
-        """Whether L is claimed to fall along every trajectory; None where nothing is said."""
+        """Whether L is claimed to fall along every trajectory; None if nothing is claimed."""
         claims = self.controller.claims(self.group, self.gains)
         return claims if self.vehicle.is_ideal else None
 
     def lyapunov(self, s: Tracking) -> Array:
-        """L, the Lyapunov function of the law, ``(...)``; laws may have different ones."""
+        """Return the Lyapunov function L of the law, ``(...)``; laws may have different ones."""
         return self.controller.lyapunov(s)
 
     def work(self, state: Array) -> Array:
-        """W, what has been taken out of L up to a flat state."""
+        """Return the work W taken out of L up to a flat state."""
         return state[..., self.layout.slices["work"].start]
 
-    # Instants that are known in advance, at which the vector field goes on in another way.
+    # Instants, known in advance, at which the vector field changes.
 
     @cached_property
     def instants(self) -> Array:
-        """The times, s, at which the vector field changes; in order."""
+        """The sorted times at which the vector field changes, s."""
         return np.unique(np.concatenate([self.breaks, self.knots]))
 
     @cached_property
     def knots(self) -> Array:
-        """The times, s, at which it changes by what is `held` only; in order."""
+        """The sorted times at which only held numbers of the vector field change, s."""
         return self._instants_of(holds=True)
 
     @cached_property
     def breaks(self) -> Array:
-        """The times, s, at which an engine ends a step and begins anew; in order."""
+        """The sorted times at which an engine ends a step and begins anew, s."""
         forces = (force.instants() for force in self.vehicle.forces)
         return np.unique(np.concatenate([self._instants_of(holds=False), *forces]))
 
     def _instants_of(self, holds: bool) -> Array:
-        """The instants of the parts that hold numbers, or of those that hold none."""
+        """Return the instants of the parts that hold numbers, or of those that hold none."""
         found = [
             part.instants(self.group)
             for part in self.given_over_time.values()
@@ -182,7 +182,7 @@ class ClosedLoop:
 
     @property
     def given_over_time(self) -> dict[str, GivenOverTime]:
-        """The parts that may hold numbers, by the field of what they hold."""
+        """The parts that may hold numbers, by the field of their held version."""
         return {"held_reference": self.reference, "held_law": self.controller}
 
     @cached_property
@@ -192,7 +192,7 @@ class ClosedLoop:
         return any(part.held(self.group, 0.0) is not None for part in parts)
 
     def holding(self, t: Any) -> Self:
-        """The same loop from time t to the next instant, whose numbers are among its leaves."""
+        """Return the loop from time t to the next instant, with the held numbers as leaves."""
         if not self.holds:
             return self
         parts = self.given_over_time.items()
@@ -201,14 +201,14 @@ class ClosedLoop:
 
     @property
     def held_leaves(self) -> dict[str, Array]:
-        """Those of its leaves that it holds, by path."""
+        """The leaves that are held, by path."""
         return {path: number for path, number in leaves(self).items() if path.startswith("held_")}
 
     # Flat states.
 
     @cached_property
     def layout(self) -> StateLayout:
-        """The stretches of a flat state."""
+        """The layout of a flat state."""
         q, m = self.group.pose_length, self.group.dimension
         desired, memory = self.reference.starts_from, self.controller.memory(self.group)
         return StateLayout(
@@ -229,14 +229,17 @@ class ClosedLoop:
 
     @cached_property
     def moving_length(self) -> int:
-        """How many of its first entries an engine integrates; the vector field knows no others.
+        """The number of leading entries that an engine integrates and the vector field reads.
 
-        The rest are those of an estimator.
+        The rest are the states of an estimator.
         """
         return self.state_length - sum(self.vehicle.estimator_lengths(self.group).values())
 
     def initial_state(self, Q: Array, V: Array, Qd: Array, Vd: Array, t: Any = 0.0) -> Array:
-        """The flat state at time t; poses ``(..., d, d)``, velocities ``(..., m)``, W = 0."""
+        """Return the flat state at time t with W = 0, from poses and velocities.
+
+        Poses are ``(..., d, d)``, velocities ``(..., m)``.
+        """
         inertia = self.inertia.at(t)
         batch = np.broadcast_shapes(Q.shape[:-2], V.shape[:-1], Qd.shape[:-2], Vd.shape[:-1])
         stretches = dict.fromkeys(self.layout.lengths, 0.0) | {
@@ -253,7 +256,7 @@ class ClosedLoop:
         return state
 
     def tracking(self, t: Any, state: Array) -> Tracking:
-        """Everything a law may read, at time t and a flat state ``(..., state_length)``."""
+        """Return everything a law may read, at t and a flat state ``(..., state_length)``."""
         found = self.layout.split(state)
         desired, inertia = self._desired(t, state)
         s = Tracking(
@@ -275,7 +278,7 @@ class ClosedLoop:
         return s.following(_spread(desired.V, batch, 1), _spread(desired.V_dot, batch, 1))
 
     def _desired(self, t: Any, state: Array) -> tuple[Desired, Inertia]:
-        """The desired state at time t and a flat state, and the inertia that the law believes."""
+        """Return the desired state at t and a flat state, and the law's model of the inertia."""
         found, inertia = self.layout.split(state), self.inertia.at(t)
         Qd, Pd = map(found.get, DESIRED)
         if Qd is not None:
@@ -288,7 +291,7 @@ class ClosedLoop:
     # The differential equation.
 
     def vector_field(self, t: Any, state: Array) -> Array:
-        """The time derivative of a flat state, ``(..., state_length)``."""
+        """Return the time derivative of a flat state, ``(..., state_length)``."""
         s = self.tracking(t, state)
         acting, moving = self.acting_and_rates(s)
         Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, acting)
@@ -305,7 +308,7 @@ class ClosedLoop:
         state: Array,
         moving: Mapping[str, Array] = MappingProxyType({}),
     ) -> Array:
-        """The derivative of a flat state from that of its system, with all that moves beside it."""
+        """Return the derivative of a flat state from Q̇, Ṗ and the rates of all other states."""
         rates = {
             "pose": self.group.pack(Q_dot),
             "momentum": P_dot,
@@ -328,7 +331,7 @@ class ClosedLoop:
     # The instants at which a sampled law is evaluated.
 
     def measured(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
-        """A flat state behind the measurements of time t, which sensors may hold for the law."""
+        """Return a flat state after the measurements at time t, which sensors may hold."""
         if errors is None or not self.changes_by_measuring:
             return state
         s = self.tracking(t, state)
@@ -337,11 +340,11 @@ class ClosedLoop:
 
     @property
     def changes_by_measuring(self) -> bool:
-        """Whether a measurement changes a flat state, for sensors that hold, or an estimator."""
+        """Whether a measurement changes a flat state: with sensors that hold, or an estimator."""
         return bool(self.vehicle.holding(self.group)) or self.vehicle.estimator is not None
 
     def told(self, t: Any, state: Array, errors: Errors | None = None) -> LawInput:
-        """What the law is told at time t and a flat state, which is `measured`.
+        """Return the input of the law at time t and a flat state, which is `measured`.
 
         Parameters
         ----------
@@ -362,7 +365,7 @@ class ClosedLoop:
     def answer(
         self, told: LawInput, memory: Mapping[str, Array], period: Any
     ) -> tuple[Array, dict[str, Array]]:
-        """The torque that the law asks for, and its memory z, which goes on by ż for a period."""
+        """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
         s = told.tracking(self.group, self.inertia, self.gains, memory)
         torque, later = self.controller.answer(s, period)
         return torque + 0.0 * told.velocity, dict(later)
@@ -375,31 +378,31 @@ class ClosedLoop:
         memory: Mapping[str, Array],
         solved: Array | None = None,
     ) -> Array:
-        """A flat state after the law has answered at time t.
+        """Return a flat state after the law has commanded a torque at time t.
 
         Parameters
         ----------
         solved
-            What the vehicle solves for at an instant, where that is known.
+            `solution` of the vehicle, if it is known already.
         """
         s = self.tracking(t, state)
         vehicle = self.vehicle.after_instant(self.group, torque, s.vehicle, solved)
         found = self.layout.split(state)
         changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)
-        if memory:  # L jumps with it, and W by as much the other way
+        if memory:  # L jumps with the memory, and W by the opposite amount
             jump = self.lyapunov(dataclasses.replace(s, memory=memory)) - self.lyapunov(s)
             changed["work"] = found["work"] - jump[..., None]
         return self.layout.join(found | changed, state)
 
     def solution(self, state: Array, torque: Array) -> Array:
-        """What the vehicle solves for when the law asks for a torque at a flat state."""
+        """Return the vehicle's solution, such as thrusts, for a commanded torque."""
         states = _of(VEHICLE, self.layout.split(state))
         return self.vehicle.solution(self.group, torque, states)
 
     def after_instant(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
-        """A flat state after a control instant; t and state are those before it.
+        """Return a flat state after a control instant; t and state are those before it.
 
-        The law is evaluated at what it is `told`, with these errors of measurement.
+        The law is evaluated at its input, `told`, with these measurement errors.
         """
         assert self.vehicle.control is not None
         state = self.measured(t, state, errors)
@@ -408,28 +411,28 @@ class ClosedLoop:
         return self.answered(t, state, torque, memory)
 
     def estimate_lost(self, state: Array) -> Array:
-        """Where the covariance of an estimate is no longer definite, in flat states."""
+        """Return where the covariance of the estimate is no longer definite, by flat state."""
         where = self.layout.slices.get(f"{VEHICLE}{LOST}")
         return np.zeros(0) if where is None else state[..., where.start]
 
     def memory(self, state: Array) -> dict[str, Array]:
-        """The memory of the law in a flat state, by name."""
+        """Return the memory of the law in a flat state, by name."""
         return _of(MEMORY, self.layout.split(state))
 
 
 def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:
-    """What is the same for all runs, or samples, for each of them."""
+    """Broadcast values that are shared by all runs, or samples."""
     own = values.shape[values.ndim - axes :]
     return values if values.shape == (*batch, *own) else np.broadcast_to(values, (*batch, *own))
 
 
 def _named(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values by the names of their stretches, which begin with a prefix."""
+    """Return values by the names of their stretches, which begin with a prefix."""
     return {prefix + name: value for name, value in values.items()}
 
 
 def _of(prefix: str, stretches: Mapping[str, Array]) -> dict[str, Array]:
-    """The stretches whose names begin with a prefix, by what follows it; undoes `_named`."""
+    """Return the stretches whose names begin with a prefix, without it; undoes `_named`."""
     return {
         name.removeprefix(prefix): values
         for name, values in stretches.items()

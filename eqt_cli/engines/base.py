@@ -1,4 +1,4 @@
-"""What an engine is: it says how runs are integrated through a span; the walk is shared."""
+"""The base class of engines: each integrates runs through a span; the walk is shared."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from eqt_cli.engines.problem import Problem, Progress, Solution, Span
 from eqt_cli.engines.walk import walked
 
 REHEARSED = 1e-9
-"""Of the horizon: an engine goes so far in one step or two."""
+"""Fraction of the horizon that a rehearsal covers: one step or two of an engine."""
 
 SampledFunction = Callable[..., dict[str, Array]]
-"""Arrays by name, of a loop, a time and rows of numbers, the first of which is a flat state.
+"""A function of a loop, a time and rows of numbers, the first a flat state, to arrays by name.
 
 It is written in operations that laws may use; equal functions give the same arrays.
 """
 
 Reduction = Callable[[OverTime, Mapping[str, Any]], Mapping[str, Any]]
-"""Numbers of a run by name, from its samples and the arrays of a `SampledFunction`.
+"""A function of a run's samples and the arrays of a `SampledFunction` to numbers by name.
 
-Equal ones give the same numbers.
+Equal reductions give the same numbers.
 """
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A solution, and what has been measured of it.
+    """A solution, with numbers and arrays that follow from it.
 
     Attributes
     ----------
     solution
-        Its states may be left out where they are not asked for.
+        The solution; its states may be left out if they are not asked for.
     numbers : (runs,) each
-        By name.
+        Numbers of each run, by name.
     arrays : (runs, samples, …) each
-        Those that are asked for, by name.
+        Requested arrays, by name.
     """
 
     solution: Solution
@@ -61,26 +61,26 @@ class Engine(Component):
     threads: ClassVar[bool] = False
     """Whether it computes outside Python, so that threads of one process use several cores."""
     as_fast_in_threads: ClassVar[int] = 1
-    """Up to how many threads are as fast as so many processes, which take a second to start."""
+    """Largest number of threads as fast as that many processes, which take a second to start."""
     calls_laws: ClassVar[bool] = True
-    """Whether it calls a law as it is, at any time, rather than compile it."""
+    """Whether it calls a law as Python, at any time, rather than compile it."""
     cross_check_rank: ClassVar[int | None] = None
-    """Of engines that can redo the runs of another, the lowest does; None if it does not."""
+    """Rank among engines that can redo another's runs; the lowest does. None if it cannot."""
     part_runs: ClassVar[int] = 50
-    """About how many runs make a part: enough to outweigh a file, few enough to lose."""
+    """Approximate number of runs in a part: enough to outweigh a file, few enough to lose."""
     counted: ClassVar[str] = "steps"
-    """What its solutions count as its work."""
+    """The unit of work that its solutions count."""
     rtol: float
     """The accuracy that the results are judged by."""
 
     @classmethod
     def unavailable(cls) -> str | None:
-        """Why it cannot be used on this machine and how to change that; None where it can."""
+        """Return why it cannot be used on this machine, and the remedy; None if it can."""
         return None
 
     @abstractmethod
     def integrator(self, problem: Problem) -> Integrator:
-        """What integrates runs of a problem through one span after the other."""
+        """Return the integrator of a problem's runs, span by span."""
 
     @final
     def solve(
@@ -89,7 +89,7 @@ class Engine(Component):
         """Integrate every run; a run that fails gets a status and harms no other.
 
         `workers` bounds the threads of an engine that can use several; it never changes a result.
-        `progress` is called with how many more runs are done, in fractions.
+        `progress` is called with the number of further runs done, in fractions.
         """
         threads = workers if self.threads else 1
         spans = self.spans(problem)
@@ -97,37 +97,37 @@ class Engine(Component):
         return walked(self.integrator(problem), spans, groups, progress, threads)
 
     def spans(self, problem: Problem) -> list[Span]:
-        """The horizon, cut wherever all runs have to end a step."""
+        """Return the horizon, cut wherever all runs have to end a step."""
         return problem.spans
 
     def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
-        """The runs that an integrator has in hand at a time; it never changes a result."""
+        """Return the groups of runs integrated at a time; they never change a result."""
         return [np.arange(problem.runs)]
 
     def rehearse(self, problem: Problem) -> None:
-        """Raise what `solve` would raise at its start, at little cost; nothing is kept of it."""
+        """Raise what `solve` would raise at its start, at little cost; no result is kept."""
         start, stop = problem.times[[0, -1]]
         little = np.array([start, start + REHEARSED * (stop - start)])
         self.solve(replace(problem, times=little))
 
     def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
-        """The runs that threads best solve and evaluate together; it never changes a result."""
+        """Return the runs best solved and evaluated together; they never change a result."""
         return [np.arange(problem.runs)]
 
     def evaluate(
         self, function: SampledFunction, problem: Problem, *rows: Array
     ) -> dict[str, Array]:
-        """Arrays that follow from loop, time and rows of numbers, at every sample of every run.
+        """Evaluate a function of loop, time and rows of numbers, at every sample of every run.
 
         Parameters
         ----------
         rows : (runs, samples, n) each
-            Flat states, and whatever else the function takes; (samples, n) where all runs share it.
+            Flat states, and further rows that the function takes; (samples, n) if runs share them.
 
         Returns
         -------
         dict
-            ``(runs, samples, …)`` each, by name.
+            Arrays by name, ``(runs, samples, …)`` each.
         """
         return function(problem.batched_loop(extra_axes=1), problem.times, *rows)
 
@@ -141,14 +141,14 @@ class Engine(Component):
         workers: int = 1,
         progress: Progress = lambda runs: None,
     ) -> Measured:
-        """The solution, with numbers of each run that follow from arrays at every sample.
+        """Solve, and compute numbers of each run from arrays at every sample.
 
         Parameters
         ----------
         rows : (runs, samples, n) or (samples, n) each
-            What the function takes behind the states.
+            Rows that the function takes after the states.
         kept
-            The arrays that are returned; None for all of them, and the states.
+            The arrays to return; None for all of them, and the states.
         """
         solution = self.solve(problem, workers, progress)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
@@ -157,7 +157,7 @@ class Engine(Component):
         return Measured(solution, numbers, found)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
-        """What it takes of `counted` so that no decaying error grows; 0 where it has no such limit.
+        """Return the work, as `counted`, at which no decaying error grows; 0 if there is no limit.
 
         Parameters
         ----------
@@ -168,19 +168,19 @@ class Engine(Component):
 
     @abstractmethod
     def tightened(self, factor: float) -> Engine:
-        """The same engine with its tolerances multiplied by `factor` < 1."""
+        """Return the engine with its tolerances multiplied by `factor` < 1."""
 
     def provenance(self) -> dict[str, str]:
-        """What it uses of this machine, by name, such as a compiler; it affects no result."""
+        """Return the tools of this machine that it uses, by name; no result depends on them."""
         return {}
 
     def sized(self, runs: int, state_length: int) -> Engine:
-        """The engine for work of this size; settings that parts must agree on are fixed here."""
+        """Return the engine for work of this size, fixing settings that parts must agree on."""
         return self
 
     def runs_at_once(self, most: int) -> int:
-        """How many runs to give to one `solve`, near `most`; it must not change the results."""
+        """Return the number of runs for one `solve`, near `most`; it must not change results."""
         return max(1, most)
 
     def check(self, problems: Problems) -> None:
-        """Note what is wrong with its options."""
+        """Note problems of its options."""

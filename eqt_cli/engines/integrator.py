@@ -1,4 +1,4 @@
-"""What an engine writes: the integration of some runs through one span."""
+"""The base class of integrators, which take some runs through one span."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ NO_LONGER_FINITE = "the state or its derivative is no longer finite"
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a run ends before its horizon.
+    """The reason why a run ends before its horizon.
 
     Attributes
     ----------
     t
-        When, s; NaN where only the last sample before it is known.
+        Its time, s; NaN if only the last sample before it is known.
     """
 
     status: Status = Status.NON_FINITE
@@ -35,19 +35,19 @@ class Failure:
 
 @dataclass(frozen=True)
 class SpanResult:
-    """What became of some runs in a span.
+    """The results of some runs in a span.
 
     Attributes
     ----------
     states : (runs, n)
-        At its stop. A run whose state is not finite there has failed.
+        States at its stop. A run whose state is not finite there has failed.
     samples : (runs, later, n)
-        At its sample times behind its start; NaN from where a run failed.
+        States at its sample times after its start; NaN from where a run failed.
     steps : (runs,)
-        What the engine counts as its work.
+        Work, as the engine counts it.
     failed
-        The runs, by their place here, that do not go on, and why; None for a run that others may
-        have kept from going on. It is integrated once more, alone.
+        The runs that end, by their index here, and why; None for a run that others may have
+        stopped. It is integrated once more, alone.
     """
 
     states: Array
@@ -57,7 +57,7 @@ class SpanResult:
 
 
 class Integrator(ABC):
-    """Integrates runs of a problem from span to span; it may keep what it learns on the way.
+    """Integrates runs of a problem from span to span; it may keep data, such as step sizes.
 
     The walk calls `begin` for some runs, and then in every span `hold`, `at_instant` where a
     sampled law is evaluated at its start, and `advance`.
@@ -67,15 +67,15 @@ class Integrator(ABC):
     problem
         All runs.
     runs : (runs,)
-        Those in hand.
+        The current runs.
     loop
         Their closed loop, with their own parameters.
     vector_field
-        Its time derivatives of states ``(runs, n)`` at a time t of the span in hand.
+        Time derivatives of states ``(runs, n)`` at a time t of the current span.
     samples : (runs, samples, n) or None
-        Where the samples of the runs in hand belong, if these are neighbours.
+        The samples of the current runs, to be filled in, if these runs are neighbours.
     reached
-        May be called with a time that the runs have come to, for the progress that is shown.
+        May be called with a time that the runs have reached, to show progress.
     """
 
     runs: Array
@@ -88,24 +88,24 @@ class Integrator(ABC):
         self.problem = problem
 
     def for_thread(self) -> Self:
-        """The integrator of another thread."""
+        """Return the integrator for another thread."""
         return copy.copy(self)
 
     def begin(self, runs: Array) -> None:
-        """Take these runs in hand, at their initial states."""
+        """Begin these runs, at their initial states."""
         self.loop = self.problem.select(runs).batched_loop()
 
     def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
-        """The states after the law has been evaluated at a control instant, with these errors."""
+        """Return the states after a control instant, with these measurement errors."""
         return self.loop.after_instant(t, states, errors)
 
     def hold(self, span: Span) -> None:
-        """Take the numbers that the loop holds in a span."""
+        """Set the numbers that the loop holds in a span."""
         loop = self.loop.holding(span.start)
         self.vector_field = lambda t, states: loop.vector_field(span.inside(t), states)
 
     def room(self, span: Span) -> Array:
-        """For the samples of a span behind its start; what is written there need not be copied."""
+        """Return an array for the samples of a span; what is written there need not be copied."""
         if self.samples is None:
             return np.empty((len(self.runs), span.later, self.problem.loop.moving_length))
         return self.samples[:, span.first : span.first + span.later]
@@ -114,6 +114,6 @@ class Integrator(ABC):
     def advance(self, span: Span, states: Array) -> SpanResult:
         """Integrate from the states at the start of a span, ``(runs, n)``, to its stop.
 
-        Steps are chosen by the tolerance: no step ends because a sample is there. A run does not
+        Steps are chosen by the tolerance: no step ends at a sample for its sake. A run does not
         depend on its neighbours.
         """

@@ -1,4 +1,4 @@
-"""What an engine is given and what it returns; it knows no group and no controller."""
+"""The input and output of an engine; it knows no group and no controller."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.vehicle.sensors.channels import Errors
 
 ROUNDING = 1e-12
-"""Relative: what times that are meant to be equal, as 3·0.1 and 0.3, may differ by."""
+"""Relative difference of times that are meant to be equal, such as 3·0.1 and 0.3."""
 
 
 class Status(IntEnum):
-    """How one run ended; 0 is the only good end."""
+    """Outcome of a run; only 0 is success."""
 
     OK = 0
     SOLVER_FAILED = 1
@@ -33,24 +33,24 @@ class Status(IntEnum):
 
 @dataclass(frozen=True)
 class Span:
-    """From one instant at which the vector field changes to the next.
+    """The time from one instant at which the vector field changes to the next.
 
     Attributes
     ----------
     start, stop
         Its ends, s.
     within
-        Both ends; where the field changes at one, the next time on this side of it.
+        Both ends, s; if the field changes at an end, the nearest time inside the span.
     grid
         Both ends, and the sample times between them.
     first
-        Index of the first sample time behind `start` that is of this span.
+        Index of the first sample time of this span after `start`.
     later
-        How many there are; their times are ``grid[1 : 1 + later]``.
+        Number of its samples after `start`; their times are ``grid[1 : 1 + later]``.
     sampled_start
         Whether `start` is a sample time, too.
     tick
-        k, where a sampled law is evaluated for the k-th time at `start`; else None.
+        Index k of the control instant at `start`; None if there is none.
     """
 
     start: float
@@ -63,11 +63,11 @@ class Span:
     tick: int | None = None
 
     def inside(self, t: float) -> float:
-        """The time t; at an end where the field changes, the next one on this side."""
+        """Return t; at an end where the field changes, the nearest time inside the span."""
         return min(max(t, self.within[0]), self.within[1])
 
     def until(self, t: float) -> Span:
-        """The beginning of it up to the last of its samples that is not behind t."""
+        """Return the span cut at its last sample that is not after t."""
         known = int(np.searchsorted(self.grid[1 : 1 + self.later], t, side="right"))
         stop, within = float(self.grid[known]), (self.within[0], float(self.grid[known]))
         return replace(self, stop=stop, within=within, grid=self.grid[: 1 + known], later=known)
@@ -84,12 +84,12 @@ class Problem:
     states : (runs, n)
         Initial flat states.
     times : (samples,)
-        Where the solution is wanted, s; the first is the initial time.
+        Sample times of the solution, s; the first is the initial time.
     varying
         Leaves of the loop that differ from run to run, by path, ``(runs, …)``.
     errors
-        What sensors do at every control instant, ``(runs, instants, …)``; None where the law is
-        told the truth.
+        Sensor errors at every control instant, ``(runs, instants, …)``; None if the law is given
+        the true state.
     """
 
     loop: ClosedLoop
@@ -109,14 +109,14 @@ class Problem:
         return self.spans_between(self.loop.instants)
 
     def spans_between(self, instants: Array) -> list[Span]:
-        """The horizon, cut at these instants and where a sampled law is evaluated."""
+        """Return the horizon, cut at these instants and at control instants."""
         start, stop = float(self.times[0]), float(self.times[-1])
         ticks = self._control_instants(start, stop)
         within_it = instants[(start < instants) & (instants < stop)]  # of perhaps a long recording
         known = _nearest(within_it, np.array([*self.times, *ticks]))
         inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
         ends = np.array([start, *inner, stop])
-        # A sample at an instant is of the span behind it, and the last one of the last.
+        # A sample at an instant belongs to the span after it; the last one to the last span.
         first = np.append(np.searchsorted(self.times, ends[:-1]), len(self.times))
         found = []
         for index, (one, other) in enumerate(pairwise(ends.tolist())):
@@ -133,11 +133,11 @@ class Problem:
 
     @property
     def control_instants(self) -> int:
-        """How many control instants there are."""
+        """The number of control instants."""
         return len(self._control_instants(float(self.times[0]), float(self.times[-1])))
 
     def _control_instants(self, start: float, stop: float) -> dict[float, int]:
-        """The instants t = k·period from the start to before the end, and their k."""
+        """Return the instants t = k·period, from the start to before the end, with their k."""
         control = self.loop.vehicle.control
         if control is None:
             return {}
@@ -147,20 +147,20 @@ class Problem:
         return {t: k for t, k in found if start <= t < stop}
 
     def select(self, runs: slice | Array) -> Problem:
-        """The same problem for some of its runs."""
+        """Return the problem for some of its runs."""
         varying = {name: values[runs] for name, values in self.varying.items()}
         errors = None if self.errors is None else self.errors.of(runs)
         return Problem(self.loop, self.states[runs], self.times, varying, errors)
 
     def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
-        """What sensors do at a control instant, in these runs."""
+        """Return the sensor errors at a control instant, in these runs."""
         if self.errors is None:
             return None
         return self.errors.of(runs, tick)
 
     @staticmethod
     def joined(problems: Sequence[Problem]) -> Problem:
-        """The runs of several problems as one; their loops have the same structure and times."""
+        """Join the runs of several problems, whose loops have the same structure and times."""
         first = problems[0]
         parameters = [
             {
@@ -177,9 +177,9 @@ class Problem:
         return Problem(first.loop, states, first.times, varying, errors)
 
     def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:
-        """The loop with its varying leaves along a leading run axis.
+        """Return the loop with its varying leaves along a leading run axis.
 
-        `extra_axes` axes are inserted behind it, for states ``(runs, samples, n)``.
+        `extra_axes` axes are inserted after it, for states ``(runs, samples, n)``.
         """
         if not self.varying:
             return self.loop
@@ -191,7 +191,7 @@ class Problem:
 
 
 def _nearest(instants: Array, times: Array) -> Array:
-    """The instants, those that are one of some times but for rounding as that time."""
+    """Return the instants, replacing those that equal one of `times` but for rounding by it."""
     if not len(instants):
         return instants
     ordered = np.sort(times)
@@ -204,7 +204,7 @@ def _nearest(instants: Array, times: Array) -> Array:
 
 @dataclass(frozen=True)
 class Solution:
-    """What became of every run of a problem.
+    """The results of all runs of a problem.
 
     Attributes
     ----------
@@ -213,9 +213,9 @@ class Solution:
     status : (runs,)
         `Status` of each run.
     steps : (runs,)
-        What the engine counts as its work.
+        Work, as the engine counts it.
     messages
-        Why a run failed; empty where it did not.
+        Why a run failed; empty if it did not.
     """
 
     states: Array
@@ -225,7 +225,7 @@ class Solution:
 
     @staticmethod
     def empty(problem: Problem) -> Solution:
-        """A solution to be filled in; its memory is first touched then."""
+        """Return a solution to be filled in; its memory is first touched then."""
         runs, n = problem.states.shape
         states = np.empty((runs, len(problem.times), n))
         steps = np.zeros(runs, dtype=np.int64)
@@ -233,4 +233,4 @@ class Solution:
 
 
 Progress = Callable[[float], None]
-"""Called now and then with the number of runs done since the last call, in fractions of a run."""
+"""A callback with the number of runs done since its last call, in fractions of a run."""

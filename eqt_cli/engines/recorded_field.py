@@ -1,9 +1,9 @@
 """A vector field as the NumPy calls that it makes, which are recorded once and then repeated.
 
-The laws are evaluated once on `Recorded` arrays, which note every call of NumPy that is made with
-them. From then on the calls alone are made, on arrays that are there already, without the Python
-code around them. What cannot be recorded, such as a law that branches on a number, is evaluated as
-it is written. It knows no group and no law.
+The laws are evaluated once on `Recorded` arrays, which note every NumPy call made with them. From
+then on only these calls are made, on existing arrays, without the Python code around them. A law
+that cannot be recorded, because it branches on a number, is evaluated as it is written. It knows
+no group and no law.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from eqt_cli.core.arrays import Array
 
 Field = Callable[[float, Array], Array]
-"""The time derivatives of flat states ``(runs, n)`` at a time."""
+"""A function of a time and flat states ``(runs, n)`` to their time derivatives."""
 
 Held = Mapping[str, Array]
 """Numbers that a field holds between two known instants, by name."""
@@ -28,16 +28,16 @@ WORTH_RECORDING = 40
 """Evaluations before the field is recorded, which takes as long as about ten of them."""
 
 COMPARED = 2
-"""Evaluations after that in which the recording is compared with the field."""
+"""Number of later evaluations in which the recording is compared with the field."""
 
 ROUNDING = 1e-10
-"""Relative to the largest entry: how far the two may differ, as they round differently."""
+"""Allowed difference of the two, which round differently, relative to the largest entry."""
 
 
 class RecordedField:
-    """A vector field of states of one shape, recorded where it is evaluated often.
+    """A vector field of states of one shape, recorded when it is evaluated often.
 
-    After how many evaluations is fixed, so that equal problems have equal solutions.
+    It is recorded after a fixed number of evaluations, so that equal problems have equal solutions.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class RecordedField:
         self.hold({})
 
     def hold(self, held: Held) -> None:
-        """Hold other numbers from here on, under the same names and of the same shapes."""
+        """Hold other numbers from now on, with the same names and shapes."""
         self._held, self._field = held, self._fields(held)
 
     def __call__(self, t: float, states: Array) -> Array:
@@ -75,7 +75,7 @@ class RecordedField:
 
         try:
             return Recording(field, t, states, *self._held.values())
-        except Exception:  # whatever a law does with an array that is none: it is not repeated then
+        except Exception:  # a law may do anything with a stand-in for an array: not recorded then
             return None
 
 
@@ -85,14 +85,14 @@ def _agree(one: Array, other: Array) -> bool:
 
 
 class NotRecordable(Exception):
-    """A step that depends on more than shapes, so that it cannot be repeated."""
+    """An operation that depends on more than shapes, so that it cannot be repeated."""
 
 
 class Recording:
-    """The calls, in their order, and the arrays that they read and write.
+    """The recorded calls, in order, and the arrays that they read and write.
 
-    All arrays have the runs along their last axis in memory, so that a call goes through the same
-    entry of all runs at once.
+    All arrays have the runs along their last axis in memory, so that a call processes one entry of
+    all runs at once.
     """
 
     def __init__(self, field: Callable[..., Any], t: float, states: Array, *held: Array) -> None:
@@ -107,7 +107,7 @@ class Recording:
         self._known.clear()
 
     def repeat(self, t: float, states: Array, *held: Array) -> Array:
-        """The field at another time, other states and other held numbers of the same shapes."""
+        """Evaluate the field at another time, states and held numbers of the same shapes."""
         for place, values in zip(self._given, (t, states, *held), strict=True):
             place[...] = values
         for call in self.calls:
@@ -115,14 +115,14 @@ class Recording:
         return self._rates.copy(order="C")
 
     def _kept(self, values: Any) -> Array:
-        """A new array with these values."""
+        """Return a new array with these values."""
         values = np.asarray(values)
         found = self.empty(values.shape, values.dtype)
         found[...] = values
         return found
 
     def empty(self, shape: tuple[int, ...], dtype: Any) -> Array:
-        """An array with the runs along its last axis in memory."""
+        """Return an array with the runs along its last axis in memory."""
         if np.dtype(dtype).hasobject:
             raise NotRecordable
         if len(shape) > 1 and shape[0] == self._runs:
@@ -130,13 +130,13 @@ class Recording:
         return np.empty(shape, dtype)
 
     def call(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Recorded:
-        """Record a function that takes `out`; of equal calls only the first is made."""
+        """Record a function that takes `out`; equal calls are made only once."""
         values = [_value(argument) for argument in arguments]
         key = function, *map(_identity, arguments), repr(options)
         if key not in self._known:
             out = self._kept(function(*values, **options))
             found = self._note(out, partial(function, *values, **options, out=out))
-            self._known[key] = found, values  # with the values, no other array has their identity
+            self._known[key] = found, values  # while they live, no other array has their identity
             return found
         found, _ = self._known[key]
         found.memory.shared = True
@@ -149,7 +149,7 @@ class Recording:
         return self._note(out, lambda: np.copyto(out, function(*values, **options)))
 
     def blank(self, shape: tuple[int, ...], dtype: Any, zeros: bool) -> Recorded:
-        """An array into which a law writes, of zeros where it does not write to all of it."""
+        """Return an array for a law to write into, with zeros if it may not fill all of it."""
         out = self.empty(shape, dtype)
         return self._note(out, partial(out.fill, 0)) if zeros else Recorded(self, out)
 
@@ -160,7 +160,7 @@ class Recording:
 
 
 class _Memory:
-    """What arrays that are views of each other have in common."""
+    """The shared state of arrays that are views of each other."""
 
     def __init__(self) -> None:
         self.version = 0
@@ -168,7 +168,7 @@ class _Memory:
 
 
 class Recorded(NDArrayOperatorsMixin):
-    """Stands for an array while a field is recorded; it has values, but no number can be had."""
+    """A stand-in for an array while a field is recorded; its numbers cannot be read."""
 
     def __init__(self, recording: Recording, value: Array, memory: _Memory | None = None) -> None:
         self.recording, self.value, self.memory = recording, value, memory or _Memory()
@@ -214,7 +214,7 @@ class Recorded(NDArrayOperatorsMixin):
         return self._selected(lambda array: array.reshape(*shape))
 
     def _selected(self, select: Callable[[Array], Array]) -> Recorded:
-        """Entries in another form, which are copied where NumPy has no view of them."""
+        """Return a view of selected entries, or a recorded copy if NumPy has no view."""
         found = np.asarray(select(self.value))
         if np.may_share_memory(found, self.value):
             return self._view(found)
@@ -261,7 +261,7 @@ class Recorded(NDArrayOperatorsMixin):
 
 
 COPIED = {np.where, np.concatenate, np.linalg.inv, np.linalg.solve}
-"""Functions whose results depend on nothing but values, and that take no `out`."""
+"""Functions whose results depend on values only, and that take no `out`."""
 
 
 def _of_values(function: Callable[..., Any], *arguments: Any, **options: Any) -> Array:
@@ -270,7 +270,7 @@ def _of_values(function: Callable[..., Any], *arguments: Any, **options: Any) ->
 
 
 def _product(recording: Recording, a: Any, b: Any) -> Any:
-    """a @ b, by the function that is fastest with the runs along the last axis in memory."""
+    """Return a @ b by the function that is fastest with the runs along the last axis in memory."""
     if a.ndim == b.ndim == 2:
         return recording.call(np.matmul, b.T, a.T).T
     if a.ndim > 2 and b.ndim == 2 and not isinstance(b, Recorded):
@@ -285,7 +285,7 @@ _stacked_product = partial(np.einsum, "...ij,...jk->...ik")
 
 
 def _value(argument: Any) -> Any:
-    """What an argument stands for."""
+    """Return the array that an argument stands for."""
     if isinstance(argument, Recorded):
         return argument.value
     if isinstance(argument, list | tuple):
@@ -294,17 +294,17 @@ def _value(argument: Any) -> Any:
 
 
 def _known_index(index: Any) -> Any:
-    """An index that is the same at every repetition."""
+    """Return an index that is the same at every repetition."""
     if any(isinstance(part, Recorded) for part in (index if isinstance(index, tuple) else [index])):
         raise NotRecordable
     return index
 
 
 def _identity(argument: Any) -> Any:
-    """Equal for arguments with equal values at every repetition."""
+    """Return a key, equal for arguments with equal values at every repetition."""
     version: Any = None
     if isinstance(argument, Recorded):
         version, argument = (id(argument.memory), argument.memory.version), argument.value
     if isinstance(argument, np.ndarray):
         return argument.ctypes.data, argument.shape, argument.strides, argument.dtype.str, version
-    return type(argument), repr(argument)  # 0.0 is equal to -0.0, and not the same
+    return type(argument), repr(argument)  # 0.0 and -0.0 are equal but not identical

@@ -2,7 +2,7 @@
 
 A block is one large system, so that NumPy's cost per call is shared by its runs. SciPy's error
 norm is a root mean square over all entries; the tolerances are therefore divided by √block, which
-keeps the error of the worst run of a block under what it would be alone.
+keeps the error of the worst run of a block below its error alone.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from eqt_cli.engines.recorded_field import RecordedField
 EXPLICIT = ("DOP853", "RK45", "RK23")
 EXPLICIT_BLOCK = 100
 REHEARSED_EVALUATIONS = 200
-"""Of a block, or of a run of it, before a configuration is run."""
+"""Limit on the evaluations of a block, or of one of its runs, in a rehearsal."""
 
 GROWTH = 1.5
 """After a known instant, the first step is this many times the longest step of the span before it.
@@ -72,18 +72,18 @@ class SolveIvp(Engine):
         return self.block or (EXPLICIT_BLOCK if self.method in EXPLICIT else 1)
 
     def check(self, problems: Problems) -> None:
-        """A relative tolerance that SciPy cannot work with, or that asks for nothing."""
+        """Note a relative tolerance too small for SciPy, or not below 1."""
         if not SMALLEST_RTOL <= self.rtol < 1:
             limits = f"expected a number from {SMALLEST_RTOL:.3g} (SciPy's smallest) to 1"
             problems.at("rtol").add(f"{limits}, got {self.rtol:g}")
 
     def tightened(self, factor: float) -> SolveIvp:
-        """Both tolerances times `factor`."""
+        """Return the engine with both tolerances times `factor`."""
         rtol = max(self.rtol * factor, SMALLEST_RTOL)
         return dataclasses.replace(self, rtol=rtol, atol=self.atol * factor)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
-        """Evaluations: as many a step as the method has stages, if it is explicit."""
+        """Return evaluations, as many per step as stages, for an explicit method; else 0."""
         if self.method not in EXPLICIT:
             return 0.0
         import scipy.integrate
@@ -93,26 +93,26 @@ class SolveIvp(Engine):
         return int(method.n_stages) * stability.steps(function, rates, duration)
 
     def runs_at_once(self, most: int) -> int:
-        """Whole blocks, so that the same runs share a block whatever the memory."""
+        """Return a number of whole blocks, so that blocks do not depend on the memory."""
         return max(1, most // self.runs_per_block) * self.runs_per_block
 
     def integrator(self, problem: Problem) -> Blocks:
-        """That of blocks which share their steps."""
+        """Return the integrator of blocks, whose runs share their steps."""
         return Blocks(problem, self)
 
     def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
-        """The blocks, in the order of the runs."""
+        """Return the blocks, in the order of the runs."""
         size, runs = self.runs_per_block, np.arange(problem.runs)
         return [runs[start : start + size] for start in range(0, problem.runs, size)]
 
     def rehearse(self, problem: Problem) -> None:
-        """As any engine, but by a few steps: a motion that is too fast for them is no error."""
+        """Rehearse with few evaluations; a motion that is too fast for them is no error."""
         brief = dataclasses.replace(self, max_steps=min(self.max_steps, REHEARSED_EVALUATIONS))
         Engine.rehearse(brief, problem)
 
 
 class _Failed(Exception):
-    """With the `Failure` by which a block could not be integrated to the end of a span."""
+    """A block was not integrated to the end of a span; its argument is the `Failure`."""
 
 
 class Blocks(Integrator):
@@ -123,7 +123,7 @@ class Blocks(Integrator):
         self._engine = engine
 
     def begin(self, runs: Array) -> None:
-        """With no evaluation done."""
+        """Begin these runs with no evaluation counted."""
         super().begin(runs)
         self._evaluations, self._longest_step = 0, 0.0
         self._field = self._new_field()
@@ -133,11 +133,14 @@ class Blocks(Integrator):
         return RecordedField(lambda held: with_leaves(loop, held).vector_field)
 
     def hold(self, span: Span) -> None:
-        """In the field that is recorded."""
+        """Set the held numbers in the recorded field."""
         self._field.hold(self.loop.holding(span.start).held_leaves)
 
     def advance(self, span: Span, states: Array) -> SpanResult:
-        """One call of solve_ivp; of a run that fails alone, the samples before that by a second."""
+        """Integrate by one call of solve_ivp.
+
+        If a single run fails, a second call gives its samples before the failure.
+        """
         before, longest = self._evaluations, self._longest_step
         try:
             later, end = self._integrated(span, states, self._engine.max_steps)
@@ -148,7 +151,7 @@ class Blocks(Integrator):
         samples, ends = np.full((runs, span.later, n), np.nan), np.full(states.shape, np.nan)
         if runs > 1:
             return SpanResult(ends, samples, steps, dict.fromkeys(range(runs)))
-        # Its last step is cut to end at a sample, which may cost evaluations beyond the limit.
+        # The last step is cut to end at a sample, which may cost evaluations beyond the limit.
         known = span.until(self._accepted)
         self._longest_step, self._field = longest, self._new_field()
         self.hold(span)
@@ -158,7 +161,7 @@ class Blocks(Integrator):
         return SpanResult(ends, samples, steps, {0: failure})
 
     def _integrated(self, span: Span, states: Array, limit: float) -> tuple[Array, Array]:
-        """The states at the samples behind the start, and at the stop."""
+        """Return the states at the samples after the start, and at the stop."""
         from scipy.integrate import solve_ivp  # slow to import; readers of results do without
 
         engine, shape, times = self._engine, states.shape, span.grid
@@ -174,13 +177,13 @@ class Blocks(Integrator):
             return derivative
 
         def accepted(t: float, y: Array) -> float:
-            # An event that never happens: solve_ivp looks at it at the end of every step.
+            # An event that never occurs: solve_ivp evaluates it at the end of every step.
             if not np.isfinite(y).all():
                 self._non_finite_at = t if math.isnan(self._non_finite_at) else self._non_finite_at
                 raise self._failed("")
             self._longest_step = max(self._longest_step, t - self._accepted)
             self._accepted = t
-            self._non_finite_at = math.nan  # a trial step that was refused is no failure
+            self._non_finite_at = math.nan  # a rejected trial step is no failure
             return 1.0
 
         tighter = np.sqrt(engine.runs_per_block)
@@ -188,7 +191,7 @@ class Blocks(Integrator):
         first_step = min(GROWTH * self._longest_step, length) or None
         self._longest_step = 0.0
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what they say is in the outcome
+            warnings.simplefilter("ignore")  # the outcome tells the same
             # SciPy's step-size search does not end on a derivative that is not finite.
             if not np.isfinite(field(span.start, start)).all():
                 reason = "the vector field is not finite"
@@ -228,7 +231,7 @@ class Blocks(Integrator):
 
 
 def _jacobian_options(method: str, runs: int, n: int) -> dict[str, Any]:
-    """The runs of a block do not act on each other, which implicit methods can use."""
+    """Return options by which implicit methods know that the runs of a block are independent."""
     if runs == 1:
         return {}
     if method in ("Radau", "BDF"):

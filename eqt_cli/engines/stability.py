@@ -1,15 +1,15 @@
-"""How many steps an explicit method takes for its stability alone, by its stability function."""
+"""The number of steps that stability alone demands of an explicit method."""
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 
 REACH, RESOLUTION = 40.0, 0.01
-"""How far along a ray the stability function is looked at, and how closely."""
+"""Length and spacing of the points on a ray at which the stability function is evaluated."""
 
 
 def runge_kutta(A: Array, b: Array) -> Array:
-    """The coefficients of R(z) = 1 + z bᵀ(1 − zA)⁻¹1 of an explicit method, in rising powers."""
+    """Return the coefficients of R(z) = 1 + z bᵀ(1 − zA)⁻¹1, explicit A, in rising powers."""
     stages = len(b)
     square, powers = np.zeros((stages, stages)), [np.ones(stages)]
     square[: A.shape[0], : A.shape[1]] = A[:stages, :stages]
@@ -19,20 +19,20 @@ def runge_kutta(A: Array, b: Array) -> Array:
 
 
 def taylor(order: int) -> Array:
-    """The coefficients of the truncated exponential, in rising powers."""
+    """Return the coefficients of the truncated exponential, in rising powers."""
     factors = np.arange(1, order + 1)
     return np.concatenate([[1.0], 1 / np.cumprod(factors.astype(float))])
 
 
 def steps(coefficients: Array, rates: Array, duration: float) -> float:
-    """The steps over a time in which no decaying solution of y' = λy grows.
+    """Return the number of steps at which no decaying solution of y' = λy grows.
 
     Parameters
     ----------
     coefficients
-        Of the stability function R(z), in rising powers: a step multiplies y by R(hλ).
+        Stability function R(z), in rising powers: a step multiplies y by R(hλ).
     rates : (instants, n)
-        The eigenvalues λ at instants that are spread evenly over the time, 1/s.
+        The eigenvalues λ at instants spread evenly over the duration, 1/s.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def steps(coefficients: Array, rates: Array, duration: float) -> float:
 
 
 def _inverse_step(coefficients: Array, rates: Array) -> float:
-    """1/h of the longest stable step h, 1/s."""
+    """Return 1/h of the longest stable step h, 1/s."""
     sizes = np.abs(rates)
     large = rates[sizes > sizes.max() / 10]  # r is 2 to 7 in all directions but along the axis
     if not sizes.max() or not len(large):

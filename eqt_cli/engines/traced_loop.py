@@ -1,4 +1,4 @@
-"""The programs of a closed loop, for engines that compile it: its field, and what follows from it.
+"""The programs of a closed loop, for engines that compile it: field, instants and measurements.
 
 Everything that may differ from run to run is an input, so that one program serves all runs of a
 structure. It knows no engine.
@@ -31,7 +31,7 @@ from eqt_cli.program.running import Memory, Running
 from eqt_cli.vehicle.sensors.channels import Errors
 
 MOST_RUNNING = 512
-"""Numbers that a reduction may keep from sample to sample."""
+"""Most numbers that a reduction may keep from sample to sample."""
 
 Arrays = Mapping[str, Array]
 """Symbols by the names of the groups of inputs: ``state``, ``time``, ``parameters``, ``held``, and
@@ -40,7 +40,7 @@ at a control instant ``errors``, the numbers of `Errors` one after the other."""
 
 @dataclass(frozen=True, eq=False)
 class OneLoop:
-    """A loop that is equal to itself only; what is traced of it once is not traced again."""
+    """A loop compared by identity, as a cache key: it is traced only once."""
 
     loop: ClosedLoop
 
@@ -53,20 +53,20 @@ class OneLoop:
 
 @dataclass(frozen=True)
 class LoopPrograms:
-    """What moves a closed loop; equal ones compile to the same code.
+    """The programs that move a closed loop; equal ones compile to the same code.
 
     Attributes
     ----------
     field
-        ``derivative``, the time derivative of a flat state.
+        Program of ``derivative``, the time derivative of a flat state.
     after_instant
-        ``state``, the state after a control instant; None where the law is not sampled, or where
-        code takes part in it that is not compiled here: a law of the user's own, or what a vehicle
-        solves for.
+        Program of ``state`` after a control instant; None if the law is not sampled, or if code
+        takes part that is not compiled here: a user's own law, or a solver of the vehicle.
     around_code
-        What happens at a control instant around such code.
+        Programs of a control instant around such code.
     asked
-        ``torque`` and ``memory``, the answer of a law that is no such code, from the loop's inputs.
+        Program of ``torque`` and ``memory``, the command of a law that is no such code, from the
+        loop's inputs.
     """
 
     field: Program
@@ -77,17 +77,17 @@ class LoopPrograms:
 
 @lru_cache(maxsize=64)
 def programs(one: OneLoop) -> LoopPrograms:
-    """`trace` of the loop, which is done once."""
+    """Return the programs of a loop, traced once."""
     return trace(one.loop)
 
 
 def trace(loop: ClosedLoop) -> LoopPrograms:
-    """What moves a closed loop.
+    """Trace a closed loop to its programs.
 
     Raises
     ------
     TraceError
-        If a component does what programs cannot; it names component, operation and way out.
+        If a component does what programs cannot; it names component, operation and remedy.
     """
 
     # A law is promised a leading run axis; here it has one entry.
@@ -109,18 +109,18 @@ def trace(loop: ClosedLoop) -> LoopPrograms:
 
 @dataclass(frozen=True)
 class InstantPrograms:
-    """What happens at a control instant, one after the other.
+    """The programs of a control instant, in their order.
 
     Attributes
     ----------
     told
-        What the law is told, by the names of `LawInput`, from the loop's inputs; and ``state``,
-        where sensors hold what they measure.
+        Input of the law, by the names of `LawInput`, from the loop's inputs; and ``state``, if
+        sensors hold their measurements.
     law
-        Its answer; None where the law is code.
+        Command of the law; None if the law is the user's code.
     answered
-        ``state``, from the loop's inputs, with the state that was measured, ``torque`` and the
-        ``memory`` of the law, and where the vehicle solves for something what it has ``solved``.
+        The new ``state``, from the loop's inputs with the measured state, ``torque``, the
+        ``memory`` of the law, and ``solved``, the vehicle's solution, if it has one.
     """
 
     told: Program
@@ -128,7 +128,7 @@ class InstantPrograms:
     answered: Program
 
     def chained(self, loop: ClosedLoop) -> Program:
-        """All of it: ``state`` from the loop's inputs, and with the very bits of each program."""
+        """Return one program: ``state`` from the loop's inputs, bit for bit as the programs'."""
         chain, inputs = self._begun()
         torque, memory, measured = self._answer(loop, chain, inputs)
         after = inputs | measured | {"torque": torque, "memory": memory}
@@ -136,7 +136,7 @@ class InstantPrograms:
         return chain.program({"state": ((loop.state_length,), state)})
 
     def asked(self, loop: ClosedLoop) -> Program:
-        """What the law answers: ``torque``, ``memory`` where it has any, and the measured state."""
+        """Return the program of ``torque``, ``memory`` if there is any, and the measured state."""
         chain, inputs = self._begun()
         torque, memory, measured = self._answer(loop, chain, inputs)
         found = {"torque": torque} | ({"memory": memory} if memory else {}) | measured
@@ -166,24 +166,24 @@ class InstantPrograms:
 
 
 def law_of(loop: ClosedLoop) -> LawProgram:
-    """The law of a loop by itself.
+    """Return the law of a loop by itself.
 
     Raises
     ------
     TraceError
-        If it does what programs cannot; as of `trace`.
+        If it does what programs cannot, as in `trace`.
     """
     with _explained(loop):
         return law_program(loop)
 
 
 def at_instants(loop: ClosedLoop) -> InstantPrograms:
-    """What happens at control instants.
+    """Return the programs of control instants.
 
     Raises
     ------
     TraceError
-        As of `trace`.
+        If a component does what programs cannot, as in `trace`.
     """
 
     def told(given: Arrays) -> Mapping[str, Array]:
@@ -217,7 +217,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
 
 @contextmanager
 def _explained(loop: ClosedLoop) -> Iterator[None]:
-    """Say which component did what programs cannot."""
+    """Raise a `TraceError` that names the component which did what programs cannot."""
     try:
         yield
     except TraceError:
@@ -227,7 +227,7 @@ def _explained(loop: ClosedLoop) -> Iterator[None]:
 
 
 def _stretch(loop: ClosedLoop, parameter: str) -> slice:
-    """Where a parameter is in a row of all."""
+    """Return the slice of a parameter in a row of all."""
     sizes = {path: number.size for path, number in leaves(loop).items()}
     end = dict(zip(sizes, np.cumsum(list(sizes.values())).tolist(), strict=True))[parameter]
     return slice(end - sizes[parameter], end)
@@ -235,11 +235,11 @@ def _stretch(loop: ClosedLoop, parameter: str) -> slice:
 
 @lru_cache(maxsize=64)
 def sampled(function: SampledFunction, one: OneLoop, lengths: tuple[int, ...]) -> Program | None:
-    """The arrays of a function of the loop; None where it does what programs cannot.
+    """Trace a function of the loop; None if it does what programs cannot.
 
-    Its rows of numbers stand behind each other in ``state``. Unlike a law, what is measured of one
-    need not be compiled: an actuator may say by NumPy alone where it is at its limit, and a law
-    what its Lyapunov function is.
+    Its rows of numbers follow each other in ``state``. Unlike a law, such a function need not be
+    compiled: an actuator may compute by NumPy alone where it is at its limit, and a law its
+    Lyapunov function.
     """
 
     def arrays(given: Arrays) -> Mapping[str, Array]:
@@ -255,21 +255,22 @@ def sampled(function: SampledFunction, one: OneLoop, lengths: tuple[int, ...]) -
 
 @dataclass(frozen=True)
 class RunningPrograms:
-    """What is measured of runs, sample by sample.
+    """The programs that measure runs, sample by sample.
 
     Attributes
     ----------
     at_sample
-        ``memory`` behind a sample and what is ``kept`` of it. Besides the inputs of the loop, with
-        the rows of `sampled`, it takes ``columns``, numbers that belong to the sample, and
+        Program of ``memory`` after a sample and of its ``kept`` numbers. Besides the inputs of the
+        loop, with the rows of `sampled`, it takes ``columns``, numbers of the sample, and
         ``memory``.
     ended
-        The numbers of a run, from ``memory``.
+        Program of the numbers of a run, from ``memory``.
     starts
         The memory before the first sample.
     columns : (samples, n)
+        Numbers that belong to each sample.
     kept
-        The name and the shape of each array that is kept of a sample.
+        Name and shape of each array that is kept of a sample.
     """
 
     at_sample: Program
@@ -288,12 +289,12 @@ def running(
     kept: tuple[str, ...],
     times: tuple[float, ...],
 ) -> RunningPrograms | None:
-    """The numbers of a reduction as they run along; None where it does what programs cannot.
+    """Trace a reduction as a running computation; None if it does what programs cannot.
 
     Parameters
     ----------
     kept
-        The arrays of the function that are kept.
+        Names of the function's arrays that are kept.
     """
     loop, shapes, memory = one.loop, {}, Memory(np.empty(0), np.empty(0))
     over = np.array(times)
@@ -339,21 +340,21 @@ def _inputs(loop: ClosedLoop, length: int) -> dict[str, int]:
 
 
 def _symbolic(loop: ClosedLoop, given: Arrays) -> ClosedLoop:
-    """The loop with symbols for all its numbers, in the order of the rows."""
+    """Return the loop with symbols for all its numbers, in the order of the rows."""
     holding = loop.holding(0.0)
     symbols = np.concatenate([given["parameters"], given["held"]])
     return with_leaves(holding, _cut(symbols, leaves(holding)))
 
 
 def _cut(symbols: Array, numbers: Mapping[str, Array]) -> dict[str, Array]:
-    """Symbols in the shapes of some numbers, each with a leading run axis."""
+    """Cut symbols to the shapes of some numbers, each with a leading run axis."""
     ends = np.cumsum([value.size for value in numbers.values()])
     parts = zip(numbers.items(), np.split(symbols, ends), strict=False)
     return {name: part.reshape(1, *value.shape) for (name, value), part in parts}
 
 
 def _errors(loop: ClosedLoop, given: Arrays) -> Errors | None:
-    """What sensors do at an instant."""
+    """Return the sensor errors at an instant."""
     if "errors" not in given:
         return None
     d = loop.group.size
@@ -362,13 +363,13 @@ def _errors(loop: ClosedLoop, given: Arrays) -> Errors | None:
 
 
 def _lengths(loop: ClosedLoop) -> tuple[int, int, int, int]:
-    """How many numbers the parts of `Errors` have."""
+    """Return the number of entries of each part of `Errors`."""
     G, estimates = loop.group, loop.vehicle.estimator is not None
     return G.size**2, G.dimension, len(loop.vehicle.holding(G)), G.dimension * estimates
 
 
 def parameter_rows(problem: Problem) -> Array:
-    """Every run's leaves in a row, in the order in which they are traced."""
+    """Return every run's leaves in a row, in the order in which they are traced."""
     columns = []
     for name, shared in leaves(problem.loop).items():
         values = problem.varying.get(name)
@@ -379,14 +380,14 @@ def parameter_rows(problem: Problem) -> Array:
 
 
 def held_rows(loop: ClosedLoop, times: Array) -> Array:
-    """What the loop holds from each of these times to the next instant, a row each."""
+    """Return the numbers held from each of these times to the next instant, a row each."""
     held = loop.holding(times).held_leaves.values()
     rows = [value.reshape(len(times), -1) for value in held]
     return np.concatenate([np.empty((len(times), 0)), *rows], axis=1)
 
 
 def _explain(error: Exception, loop: ClosedLoop) -> str:
-    """Which component did what, from the frames of the traceback that run in one."""
+    """Describe which component did what, from its frames in the traceback."""
     places = _places(error.__traceback__, loop) or {"the closed loop": ""}
     (owner, place), *callers = reversed(places.items())
     called = "".join(f", called by {name} at {where}" for name, where in callers)
@@ -398,8 +399,8 @@ def _explain(error: Exception, loop: ClosedLoop) -> str:
 
 
 def _places(trace: TracebackType | None, loop: ClosedLoop) -> dict[str, str]:
-    """The components in the traceback, the innermost last, and how far each has come."""
-    # What is traced are copies with symbols in place of numbers, of the same classes.
+    """Return the components in the traceback, the innermost last, and the line of each."""
+    # The traced components are copies of the same classes, with symbols for numbers.
     names = {type(part): name for part, _, name in reversed(parts_of(loop))}
     places: dict[str, str] = {}
     for frame, line in traceback.walk_tb(trace):

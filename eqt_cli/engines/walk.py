@@ -1,7 +1,6 @@
 """The walk of an integrator through the spans of a problem, group by group, in threads.
 
-It evaluates sampled laws, fills in the samples, and keeps account of runs that fail; it knows no
-engine.
+It evaluates sampled laws, fills in the samples, and records runs that fail; it knows no engine.
 """
 
 from __future__ import annotations
@@ -22,10 +21,10 @@ INDEFINITE = (
     "the covariance of the estimate is no longer positive definite; give the estimator larger "
     "deviations, or measurements more often",
 )
-"""How a run ends whose filter is lost, and why."""
+"""Status and reason of a run whose covariance is no longer positive definite."""
 
 REPORTED = 0.02
-"""Of the horizon: progress is reported no more often."""
+"""Smallest fraction of the horizon between two reports of progress."""
 
 
 def walked(
@@ -35,7 +34,7 @@ def walked(
     progress: Progress,
     threads: int,
 ) -> Solution:
-    """The solution of all groups of runs, by as many threads at the most."""
+    """Return the solution of all groups of runs, by at most this number of threads."""
     solution = Solution.empty(integrator.problem)
     left, lock = iter(groups), threading.Lock()
 
@@ -64,7 +63,7 @@ def walked(
                 future.result()
         except BaseException:
             with lock:
-                list(left)  # nothing further is begun; what is under way ends
+                list(left)  # no further group is begun; current ones end
             raise
     return solution
 
@@ -117,7 +116,7 @@ def _walk(
 
 
 def _advanced(integrator: Integrator, span: Span, states: Array, kept: Array) -> SpanResult:
-    """What became of some runs in a span, with whole states; its samples are kept."""
+    """Advance some runs through a span and store the samples; return whole states."""
     moving, later = (
         integrator.problem.loop.moving_length,
         slice(span.first, span.first + span.later),
@@ -132,7 +131,7 @@ def _advanced(integrator: Integrator, span: Span, states: Array, kept: Array) ->
 
 
 def _note(solution: Solution, problem: Problem, run: int, span: Span, failure: Failure) -> None:
-    """Say how a run has failed in a span, and leave no sample behind that."""
+    """Note how a run has failed in a span, and erase its later samples."""
     states = solution.states[run]
     states[span.first + span.later :] = np.nan
     states[problem.times > failure.t] = np.nan
@@ -146,7 +145,7 @@ def _note(solution: Solution, problem: Problem, run: int, span: Span, failure: F
 
 
 class _Reached:
-    """Reports the progress of some runs by the time that they have reached."""
+    """Reports the progress of some runs by the time they have reached."""
 
     def __init__(self, problem: Problem, runs: int, progress: Progress) -> None:
         self._start, self._end = problem.times[[0, -1]].tolist()

@@ -1,4 +1,4 @@
-"""Laws as C for a vehicle: files that need nothing of eqt, with what was found out about them."""
+"""Laws as C for a vehicle: files that do not need eqt, with what is known of their errors."""
 
 from eqt_cli.exporting.laws import Exported, ExportedLaw, exported
 

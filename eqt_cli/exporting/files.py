@@ -29,10 +29,10 @@ from eqt_cli.program.c_parts import headers, needed
 from eqt_cli.program.decimals import evaluated
 
 EXAMPLES = 32
-"""States in the program that checks a law, evenly spread; and beside these:"""
+"""Number of states in the program that checks a law, evenly spread."""
 
 WORST = 4
-"""those with the largest bounds away from singularities, and as many near them."""
+"""Number of further states: the largest bounds away from singularities; and as many near them."""
 
 PRELUDE = """\
 typedef __UINT32_TYPE__ eqt_uint32;
@@ -60,7 +60,7 @@ NUMBER_MEANINGS = {
 
 
 def files(law: ExportedLaw) -> dict[str, str]:
-    """The text of each file, by name."""
+    """Return the text of each file, by name."""
     return {
         f"{law.name}.h": header(law),
         f"{law.name}.c": source(law),
@@ -69,7 +69,7 @@ def files(law: ExportedLaw) -> dict[str, str]:
 
 
 def header(law: ExportedLaw) -> str:
-    """The types and functions, with what is known of the errors."""
+    """Return the header: types and functions, with the bounds of the errors."""
     program, about = law.program, comment(description(type(law.loop.controller)))
     reference = ""
     if law.reference:
@@ -110,14 +110,14 @@ NO_MEMORY = "It has no memory; there is a number all the same, since C has no em
 
 
 def bounds_in_words(law: ExportedLaw) -> str:
-    """The bound of each torque: ``x 1.2e-15, y …, in N m``."""
+    """Return the bound of each torque and its unit: ``x 1.2e-15, y …; N m``."""
     pairs = zip(law.loop.group.axis_names, law.torque_bound, strict=True)
     listed = ", ".join(f"{axis} {above(bound)}" for axis, bound in pairs)
     return f"{listed}; {law.program.torque.unit}"
 
 
 def apart_in_words(law: ExportedLaw) -> str:
-    """What is known near singularities."""
+    """Return a sentence on the bounds near singularities."""
     count = int(np.count_nonzero(law.singular))
     if not count:
         return (
@@ -133,7 +133,7 @@ def apart_in_words(law: ExportedLaw) -> str:
 
 
 def meaning(law: ExportedLaw, entry: Entry) -> str:
-    """What a number is."""
+    """Return the meaning of a number."""
     if entry.source == PERIOD:
         return "by which the memory goes on" if law.program.memory else "not used: no memory"
     name = name_of_number(entry.source)
@@ -142,7 +142,7 @@ def meaning(law: ExportedLaw, entry: Entry) -> str:
 
 
 def memory_meaning(law: ExportedLaw, entry: Entry) -> str:
-    """What a state of the law is."""
+    """Return the meaning of a state of the law."""
     return f"the state {entry.source} of the law"
 
 
@@ -156,7 +156,7 @@ def _field(by: Arithmetic, entry: Entry, said: str) -> tuple[str, str, str]:
 
 
 def source(law: ExportedLaw) -> str:
-    """The functions."""
+    """Return the source: the functions of the law."""
     program, name = law.program, law.name
     step, start = emitted(program.step, f"{name}_step"), ""
     starting = ["(void)numbers;", "(void)input;", "memory->unused = 0;"]
@@ -192,13 +192,13 @@ def source(law: ExportedLaw) -> str:
 
 
 def emitted(program: Program, name: str) -> str:
-    """A program in C, its parameters in several lines."""
+    """Return a program in C, its parameters on several lines."""
     head, brace, body = c_function(program, name).partition("\n{")
     return wrapped(head, " " * 8).lstrip() + brace + body
 
 
 def call(law: ExportedLaw, program: Program, name: str, outputs: Sequence[str]) -> str:
-    """A statement that does a program with the arguments of the functions around it."""
+    """Return a C statement that calls a program with the arguments of the enclosing function."""
     entries = {
         prefix + entry.name: f"{'' if entry.shape else '&'}{of}->{entry.name}"
         for prefix, of, all_entries in (
@@ -219,7 +219,7 @@ def _default(law: ExportedLaw, entry: Entry) -> str:
 
 
 def reference_source(law: ExportedLaw) -> str:
-    """The functions of the reference, where it is exported."""
+    """Return the functions of the reference; empty where it is not exported."""
     found = law.reference
     if found is None:
         return ""
@@ -255,7 +255,7 @@ def reference_source(law: ExportedLaw) -> str:
 
 
 def filter_header(law: ExportedLaw) -> str:
-    """The types and functions of the filter, where there is one."""
+    """Return the types and functions of the filter; empty without a filter."""
     found = law.filter
     if found is None:
         return ""
@@ -280,7 +280,7 @@ def filter_header(law: ExportedLaw) -> str:
 
 
 def filter_source(law: ExportedLaw) -> str:
-    """Its functions."""
+    """Return the functions of the filter; empty without a filter."""
     found = law.filter
     if found is None:
         return ""
@@ -301,7 +301,7 @@ def filter_source(law: ExportedLaw) -> str:
 
 
 def filter_check(law: ExportedLaw) -> str:
-    """The function that takes the filter through some instants."""
+    """Return the C function that checks the filter at some instants."""
     found = law.filter
     if found is None:
         return "static void check_filter(void)\n{\n}\n"
@@ -326,7 +326,7 @@ def filter_check(law: ExportedLaw) -> str:
 
 
 def check(law: ExportedLaw) -> str:
-    """The program that compares the source with exact numbers."""
+    """Return the program that compares the source with exact numbers."""
     program, chosen = law.program, examples(law)
     states, numbers = law.states.at(chosen), _flat(law)
     bounds = law.bounds(states)
@@ -371,7 +371,7 @@ def check(law: ExportedLaw) -> str:
 
 
 def examples(law: ExportedLaw) -> Array:
-    """The states that the check looks at, in their order."""
+    """Return the indices of the states that the check uses, in order."""
     bounds = law.judged[TORQUE].errors.max(axis=1)
     known = np.isfinite(bounds) & np.isfinite(law.judged[TORQUE].values).all(axis=1)
     far, near = np.flatnonzero(known & ~law.singular), np.flatnonzero(known & law.singular)
@@ -380,14 +380,14 @@ def examples(law: ExportedLaw) -> Array:
 
 
 def _spread(places: Array, count: int) -> Array:
-    """Some of them, from the first to the last."""
+    """Return `count` places, or all if fewer, evenly spread from the first to the last."""
     if not len(places):
         return places
     return places[np.unique(np.linspace(0, len(places) - 1, count).round().astype(int))]
 
 
 def _started(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
-    """The memory at the start in exact numbers, and the bounds of its errors."""
+    """Return the memory at the start in exact numbers, and the bounds of its errors."""
     program = law.program
     if program.start is None:
         return np.empty(0), np.empty(0)
@@ -407,5 +407,5 @@ def _flat(law: ExportedLaw) -> dict[str, Array]:
 
 
 def _stored(bounds: Array, values: Array) -> Array:
-    """Bounds, with what is lost where the exact numbers are themselves stored as doubles."""
+    """Return bounds that include the rounding of the exact numbers when stored as doubles."""
     return np.nextafter(bounds + DOUBLE.unit * np.abs(values), np.inf)

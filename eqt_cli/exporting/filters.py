@@ -1,4 +1,4 @@
-"""The filter of an exported law: its text, and instants at which it is checked."""
+"""The filter of an exported law: its program, and instants at which it is checked."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from eqt_cli.vehicle.sensors.channels import MEASURED as ARRIVED
 from eqt_cli.vehicle.sensors.channels import Errors
 
 INSTANTS = 40
-"""At which the filter is checked."""
+"""Number of instants at which the filter is checked."""
 
 TOLERANCE = {"double": 1e-9, "float": 1e-2}
-"""How far rounding may take the filter from eqt's over these instants, in the units of the pose and
-of the velocity."""
+"""Largest difference by rounding between the filter and eqt's over these instants, in the units of
+the pose and of the velocity."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,11 @@ class ExportedFilter:
     Attributes
     ----------
     program
-        It, by itself.
+        The filter as a program.
     measured : (instants, n)
-        What is measured at the instants of its check, by name.
+        Measurements at the instants of the check, by name.
     estimates : (instants, n)
-        What eqt estimates there: pose and velocity.
+        Estimates of eqt there: pose and velocity.
     """
 
     program: EstimatorProgram
@@ -53,20 +53,20 @@ class ExportedFilter:
 
     @property
     def kind(self) -> str:
-        """Its name in a configuration."""
+        """Name of the filter in a configuration."""
         return self.program.estimator.name
 
     @property
     def about(self) -> str:
-        """What it is, in a sentence."""
+        """Description of the filter in a sentence."""
         return description(type(self.program.estimator))
 
     def meaning(self, option: str) -> str:
-        """Of an option."""
+        """Return the meaning of an option."""
         return meanings(type(self.program.estimator)).get(option, "")
 
     def arguments(self) -> list[str]:
-        """Those of the emitted function, in the order of the program."""
+        """Return the arguments of the emitted function, in the order of the program."""
         entries = {MEASURED + each.name: f"measured->{each.name}" for each in self.program.measured}
         entries |= {NUMBER + each.name: f"options->{each.name}" for each in self.program.numbers}
         entries |= {STATE + each.name: f"filter->{each.name}" for each in self.program.states}
@@ -77,7 +77,7 @@ class ExportedFilter:
 
 
 def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter | None:
-    """The filter of a loop; None where the law reads measurements.
+    """Return the filter of a loop; None where the law reads measurements.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter |
 
 
 def _flown(loop: ClosedLoop, seed: int) -> tuple[dict[str, Array], Array]:
-    """What is measured of a motion with a constant velocity, and the estimates of eqt."""
+    """Return measurements of a motion with constant velocity, and the estimates of eqt."""
     G, flying = loop.group, loop.vehicle
     flying = replace(flying, estimator=with_fields(flying.estimator, initial_error=None))
     random_of = partial(generator_at, seed, Stream.VEHICLE, 0)

@@ -1,4 +1,4 @@
-"""Writes exported laws into a folder; it replaces only what eqt has exported before."""
+"""Writes exported laws into a folder, and replaces only files that eqt has exported before."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from eqt_cli.core.replacement import replace_file
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a folder that cannot be made or written to, before the work.
+    """Refuse a folder that cannot be made or written to, before any work is done.
 
     Raises
     ------
     EqtError
-        With what is there instead.
+        If the folder cannot be made or written to; it says what is there instead.
     """
     with refusals(folder, "written to", OTHER_FOLDER):
         there = next(each for each in (folder, *folder.absolute().parents) if each.exists())

@@ -1,4 +1,4 @@
-"""A law with all that its files say of it: its program, its numbers, its states, its bounds."""
+"""A law to export, with its program, numbers, states and error bounds."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class ExportedLaw:
     Attributes
     ----------
     label, name
-        In the experiment, and in C.
+        Name of the law in the experiment, and in C.
     by
-        The numbers in which it is computed.
+        Arithmetic in which the law is computed.
     reference
-        The reference, where it is exported, too.
+        Program of the reference; None where it is not exported.
     filter
-        What makes the estimate that the law is told; None where it is told what is measured.
+        Filter whose estimate the law reads; None where it reads measurements.
     """
 
     experiment: Experiment
@@ -51,26 +51,26 @@ class ExportedLaw:
 
     @property
     def loop(self) -> ClosedLoop:
-        """Its closed loop."""
+        """Closed loop of the law."""
         return self.experiment.loops[self.label]
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """The numbers of the experiment, by name."""
+        """Numbers of the experiment, by name."""
         return self.program.values(self.loop)
 
     @cached_property
     def fixed(self) -> frozenset[str]:
-        """The names of numbers that are no options: the law has fixed them."""
+        """Names of the numbers that are no options: the law fixes them."""
         law = self.loop.controller
         options = {field.name for field in fields(law) if field.init}
         own = {CONTROLLER + path for path in leaves(law) if path not in options}
         return frozenset(each.name for each in self.program.numbers if each.source in own)
 
     def bounds(self, states: Mapping[str, Array]) -> dict[str, Bounded]:
-        """What the law returns at some states, and how far rounding can move it.
+        """Return the output of the law at some states, with bounds of its rounding errors.
 
-        In float, the inputs and the numbers of the law are rounded, too.
+        In float, the inputs and the numbers of the law are rounded too.
         """
         given = {NUMBER + name: values.reshape(-1) for name, values in self.numbers.items()}
         inputs = {**states, **given}
@@ -81,12 +81,12 @@ class ExportedLaw:
 
     @cached_property
     def judged(self) -> dict[str, Bounded]:
-        """The same at all its states."""
+        """Output of the law and bounds of its errors at all its states."""
         return self.bounds(self.states.inputs)
 
     @property
     def singular(self) -> Array:
-        """Which states are near a singularity."""
+        """Mask of the states near a singularity, ``(states,)``."""
         found = np.zeros(self.states.count, dtype=bool)
         for each in self.judged.values():
             found |= each.singular
@@ -94,12 +94,12 @@ class ExportedLaw:
 
     @cached_property
     def torque_bound(self) -> Array:
-        """The largest bound of each torque away from singularities, ``(m,)``."""
+        """Largest bound of each torque away from singularities, ``(m,)``."""
         return self._largest(~self.singular)
 
     @cached_property
     def singular_bound(self) -> Array:
-        """The same near singularities; empty where no state is."""
+        """Largest bound of each torque near singularities, ``(m,)``; empty without such states."""
         return self._largest(self.singular)
 
     def _largest(self, states: Array) -> Array:
@@ -109,12 +109,12 @@ class ExportedLaw:
 
 @dataclass(frozen=True)
 class Exported:
-    """The laws of an experiment.
+    """The exported laws of an experiment.
 
     Attributes
     ----------
     laws
-        In the order of the experiment.
+        Laws in the order of the experiment.
     """
 
     experiment: Experiment
@@ -122,7 +122,7 @@ class Exported:
 
     @cached_property
     def rows(self) -> Sequence[Row]:
-        """What `eqt verify` finds of the identities of all laws."""
+        """Results of `eqt verify` for the identities of all laws."""
         return identities_of(self.experiment)
 
 
@@ -134,14 +134,14 @@ def exported(
     reference: bool = False,
     workers: int = 1,
 ) -> Exported:
-    """Laws of an experiment, to be written as C.
+    """Return laws of an experiment, to be written as C.
 
     Parameters
     ----------
     labels
-        Of the laws; all if empty.
+        Labels of the laws; all if empty.
     reference
-        Whether the reference is exported, too.
+        Whether to export the reference too.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def _program(experiment: Experiment, label: str) -> LawProgram:
 
 
 def memory_of(bounds: Mapping[str, Bounded], law: LawProgram) -> Bounded:
-    """All of the memory after a period, one state behind the other."""
+    """Return the memory after a period, all states concatenated."""
     parts = [bounds[MEMORY + entry.name] for entry in law.memory]
     if not parts:
         count = len(next(iter(bounds.values())).values)

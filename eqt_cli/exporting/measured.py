@@ -1,4 +1,4 @@
-"""What a compiler makes of an exported law: bytes of flash, and of stack."""
+"""The size of a compiled exported law: bytes of flash, and of stack."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FLAGS = (
 
 TARGET = "thumb-freestanding-eabihf"
 CORE = ("-mcpu=cortex_m4+vfp4d16sp",)
-"""How the compiler in the package ziglang is told of a Cortex-M4, with its floats in hardware."""
+"""Options of the compiler in the package ziglang for a Cortex-M4 with hardware floats."""
 
 GCC, GCC_CORE = (
     "arm-none-eabi-gcc",
@@ -36,16 +36,16 @@ MISSING = (
 
 @dataclass(frozen=True)
 class Measured:
-    """A law on a Cortex-M4.
+    """The cost of a law on a Cortex-M4.
 
     Attributes
     ----------
     flash
         Bytes of code and constants.
     stack
-        Bytes, of LABEL_torque with all that it calls but what a compiler adds for doubles.
+        Bytes of LABEL_torque with all it calls, except what a compiler adds for doubles.
     compiler
-        By which.
+        Compiler that was used.
     """
 
     flash: int
@@ -54,7 +54,7 @@ class Measured:
 
 
 def compiler() -> list[str] | None:
-    """How a compiler for Cortex-M4 is called on this machine."""
+    """Return the command of a compiler for Cortex-M4 on this machine; None if there is none."""
     if path := shutil.which(GCC):
         return [path, *GCC_CORE]
     if find_spec("ziglang"):
@@ -63,7 +63,7 @@ def compiler() -> list[str] | None:
 
 
 def measured(name: str, files: Mapping[str, str]) -> Measured | None:
-    """An exported law as a Cortex-M4 has it; None where nothing can be told here."""
+    """Return the cost of an exported law on a Cortex-M4; None where it cannot be measured."""
     command = compiler()
     if command is None:
         return None
@@ -82,13 +82,16 @@ def measured(name: str, files: Mapping[str, str]) -> Measured | None:
 
 
 def _stack(warnings: str) -> int:
-    """The frames of all functions, of which one may call the other, by what a compiler warns of."""
+    """Return the sum of the frames of all functions, from the warnings of a compiler.
+
+    It bounds the stack, since any function may call another.
+    """
     found = re.findall(r"frame size(?: of)? \(?(\d+)\)? ", warnings)
     return sum(map(int, found))
 
 
 def _flash(content: bytes) -> int:
-    """Bytes of the sections of an object file for 32 bits that are kept in flash."""
+    """Return the bytes of the sections of a 32-bit object file that are kept in flash."""
     start, size, count = (
         *struct.unpack_from("<I", content, 32),
         *struct.unpack_from("<HH", content, 46),
@@ -96,6 +99,6 @@ def _flash(content: bytes) -> int:
     loaded = 0
     for index in range(count):
         _, kind, flags, _, _, length = struct.unpack_from("<6I", content, start + index * size)
-        if kind == 1 and flags & 2:  # what has contents, and is part of the image
+        if kind == 1 and flags & 2:  # has contents, and is part of the image
             loaded += length
     return int(loaded)

@@ -20,7 +20,7 @@ NAME = "README.md"
 
 
 def readme(found: Exported, costs: Mapping[str, Measured | None]) -> str:
-    """The text."""
+    """Return the text of the README."""
     experiment, laws = found.experiment, found.laws
     first, G = laws[0], experiment.group
     known = next((cost for cost in costs.values() if cost), None)
@@ -67,7 +67,7 @@ def readme(found: Exported, costs: Mapping[str, Measured | None]) -> str:
 
 
 def _spelled(laws: Sequence[ExportedLaw]) -> str:
-    """Labels that are no names in C."""
+    """Return a sentence on labels that are no names in C; empty without such labels."""
     changed = [f"`{law.label}` is `{law.name}`" for law in laws if law.label != law.name]
     return f"\nIn C, {', '.join(changed)}.\n" if changed else ""
 

@@ -1,4 +1,4 @@
-"""A reference in closed form as a program: from a time, and the piece it is in, to a motion."""
+"""A reference in closed form as a program from a time, and the piece it is in, to a motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eqt_cli.references.base import ClosedReference
 
 @dataclass(frozen=True)
 class ReferenceProgram:
-    """The motion of a reference.
+    """The motion of a reference as a program.
 
     Attributes
     ----------
@@ -27,9 +27,9 @@ class ReferenceProgram:
         ``desired_pose``, ``desired_velocity`` and ``desired_acceleration`` from ``t`` and the
         numbers ``held`` in a piece.
     starts : (pieces,)
-        When the pieces begin, s; empty where there is only one.
+        Times at which the pieces begin, s; empty for a single piece.
     held : (pieces, n)
-        The numbers of each.
+        Numbers of each piece.
     """
 
     motion: Program
@@ -38,18 +38,18 @@ class ReferenceProgram:
 
 
 def _closed() -> str:
-    """The references of eqt in closed form."""
+    """Return the names of the references in closed form, for a message."""
     names = [each.name for each in references.all() if issubclass(each, ClosedReference)]
     return f"{', '.join(names[:-1])} or {names[-1]}"
 
 
 def reference_program(experiment: Experiment) -> ReferenceProgram:
-    """The reference of an experiment.
+    """Return the program of the reference of an experiment.
 
     Raises
     ------
     EqtError
-        If it is integrated, or does what programs cannot.
+        If the reference is integrated, or uses operations that programs do not have.
     """
     loop = next(iter(experiment.loops.values()))
     G, reference = loop.group, loop.reference

@@ -1,4 +1,4 @@
-"""The states at which an exported law is judged: those of runs, and random ones."""
+"""The states at which an exported law is checked: states of runs, and random ones."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from eqt_cli.experiment.study import Study
 from eqt_cli.groups import MatrixLieGroup
 
 RUNS = 20
-"""Runs of a law that are integrated, unless there are fewer."""
+"""Number of runs of a law that are integrated, unless there are fewer."""
 
 RANDOM = 1000
-"""Random states beside those of the runs."""
+"""Number of random states beside the states of the runs."""
 
 HALF_TURNS = 100
-"""How many of these are 1e-2 to 1e-16 rad from a half turn, where a group has such."""
+"""Number of random states 1e-2 to 1e-16 rad from a half turn, where a group has such."""
 
 
 @dataclass(frozen=True)
 class States:
-    """What a law is told, and its memory, at many states.
+    """The inputs and the memory of a law at many states.
 
     Attributes
     ----------
     inputs
         ``(states, length)`` for each group of inputs that varies.
     runs
-        How many runs they are of.
+        Number of runs.
     along
-        How many of them are of runs; the others are random.
+        Number of states from runs; the others are random.
     """
 
     inputs: Mapping[str, Array]
@@ -47,16 +47,16 @@ class States:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of states."""
         return len(next(iter(self.inputs.values())))
 
     def at(self, states: Array | slice) -> dict[str, Array]:
-        """The inputs at some of them."""
+        """Return the inputs at some states."""
         return {name: values[states] for name, values in self.inputs.items()}
 
 
 def states_of(experiment: Experiment, label: str, law: LawProgram, workers: int = 1) -> States:
-    """The states of a law in the first runs of an experiment, and random ones of their size.
+    """Return the states of a law in the first runs of an experiment, and random ones of that size.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def _rows(
 def _random(
     given: Mapping[str, Array], G: MatrixLieGroup, random: np.random.Generator
 ) -> dict[str, Array]:
-    """States with any error of the pose, and with all else as large as it is in the runs."""
+    """Return states with any error of the pose, and all else as large as in the runs."""
     chosen = random.integers(0, len(given[f"{TOLD}t"]), RANDOM)
     errors = random.standard_normal((RANDOM, G.dimension))
     for part in G.parts:

@@ -1,4 +1,4 @@
-"""Fills in the templates beside this file, and writes numbers and comments as C has them."""
+"""Fills in the templates beside this file, and writes numbers and comments in C."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ WIDTH = 100
 
 
 def filled(template: str, **values: object) -> str:
-    """A template with values for its names."""
+    """Return a template with values for its names."""
     text = (_TEMPLATES / template).read_text(encoding="utf-8")
     return Template(text).substitute({name: str(value) for name, value in values.items()})
 
 
 def number(value: float, by: Arithmetic) -> str:
-    """The shortest text that a compiler reads as this very number."""
+    """Return the shortest text that a compiler reads as exactly this number."""
     if by.name == "double":
         return repr(float(value))
     text = str(np.float32(value))
@@ -33,12 +33,12 @@ def number(value: float, by: Arithmetic) -> str:
 
 
 def braced(values: Iterable[float], by: Arithmetic) -> str:
-    """An array."""
+    """Return an array in C."""
     return f"{{{', '.join(number(value, by) for value in values)}}}"
 
 
 def wrapped(text: str, indent: str, first: str = "") -> str:
-    """Lines of a list, broken behind its commas and spaces."""
+    """Return text broken into lines at spaces."""
     return "\n".join(
         textwrap.wrap(
             text,
@@ -52,12 +52,12 @@ def wrapped(text: str, indent: str, first: str = "") -> str:
 
 
 def comment(text: str) -> str:
-    """A text for a comment, which it does not end."""
+    """Return a text for a comment, without marks that begin or end one."""
     return printable(text).replace("*/", "* /").replace("/*", "/ *").replace("\\", "\\ ")
 
 
 def declared(fields: Sequence[tuple[str, str, str]]) -> str:
-    """The fields of a structure: type, declaration and what it is."""
+    """Return the fields of a structure, given by type, declaration and meaning."""
     lines = []
     width = max(len(f"{kind} {name};") for kind, name, _ in fields)
     for kind, name, meaning in fields:
@@ -69,7 +69,7 @@ def declared(fields: Sequence[tuple[str, str, str]]) -> str:
 
 
 def above(value: float, digits: int = 2) -> str:
-    """A bound in few digits, rounded up."""
+    """Return a bound in few digits, rounded up."""
     if not value > 0 or not math.isfinite(value):
         return f"{value:g}"
     scale = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
@@ -77,5 +77,5 @@ def above(value: float, digits: int = 2) -> str:
 
 
 def row(values: Array) -> str:
-    """Doubles in one line."""
+    """Return doubles as an array in C on one line."""
     return f"{{{', '.join(repr(float(value)) for value in values)}}}"

@@ -1,4 +1,4 @@
-"""Results as pictures, still and moving; this package is the only importer of matplotlib."""
+"""Figures and animations of results; this package is the only importer of Matplotlib."""
 
 from eqt_cli.core.surroundings import at_import
 

@@ -1,4 +1,4 @@
-"""The base classes of figures, by what of a result they show."""
+"""Base classes of figures, by the data of a result that they show."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
 
 
 class Alongside(NamedTuple):
-    """What figures show beside results.
+    """Data that figures show beside results.
 
     Attributes
     ----------
     certificates
-        What the verification of the results found.
+        Verdicts of the verification of the results.
     measured
-        A recording on their group.
+        A recording on the group of the results.
     """
 
     certificates: Sequence[Row] = ()
@@ -53,16 +53,16 @@ NOTHING = Alongside()
 
 
 class Subject(Protocol):
-    """What of results a figure shows."""
+    """Data of results that a figure shows."""
 
     def notes(self) -> list[str]:
-        """What a reader must know of what is not shown."""
+        """Return the notes for the reader about data that is not shown."""
 
 
 S = TypeVar("S", bound=Subject)
 
 _TYPED = str.maketrans({"ω": "w"})
-"""How letters in names of panels are typed."""
+"""Letters in names of panels, and how users type them."""
 
 
 @dataclass(frozen=True)
@@ -72,15 +72,15 @@ class Figure(Component, Generic[S]):
     Attributes
     ----------
     name
-        As written after ``--figure``, and of the files.
+        Name after ``--figure`` and of the files.
     controllers
         Labels of the controllers to show; all if empty.
     focus
-        Those of them in colour, and the others in grey; the first six laws if empty.
+        Controllers in colour, with the others in grey; the first six laws if empty.
     """
 
     needs_runs: ClassVar[bool] = True
-    """Whether it shows results, and not an experiment that has not been run."""
+    """Whether the figure shows results, and not an experiment that has not been run."""
 
     controllers: Sequence[str] = ()
     focus: Sequence[str] = ()
@@ -95,28 +95,28 @@ class Figure(Component, Generic[S]):
         arranged: bool = True,
         captions: list[str] | None = None,
     ) -> Drawing:
-        """Draw what `subject` takes from results, with remarks on what it leaves out.
+        """Draw the data that `subject` takes from results, with remarks on what it leaves out.
 
         Parameters
         ----------
         results
-            Open; they may be closed afterwards. A figure that needs no runs takes an experiment.
+            Open results; they may be closed afterwards. A figure without runs takes an experiment.
         width
             One ``column`` of a journal (3.5 in), the ``page`` (7.16 in) or a ``slide`` (13.3 in).
         style
-            The look; eqt's own if None.
+            Style of the figure; eqt's own if None.
         alongside
-            What some figures show beside the results.
+            Data that some figures show beside the results.
         arranged
-            Whether its panels have their places. The numbers behind its curves need none, and to
-            find them takes half of the time.
+            Whether to arrange the panels. The numbers behind the curves do not need it, and it
+            takes half of the time.
         captions
-            Where the remarks go; below the panels if None.
+            List that receives the remarks; they go below the panels if None.
 
         Raises
         ------
         EqtError
-            If an option will not do, the results lack what the figure shows, or it cannot be drawn
+            If an option is invalid, the results lack what the figure shows, or it cannot be drawn
             in this style.
         """
         problems = Problems(lambda path: f"figure '{self.name}'")
@@ -138,11 +138,11 @@ class Figure(Component, Generic[S]):
         return drawing
 
     def check(self, problems: Problems) -> None:
-        """Note what of the options will not do, as far as their types cannot say it."""
+        """Add problems of the options that their types cannot exclude."""
 
     @property
     def chosen(self) -> Chosen:
-        """Which controllers are shown, and in which colours."""
+        """Selection of controllers and of those in colour."""
         return Chosen(self.controllers, self.focus)
 
     def _require_results(self, results: Sequence[Result | Experiment]) -> None:
@@ -155,14 +155,14 @@ class Figure(Component, Generic[S]):
                 )
 
     def _only(self, results: Sequence[Result], what: str) -> Result:
-        """The one result, which is all that such a figure shows."""
+        """Return the only result; refuse several."""
         if len(results) > 1:
             raise results[1].error(f"figure '{self.name}' shows one {what} at a time")
         return results[0]
 
     @abstractmethod
     def subject(self, results: Sequence[Result], alongside: Alongside) -> S:
-        """What of the results is shown."""
+        """Return the data of the results that is shown."""
 
     @abstractmethod
     def compose(self, shown: S, width: Width) -> Drawing:
@@ -176,7 +176,7 @@ class Timed(Figure[S]):
     Attributes
     ----------
     start, end
-        s, from when to when it is drawn; all that there is if not given.
+        Range of time that is drawn, s; all by default.
     """
 
     start: float | None = None
@@ -184,18 +184,18 @@ class Timed(Figure[S]):
 
     @property
     def chosen(self) -> Chosen:
-        """As of every figure, and of what times."""
+        """Selection of controllers, colours and range of time."""
         return super().chosen._replace(time=TimeRange(self.start, self.end))
 
 
 @dataclass(frozen=True)
 class Panelled:
-    """What a figure has whose panels can be chosen.
+    """Mixin of figures whose panels can be chosen.
 
     Attributes
     ----------
     panels
-        Those to draw, by name; all if empty.
+        Panels to draw, by name; all if empty.
     """
 
     name: ClassVar[str]
@@ -203,12 +203,12 @@ class Panelled:
     panels: Sequence[str] = ()
 
     def picked(self, known: Sequence[str]) -> list[str]:
-        """The names of the panels to draw, in their order.
+        """Return the names of the panels to draw, in their order.
 
         Raises
         ------
         EqtError
-            If there is none of a name.
+            If there is no panel of a chosen name.
         """
         plain = {each.translate(_TYPED): each for each in known}
         wanted = [plain.get(each.translate(_TYPED), "") for each in self.panels]
@@ -224,7 +224,7 @@ class OverTime(Timed[ShownRuns]):
     """A figure of trajectories, of one result or several."""
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownRuns:
-        """The runs that did not fail."""
+        """Return the runs that did not fail."""
         return ShownRuns(results, self.name, self.chosen)
 
 
@@ -235,7 +235,7 @@ class OfFirstRuns(OverTime):
     Attributes
     ----------
     runs
-        How many runs of each controller are drawn at most, the first ones.
+        Most runs of each controller that are drawn, from the first.
     density
         Shade where all runs pass.
     """
@@ -244,7 +244,7 @@ class OfFirstRuns(OverTime):
     density: bool = True
 
     def check(self, problems: Problems) -> None:
-        """At least one run is drawn."""
+        """Require at least one run."""
         if self.runs < 1:
             problems.at("runs").add(f"expected 1 or more, got {self.runs}")
 
@@ -256,13 +256,13 @@ class OfMetrics(Figure[ShownMetrics]):
     Attributes
     ----------
     metrics
-        What is shown, by names in the result; if empty, a choice of what it holds.
+        Metrics to show, by names in the result; a selection of those it holds if empty.
     """
 
     metrics: Sequence[str] = ()
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownMetrics:
-        """The runs that did not fail, and what was measured of each."""
+        """Return the metrics of the runs that did not fail."""
         return ShownMetrics(results, self.name, self.chosen, self.metrics)
 
 
@@ -271,7 +271,7 @@ class OfSweep(Figure[ShownSweep]):
     """A figure of the metrics of one sweep."""
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownSweep:
-        """The points and what was measured at each."""
+        """Return the points and the metrics at each."""
         return ShownSweep(self._only(results, "sweep"), self.name, self.chosen)
 
 
@@ -282,23 +282,23 @@ class OfOneMetric(OfSweep):
     Attributes
     ----------
     metric
-        What is shown, by its name in the result; by default the mean pose error, of the first part
-        where parts have units of their own.
+        Metric to show, by its name in the result; by default the mean pose error, of the first part
+        where parts have different units.
     """
 
     metric: str = ""
 
     def metric_of(self, swept: ShownSweep) -> str:
-        """The name of what is shown."""
+        """Return the name of the metric that is shown."""
         return self.metric or swept.of_one_unit("mean_pose_error")
 
 
 @dataclass(frozen=True)
 class OfCertificates(Figure[ShownCertificates]):
-    """A figure of what the verification of one result found."""
+    """A figure of the verification of one result."""
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownCertificates:
-        """The certificates that have a number and a bound."""
+        """Return the certificates with a measured number and a bound."""
         shown = self._only(results, "result")
         return ShownCertificates(shown, alongside.certificates, self.name, self.chosen)
 
@@ -310,18 +310,18 @@ class OfMeasured(Timed[ShownMeasured]):
     Attributes
     ----------
     run
-        Which run, by its number.
+        Number of the run.
     """
 
     run: int = 0
 
     def check(self, problems: Problems) -> None:
-        """A run has a number from 0."""
+        """Require a run number of 0 or more."""
         if self.run < 0:
             problems.at("run").add(f"expected 0 or more, got {self.run}")
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownMeasured:
-        """The run of one controller, in time with the recording."""
+        """Return the run of one controller, aligned in time with the recording."""
         shown = self._only(results, "result")
         time = self.chosen.time
         return ShownMeasured(shown, alongside.measured, self.name, self.controllers, self.run, time)
@@ -336,7 +336,7 @@ class OfReference(Timed[ShownReference]):
     def subject(
         self, results: Sequence[Result | Experiment], alongside: Alongside
     ) -> ShownReference:
-        """The reference over the whole horizon."""
+        """Return the reference in the chosen range of time."""
         if len(results) > 1:
             raise EqtError(f"figure '{self.name}' shows one reference at a time")
         return ShownReference(results[0], self.name, self.chosen)
@@ -344,21 +344,21 @@ class OfReference(Timed[ShownReference]):
 
 @dataclass(frozen=True)
 class OfTuning(Figure[ShownFronts]):
-    """A figure of what a search found, on its held-out runs."""
+    """A figure of the fronts of a search, on its held-out runs."""
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownFronts:
-        """The fronts of the laws."""
+        """Return the fronts of the laws."""
         return ShownFronts(self._only(results, "search"), self.name, self.chosen)
 
 
 @dataclass(frozen=True)
 class OfWorst(Figure[ShownWorst]):
-    """A figure of what a search for the worst run found."""
+    """A figure of a search for the worst run."""
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownWorst:
-        """The runs along each key."""
+        """Return the worst runs along each key."""
         return ShownWorst(self._only(results, "search"), self.name, self.chosen)
 
 
-# Beside the base class, so that a plugin that imports one is known to the other.
+# In this module, so that a plugin that imports the base class is registered here.
 figures = Registry("figure", "eqt_cli.plots.figures", Figure, "eqt.plots")

@@ -1,4 +1,4 @@
-"""The numbers behind the curves of a drawing; it knows no single figure and no file format."""
+"""Numbers behind the curves of a drawing; it knows no single figure and no file format."""
 
 import re
 import unicodedata
@@ -14,26 +14,26 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.layout import COLOUR_SCALE, NO_NUMBERS
 
 MOST_SAMPLES = 101
-"""Samples of a curve that are kept, at most: the first, the last, and others evenly between."""
+"""Most samples that are kept of a curve: the first, the last, and others evenly between."""
 
 _UNNAMED = re.compile(r"_child\d+")
-"""What Matplotlib calls a curve that nobody named."""
+"""Matplotlib's labels of unnamed curves."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """What one curve shows.
+    """Numbers of one curve.
 
     Attributes
     ----------
     panel
-        The name of its panel, unique in the figure.
+        Name of its panel, unique in the figure.
     name
-        Its own name, unique in the panel.
+        Name of the curve, unique in the panel.
     across, up
-        The scales with their units, as the drawing names them, in plain text.
+        Labels of the scales with their units, in plain text.
     x, y : (samples,)
-        The numbers, in these units; at most `MOST_SAMPLES`.
+        Numbers in these units; at most `MOST_SAMPLES`.
     """
 
     panel: str
@@ -45,9 +45,9 @@ class Curve:
 
 
 def curves(drawing: Drawing) -> list[Curve]:
-    """Lines, edges of bands, points and maps, panel by panel.
+    """Return lines, edges of bands, points and maps, panel by panel.
 
-    The time axis is named in the lowest panels only, the vertical one in the leftmost; the others
+    Only the lowest panels name the time axis, and the leftmost the vertical one; the other panels
     take the names from there.
     """
     kept = []
@@ -66,13 +66,13 @@ def curves(drawing: Drawing) -> list[Curve]:
 
 
 def plain(label: str) -> str:
-    r"""A label without its typesetting: ``‖τ‖ (N m)`` for ``$\|\tau\|$ $(\mathrm{N\,m})$``."""
+    r"""Strip a label of typesetting: ``‖τ‖ (N m)`` for ``$\|\tau\|$ $(\mathrm{N\,m})$``."""
     words = label.replace(r"\|", "‖").replace(r"\,", " ")
     return re.sub(r"[${}\\]", "", re.sub(r"\\([a-z]+)(?: (?=\w))?", _letter, words))
 
 
 def _letter(command: re.Match[str]) -> str:
-    r"""The Greek letter of a command such as ``\tau``; nothing for those that choose a font."""
+    r"""Return the Greek letter of a command such as ``\tau``; empty for commands of fonts."""
     name = command[1].upper().replace("LAMBDA", "LAMDA")
     try:
         return unicodedata.lookup(f"GREEK SMALL LETTER {name}")
@@ -81,7 +81,7 @@ def _letter(command: re.Match[str]) -> str:
 
 
 def _shown(axes: Axes) -> Iterator[tuple[str, Array, Array]]:
-    """Name and numbers of everything drawn in a panel."""
+    """Yield name and numbers of everything drawn in a panel."""
     for index, line in enumerate(axes.lines, start=1):
         x, y = map(_numbers, line.get_data(orig=False))
         yield _name(line.get_label(), f"line {index}"), x, y
@@ -109,7 +109,7 @@ def _name(label: object, otherwise: str) -> str:
 
 
 def _numbers(values: object) -> Array:
-    """Numbers, with NaN where Matplotlib masks them."""
+    """Return numbers, with NaN where Matplotlib masks them."""
     return np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
 
 

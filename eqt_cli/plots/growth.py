@@ -1,4 +1,4 @@
-"""The figure of a replay: how the error of the prediction grows with the horizon."""
+"""Figure of a replay: growth of the prediction error with the horizon."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ NAME = "replay"
 
 
 def save_growth(found: Growth, folder: Path) -> list[Path]:
-    """Draw the median with its quantiles, and the noise, a panel for each part, and write it.
+    """Draw and write the figure: median, quantiles and noise, a panel for each part.
 
     Raises
     ------

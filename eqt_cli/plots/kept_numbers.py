@@ -1,4 +1,4 @@
-"""Curves as a file to keep, and what has changed since; it knows no figure and no drawing."""
+"""Baseline files of curves, and differences from them; it knows no figure and no drawing."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -15,22 +15,22 @@ from eqt_cli.core.regular_files import content_of
 from eqt_cli.plots.curve_data import Curve
 
 TOLERANCE = 1e-6
-"""How far a curve may lie from its baseline, over the largest value of the baseline's panel.
+"""Largest difference of a curve from its baseline, over the largest value of the baseline's panel.
 
-Across as well as up: a box plot has its numbers there, and the path of a run in both directions.
-Of the panel, not of the curve: a component that is 0 but for rounding differs between processors by
-all that it is, and nobody sees it beside the others.
+It holds horizontally and vertically: a box plot has its numbers across, the path of a run both
+ways. The scale is the panel's, not the curve's: a component that is 0 but for rounding differs
+between processors by its whole size, which is invisible beside the others.
 
-The bound of a run's cross-check by the other engine: 1000 times the relative tolerance 1e-9 of the
-shipped experiments. Other processors and versions of the libraries round differently, and so move
-adaptive steps, by much less; no eye sees a thousandth of a panel.
+The value is the bound of the cross-check of a run by the other engine: 1000 times the relative
+tolerance 1e-9 of the shipped experiments. Other processors and versions of the libraries round
+differently, and so move adaptive steps, by much less; no eye sees a thousandth of a panel.
 """
 
 SMALLEST_SCALE = 1e-6
-"""The largest value that a panel of zeros is taken to have: 1e-12 in it is rounding."""
+"""Least scale of a panel, for panels of zeros: 1e-12 there is rounding."""
 
 MOST_BYTES = 256_000_000
-"""Of a file that is read."""
+"""Largest size of a file that is read, bytes."""
 
 DIGITS = 9
 """Significant digits that are kept, so that rounding is far below `TOLERANCE`."""
@@ -41,16 +41,16 @@ _TEXTS = ("panel", "name", "across", "up")
 
 @dataclass(frozen=True)
 class Check:
-    """How the curves of a figure compare with their baseline.
+    """Comparison of the curves of a figure with their baseline.
 
     Attributes
     ----------
     curves
-        How many are in both.
+        Number of curves in both.
     largest
-        The largest difference, over the largest value of its panel.
+        Largest difference, over the largest value of its panel.
     differences
-        What lies beyond `TOLERANCE`, or is in one of the two only; a sentence each.
+        Differences beyond `TOLERANCE`, and curves in one of the two only; a sentence each.
     """
 
     curves: int
@@ -59,12 +59,12 @@ class Check:
 
 
 def to_json(curves: Sequence[Curve]) -> bytes:
-    """The file's content: a line per name and per list of numbers, so that a diff can be read."""
+    """Return the content of the file, a line per name and list of numbers for readable diffs."""
     return b"[\n" + b",\n".join(_record(curve).encode() for curve in curves) + b"\n]\n"
 
 
 def read(path: Path) -> list[Curve]:
-    """Curves that `to_json` wrote.
+    """Read curves that `to_json` wrote.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def read(path: Path) -> list[Curve]:
 
 
 def compare(found: Sequence[Curve], baseline: Sequence[Curve]) -> Check:
-    """What differs between the curves of a drawing and those of its baseline."""
+    """Compare the curves of a drawing with those of its baseline."""
     new, old = ({(c.panel, c.name): c for c in curves} for curves in (found, baseline))
     both = [(new[key], old[key]) for key in old if key in new]
     texts = [f"{_named(old[key])}: is missing" for key in old if key not in new]
@@ -93,7 +93,7 @@ def compare(found: Sequence[Curve], baseline: Sequence[Curve]) -> Check:
 
 
 def _scales(curves: Sequence[Curve]) -> dict[str, tuple[float, float]]:
-    """The largest value of each panel, across and up."""
+    """Return the largest magnitudes of each panel, across and up."""
     scales: dict[str, tuple[float, float]] = {}
     for curve in curves:
         across, up = scales.get(curve.panel, (SMALLEST_SCALE, SMALLEST_SCALE))
@@ -102,7 +102,7 @@ def _scales(curves: Sequence[Curve]) -> dict[str, tuple[float, float]]:
 
 
 def _differences(new: Curve, old: Curve, across: float, up: float) -> Iterator[str]:
-    """What is wrong with one curve, whose panel has these scales."""
+    """Yield the differences of one curve, whose panel has these scales."""
     for place in ("across", "up"):
         got, expected = getattr(new, place), getattr(old, place)
         if got != expected:
@@ -136,7 +136,7 @@ def _named(curve: Curve) -> str:
 
 
 def _place(curve: Curve, index: int) -> str:
-    """Where a sample is: ``t = 2.5 s``."""
+    """Return the place of a sample: ``t = 2.5 s``."""
     symbol, _, unit = curve.across.removesuffix(")").partition(" (")
     return f"{symbol or 'x'} = {curve.x[index]:.{DIGITS}g} {unit}".rstrip()
 
@@ -146,7 +146,7 @@ def _span(x: Array) -> str:
 
 
 def _comparable(new: Curve, old: Curve) -> bool:
-    """Whether both have as many samples."""
+    """Whether both have the same number of samples."""
     return new.x.shape == old.x.shape
 
 
@@ -155,9 +155,9 @@ def _size(values: Array) -> float:
 
 
 def _error(new: Array, old: Array) -> Array:
-    """Difference at every sample; infinite where one of the two has no number.
+    """Return the difference at every sample; infinite where only one of the two is finite.
 
-    Files have numbers only, so what is infinite in a figure is none here.
+    Files hold finite numbers only, so an infinite value of a figure counts as missing.
     """
     seen = np.isfinite(new), np.isfinite(old)
     error = np.abs(np.subtract(new, old, out=np.zeros(new.shape), where=seen[0] & seen[1]))
@@ -165,7 +165,7 @@ def _error(new: Array, old: Array) -> Array:
 
 
 def _largest(new: Curve, old: Curve, across: float, up: float) -> float:
-    """The largest difference, across or up, over the scale of the panel in that direction."""
+    """Return the largest difference, across or up, over the panel's scale in that direction."""
     pairs = ((new.x, old.x, across), (new.y, old.y, up))
     return max(float(np.max(_error(x, kept), initial=0.0)) / scale for x, kept, scale in pairs)
 

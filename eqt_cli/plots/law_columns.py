@@ -1,4 +1,4 @@
-"""A grid of panels over time: what is shown downwards, and a column for each law."""
+"""Grid of panels over time: a row for each quantity, and a column for each law."""
 
 from collections.abc import Callable, Sequence
 
@@ -17,15 +17,15 @@ from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
 MOST: dict[Width, int] = {"column": 4, "page": 8, "slide": 6}
-"""Laws side by side."""
+"""Most laws side by side."""
 
 _BESIDE = 0.7
-"""in, of the labels beside the first column, and between columns."""
+"""Width of the labels beside the first column and of the gaps between columns, in."""
 _TALLEST = 5.0
-"""in, of all rows."""
+"""Largest height of all rows together, in."""
 
 Row = dict[str, Axes]
-"""The panels of a row by the labels of the laws."""
+"""Panels of a row, by label of the law."""
 
 
 def law_columns(
@@ -34,19 +34,19 @@ def law_columns(
     rows: Sequence[str],
     shows: Callable[[str, Ensemble], bool] = lambda row, law: True,
 ) -> tuple[Drawing, dict[str, Row]]:
-    """The panels of each row, which have one scale; its first panel carries it.
+    """Return the figure and the panels of each row, which share the scale of its first panel.
 
     Parameters
     ----------
     rows
-        Their names.
+        Names of the rows.
     shows
         Whether a row shows a law.
 
     Raises
     ------
     EqtError
-        If there are more laws than have room.
+        If there is no room for so many laws.
     """
     laws = runs.shown
     if len(laws) > MOST[width]:

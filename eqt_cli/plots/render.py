@@ -1,4 +1,4 @@
-"""From results to the files of one figure; it knows no single figure."""
+"""Rendering of results to the files of one figure; it knows no single figure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -25,9 +25,9 @@ Choice = TypeVar("Choice", bound=str)
 
 FORMATS: tuple[Format, ...] = get_args(Format)
 DRAWN = "figures drawn"
-"""What is counted while they are."""
+"""Name of the progress count of figures."""
 NUMBERS: Literal["json"] = "json"
-"""The format that is no picture, but the numbers behind the curves."""
+"""Format of the numbers behind the curves, instead of a picture."""
 
 
 def render(
@@ -49,24 +49,25 @@ def render(
     Parameters
     ----------
     results
-        Open; one, or several to show side by side. Or an experiment, for figures that need no run.
+        Open results to show side by side; or an experiment, for figures without runs.
     figure_name
-        One of `eqt_cli.plots.figures`.
+        Name of a figure in `eqt_cli.plots.figures`.
     width
         One ``column`` of a journal (3.5 in), the ``page`` (7.16 in) or a ``slide`` (13.3 in).
     options
-        The fields of the figure to set, as data from a configuration or a command line.
+        Fields of the figure to set, as data from a configuration or a command line.
     style
-        The look.
+        Style of the figure.
     alongside
-        What some figures show beside the results.
+        Data that some figures show beside the results.
     caption
-        Write the remarks to ``<folder>/<figure_name>-caption.tex``, and not below the panels.
+        Whether to write the remarks to ``<folder>/<figure_name>-caption.tex``, and not below the
+        panels.
 
     Returns
     -------
     list of Path
-        The files, in the order of `formats`; then that of the caption.
+        The files, in the order of `formats`; then the caption's.
 
     Raises
     ------
@@ -104,12 +105,12 @@ def render(
 
 
 def caption_name(figure: str) -> str:
-    """The name of the file with the caption of a figure."""
+    """Return the file name of the caption of a figure."""
     return f"{figure}-caption.tex"
 
 
 def as_caption(remarks: Sequence[str], title: str) -> bytes:
-    r"""Remarks as sentences for ``\input`` within ``\caption``, under a comment that says whose."""
+    r"""Return remarks as sentences to ``\input`` in a ``\caption``, under a titled comment."""
     return f"% caption by eqt: {title}\n{' '.join(map(sentence, remarks))}%\n".encode()
 
 
@@ -126,7 +127,7 @@ def check(
     ------
     EqtError
         If there is no such figure or option, the result lacks what the figure shows, its numbers
-        are no numbers to keep, or there is no such file, which `render` writes as format ``json``.
+        are rounding errors, or there is no such file, which `render` writes as format ``json``.
     """
     figure = figure_from(figure_name, options or {})
     if isinstance(figure, OfCertificates):
@@ -149,7 +150,7 @@ def _digest(one: Result | Experiment) -> str:
 
 
 def options_of(name: str) -> list[str]:
-    """The options of a figure.
+    """Return the names of the options of a figure.
 
     Raises
     ------
@@ -160,22 +161,22 @@ def options_of(name: str) -> list[str]:
 
 
 def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
-    """The figure of this name with these options.
+    """Return the figure of this name with these options.
 
     Raises
     ------
     EqtError
-        If there is no such figure or option, or an option cannot have its value.
+        If there is no such figure or option, or the value of an option is invalid.
     """
     problems = Problems(lambda path: f"figure '{name}'")
     figure: Figure[Any] | None = validated(figures.get(name), options, problems)
     problems.raise_if_any()
-    assert figure is not None  # since there are no problems
+    assert figure is not None  # no problems were found
     return figure
 
 
 def _one_of(what: str, given: str, known: Sequence[Choice]) -> Choice:
-    """The one of the known words that was given."""
+    """Return the given word if it is known; else raise an error."""
     for word in known:
         if word == given:
             return word

@@ -1,4 +1,4 @@
-"""Drawings as files that are equal, byte for byte, whenever they are made; it knows no result."""
+"""Reproducible files of drawings, equal byte for byte; it knows no result."""
 
 import logging
 import os
@@ -26,7 +26,7 @@ Format = Literal["pdf", "svg", "png"]
 _DATE = "SOURCE_DATE_EPOCH"
 
 _SIZE = re.compile(rb'(?<= )(width|height)="([0-9.]+)pt"')
-"""Those of the whole are the first in an SVG file."""
+"""Width or height in an SVG file; those of the whole picture come first."""
 
 _MAKER = f"eqt {__version__}"
 
@@ -38,9 +38,9 @@ def encode(
     description: str = "",
     style: Style = HOUSE,
 ) -> bytes:
-    """The content of a file, in the style of the drawing, whose panels are arranged for good.
+    """Return the content of a file of a drawing, in its style; its panels are frozen already.
 
-    It holds no date and no random name.
+    The content holds no date and no random name.
     """
     buffer = BytesIO()
     times = ENLARGED[style.width]
@@ -57,17 +57,18 @@ def encode(
 
 
 def check_targets(paths: Iterable[Path], home: Path) -> None:
-    """Refuse to write where it would fail, or replace what is not eqt's; for before the work.
+    """Refuse, before the work, to write where it would fail or replace what is not eqt's.
 
     Parameters
     ----------
     home
-        The folder below which no link is followed.
+        Folder below which no link is followed.
 
     Raises
     ------
     EqtError
-        If one of them is a folder, a link or a file that eqt did not write, or its folder is none.
+        If a path is a folder, a link or a file that eqt did not write, or its parent is no folder
+        that can be written to.
     """
     for path in paths:
         with refusals(path, "written", OTHER_FOLDER):
@@ -88,12 +89,12 @@ def check_targets(paths: Iterable[Path], home: Path) -> None:
 
 
 def write(contents: Mapping[Path, bytes], home: Path) -> None:
-    """Write files, each in one step that either happens or does not; folders are made.
+    """Write each file atomically; missing folders are made.
 
     Parameters
     ----------
     home
-        As of `check_targets`.
+        Folder below which no link is followed.
 
     Raises
     ------
@@ -108,18 +109,18 @@ def write(contents: Mapping[Path, bytes], home: Path) -> None:
 
 
 def _arranged() -> AbstractContextManager[None]:
-    """Not in the layout of the style: for that, Matplotlib draws everything twice."""
+    """Switch off the layout of the style, for which Matplotlib draws everything twice."""
     return rc_context({"figure.constrained_layout.use": False})
 
 
 def _enlarged(svg: bytes, times: float) -> bytes:
-    """The same picture so many times as large."""
+    """Return the picture enlarged by a factor."""
     return _SIZE.sub(lambda size: b'%s="%gpt"' % (size[1], times * float(size[2])), svg, count=2)
 
 
 @contextmanager
 def _larger_pages(times: float) -> Iterator[None]:
-    """Make the pages of PDF files so many times as large, with all that is on them."""
+    """Enlarge the pages of PDF files by a factor, with all that is on them."""
     from matplotlib.backends.backend_pdf import Op, PdfFile  # slow to import
 
     file: Any = PdfFile
@@ -139,7 +140,7 @@ def _larger_pages(times: float) -> Iterator[None]:
 
 @contextmanager
 def _without_date() -> Iterator[None]:
-    """Matplotlib reads a date of builds from a variable, also where a file is to hold none."""
+    """Hide the build date variable, which Matplotlib reads even if a file is to hold no date."""
     given = os.environ.pop(_DATE, None)
     try:
         yield
@@ -150,7 +151,7 @@ def _without_date() -> Iterator[None]:
 
 @contextmanager
 def _quiet_font_tools() -> Iterator[None]:
-    """Keep remarks on the dates inside of Matplotlib's own fonts from the user."""
+    """Silence remarks on the dates inside of Matplotlib's own fonts."""
     log = logging.getLogger("fontTools")
     level = log.level
     log.setLevel(logging.ERROR)
@@ -164,13 +165,13 @@ def _quiet_font_tools() -> Iterator[None]:
 def _steady_names_of_fonts() -> Iterator[None]:
     """Name the subsets of fonts in PDF files after their content.
 
-    Matplotlib takes a hash of Python, which differs between processes, for the fonts of TeX.
+    For fonts of TeX, Matplotlib uses Python's hash, which differs between processes.
     """
     from matplotlib.backends.backend_pdf import PdfFile  # slow to import
 
     file: Any = PdfFile
     own = getattr(file, "_get_subset_prefix", None)
-    if own is None:  # before Matplotlib 3.10, which embeds fonts of TeX whole
+    if own is None:  # Matplotlib before 3.10 embeds fonts of TeX whole
         yield
         return
 
@@ -195,5 +196,5 @@ def _metadata(format: Format, title: str, description: str) -> dict[str, str | N
 
 
 def _printable(text: str) -> str:
-    """Text without control characters, which XML has no way to write."""
+    """Return text without control characters, which XML cannot hold."""
     return "".join(character if character.isprintable() else " " for character in text)

@@ -1,7 +1,7 @@
-"""A program as a function in C: one line for each value, with no memory, branch or loop.
+"""A program as a function in C: one line for each value, without memory, branches or loops.
 
-It is written in the common subset of C99 and C++, in the types and functions of two headers. Where
-the compiler may not contract operations (``-ffp-contract=off``), they round as IEEE 754 says.
+It is written in the common subset of C99 and C++, in the types and functions of two headers. If
+the compiler may not contract operations (``-ffp-contract=off``), they round as in IEEE 754.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from pathlib import Path
 from eqt_cli.program.program import COMPARISONS, Constant, Input, Program
 
 LANES_HEADER = Path(__file__).with_name("lanes.h")
-"""The numbers of programs, one or several side by side; it is included before them."""
+"""Header of the number type, one or several numbers side by side; it precedes programs."""
 
 FUNCTIONS_HEADER = Path(__file__).with_name("functions.h")
-"""The elementary functions of programs; it is included behind `LANES_HEADER`."""
+"""Header of the elementary functions of programs; it follows `LANES_HEADER`."""
 
 _INFIX = {"add": "+", "subtract": "-", "multiply": "*", "divide": "/"}
 
 
 def c_function(program: Program, name: str) -> str:
-    """The definition of a function that does what a program does.
+    """Return the definition of a C function for a program.
 
     It takes a pointer ``in_GROUP`` for each group of inputs, then ``out_NAME`` for each output, in
-    their order. Outputs must not lie where inputs do. Elementary functions have the names of the
-    program, with ``eqt_`` before them.
+    their order. Outputs must not overlap inputs. Elementary functions have the names of the
+    program, prefixed with ``eqt_``.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def _definition(program: Program, place: int) -> str:
 
 
 def _literal(number: float) -> str:
-    """A number in C: its shortest digits, which compilers read as this very double."""
+    """Return a number in C: its shortest digits, which compilers read as the same double."""
     if math.isfinite(number):
         return repr(number)
     return "EQT_NAN" if math.isnan(number) else f"{'-' * (number < 0)}EQT_INFINITY"

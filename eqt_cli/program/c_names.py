@@ -1,4 +1,4 @@
-"""Names as C spells them: letters of ASCII, digits and underscores, and none of its own words."""
+"""Names that are valid in C: ASCII letters, digits and underscores, and no keywords."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ KEYWORDS = frozenset(
     "mutable namespace new operator private protected public template this throw true try typeid "
     "typename using virtual real".split()
 )
-"""Words of C and C++, and the type of the exported numbers."""
+"""Keywords of C and C++, and the type of the exported numbers."""
 
 
 def c_name(text: str) -> str:
-    """A name in C for a text: the text itself where it is one."""
+    """Return a name in C for a text: the text itself if it is one."""
     name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") if not _is_name(text) else text
     if not name or name[0].isdigit():
         name = f"n_{name}".rstrip("_")
@@ -24,7 +24,7 @@ def c_name(text: str) -> str:
 
 
 def distinct(texts: Iterable[str], taken: Collection[str] = ()) -> list[str]:
-    """Names in C for texts, no two alike and none of those that are taken."""
+    """Return distinct names in C for texts, none of which is taken."""
     found: list[str] = []
     for text in texts:
         name, number = c_name(text), 1

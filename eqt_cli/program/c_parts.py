@@ -1,4 +1,4 @@
-"""Picks from a header the definitions that a text in C needs, and what these need in turn."""
+"""Selection of the definitions in a header that a text in C needs, directly or indirectly."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from eqt_cli.program.c_code import FUNCTIONS_HEADER, LANES_HEADER
 
 FLOAT_HEADER = Path(__file__).with_name("float_functions.h")
-"""The types and functions of programs in float."""
+"""Header of the types and functions of programs in float."""
 
 _DEFINED = re.compile(
     r"^#define (\w+)|^(?:EQT_INLINE|EQT_RARE)[\w ]* \*?(\w+)\(|^static const \w+ (\w+)\["
@@ -23,16 +23,16 @@ _CONDITION = re.compile(r"#(if|ifdef|ifndef|elif|else|endif)\b(.*)")
 
 
 def headers(real: str) -> str:
-    """The types and all functions of programs in ``double`` or ``float``, of one number each."""
+    """Return the types and functions of programs in ``double`` or ``float``, with one lane."""
     paths = [FLOAT_HEADER] if real == "float" else [LANES_HEADER, FUNCTIONS_HEADER]
     texts = [path.read_text(encoding="utf-8") for path in paths]
     return "\n".join(map(_of_one_lane, texts))
 
 
 def needed(text: str, header: str) -> str:
-    """The definitions of a header that a text needs, in the order of the header.
+    """Return the definitions of a header that a text needs, in the order of the header.
 
-    What the text defines itself is not needed.
+    Names that the text defines itself are left out.
     """
     own = set(_defined(text))
     units = [unit for unit in _units(header) if not own.intersection(_defined(unit))]
@@ -50,7 +50,7 @@ def _defined(text: str) -> Iterator[str]:
 
 
 def _units(header: str) -> Iterator[str]:
-    """The definitions of a header, each with the comment before it."""
+    """Yield the definitions of a header, each with the comment before it."""
     lines: list[str] = []
     depth = conditions = 0
     comment = False
@@ -73,8 +73,8 @@ def _units(header: str) -> Iterator[str]:
 
 
 def _of_one_lane(header: str) -> str:
-    """A header without guard and includes, its choices by the number of lanes made for one."""
-    branches: list[str] = []  # the conditions around a line, and what becomes of what is in them
+    """Return a header for one lane, without guard, includes and conditions on the lanes."""
+    branches: list[str] = []  # the fate of each condition around a line
     kept = [
         line
         for line in header.splitlines()
@@ -84,7 +84,7 @@ def _of_one_lane(header: str) -> str:
 
 
 def _stays(line: str, branches: list[str]) -> bool:
-    """Whether a line stays; a condition begins, changes or ends the last of the branches."""
+    """Return whether a line stays; a condition begins, changes or ends the last branch."""
     match = _CONDITION.match(line)
     skipped = "skipped" in branches
     if match is None:

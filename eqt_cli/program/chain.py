@@ -1,7 +1,7 @@
-"""Programs that are done one after the other, as one: each computes just what it computes alone.
+"""A chain of programs, executed one after the other, as one program.
 
-Nothing is simplified across their border, so that what one of them returns has the same bits in the
-chain as by itself. Equal operations are still one.
+Nothing is simplified across their borders, so that the outputs of each have the same bits in the
+chain as alone. Equal operations are still merged.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import TypeAlias
 from eqt_cli.program.program import Constant, Input, Operation, Output, Program, Value
 
 Places: TypeAlias = list[int]
-"""Where the numbers of a group stand in a chain."""
+"""The places of the numbers of a group in a chain."""
 
 
 class Chain:
-    """A program in the making.
+    """A program under construction.
 
     Parameters
     ----------
@@ -30,16 +30,16 @@ class Chain:
         self._places: dict[object, int] = {}
 
     def given(self, group: str, entries: slice = slice(None)) -> Places:
-        """Some of a group of inputs."""
+        """Return the places of some of a group of inputs."""
         numbers = range(self._inputs[group])[entries]
         return [self._place(Input(group, number)) for number in numbers]
 
     def constant(self, number: float) -> Places:
-        """One number."""
+        """Return the place of a constant."""
         return [self._place(Constant(number))]
 
     def then(self, program: Program, given: Mapping[str, Sequence[int]]) -> dict[str, Places]:
-        """Do a program with these numbers for its inputs; what it returns, by name."""
+        """Append a program with these places as inputs; return those of its outputs, by name."""
         places: list[int] = []
         for value in program.values:
             if isinstance(value, Input):
@@ -52,7 +52,7 @@ class Chain:
         return {each.name: [places[entry] for entry in each.entries] for each in program.outputs}
 
     def program(self, outputs: Mapping[str, tuple[tuple[int, ...], Sequence[int]]]) -> Program:
-        """The program, with these shapes and places of what it returns."""
+        """Return the program whose outputs have these shapes and places."""
         needed = {place for _, entries in outputs.values() for place in entries}
         for place in reversed(range(len(self._values))):
             value = self._values[place]
@@ -72,7 +72,7 @@ class Chain:
         return Program(tuple(self._inputs.items()), values, found)
 
     def _place(self, value: Value) -> int:
-        # As keys, 0.0 would be -0.0, and nan would not be nan.
+        # As keys, 0.0 and -0.0 would be equal, and nan would differ from nan.
         key = value.number.hex() if isinstance(value, Constant) else value
         if key not in self._places:
             self._places[key] = len(self._values)

@@ -1,4 +1,4 @@
-"""What a program returns in decimal numbers of many digits: the exact result, for rounded ones."""
+"""Evaluation of programs in decimals of many digits, to which rounded results are compared."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.program.program import COMPARISONS, Constant, Input, Program
 
 DIGITS = 60
-"""Of every operation, so that some 40 are left where a state is near a singularity."""
+"""Digits of every operation, so that some 40 are left where a state is near a singularity."""
 
 
 def evaluated(program: Program, inputs: Mapping[str, Array]) -> dict[str, list[Decimal]]:
-    """What a program returns of doubles, entry by entry; NaN where that is no number.
+    """Return the outputs of a program for doubles, entry by entry; NaN where undefined.
 
-    Values that nothing chooses may be undefined.
+    Values that no `select` chooses may be undefined.
     """
     values: list[Any] = []
     with localcontext(Context(prec=DIGITS, traps=[], Emin=-(10**6), Emax=10**6)):
@@ -39,12 +39,12 @@ def _less(a: Decimal, b: Decimal) -> bool:
 
 
 def _pi() -> Decimal:
-    """By Machin's formula."""
+    """Return π by Machin's formula."""
     return 4 * (4 * _arctangent(Decimal(1) / 5) - _arctangent(Decimal(1) / 239))
 
 
 def _arctangent(x: Decimal) -> Decimal:
-    """Of a number between -1/2 and 1/2, by its series."""
+    """Return the arctangent of a number between -1/2 and 1/2, by its series."""
     power, total, n = x, x, 1
     while abs(power) > Decimal(10) ** -(DIGITS + 5) * abs(x):
         power, n = -power * x * x, n + 2
@@ -63,7 +63,7 @@ def _atan(x: Decimal) -> Decimal:
 
 
 def _turned(x: Decimal) -> tuple[Decimal, Decimal]:
-    """Sine and cosine."""
+    """Return sine and cosine."""
     if not x.is_finite():
         return Decimal("nan"), Decimal("nan")
     turn = 2 * _pi()

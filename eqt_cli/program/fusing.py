@@ -1,4 +1,4 @@
-"""Products that occur in one sum only, fused with it: a b + c rounded once, in one instruction."""
+"""Fused multiply-add: products that occur in one sum only become a b + c, rounded once."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ class _Fused(NamedTuple):
 
 
 def fused(program: Program) -> Program:
-    """The program with ``fma`` operations, a b + c; its values differ by rounding.
+    """Return the program with ``fma`` operations, a b + c; its values differ by rounding.
 
-    Fused are products that one sum or difference needs and nothing else; of two in a sum, the one
-    that is computed later.
+    Products are fused that only one sum or difference needs; of two in a sum, the later one.
     """
     chosen = _chosen(program)
     left_out = {each.product for each in chosen.values()}
@@ -54,7 +53,7 @@ def fused(program: Program) -> Program:
 
 
 def _chosen(program: Program) -> dict[int, _Fused]:
-    """The sums and differences that are to be fused, by their places."""
+    """Return the sums and differences to fuse, by their places."""
     used = Counter(place for output in program.outputs for place in output.entries)
     for value in program.values:
         if isinstance(value, Operation):

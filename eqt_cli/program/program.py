@@ -1,4 +1,4 @@
-"""A straight-line program: inputs, then operations one after another, and what it returns."""
+"""A straight-line program: inputs, then operations one after another, and outputs."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ class Input(NamedTuple):
 
 
 class Constant(NamedTuple):
-    """A number that is the same whatever the inputs are."""
+    """A number that does not depend on the inputs."""
 
     number: float
 
 
 class Operation(NamedTuple):
-    """An operation on values that stand before it, by their places in the program.
+    """An operation on earlier values, by their places in the program.
 
-    Its name is ``add``, ``subtract``, ``multiply``, ``divide``, ``negative`` or ``pow``, that of an
-    elementary function such as ``sin``, one of `COMPARISONS`, or ``select``: its second operand
-    where the comparison that is its first holds, else its third. Where products are fused, it may
-    be ``fma``, a b + c.
+    Its name is ``add``, ``subtract``, ``multiply``, ``divide``, ``negative`` or ``pow``, an
+    elementary function such as ``sin``, one of `COMPARISONS`, or ``select``: its second operand if
+    its first, a comparison, holds, else its third. If products are fused, it may be ``fma``,
+    a b + c.
     """
 
     name: str
@@ -40,7 +40,7 @@ COMPARISONS = ("less", "smooth_less")
 
 
 class Output(NamedTuple):
-    """An array that a program returns: its entries, row by row, by their places."""
+    """An output array of a program: its entries, row by row, by their places."""
 
     name: str
     shape: tuple[int, ...]
@@ -49,17 +49,17 @@ class Output(NamedTuple):
 
 @dataclass(frozen=True)
 class Program:
-    """What a function does with its numbers; equal programs do the same.
+    """The operations of a function on its numbers; equal programs compute the same.
 
     Attributes
     ----------
     inputs
         The name and the length of each group of inputs.
     values
-        In the order in which they are computed. No two are equal, and all of them are needed. Those
-        that are needed for one value stand together, so that few have to be kept at a time.
+        Values in the order of computation. No two are equal, and all are needed. Those needed for
+        one value stand together, so that few are kept at a time.
     outputs
-        What it returns.
+        The arrays that it returns.
     """
 
     inputs: tuple[tuple[str, int], ...]
@@ -68,11 +68,11 @@ class Program:
 
     @cached_property
     def operations(self) -> int:
-        """How many operations it has."""
+        """The number of operations."""
         return sum(isinstance(value, Operation) for value in self.values)
 
     def operands_of(self, name: str) -> list[tuple[int, ...]]:
-        """The operands of every operation of this name, in the order of the program."""
+        """Return the operands of every operation of this name, in the order of the program."""
         return [
             value.operands
             for value in self.values
@@ -80,7 +80,7 @@ class Program:
         ]
 
     def following_from(self, name: str) -> set[int]:
-        """The places of all values that an operation of this name has a part in."""
+        """Return the places of all values that depend on an operation of this name."""
         found: set[int] = set()
         for place, value in enumerate(self.values):
             if isinstance(value, Operation) and (

@@ -1,6 +1,6 @@
-"""Numbers that follow from the samples of a run, by a program that is given one after the other.
+"""Numbers of a run, computed by a program that takes its samples one after the other.
 
-What has to be known of the samples before is the program's memory: an input, and an output.
+The program's memory, an input and an output, holds the required data of earlier samples.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from eqt_cli.core.over_time import Cut, OverTime
 
 
 class Memory:
-    """What a program keeps from sample to sample, and the numbers that belong to each sample.
+    """Memory of a program from sample to sample, and the numbers that belong to each sample.
 
     Parameters
     ----------
     given
-        Symbols of the memory as it is before a sample.
+        Symbols of the memory before a sample.
     at_sample
         Symbols of numbers that follow from the sample times alone.
     ended
-        Whether the memory is that behind the last sample, so that nothing is added to it.
+        Whether the memory is that after the last sample, so that nothing is added to it.
 
     Attributes
     ----------
     after
-        Symbols of the memory behind the sample.
+        Symbols of the memory after the sample.
     starts
-        What it is before the first sample.
+        Values of the memory before the first sample.
     columns : (samples,) each
         The numbers that belong to the samples.
     """
@@ -44,7 +44,7 @@ class Memory:
         self.columns: list[Array] = []
 
     def keep(self, start: float, following: Callable[[Any], Any]) -> Any:
-        """A number that follows from itself and the sample; an array with one run."""
+        """Return a number that is updated from itself and the sample; an array with one run."""
         before = self._given[len(self.after)]
         after = before if self._ended else np.asarray(following(np.array([before]))).item()
         self.starts.append(start)
@@ -52,7 +52,7 @@ class Memory:
         return np.array([after])
 
     def column(self, values: Array) -> Any:
-        """A number that belongs to each sample."""
+        """Return the symbol of a number that belongs to each sample."""
         for place, known in enumerate(self.columns):
             if np.array_equal(known, values):
                 return self._at_sample[place]
@@ -61,12 +61,12 @@ class Memory:
 
 
 class Running(OverTime):
-    """The sample at hand, with a memory of those before it.
+    """The current sample, with a memory of earlier ones.
 
     Parameters
     ----------
     inside
-        Which samples of the memory's these are; all by default.
+        Flags of the samples considered, among those of the memory; all by default.
     """
 
     def __init__(self, times: Array, memory: Memory, inside: Array | None = None) -> None:
@@ -98,7 +98,7 @@ class Running(OverTime):
         self._all_inside()
 
         def larger(found: Any) -> Any:
-            # Neither is less where one of them is no number; it stays.
+            # No comparison with NaN holds, so that NaN persists.
             return where(less(found, np.inf), where(less(values, found), found, values), found)
 
         return self._memory.keep(-np.inf, larger)

@@ -1,9 +1,9 @@
-"""Symbols that stand for numbers while a function runs, and note what it does with them.
+"""Symbols that stand for numbers while a function runs, and record its operations.
 
 Equal operations on equal symbols are one symbol. Sums and products have their arguments in a fixed
 order; 0 and ±1 in them leave no operation, and signs move to where they cost none. All of this is
-exact but for the sign of a zero and for 0 times what is not finite. Nothing is regrouped, so that
-what is computed rounds as the function itself does.
+exact but for the sign of a zero and for 0 times a number that is not finite. Nothing is regrouped,
+so that the program rounds as the function itself does.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class Symbol:
     trace
         All symbols of the program.
     index
-        How many symbols there were before it.
+        Number of symbols created before it.
     depth
-        How many operations follow each other up to it, at most.
+        Length of the longest chain of operations that leads to it.
     name, operands
         The operation; inputs and constants have no operands.
     number
@@ -81,10 +81,10 @@ class Symbol:
 
 
 class _Trace(dict[Any, Symbol]):
-    """All symbols of a program, by what makes them equal."""
+    """All symbols of a program, by keys that equal symbols share."""
 
     def constant(self, number: float) -> Symbol:
-        # As keys, 0.0 would be -0.0, and nan would not be nan.
+        # As keys, 0.0 and -0.0 would be equal, and nan would differ from nan.
         key = number if number and number == number else number.hex()
         found = self.get(key)
         if found is None:
@@ -103,7 +103,7 @@ _NUMBERS = int, float, np.number
 
 
 def _of_both(function: Callable[[Symbol, Symbol], Symbol], a: Symbol, b: Any) -> Any:
-    """A function of a symbol and a symbol or number; of anything else that itself decides."""
+    """Apply a function to a symbol and a symbol or number; defer to operands of other types."""
     if isinstance(b, Symbol):
         return function(a, b)
     if isinstance(b, _NUMBERS):
@@ -183,7 +183,7 @@ def _quotient(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _power(base: Symbol, exponent: Symbol) -> Symbol:
-    """A whole power as products, which are right at 0, too, where the series of others is not."""
+    """Return a power; whole ones are products, whose series is also right at 0."""
     number, one = exponent.number, base.trace.constant(1.0)
     if number == 0.5:
         return base.trace.operation("sqrt", base)
@@ -200,7 +200,7 @@ def _power(base: Symbol, exponent: Symbol) -> Symbol:
 
 
 def _in_order(a: Symbol, b: Symbol) -> tuple[Symbol, Symbol]:
-    """The operands of what may be swapped: a constant first, then those that are older."""
+    """Return the operands of a commutative operation: a constant first, then the older one."""
     if a.number is None and (b.number is not None or b.index < a.index):
         return b, a
     return a, b
@@ -224,7 +224,7 @@ def _chosen(condition: Any, a: Any, b: Any) -> Symbol:
 
 
 def _symbols(*values: Any) -> list[Symbol]:
-    """Symbols and numbers, at least one of them a symbol, as symbols."""
+    """Return symbols and numbers, at least one of them a symbol, as symbols."""
     trace = next(value.trace for value in values if isinstance(value, Symbol))
     return [
         value if isinstance(value, Symbol) else trace.constant(float(value)) for value in values
@@ -248,7 +248,7 @@ register_symbols(
 def traced(
     function: Callable[[dict[str, Array]], Mapping[str, Array]], inputs: Mapping[str, int]
 ) -> Program:
-    """The program of a function.
+    """Trace a function to a program.
 
     Parameters
     ----------
@@ -291,9 +291,9 @@ def traced(
 
 
 def _needed(roots: list[Symbol]) -> list[Symbol]:
-    """The symbols that others need, each as late as it can stand in a walk from the roots.
+    """Return the symbols that the roots need, each as late as possible in a walk from the roots.
 
-    Of two operands the one with more before it comes first: then less waits for the other.
+    Of two operands the deeper one comes first: then fewer values wait for the other.
     """
     found: dict[Symbol, None] = {}
     left = roots[::-1]

@@ -1,4 +1,4 @@
-"""One run as a page that plays it: bodies against the reference, error and torque as they go."""
+"""Page that plays one run: bodies against the reference, tracking error and torque over time."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -26,16 +26,16 @@ from eqt_cli.results.quantity import plain
 from eqt_cli.results.result import Result
 
 SAMPLES = 401
-"""Samples of the run that the page holds, at most; it interpolates between them."""
+"""Maximum number of samples of the run in the page, which interpolates between them."""
 
 
 def animation(result: Result, run: int, controllers: Sequence[str] = ()) -> str:
-    """The page; it needs no network and no other file.
+    """Return the page that plays a run; it needs no network and no other file.
 
     Parameters
     ----------
     run, controllers
-        As in `motion`.
+        Run and controllers, as in `motion`.
 
     Raises
     ------
@@ -101,10 +101,10 @@ def _course(course: Course, kept: Array, shown: Motion) -> dict[str, Any]:
 
 
 def _places(track: Array, shown: Motion) -> list[list[float | None]]:
-    """Places over time; none where nothing moves, and all are the origin."""
+    """Return positions over time; none if nothing translates, since all are the origin."""
     return [_rounded(place) for place in track] if shown.has_translation else []
 
 
 def _rounded(values: Array) -> list[float | None]:
-    """Four decimals or digits, which no eye tells apart; None where there is no number."""
+    """Round to four significant digits, enough for the eye; None for NaN and infinity."""
     return [float(f"{v:.4g}") if np.isfinite(v) else None for v in values]

@@ -1,4 +1,4 @@
-"""A result as one HTML page that needs no network and no other file."""
+"""Report on a result as one HTML page that needs no network and no other file."""
 
 import re
 from base64 import b64encode
@@ -32,11 +32,11 @@ from eqt_cli.tuning.tables import tuning_tables
 from eqt_cli.tuning.worst_tables import worst_tables
 
 RANKS = ("mean_pose_error", "early_torque")
-"""Numbers by which the run that is animated is the median one; the first that is stored."""
+"""Metrics by which the median run is animated; the first that is stored is used."""
 
 
 MOST_PAIRS = 24
-"""Paired differences that a page shows; more are folded."""
+"""Maximum number of paired differences that a page shows unfolded."""
 
 OPTIONAL = (
     "best",
@@ -50,14 +50,14 @@ OPTIONAL = (
     "picker",
     "animation",
 )
-"""Parts that a page may lack, since they are of sweeps or of single experiments."""
+"""Parts of a page that only sweeps or only single experiments have."""
 
 
 SEARCHED = (
     (TUNE, "Tuned", "Tuned laws on held-out runs", tuning_tables),
     (WORST, "Worst runs", "The worst runs that were found", worst_tables),
 )
-"""Searches: what is searched for, the section in short and in full, and its tables."""
+"""Searches: kind, short and full title of the section, and its tables."""
 
 
 def report(
@@ -70,25 +70,25 @@ def report(
     title: str = "",
     date: str = "",
 ) -> str:
-    """The page about an experiment or a sweep.
+    """Return the page about an experiment or a sweep.
 
-    Equal results give equal pages: it holds no date but those of the result.
+    Equal results give equal pages: the page holds no date but those of the result.
 
     Parameters
     ----------
     result
-        Open.
+        Open result.
     wanted
-        The figures, by default those of its kind; what cannot be drawn of this result is left out,
-        with a remark.
+        Figures, by default those of its kind; those that cannot be drawn are omitted, with a
+        remark.
     certificates
-        What the verification of the result found.
+        Rows found by the verification of the result.
     unverified
-        Why there are no certificates, if there are none.
+        Reason why there are no certificates, if there are none.
     author, notes
-        Who answers for the page, and remarks for its reader; blank lines part their paragraphs.
+        Author of the page, and remarks for its reader; blank lines separate paragraphs.
     title, date
-        Of the page; without, the name of the experiment, and the day on which it was run.
+        Title and date of the page; by default the name of the experiment and the day of the run.
     """
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown, certificates)
@@ -122,7 +122,7 @@ def report(
 
 
 def _default(result: Result) -> Sequence[Wanted]:
-    """The figures of a result of its kind."""
+    """Return the default figures for the kind of the result."""
     if WORST.beside(result):
         return (Wanted("worst"),)
     if _has_fronts(TUNE.beside(result)):
@@ -136,7 +136,7 @@ def _default(result: Result) -> Sequence[Wanted]:
 
 
 def _has_fronts(record: dict[str, Any] | None) -> bool:
-    """Whether a result is of a search with two objectives, whose laws are compared as fronts."""
+    """Return whether a search had two objectives, so that its laws are compared as fronts."""
     return record is not None and len(record["objectives"]) > 1
 
 
@@ -161,13 +161,13 @@ def _of_experiment(result: Result) -> dict[str, Any]:
 
 
 def _of_sweep(result: Result) -> dict[str, Any]:
-    """No means, since one over all points means little."""
+    """Return the parts of a sweep; no means, since one over all points means little."""
     best = None if WORST.beside(result) or TUNE.beside(result) else sweep_tables(result)
     return {"best": best, "table": point_table(result)}
 
 
 def _searched(result: Result) -> dict[str, Any] | None:
-    """What a search found whose outcome the result judges."""
+    """Return the section on the search whose outcome the result judges; None without one."""
     for kind, short, title, tables in SEARCHED:
         if record := kind.beside(result):
             made = tables(result, record)
@@ -189,7 +189,7 @@ def _compared(result: Result) -> dict[str, Any]:
 
 
 def _animated(result: Result) -> dict[str, Any]:
-    """The animation of the median run of the first law; nothing where no body can be shown."""
+    """Return the animation of the first law's median run; empty if no body can be shown."""
     by = next((name for name in RANKS if result.has(name)), None)
     runs = [run for run in result.stored_runs if by and np.isfinite(result[by][0, run])]
     with suppress(EqtError):

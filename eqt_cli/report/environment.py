@@ -1,4 +1,4 @@
-"""Where the templates of pages are found, and how they are filled in."""
+"""Location and rendering of the page templates."""
 
 import re
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 
 def page(template: str, styles: Sequence[str], script: str, **values: Any) -> str:
-    """A template filled in, with its styles and its script in the page."""
+    """Fill in a template, with its styles and its script in the page."""
     css, js = (
         Markup("".join((TEMPLATES / name).read_text(encoding="utf-8") for name in names))
         for names in (styles, [script])
@@ -31,9 +31,9 @@ def page(template: str, styles: Sequence[str], script: str, **values: Any) -> st
 
 
 def _environment() -> Environment:
-    """Where templates are found, and how they are filled in: everything is escaped.
+    """Return the template environment, which escapes everything.
 
-    Markup of HTML, and what no page can show, such as an order of reading that is turned around.
+    HTML markup is escaped, and characters that no page can show, such as bidirectional controls.
     """
     made = Environment(
         loader=FileSystemLoader(TEMPLATES),
@@ -59,7 +59,7 @@ def _finalized(value: Any) -> Any:
 
 
 def _typeset(text: str) -> Markup:
-    """The paper's symbols with their subscripts; all else is only escaped."""
+    """Typeset the paper's symbols with their subscripts; all else is only escaped."""
     escaped = str(escape(printable(text)))
     for symbol in ("Q_E", "Q_d", "V_d", "P_d", "K_d", "τ_d", "τ_ff", "𝕀_t"):
         letter, index = symbol.split("_")
@@ -69,7 +69,7 @@ def _typeset(text: str) -> Markup:
 
 
 def _prose(text: str) -> Markup:
-    """A sentence: `_typeset`, powers of ten and minus signs as such, and no break before a unit."""
+    """Typeset a sentence: symbols, powers of ten, minus signs, and no break before a unit."""
     signed = (
         re.sub(r"(?<![\w.])-(?=\d)", "−", text).replace(" %", "\u00a0%").replace("N m", "N\u00a0m")
     )
@@ -84,12 +84,12 @@ def _prose(text: str) -> Markup:
 
 
 def _minus(text: str) -> str:
-    """A hyphen before a digit, and not after a letter or digit, is a minus sign."""
+    """Replace a hyphen before a digit, and not after a letter or digit, by a minus sign."""
     return re.sub(r"(?<![^\W_])-(?=\d)", "−", text)
 
 
 def _numeric(rows: Sequence[Sequence[str]]) -> list[bool]:
-    """Which columns of a table are numbers."""
+    """Return which columns of a table are numeric."""
     return [all(map(_is_numeric, column)) for column in zip(*rows, strict=True)]
 
 

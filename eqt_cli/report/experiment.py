@@ -1,4 +1,4 @@
-"""The experiment in words: what moves, what it follows, the laws and their weights, the runs."""
+"""The experiment in words: plant, reference, laws with their weights, and runs."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -19,16 +19,16 @@ from eqt_cli.results.result import Result
 
 @dataclass(frozen=True)
 class StatedValue:
-    """A part of the configuration.
+    """A stated part of the configuration.
 
     Attributes
     ----------
     name, symbol
-        What it is, and its letter in the equations.
+        Name, and symbol in the equations.
     words
-        Its value; empty where it is a matrix.
+        Value in words; empty for a matrix.
     matrix
-        Its rows, where it is one.
+        Rows of a matrix; empty for other values.
     """
 
     name: str
@@ -44,15 +44,15 @@ class Law:
     Attributes
     ----------
     title, label, kind
-        As figures write it, as tables do, and what the configuration calls it.
+        Name in figures, name in tables, and kind in the configuration.
     says
-        The first line of its documentation; nothing for a law of a plugin.
+        First line of its documentation; empty for a law of a plugin.
     weights
-        (g, c, n, q), where it is a member of the family; else nothing.
+        (g, c, n, q) for a member of the family; else empty.
     damping
-        The frame of its damping, where it is a member.
+        Frame of the damping, for a member of the family.
     own
-        Its own gains and options, as running text.
+        Gains and options of this law alone, as running text.
     """
 
     title: str
@@ -65,11 +65,11 @@ class Law:
 
 
 MOST_VALUES = 12
-"""Of a list that is written out; the lines of a search have hundreds."""
+"""Maximum length of a list that is written out; the lines of a search have hundreds."""
 
 
 def laws(result: Result) -> list[Law]:
-    """The laws in their order."""
+    """Return the laws in the order of the result."""
     entries = _stored(result).get("controllers") or []
     own = {entry.get("label"): _own(entry) for entry in entries if isinstance(entry, Mapping)}
     return [
@@ -79,7 +79,7 @@ def laws(result: Result) -> list[Law]:
 
 
 def _own(entry: Mapping[str, Any]) -> str:
-    """What an entry of `controllers` changes: ``gains: kp 4``."""
+    """Return the gains and options that an entry of `controllers` sets: ``gains: kp 4``."""
     gains = told(entry.get("gains"))
     options = {key: value for key, value in entry.items() if key not in ("kind", *OF_EVERY_LAW)}
     return "; ".join(filter(None, [f"gains: {gains}" if gains else "", told(options)]))
@@ -88,23 +88,23 @@ def _own(entry: Mapping[str, Any]) -> str:
 def _law(label: str, title: str, kind: str, own: str) -> Law:
     says, damping = "", ""
     weights: tuple[str, ...] = ()
-    with suppress(ComponentError):  # of a plugin that is not loaded here
+    with suppress(ComponentError):  # law of a plugin that is not loaded here
         law = controllers.get(kind)
         says = summary(law)
-        # Members with body errors have another formula; their own line says which.
+        # Members with body errors have another formula, given in their summary.
         if issubclass(law, Member) and law.frames[0] == "spatial":
             weights, damping = tuple(f"{weight:g}" for weight in law.weights), law.frames[1]
     return Law(title, label, kind, says, weights, damping, own)
 
 
 def given(result: Result) -> list[StatedValue]:
-    """The parts of the stored configuration, in the order of a paper's section on an experiment."""
+    """Return the parts of the stored configuration, ordered as in a paper's section."""
     config = _stored(result)
     return list(_parts(config, result)) if config else []
 
 
 def _stored(result: Result) -> Mapping[str, Any]:
-    """The configuration in a result; nothing of a file of the first versions."""
+    """Return the configuration in a result; empty for a file of the first versions."""
     try:
         return source_of(result).data
     except (EqtError, KeyError):
@@ -135,17 +135,17 @@ def _parts(config: Mapping[str, Any], result: Result) -> Iterator[StatedValue]:
 
 
 def _used(solver: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The keys of the section that its engine has; a result keeps those of all engines."""
+    """Return the keys of `solver` that its engine uses; a result stores those of all engines."""
     try:
         engine = engines.get(solver.get("engine", DEFAULT_ENGINE))
-    except ComponentError:  # of a plugin that is not loaded here
+    except ComponentError:  # engine of a plugin that is not loaded here
         return solver
     known = ("engine", *option_names(engine), *option_names(Judgement))
     return {key: value for key, value in solver.items() if key in known}
 
 
 def _quantity(name: str, symbol: str, value: Any) -> StatedValue:
-    """A tensor: a number stands for so many times the identity, a list for a diagonal."""
+    """State a tensor: a number is a multiple of the identity, a list a diagonal."""
     if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
         return StatedValue(name, symbol, "", [[told(entry) for entry in row] for row in value])
     if isinstance(value, list):
@@ -159,7 +159,7 @@ def _words(name: str, symbol: str, value: Any) -> StatedValue:
 
 
 def told(value: Any) -> str:
-    """A value of a configuration as running text; nothing for what is left at nothing.
+    """Return a value of a configuration as running text; empty for None.
 
     ``{kind: normal, std: 1.0}`` becomes ``normal: std 1``, and ``[0.0, 1]`` becomes ``(0, 1)``.
     """

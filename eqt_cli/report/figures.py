@@ -1,4 +1,4 @@
-"""Figures as SVG inside an HTML page; it knows no single figure beyond its name and options."""
+"""Figures as SVG inside an HTML page; this module knows figures by name and options only."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from eqt_cli.plots.save import encode
 from eqt_cli.results.result import Result
 
 LARGEST = 700_000
-"""Characters of SVG that one figure may have; what is larger is left out, with a remark."""
+"""Maximum number of SVG characters per figure; larger figures are omitted, with a remark."""
 
 _SVG, _XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
@@ -31,13 +31,13 @@ class Wanted:
     Attributes
     ----------
     name, options
-        As `eqt plot` takes them.
+        Name and options of the figure, as for `eqt plot`.
     caption
-        What there is to see; what the figure says of itself if empty.
+        Caption; the description of the figure if empty.
     needs
-        A variable without which there is nothing to see, and no word about it.
+        Variable without which the figure is silently omitted.
     asked
-        A user asks for it, and is told why it cannot be drawn.
+        Whether a user asked for it, and is told why it cannot be drawn.
     """
 
     name: str
@@ -48,21 +48,21 @@ class Wanted:
 
 
 class TooLargeError(EqtError):
-    """A figure is too large for a page."""
+    """A figure that is too large for a page."""
 
 
 @dataclass(frozen=True)
 class InlineFigure:
-    """A figure as it stands in the page.
+    """A figure as embedded in the page.
 
     Attributes
     ----------
     key
-        Unique in the page; a prefix of every identifier in the SVG.
+        Name unique in the page; prefix of every identifier in the SVG.
     svg
-        The element `<svg>`, in the colours of the file.
+        Element `<svg>`, in the colours of the file.
     caption
-        Below it.
+        Text below the figure.
     """
 
     key: str
@@ -90,7 +90,7 @@ DEFAULT = (
     Wanted("phase", {"runs": 10}),
     Wanted("certificates"),
 )
-"""What a report on an experiment shows unless told otherwise."""
+"""Default figures of a report on an experiment."""
 
 SWEPT = (
     Wanted("sweep"),
@@ -102,7 +102,7 @@ SWEPT = (
     Wanted("pareto"),
     Wanted("envelope", needs="settled"),
 )
-"""What a report on a sweep shows unless told otherwise."""
+"""Default figures of a report on a sweep."""
 
 CASES = (
     Wanted("forest"),
@@ -113,7 +113,7 @@ CASES = (
     ),
     Wanted("pareto"),
 )
-"""What a report on two laws in cases shows unless told otherwise."""
+"""Default figures of a report on two laws in cases."""
 
 COMPARED = Wanted(
     "winners",
@@ -121,7 +121,7 @@ COMPARED = Wanted(
     "Which law has the better mean pose error at each point, and by how many per cent; white: "
     "undecided. All tests of the map are counted.",
 )
-"""What it shows besides, of several laws over one or two keys."""
+"""Further default figure of a sweep with several laws over one or two keys."""
 
 FRONTS = (
     Wanted(
@@ -131,7 +131,7 @@ FRONTS = (
         "The line joins the Pareto front of these runs; crosses are the starting gains.",
     ),
 )
-"""What a report on a search with two objectives shows."""
+"""Default figure of a report on a search with two objectives."""
 
 
 def inline_figures(
@@ -139,7 +139,7 @@ def inline_figures(
     wanted: Sequence[Wanted],
     certificates: Sequence[Row] = (),
 ) -> tuple[list[InlineFigure], list[str]]:
-    """The figures that can be drawn of a result, and remarks on others that were asked for."""
+    """Return the figures that can be drawn of a result, and remarks on those that cannot."""
     drawn: list[InlineFigure] = []
     remarks: list[str] = []
     refusals: list[str] = []
@@ -154,7 +154,7 @@ def inline_figures(
                 drawn.append(_draw(result, figure, f"figure{len(drawn) + 1}", certificates))
             except EqtError as error:
                 reason = str(error).removeprefix(f"{result.path}: ")
-                # Of a sweep, some default figures are of other axes than those that it has.
+                # Some default figures of a sweep need other axes than it has.
                 optional = result.is_sweep and not isinstance(error, TooLargeError)
                 (refusals if optional and not figure.asked else remarks).append(reason)
             reporter().advance(1)
@@ -162,14 +162,14 @@ def inline_figures(
 
 
 def _is_idle(result: Result, wanted: Wanted, certificates: Sequence[Row]) -> bool:
-    """Whether it has nothing to show of this result, or no certificates, which the page says."""
+    """Return whether a figure has nothing to show, or no certificates, which the page says."""
     if wanted.needs and not result.has(wanted.needs):
         return True
     return not certificates and issubclass(figures.get(wanted.name), OfCertificates)
 
 
 def named(names: Sequence[str]) -> list[Wanted]:
-    """Figures by name, with the captions they have by default.
+    """Return figures by name, with their default captions.
 
     Raises
     ------
@@ -199,10 +199,10 @@ def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row])
 
 
 def inlined(svg: bytes, key: str, label: str) -> str:
-    """An SVG file as an element of a page.
+    """Convert an SVG file to an element of a page.
 
     Identifiers become unique in the page, coordinates are rounded to a hundredth of a point, and a
-    label says what is drawn.
+    label describes the figure.
     """
     root = ElementTree.fromstring(svg)
     for parent in list(root.iter()):

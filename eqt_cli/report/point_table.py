@@ -8,10 +8,11 @@ from eqt_cli.results.result import Result
 
 
 def point_table(result: Result) -> Document:
-    """As `run_table`, with a row per controller and point: the swept values, and means over runs.
+    """Return a table with a row per controller and point: the swept values, and means over runs.
 
-    A point at which runs failed has no means, and its row counts them. Times that lie beyond the
-    horizon in some run have no mean either: the share of settled runs stands for them.
+    Its layout is that of `run_table`. A point with failed runs has no means, and its row counts
+    them. Times beyond the horizon in some run have no mean either: the share of settled runs
+    replaces them.
     """
     keys = result.swept_keys
     names = [name for name in column_names(result) if not result.censored(name).any()]
@@ -49,7 +50,7 @@ def point_table(result: Result) -> Document:
 
 
 def _columns_of_ends(result: Result, name: str) -> list[Document]:
-    """The heads of the ends of the interval of a share."""
+    """Return the column heads for both ends of the interval of a share."""
     called = result.quantity(name).described
     return [
         _head(f"{name}_{end}", f"{called}, {end} end of its interval") for end in ("low", "high")
@@ -57,5 +58,5 @@ def _columns_of_ends(result: Result, name: str) -> list[Document]:
 
 
 def _head(metric: str, name: str) -> Document:
-    """The head of a column of pure numbers, of which none are the better ones."""
+    """Return the head of a column of pure numbers without a better direction."""
     return {"metric": metric, "name": name, "unit": "", "better": ""}

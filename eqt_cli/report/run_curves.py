@@ -1,4 +1,4 @@
-"""Every stored run in a few bytes, for a page that draws the one that is picked."""
+"""Stored runs in a few bytes, for a page that draws the selected run."""
 
 from base64 import b64encode
 from typing import Any
@@ -12,16 +12,16 @@ from eqt_cli.report.run_table import columns
 from eqt_cli.results.result import Result
 
 SAMPLES = 101
-"""Samples of a run that are kept, at most."""
+"""Maximum number of samples of a run that are kept."""
 
 LARGEST = 1_400_000
-"""Bytes that all curves together may take in the page; more runs are left out."""
+"""Maximum number of bytes of all curves in the page; further runs are omitted."""
 
 POWER = 4
-"""Values are rounded on the scale of their 4th root: small ones keep their relative accuracy."""
+"""Root of the rounding scale: on 4th roots, small values keep their relative accuracy."""
 
 LEVELS = 65534
-"""The code of the largest value; the one after it says that there is none."""
+"""Code of the largest value; the next code marks a missing value."""
 
 SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
 
@@ -29,7 +29,7 @@ Document = dict[str, Any]
 
 
 def curves(result: Result) -> Document | None:
-    """What the page needs to draw runs; None if the result holds no trajectories.
+    """Return the data for drawing runs; None if the result holds no trajectories.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def curves(result: Result) -> Document | None:
 
 
 def _panel(result: Result, head: Document, chosen: dict[str, Any]) -> Document:
-    """The curves of a signal, but no L of a law that does not claim that it falls."""
+    """Return the curves of a signal, without L of laws that do not claim that it falls."""
     values = result.read(head["metric"], **chosen)
     if head["metric"] == "lyapunov" and result.without_function:
         values[[result.labels.index(label) for label in result.without_function]] = np.nan
@@ -76,7 +76,7 @@ def _panel(result: Result, head: Document, chosen: dict[str, Any]) -> Document:
 
 
 def quantised(values: Array) -> tuple[Array, float]:
-    """Codes of values that are not negative, and the value of the largest code."""
+    """Return codes of nonnegative values, and the value of the largest code."""
     finite = np.isfinite(values)
     largest = float(np.max(values, initial=0.0, where=finite)) or 1.0
     scaled = np.where(finite, np.clip(values, 0, largest), 0) / largest
@@ -85,7 +85,7 @@ def quantised(values: Array) -> tuple[Array, float]:
 
 
 def looks(result: Result) -> list[Document]:
-    """Label, title, colour and dashes of every controller, as in the figures."""
+    """Return label, title, colour and dashes of every controller, as in the figures."""
     with house_style():
         styles = [line_style(look) for look in looks_of([result], [range(len(result.labels))])]
     return [

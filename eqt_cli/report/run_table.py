@@ -1,4 +1,4 @@
-"""The table of single runs: columns, units and rows as plain data; it knows no page."""
+"""The table of single runs: columns, units and rows as plain data; knows no page."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from eqt_cli.results.result import Result
 from eqt_cli.results.stored_runs import meaning_of
 
 MOST_ROWS = 8000
-"""Rows that a page holds, controllers times runs; failed runs are among them before good ones."""
+"""Maximum number of rows, controllers times runs; failed runs are kept before good ones."""
 
 COLUMNS = tuple(
     quantity.name
@@ -19,21 +19,21 @@ COLUMNS = tuple(
     if quantity.per is ValuePer.RUN and quantity.stored and quantity.dtype is FLOAT
     if not quantity.diagnostic
 )
-"""The numbers that are shown of a run, in the order of the table of quantities; `eqt show --table`
-has the diagnostics as well, for all of which a page is not wide enough."""
+"""Metrics shown of a run, in the order of the table of quantities; `eqt show --table` also prints
+the diagnostics, for all of which a page is not wide enough."""
 
 Document = dict[str, Any]
 
 
 def run_table(result: Result) -> Document:
-    """Columns with names and units, and a row per controller and run.
+    """Return columns with names and units, and a row per controller and run.
 
     Returns
     -------
     dict
         ``item``, what a row is about; ``columns`` with a value in any run; ``rows`` of controller,
-        run, status and numbers, where null says none; ``controllers``, as the page writes them, and
-        their ``labels``, as a program reads them; ``total``, the number of rows there are;
+        run, status and numbers, where null is a missing one; ``controllers``, as the page writes
+        them, and their ``labels``, as a program reads them; ``total``, the number of all rows;
         ``messages`` of failed runs by row.
     """
     names = [name for name in column_names(result) if np.isfinite(result[name]).any()]
@@ -59,14 +59,14 @@ def run_table(result: Result) -> Document:
 
 
 def column_names(result: Result) -> list[str]:
-    """Those of `COLUMNS` that a result has, in parts where these have units of their own."""
+    """Return the `COLUMNS` that a result has, split into parts with units of their own."""
     return [each for name in COLUMNS if result.has(name) for each in result.in_parts(name)]
 
 
 def columns(result: Result, names: Sequence[str]) -> list[Document]:
-    """Heads of columns: which number of a result, what it is, its unit if it is no pure number.
+    """Return the heads of columns: metric, description, and unit unless it is a pure number.
 
-    ``better`` says which values are the better ones; nothing where neither are.
+    ``better`` says which values are better; empty if neither are.
     """
     quantities = [result.quantity(name) for name in names]
     return [
@@ -81,5 +81,5 @@ def columns(result: Result, names: Sequence[str]) -> list[Document]:
 
 
 def plain(value: float) -> float | None:
-    """A number with six digits, as far as there is one."""
+    """Round a number to six significant digits; None for NaN and infinity."""
     return float(f"{value:.6g}") if np.isfinite(value) else None

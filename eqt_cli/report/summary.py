@@ -1,4 +1,4 @@
-"""What was run, where and how accurately, as words; it must not know how a page shows them."""
+"""The runs, their provenance and accuracy in words; this module must not know any page."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -12,7 +12,7 @@ from eqt_cli.results.result import Result
 
 
 def lead(result: Result) -> str:
-    """What was run, in a sentence."""
+    """Describe the experiment in a sentence."""
     labels, horizon = result.labels, result.horizon
     points = ""
     if result.is_sweep:
@@ -31,14 +31,14 @@ def lead(result: Result) -> str:
 
 
 def day(result: Result) -> str:
-    """The day on which it was run, as ``2026-11-22``; nothing where that is not known."""
+    """Return the day of the run, such as ``2026-11-22``; empty if unknown."""
     with suppress(ValueError):
         return datetime.fromisoformat(result.provenance.get("started", "")).date().isoformat()
     return ""
 
 
 def accuracy(result: Result) -> Iterator[str]:
-    """Sentences on how far the numbers can be trusted."""
+    """Yield sentences on the accuracy of the numbers."""
     yield from _energy(result)
     values = result.metric("error_estimate") if "error_estimate" in result.metrics else np.array([])
     estimates = values[np.isfinite(values)]
@@ -57,7 +57,7 @@ def accuracy(result: Result) -> Iterator[str]:
 
 
 def _energy(result: Result) -> Iterator[str]:
-    """How well the energy balance is kept, of the laws that claim one."""
+    """Yield the residual of the energy balance, for the laws that claim one."""
     if "energy_residual" not in result.metrics:
         return
     residuals = {
@@ -78,7 +78,7 @@ def _energy(result: Result) -> Iterator[str]:
 
 
 def provenance(result: Result) -> list[tuple[str, str]]:
-    """Names and values."""
+    """Return the provenance as names and values."""
     attributes, origin = result.attributes, result.provenance
     found = [(str(name), _words(value, origin)) for name, value in origin.items() if value]
     for name, key in (("digest", "digest"), ("theory", "references")):
@@ -87,7 +87,7 @@ def provenance(result: Result) -> list[tuple[str, str]]:
 
 
 def _words(value: Any, origin: dict[str, Any]) -> str:
-    """A value of the provenance; of other sessions, what differs from this one."""
+    """Return a value of the provenance in words; for other sessions, only their differences."""
     if not isinstance(value, list):
         return str(value)
     sessions = [session.items() for session in value if isinstance(session, dict)]

@@ -1,4 +1,4 @@
-"""What all parts of a vehicle have in common: numbers that may differ from run to run."""
+"""The base class of all parts of a vehicle, whose numbers may differ from run to run."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -18,26 +18,26 @@ from eqt_cli.vehicle.numbers import Numbers, check_numbers, drawn, is_drawn, low
 class VehiclePart(Component):
     """A part of a vehicle: a frozen dataclass whose fields are its options in a configuration.
 
-    What flies is the part that `of_run` returns, in which every number is an array: of one run, of
-    many along a leading axis, or of symbols.
+    A simulation uses the part that `of_run` returns, in which every number is an array: of one run,
+    of many along a leading axis, or of symbols.
     """
 
     vectors: ClassVar[tuple[str, ...]] = ()
-    """The options that are a number for each coordinate; one number stands for all."""
+    """Options with a number for each coordinate; one number stands for all."""
     matrices: ClassVar[tuple[str, ...]] = ()
-    """The options that are matrices; a number stands for a multiple of I, a list for a diagonal."""
+    """Options that are matrices; a number stands for a multiple of I, a list for a diagonal."""
     departs: ClassVar[str]
-    """In what the loop departs from the one that theorems are about, in a few words."""
+    """How the part takes the loop away from the one that theorems are about, in a few words."""
     positive: ClassVar[tuple[str, ...]] = ()
-    """The options whose numbers must be greater than 0."""
+    """Options whose numbers must be greater than 0."""
 
     @property
     def varies(self) -> bool:
-        """Whether its numbers differ from run to run."""
+        """Whether the numbers of the part differ from run to run."""
         return any(is_drawn(getattr(self, field.name)) for field in dataclasses.fields(self))
 
     def drawn(self, random: np.random.Generator | None) -> Self:
-        """The same with a number for each distribution; with the means without a generator."""
+        """Return the part with a number for each distribution; without a generator, its mean."""
         options = {
             field.name: drawn(getattr(self, field.name), random, field.name in self.positive)
             for field in dataclasses.fields(self)
@@ -45,7 +45,7 @@ class VehiclePart(Component):
         return with_fields(self, **options)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """What flies in one run; without a generator, with the means.
+        """Return the part of one run; without a generator, with the means.
 
         `vectors` have m entries, `matrices` are m × m. Any other number is an array ``(1,)``, any
         other list of numbers an array.
@@ -73,7 +73,7 @@ class VehiclePart(Component):
         return value
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note numbers that are not what they must be, or not as many as there are coordinates."""
+        """Note invalid numbers, and a number of entries that does not fit the coordinates."""
         m = G.dimension
         for names, shaped in ((self.vectors, vector), (self.matrices, square)):
             for name in names:
@@ -87,14 +87,17 @@ class VehiclePart(Component):
 
 
 def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> None:
-    """Note a negative standard deviation, or a wrong number of them."""
+    """Note negative standard deviations, or a wrong number of them."""
     check_count(value, G.dimension, G.name, problems, deviations=True)
 
 
 def check_count(
     value: Numbers, count: int, of: str, problems: Problems, deviations: bool = False
 ) -> None:
-    """Note distributions that are none, a negative one of `deviations`, or a wrong number."""
+    """Note invalid distributions, negative `deviations`, or a number of entries other than `count`.
+
+    `of` says in messages what the entries belong to.
+    """
     check_numbers(value, problems)
     for entry in value if isinstance(value, list) else [value]:
         if deviations and not problems and lowest(entry) < 0:

@@ -1,4 +1,4 @@
-"""The inertia that the plant has, where it is not the one that the law believes."""
+"""The true inertia of the plant, where it differs from the model of the law."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
@@ -14,27 +14,27 @@ from eqt_cli.vehicle.numbers import Matrix, Number, drawn, is_drawn
 
 
 class TrueInertia(ABC):
-    """The tensor of the plant, with numbers that may differ from run to run."""
+    """The inertia tensor of the plant, with numbers that may differ from run to run."""
 
     departs: ClassVar[str] = "inertia not as believed"
 
     @property
     def varies(self) -> bool:
-        """Whether they do."""
+        """Whether the numbers differ from run to run."""
         return False
 
     @abstractmethod
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """With the numbers of one run as arrays; with the means without a generator."""
+        """Return the inertia of one run, with arrays; without a generator, with the means."""
 
     @abstractmethod
     def at(self, model: Inertia, t: Any) -> Inertia:
-        """The tensor at time t, where the law believes in `model`."""
+        """Return the true tensor at time t, where `model` is the tensor of the law."""
 
 
 @dataclass(frozen=True)
 class RelativeInertia(TrueInertia):
-    """(1 + r) 𝕀, of the 𝕀 that the law believes.
+    """The inertia (1 + r) 𝕀, with the 𝕀 of the law.
 
     Attributes
     ----------
@@ -46,18 +46,18 @@ class RelativeInertia(TrueInertia):
 
     @property
     def varies(self) -> bool:
-        """Where r is drawn."""
+        """Whether r is drawn."""
         return is_drawn(self.relative)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """With an r for which 1 + r is greater than 0."""
+        """Return the inertia with an r for which 1 + r is greater than 0."""
         relative = drawn(self.relative, random)
         while 1.0 + relative <= 0:
             relative = drawn(self.relative, random)
         return replace(self, relative=np.array([relative]))
 
     def at(self, model: Inertia, t: Any) -> Inertia:
-        """The model times 1 + r."""
+        """Return the model times 1 + r."""
         factor = 1.0 + self.relative[..., None]
         change = None if model.change is None else model.change * factor
         return Inertia(model.matrix * factor, model.inverse / factor, change)
@@ -65,7 +65,7 @@ class RelativeInertia(TrueInertia):
 
 @dataclass(frozen=True)
 class ConstantInertia(TrueInertia):
-    """A constant tensor.
+    """A constant inertia tensor.
 
     Attributes
     ----------
@@ -78,24 +78,24 @@ class ConstantInertia(TrueInertia):
 
     @property
     def varies(self) -> bool:
-        """Where an entry is drawn."""
+        """Whether an entry is drawn."""
         return is_drawn(self.matrix)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """With the matrix and its inverse; draws that are not definite are drawn again."""
+        """Return the inertia with matrix and inverse; draws that are not definite are repeated."""
         matrix = square(drawn(self.matrix, random), G.dimension, G)
         while random is not None and np.linalg.eigvalsh(matrix).min() <= 0:
             matrix = square(drawn(self.matrix, random), G.dimension, G)
         return with_fields(self, matrix=matrix, inverse=np.linalg.inv(matrix))
 
     def at(self, model: Inertia, t: Any) -> Inertia:
-        """The same at all times."""
+        """Return the constant tensor."""
         return Inertia(self.matrix, self.inverse)
 
 
 @dataclass(frozen=True)
 class VaryingInertia(TrueInertia):
-    """A tensor that varies in time by itself.
+    """An inertia tensor that is a function of time.
 
     Attributes
     ----------
@@ -106,9 +106,9 @@ class VaryingInertia(TrueInertia):
     law: InertiaLaw
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """Itself: nothing of it is drawn."""
+        """Return the inertia itself: nothing of it is drawn."""
         return self
 
     def at(self, model: Inertia, t: Any) -> Inertia:
-        """The tensor at time t."""
+        """Return the tensor at time t."""
         return self.law.at(t)

@@ -1,4 +1,4 @@
-"""Numbers of a vehicle that may differ from run to run: given, or drawn from a distribution."""
+"""Numbers of a vehicle: given, or drawn from a distribution for each run."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from eqt_cli.core.validation import one_of
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution of one number; each run draws its own."""
+    """A distribution from which each run draws a number."""
 
     # Not strict: a strict model takes no mapping for a dataclass. Numbers are strict by themselves.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
@@ -22,25 +22,25 @@ class Distribution:
     @property
     @abstractmethod
     def mean(self) -> float:
-        """Its mean, which stands for it where no run is meant."""
+        """The mean, which stands for the number outside of runs."""
 
     @property
     @abstractmethod
     def variance(self) -> float:
-        """Its variance."""
+        """The variance."""
 
     @abstractmethod
     def draw(self, random: np.random.Generator) -> float:
-        """The number of one run."""
+        """Return the number of one run."""
 
     @abstractmethod
     def check(self, problems: Problems, positive: bool) -> None:
-        """Note what is wrong with it, where its numbers must be `positive` or need not."""
+        """Note what is wrong with the distribution; `positive` numbers must be greater than 0."""
 
 
 @dataclass(frozen=True)
 class Uniform(Distribution):
-    """Any number between two, each as likely.
+    """A uniform distribution between two numbers.
 
     Attributes
     ----------
@@ -52,20 +52,20 @@ class Uniform(Distribution):
 
     @property
     def mean(self) -> float:
-        """Halfway between the two."""
+        """The mean of the two bounds."""
         return (self.uniform[0] + self.uniform[1]) / 2
 
     @property
     def variance(self) -> float:
-        """A twelfth of the square of their distance."""
+        """The variance, (b − a)²/12 with the bounds a and b."""
         return (self.uniform[1] - self.uniform[0]) ** 2 / 12
 
     def draw(self, random: np.random.Generator) -> float:
-        """Of the half-open interval."""
+        """Return a number in the half-open interval."""
         return float(random.uniform(self.uniform[0], self.uniform[1]))
 
     def check(self, problems: Problems, positive: bool) -> None:
-        """Two numbers in order."""
+        """Note anything but two numbers in order."""
         problems = problems.at("uniform")
         if len(self.uniform) != 2:
             got = f"got {len(self.uniform)}"
@@ -79,7 +79,7 @@ class Uniform(Distribution):
 
 @dataclass(frozen=True)
 class Normal(Distribution):
-    """A normal distribution; where numbers must be greater than 0, of those that are.
+    """A normal distribution, truncated to numbers greater than 0 where these are required.
 
     Attributes
     ----------
@@ -91,20 +91,20 @@ class Normal(Distribution):
 
     @property
     def mean(self) -> float:
-        """The first of the two."""
+        """The first of the two numbers."""
         return self.normal[0]
 
     @property
     def variance(self) -> float:
-        """The square of the second."""
+        """The square of the second number."""
         return self.normal[1] ** 2
 
     def draw(self, random: np.random.Generator) -> float:
-        """One number, of either sign."""
+        """Return one number, of either sign."""
         return float(random.normal(self.normal[0], self.normal[1]))
 
     def check(self, problems: Problems, positive: bool) -> None:
-        """A mean, and a standard deviation that is not negative."""
+        """Note anything but a mean and a standard deviation that is not negative."""
         problems = problems.at("normal")
         if len(self.normal) != 2:
             got = f"got {len(self.normal)}"
@@ -128,7 +128,7 @@ def _rank(value: Any) -> str | None:
     return "matrix" if any(isinstance(row, list) for row in value) else "list"
 
 
-if TYPE_CHECKING:  # What flies has arrays in their place.
+if TYPE_CHECKING:  # The parts that `of_run` returns have arrays in their place.
     Number: TypeAlias = Any
     NumberOrExpression: TypeAlias = Any
     Numbers: TypeAlias = Any
@@ -173,14 +173,14 @@ else:
 
 
 def is_drawn(value: Any) -> bool:
-    """Whether a value is a distribution, or holds one."""
+    """Return whether a value is a distribution, or a list that contains one."""
     if isinstance(value, list):
         return any(map(is_drawn, value))
     return isinstance(value, Distribution)
 
 
 def drawn(value: Any, random: np.random.Generator | None, positive: bool = False) -> Any:
-    """The value with a number for every distribution in it; the means without a generator."""
+    """Return a value with a number drawn from each distribution; without a generator, its mean."""
     if isinstance(value, list):
         return [drawn(entry, random, positive) for entry in value]
     if not isinstance(value, Distribution):
@@ -194,19 +194,19 @@ def drawn(value: Any, random: np.random.Generator | None, positive: bool = False
 
 
 def mean_square(value: float | Distribution) -> float:
-    """The mean of the square of a number."""
+    """Return the mean of the square of a number."""
     if isinstance(value, Distribution):
         return value.mean**2 + value.variance
     return float(value) ** 2
 
 
 def lowest(value: float | Distribution) -> float:
-    """A number, the least of a uniform distribution, or the mean of a normal one."""
+    """Return a number, the lower bound of a uniform distribution, or the mean of a normal one."""
     return value.uniform[0] if isinstance(value, Uniform) else float(drawn(value, None))
 
 
 def check_numbers(value: Any, problems: Problems, positive: bool = False) -> None:
-    """Note distributions that are none, and numbers that are not positive where they must be."""
+    """Note invalid distributions, and numbers that are not positive where they must be."""
     if isinstance(value, list):
         for index, entry in enumerate(value):
             check_numbers(entry, problems.at(index), positive)
@@ -217,7 +217,7 @@ def check_numbers(value: Any, problems: Problems, positive: bool = False) -> Non
 
 
 def check_limits(low: Any, high: Any, problems: Problems) -> None:
-    """Note a limit without its other one, and limits of which the lower is not less, by means."""
+    """Note a limit without the other one, and a lower limit not below the upper, by the means."""
     for name, value, other in (("low", low, high), ("high", high, low)):
         if value is None and other is not None:
             problems.at(name).add("missing; give both limits, low and high")

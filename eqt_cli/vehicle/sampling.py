@@ -4,19 +4,24 @@ import math
 from dataclasses import dataclass
 
 EXACT = 1e9
-"""Periods; of more, no rounding tells whether they are whole."""
+"""Largest number of periods for which rounding can tell whether it is whole."""
 
 ROUNDING = 1e-9
-"""Relative: what decimals of a time and of a period leave."""
+"""Relative error that decimals of a time and of a period may leave."""
 
 
 def periods_in(time: float, period: float) -> int:
-    """How many whole periods a delay is; raises a `ValueError` that names the nearest.
+    """Return how many whole periods a delay is.
 
     Parameters
     ----------
     time, period
-        s.
+        Delay and period, s.
+
+    Raises
+    ------
+    ValueError
+        If the delay is no whole number of periods; it names the nearest.
     """
     count = time / period
     if not 0 <= count < EXACT:
@@ -38,9 +43,9 @@ class Sampling:
     Attributes
     ----------
     period
-        s.
+        Control period, s.
     delay
-        After how many periods a command arrives; until the first one does, 0 is held.
+        Number of periods after which a command arrives; until the first one does, 0 is held.
     """
 
     period: float

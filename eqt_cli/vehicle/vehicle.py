@@ -1,4 +1,4 @@
-"""What flies: the parts between the law's command and the motion; it knows no law and no engine."""
+"""The vehicle: the parts between the law's command and the motion; it knows no law or engine."""
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
@@ -23,51 +23,51 @@ from eqt_cli.vehicle.sensors import Sensor
 from eqt_cli.vehicle.sensors.channels import MEASURED, Channel, Errors, channels
 
 INERTIA = "plant.inertia"
-"""Where the true inertia stands in a configuration."""
+"""Key of the true inertia in a configuration."""
 
 FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
-"""Where the lists of forces and of actuators stand, and the clock of the law."""
+"""Keys of the lists of forces and of actuators, and of the clock of the law."""
 
 POSE, VELOCITY = "sensors.pose", "sensors.velocity"
-"""Where the lists of errors of measurement stand."""
+"""Keys of the lists of measurement errors."""
 
 ESTIMATOR = "estimator"
-"""Where the estimator stands; the names of its states begin with it."""
+"""Key of the estimator; the names of its states begin with it."""
 
 LOST = f"{ESTIMATOR}_lost"
 """The state that says whether the covariance of an estimate is no longer definite."""
 
 COMMANDS, HELD = "commands", "held"
-"""The states of a sampled loop: the commands on their way, the first to arrive first, and what the
-actuators in front of all that move by themselves make of the one that has arrived."""
+"""States of a sampled loop: the commands on their way, the first to arrive first, and the command
+that has arrived, as it leaves the actuators in front of the first with continuous states."""
 
 RandomOf = Callable[[str], np.random.Generator]
-"""The generator of one run for the part at a place of the configuration."""
+"""Random generator of one run for the part at a place of the configuration."""
 
 
 @dataclass(frozen=True)
 class Vehicle:
-    """The parts of a vehicle; without any, it gives what the law asks, and is what it believes.
+    """The parts of a vehicle; without any, the command is the torque and the model is exact.
 
-    As configured, its parts may have distributions for numbers. What flies in a run, `of_run`, has
-    arrays.
+    As configured, its parts may have distributions for numbers. The vehicle of a run, from
+    `of_run`, has arrays.
 
     Attributes
     ----------
     inertia
-        The plant's; None where it is the law's.
+        True inertia of the plant; None where the law's model is exact.
     forces
-        Those that act beside the actuators.
+        Forces that act beside the actuators.
     actuators
-        In the order in which a command passes them.
+        Actuators in the order in which a command passes them.
     control
-        The clock of the law; None where it acts continuously.
+        Clock of the law; None where it acts continuously.
     pose_sensors, velocity_sensors
-        The errors of what the law is told, which add up.
+        Measurement errors of the signals, which add up.
     estimator
-        What tells the law pose and velocity; None where it is told what is measured.
+        Estimator from which the law reads pose and velocity; None where it reads measurements.
     configured
-        Of what flies, the vehicle that it was made of.
+        For the vehicle of a run, the configured vehicle that it was made from.
     """
 
     inertia: TrueInertia | None = None
@@ -83,7 +83,7 @@ class Vehicle:
 
     @cached_property
     def parts(self) -> dict[str, Any]:
-        """Every part by its place in a configuration."""
+        """All parts by their places in a configuration."""
         found: dict[str, Any] = {} if self.inertia is None else {INERTIA: self.inertia}
         for name, parts in (
             (FORCES, self.forces),
@@ -97,12 +97,12 @@ class Vehicle:
 
     @property
     def varies(self) -> bool:
-        """Whether its numbers differ from run to run."""
+        """Whether the numbers of any part differ from run to run."""
         parts = (self.configured or self).parts.values()
         return any(part.varies for part in parts if part is not self.control)
 
     def of_run(self, G: MatrixLieGroup, random_of: RandomOf | None = None) -> Self:
-        """What flies in one run; without generators, with the means."""
+        """Return the vehicle of one run; without generators, with the means."""
         configured = self.configured or self
 
         def flying(place: str) -> Any:
@@ -126,38 +126,38 @@ class Vehicle:
 
     @property
     def linear_part(self) -> Self:
-        """The same without limits, steps and dead zones of actuators, and told what is measured."""
+        """The vehicle without an estimator, and without limits, steps and dead zones."""
         return dataclasses.replace(
             self, actuators=tuple(part.linear_part for part in self.actuators), estimator=None
         )
 
-    # What the law is told.
+    # Measurements.
 
     @property
     def measures(self) -> bool:
-        """Whether what the law is told has errors."""
+        """Whether measurements have errors."""
         return bool(self.pose_sensors or self.velocity_sensors)
 
     def sensors(self) -> dict[str, Sensor]:
-        """Every sensor by its place in a configuration."""
+        """Return all sensors by their places in a configuration."""
         pairs = (POSE, self.pose_sensors), (VELOCITY, self.velocity_sensors)
         return {f"{name}[{k}]": part for name, parts in pairs for k, part in enumerate(parts)}
 
     def channels(self, G: MatrixLieGroup) -> list[Channel]:
-        """The parts of the measured pose and velocity that have sensors."""
+        """Return the parts of the measured pose and velocity that have sensors."""
         if self.control is None:
             return []
         signals = {"pose": self.pose_sensors, "velocity": self.velocity_sensors}
         return list(channels(G, signals, self.control.period))
 
     def holding(self, G: MatrixLieGroup) -> list[Channel]:
-        """Those of which the law reads what was measured last."""
+        """Return the channels whose last measurement is held for the law."""
         return [channel for channel in self.channels(G) if channel.holds]
 
     def drawings(self, G: MatrixLieGroup) -> Iterator[tuple[str, Sensor, int, Any, Any]]:
-        """Place and sensor, with each of its rates: the periods between measurements, and axes.
+        """Yield place, sensor, periods between measurements, and axes, for each rate of a sensor.
 
-        The axes are those of the group, and which of the sensor's own coordinates they are.
+        The axes are given twice: in the group, and among the sensor's own coordinates.
         """
         for place, sensor in self.sensors().items():
             signal, rates = place.partition("[")[0], dict[int, list[int]]()
@@ -170,9 +170,9 @@ class Vehicle:
                 yield place, sensor, every, axes, own
 
     def measurement_errors(self, G: MatrixLieGroup, instants: int, random_of: RandomOf) -> Errors:
-        """What the sensors do at the control instants of a run.
+        """Return the measurement errors at the control instants of a run.
 
-        What a sensor draws for a part depends on the number of the measurement and on nothing else.
+        The numbers that a sensor draws for a part depend only on the index of the measurement.
         """
         assert self.control is not None
         n = {name: np.zeros((instants, G.dimension)) for name in (POSE, VELOCITY)}
@@ -194,7 +194,7 @@ class Vehicle:
     def after_measuring(
         self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Mapping[str, Array]
     ) -> dict[str, Array]:
-        """The states of sensors and estimator behind an instant, at which Q and V are true."""
+        """Return the states of sensors and estimator after an instant with the true Q and V."""
         found, holding = {}, self.holding(G)
         Q_m, V_m = Q @ errors.pose, V + errors.velocity
         for k, channel in enumerate(holding):
@@ -213,14 +213,14 @@ class Vehicle:
         after = self.estimator.after(schedule, measured, own)
         return found | {f"{ESTIMATOR}_{name}": values for name, values in after.items()}
 
-    # What an estimator makes of it.
+    # Estimates.
 
     def schedule(self, G: MatrixLieGroup) -> Schedule:
-        """When what is measured, for an estimator."""
+        """Return the measurement schedule for an estimator."""
         return Schedule(G, self.channels(G), self._period)
 
     def deviations(self, G: MatrixLieGroup) -> Deviations:
-        """What the sensors say of their errors."""
+        """Return the standard deviations of the errors that the sensors specify."""
         squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY)}
         bias = np.zeros((2, G.dimension))
         for place, sensor, every, axes, own in self.drawings(G):
@@ -234,14 +234,14 @@ class Vehicle:
         return Deviations(*found, *np.sqrt(bias))
 
     def estimated(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Q̂ and V̂."""
+        """Return Q̂ and V̂."""
         own = estimator_states(states)
         return G.unpack(own["pose"]), own["velocity"]
 
     def as_arrived(
         self, G: MatrixLieGroup, Q: Array, V: Array, states: Mapping[str, Array]
     ) -> tuple[Array, Array]:
-        """A measured pose and velocity, with the parts in them that have arrived before."""
+        """Return pose and velocity, with the held measurements in place of the parts that hold."""
         for channel in self.holding(G):
             if channel.signal == "pose":
                 Q = channel.read(Q, states[channel.name])
@@ -249,47 +249,47 @@ class Vehicle:
                 V = channel.read(V, states[channel.name])
         return Q, V
 
-    # From the command to the force that moves the momentum.
+    # From the command to the force that changes the momentum.
 
     @property
     def is_ideal(self) -> bool:
-        """Whether the law's command is the only force on the plant that the law believes in."""
+        """Whether the law's model is exact and its command the only force on the plant."""
         return not self.parts
 
     @property
     def departures(self) -> str:
-        """In what it departs from what theorems are about, in words; nothing where it is ideal."""
+        """Departures of the loop from the one of the theorems, in words; empty if ideal."""
         return ", ".join(dict.fromkeys(part.departs for part in self.parts.values()))
 
     @property
     def estimates(self) -> bool:
-        """Whether an estimator tells the law pose and velocity."""
+        """Whether the law reads pose and velocity from an estimator."""
         return self.estimator is not None
 
     @property
     def knows_covariance(self) -> bool:
-        """Whether it does so with a covariance."""
+        """Whether the estimator has a covariance."""
         return self.estimator is not None and self.estimator.has_covariance
 
     @property
     def limits(self) -> bool:
-        """Whether an actuator can be at a limit."""
+        """Whether any actuator can be at a limit."""
         return any(actuator.limits for actuator in self.actuators)
 
     @property
     def thruster_names(self) -> tuple[str, ...]:
-        """The names of the thrusters, which one actuator has."""
+        """Names of the thrusters, which belong to one actuator."""
         return next((part.thruster_names for part in self.actuators if part.thruster_names), ())
 
     @property
     def thrust_limits(self) -> tuple[Array, Array] | None:
-        """The least and the largest thrust of each thruster; None where it has no limits."""
-        parts: tuple[Any, ...] = self.actuators  # whoever names thrusters has limits for each
+        """Least and largest thrust of each thruster; None without limits."""
+        parts: tuple[Any, ...] = self.actuators  # an actuator with thrusters has limits for each
         limited = (part for part in parts if part.thruster_names and part.limits)
         return next(((part.low, part.high) for part in limited), None)
 
     def torque_limits(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
-        """The least and the largest torque along each axis; None where none has such limits."""
+        """Return the least and the largest torque along each axis; None without such limits."""
         ranges = [found for part in self.actuators if (found := part.torque_range(G)) is not None]
         if not ranges:
             return None
@@ -298,12 +298,12 @@ class Vehicle:
 
     @property
     def solves(self) -> int:
-        """How many numbers are found at control instants by code that no engine compiles."""
+        """Number of values that code outside the engines solves for at control instants."""
         return sum(len(part.thruster_names) for part in self.actuators if part.solves)
 
     @cached_property
     def _at_instants(self) -> int:
-        """How many actuators act at control instants: those in front of all with a rate."""
+        """Number of actuators that act at control instants: those before the first that `moves`."""
         if self.control is None:
             return 0
         moving = (k for k, actuator in enumerate(self.actuators) if actuator.moves)
@@ -311,7 +311,7 @@ class Vehicle:
 
     @property
     def first_moving(self) -> Actuator | None:
-        """The first actuator with a rate, which a sampled law gives a command that is held."""
+        """The first actuator that `moves`, to which a sampled law gives a held command."""
         rest = self.actuators[self._at_instants :]
         return rest[0] if rest and rest[0].moves else None
 
@@ -322,18 +322,18 @@ class Vehicle:
         later: Mapping[str, Array],
         duration: Array,
     ) -> tuple[Array, Array]:
-        """Its moving states after a command was held, by its closed form and as they are later."""
+        """Return the states of `first_moving` after a hold, in closed form and from `later`."""
         place, actuator = next(self._chain(self._at_instants))
         held = self._held(G, states)
         found = actuator.after(G, held, states[place], duration)
         return found, later[place][..., -found.shape[-1] :]
 
     def _held(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
-        """The command that is held, as the actuators at instants have left it."""
+        """Return the held command, as it leaves the actuators that act at instants."""
         return states[HELD] if self._at_instants else states[COMMANDS][..., : G.dimension]
 
     def states(self, G: MatrixLieGroup) -> dict[str, int]:
-        """What has states besides the plant, and how many."""
+        """Return the number of states of each part besides the plant, by name."""
         counted = {
             f"{ACTUATORS}_{index}": actuator.states(G)
             for index, actuator in enumerate(self.actuators)
@@ -347,28 +347,28 @@ class Vehicle:
         return {**commands, **held, **found, **told, **self.estimator_lengths(G)}
 
     def estimator_lengths(self, G: MatrixLieGroup) -> dict[str, int]:
-        """Those of the estimator, which are the last; nothing moves them between instants."""
+        """Return the number of states of the estimator, which come last and are held, by name."""
         if self.estimator is None or self.control is None:
             return {}
         own = self.estimator.states(self.schedule(G))
         return {f"{ESTIMATOR}_{name}": count for name, count in own.items()}
 
     def _chain(self, start: int = 0) -> Iterator[tuple[str, Actuator]]:
-        """The actuators from the first that counts, with the names of their states."""
+        """Yield the actuators from index `start`, with the names of their states."""
         for index, actuator in enumerate(self.actuators[start:], start):
             yield f"{ACTUATORS}_{index}", actuator
 
     def passed(
         self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
     ) -> tuple[Array, dict[str, Array]]:
-        """What becomes of a command on its way.
+        """Return the torque that a command leads to, and the rates of the states.
 
         Returns
         -------
         torque : (..., m)
-            What the last actuator gives.
+            Output of the last actuator.
         rates
-            The time derivatives of all states; those that are held have none.
+            Time derivatives of all states; 0 for those that are held.
         """
         rates = {place: 0.0 * values for place, values in states.items()}
         if self.control is not None:
@@ -381,7 +381,7 @@ class Vehicle:
         return command, rates
 
     def last_command(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
-        """What a sampled law asked at the last instant."""
+        """Return the command of a sampled law at the last instant."""
         return states[COMMANDS][..., -G.dimension :]
 
     def after_instant(
@@ -391,7 +391,7 @@ class Vehicle:
         states: Mapping[str, Array],
         solved: Array | None = None,
     ) -> dict[str, Array]:
-        """The states after a control instant, at which the law asks for a torque.
+        """Return the states after a control instant at which the law commands a torque.
 
         Parameters
         ----------
@@ -405,7 +405,7 @@ class Vehicle:
         return self._after_instant(G, asked, states, solve)
 
     def solution(self, G: MatrixLieGroup, asked: Array, states: Mapping[str, Array]) -> Array:
-        """What an actuator that `solves` finds at a control instant, ``(runs, n)``."""
+        """Return the solution of the actuator that `solves` at a control instant, ``(runs, n)``."""
         found = []
 
         def solve(actuator: Actuator, command: Array) -> Array:
@@ -425,7 +425,7 @@ class Vehicle:
         before = states[COMMANDS]
         queue = np.concatenate([before[..., G.dimension :], asked], axis=-1)
         found, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
-        # The first actuator that moves may have a part that acts at instants, too.
+        # The first actuator that moves may also act at instants.
         for index, (place, actuator) in enumerate(self._chain()):
             if index > self._at_instants:
                 break
@@ -439,12 +439,12 @@ class Vehicle:
 
     @property
     def _period(self) -> float:
-        """Between control instants, s."""
+        """Control period, s."""
         assert self.control is not None
         return self.control.period
 
     def thrust(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
-        """What each thruster gives, ``(..., k)``."""
+        """Return the thrust of each thruster, ``(..., k)``."""
         if self.control is not None:
             command = states[COMMANDS][..., : G.dimension]
         for place, actuator in self._chain():
@@ -455,7 +455,7 @@ class Vehicle:
         return command[..., :0]
 
     def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
-        """Where any actuator is given more than its limit, ``(...)``."""
+        """Return where the input of any actuator exceeds its limit, ``(...)``."""
         found = np.zeros(command.shape[:-1], dtype=bool)
         if self.control is not None:
             command = states[COMMANDS][..., : G.dimension]
@@ -467,9 +467,9 @@ class Vehicle:
         return found
 
     def acting(self, s: Tracking, torque: Array) -> Array:
-        """The force that would move the plant that the law believes in as this one moves.
+        """Return the force that would move the law's model as the true plant moves.
 
-        That is d/dt(𝕀V) − ad*_V 𝕀V with the model's 𝕀 and the true V̇; body frame, ``(..., m)``.
+        It is d/dt(𝕀V) − ad*_V 𝕀V with the model's 𝕀 and the true V̇; body frame, ``(..., m)``.
         """
         G = s.G
         for force in self.forces:
@@ -483,7 +483,7 @@ class Vehicle:
 
 
 def estimator_states(states: Mapping[str, Array]) -> dict[str, Array]:
-    """The states of the estimator, by its own names for them."""
+    """Return the states of the estimator, by its own names."""
     start = f"{ESTIMATOR}_"
     own = (name for name in states if name.startswith(start))
     return {name.removeprefix(start): states[name] for name in own}

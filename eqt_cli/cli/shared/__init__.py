@@ -1,1 +1,1 @@
-"""What several commands share: options, completion, progress, and how results are printed."""
+"""Options, completion, progress and printing, shared by several commands."""

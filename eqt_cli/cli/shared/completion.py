@@ -1,7 +1,7 @@
-"""What a shell completes: names and keys, kept in a file, as importing them is felt at every Tab.
+"""Shell completion of names and keys, cached in a file because importing them delays every Tab.
 
-The first Tab after eqt or what is installed beside it has changed takes a second longer. No
-component of a plugin file is known here.
+The first Tab after eqt or the installed packages have changed takes a second longer. Components of
+plugin files are not completed.
 """
 
 import os
@@ -20,37 +20,37 @@ from eqt_cli.core.files import read_record, write_record
 from eqt_cli.core.registry import summary
 
 Completions = list[tuple[str, str]]
-"""What may stand there, and what it means."""
+"""Possible words, each with its meaning."""
 
 Complete = Callable[[str], Completions]
-"""Completes the beginning of a word."""
+"""Function that completes the beginning of a word."""
 
 
 def names(kind: str) -> Complete:
-    """Completes the name of a component."""
+    """Complete the name of a component."""
     return lambda incomplete: _starting(incomplete, _known()["names"][kind])
 
 
 def shipped(incomplete: str) -> Completions:
-    """Completes the name of a shipped configuration."""
+    """Complete the name of a shipped configuration."""
     from eqt_cli.config.shipped import names
 
     return _starting(incomplete, dict.fromkeys(names(), ""))
 
 
 def words(*known: str) -> Complete:
-    """Completes one of these words."""
+    """Complete one of the known words."""
     return lambda incomplete: _starting(incomplete, dict.fromkeys(known, ""))
 
 
 def keys(incomplete: str) -> Completions:
-    """Completes a key of any configuration."""
+    """Complete a key of any configuration."""
     return _starting(incomplete, _known()["keys"])
 
 
 def settings(ctx: typer.Context, incomplete: str) -> Completions:
-    """Completes ``KEY=``, a key of any configuration or of the one that is given."""
-    # What is not parsed yet, as the line ends in an option without its value, is in `args`.
+    """Complete ``KEY=``, a key of any configuration or of the given one."""
+    # `args` holds words not parsed yet, where the line ends in an option without its value.
     words = [ctx.params.get("config"), ctx.params.get("target"), *ctx.args]
     given = next((Path(word) for word in words if word and Path(word).is_file()), None)
     known = dict.fromkeys(_written(given), "") | _known()["keys"]
@@ -58,7 +58,7 @@ def settings(ctx: typer.Context, incomplete: str) -> Completions:
 
 
 def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
-    """Completes ``KEY=``, an option of the figures that are asked for, or of any; and of one."""
+    """Complete ``KEY=`` or ``FIGURE.KEY=``, an option of the requested figures or of any."""
     options = _known()["figure_options"]
     wanted = ctx.params.get("figure") or options
     found = [(name, option) for name in wanted for option in options.get(name, ())]
@@ -75,7 +75,7 @@ def _starting(incomplete: str, known: dict[str, str]) -> Completions:
 
 
 def _written(path: Path | None) -> list[str]:
-    """The keys in a file; none where it cannot be read."""
+    """Return the keys in a file; none if it cannot be read."""
     from eqt_cli.config.yaml_source import MAX_BYTES, load
     from eqt_cli.core.regular_files import content_of
 
@@ -102,7 +102,7 @@ def _below(data: Any, prefix: str) -> Iterator[str]:
 
 @cache
 def _known() -> dict[str, Any]:
-    """Names of components, keys of configurations, options of figures: as kept, or found anew."""
+    """Return component names, configuration keys and figure options, cached or collected anew."""
     state, file = _state(), _file()
     with suppress(OSError):
         kept = read_record(file, "state", "names", "keys", "figure_options")
@@ -121,7 +121,7 @@ def _file() -> Path:
 
 
 def _state() -> list[int]:
-    """When eqt's own files, and what is installed beside it, have changed last."""
+    """Return when eqt's own files and the installed packages last changed."""
     own = Path(__file__).parents[1]
     times = [path.stat().st_mtime_ns for path in own.rglob("*.py")]
     return [len(times), max(times), Path(sysconfig.get_path("purelib")).stat().st_mtime_ns]

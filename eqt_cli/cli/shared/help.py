@@ -23,18 +23,18 @@ LOOK_UP = "Configurations, recordings and components"
 
 
 def example(command: str, arguments: str) -> str:
-    """The last line of a help page: a command that can be typed."""
+    """Return the last line of a help page: a command that can be typed."""
     return f"Example: {command} {arguments}"
 
 
 def _without_types(parameters: list[Any]) -> None:
-    """Leave out the types that typer prints for arguments, and for options without a value.
+    """Omit the types that typer prints for arguments and for options without a value.
 
     The option ``--help`` joins the last group.
     """
     for parameter in parameters:
         if isinstance(parameter, TyperArgument):
-            # On one argument, not on typer's class; older versions do not look at it.
+            # Set on the argument, not on typer's class; older versions ignore it.
             parameter.display_type_rich = lambda ctx: None  # type: ignore[method-assign]  # hides it
         elif parameter.metavar is None and parameter.is_flag:
             parameter.metavar = ""
@@ -43,25 +43,25 @@ def _without_types(parameters: list[Any]) -> None:
 
 
 class Command(TyperCommand):
-    """A command with such a help page."""
+    """A command whose help page shows options in groups and no Python types."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print it, with paragraphs that fill the width."""
+        """Print the help page, with paragraphs that fill the width."""
         _without_types(self.get_params(ctx))
         paragraphs = cleandoc(self.help or "").split("\n\n")
         self.help = "\n\n".join(" ".join(words.split()) for words in paragraphs)
         super().format_help(ctx, formatter)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """The line ``Usage``, without arguments that are there only to be refused in words."""
+        """Return the ``Usage`` line, without arguments accepted only to be refused in words."""
         shown = [one for one in self.get_params(ctx) if not getattr(one, "hidden", False)]
         return ["[OPTIONS]", *(piece for one in shown for piece in one.get_usage_pieces(ctx))]
 
 
 class Group(TyperGroup):
-    """A group of commands with such a help page."""
+    """A group of commands whose help page shows no Python types."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print it."""
+        """Print the help page."""
         _without_types(self.get_params(ctx))
         super().format_help(ctx, formatter)

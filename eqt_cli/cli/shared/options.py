@@ -13,11 +13,11 @@ from eqt_cli.cli.shared.output import be_quiet
 from eqt_cli.core.errors import EqtError
 
 MOST_SHOWN = 60
-"""Characters of a value that messages repeat."""
+"""Maximum number of characters of a value that messages repeat."""
 
 
 def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:
-    """What a repeated option was given, by the places that messages name: ``--set gains.kp=2``."""
+    """Map places in messages, such as ``--set gains.kp=2``, to values of a repeated option."""
     found: dict[str, str] = {}
     for text in texts or ():
         key, _, _ = text.partition("=")
@@ -29,18 +29,18 @@ def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:
 
 
 def overrides(set_: Sequence[str] | None, engine: str | None = None) -> dict[str, str]:
-    """What ``--set`` and ``--engine`` change of a configuration."""
+    """Return the changes of a configuration by ``--set`` and ``--engine``."""
     chosen = {} if engine is None else {"--engine": f"solver.engine={engine}"}
     return placed("--set", set_) | chosen
 
 
 def pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
-    """What a repeated option was given as ``NAME=TEXT``.
+    """Parse the values ``NAME=TEXT`` of a repeated option.
 
     Raises
     ------
     EqtError
-        If one has no name or no text.
+        If a value has no name or no text.
     """
     found = {}
     for text in texts or ():
@@ -52,12 +52,12 @@ def pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
 
 
 def the_one(command: str, results: Sequence[Path], does: str = "") -> Path:
-    """The result that a command takes.
+    """Return the single result of a command.
 
     Raises
     ------
     EqtError
-        If several were given; it says how they are compared.
+        If several were given; the message says how to compare them.
     """
     if len(results) == 1:
         return results[0]
@@ -71,12 +71,12 @@ def the_one(command: str, results: Sequence[Path], does: str = "") -> Path:
 
 
 def folder(text: str) -> Path:
-    """A folder that is given by name; an empty name, as of an unset variable, is a mistake.
+    """Return a folder by its name; an empty name, as from an unset variable, is refused.
 
     Raises
     ------
     EqtError
-        If it is empty.
+        If the name is empty.
     """
     if not text.strip():
         raise EqtError("--out: expected the name of a folder, got ''")
@@ -84,27 +84,27 @@ def folder(text: str) -> Path:
 
 
 def out(help: str, metavar: str = "DIR") -> Any:
-    """The option ``--out`` for a folder."""
+    """Return the option ``--out`` for a folder."""
     return valued("--out", metavar, help, RESULT, parser=folder)
 
 
 def flag(option: str, help: str, group: str, *letters: str, **more: Any) -> Any:
-    """An option without a value, and perhaps a letter for it, in a group of the help."""
+    """Return an option without a value, with optional letters, in a group of the help page."""
     return valued(option, "", help, group, *letters, **more)
 
 
 def valued(option: str, metavar: str, help: str, group: str, *letters: str, **more: Any) -> Any:
-    """An option with a value, which the help calls `metavar`; the rest is as of `flag`."""
+    """Return an option with a value, which the help calls `metavar`; see `flag`."""
     return typer.Option(option, *letters, metavar=metavar, help=help, rich_help_panel=group, **more)
 
 
 def named(option: str, complete: completion.Complete, help: str, group: str) -> Any:
-    """An option that takes a name, of those that a shell completes."""
+    """Return an option that takes a name, which a shell completes."""
     return valued(option, "NAME", help, group, autocompletion=complete)
 
 
 def figure(help: str) -> Any:
-    """The option ``--figure``."""
+    """Return the option ``--figure``."""
     return named("--figure", completion.names("figures"), help, SELECTION)
 
 
@@ -115,7 +115,7 @@ Result = Annotated[
     Path, typer.Argument(metavar="RESULT", help="Result folder, or the results.h5 in it.")
 ]
 MoreResults = Annotated[list[Path] | None, typer.Argument(metavar="", hidden=True)]
-"""Results that a command does not take, so that it can say what to do instead."""
+"""Surplus results, accepted so that the command can say what to do instead."""
 Set = Annotated[
     list[str] | None,
     valued(
@@ -209,12 +209,12 @@ TrustPlugins = Annotated[
 
 
 def require_measured(mapping: Path | None, kind: str, run: int = 0) -> None:
-    """Refuse what is said of a recording where there is none."""
+    """Refuse options of a recording if no recording is given."""
     given = {"--mapping": mapping, "--log-format": kind != "csv", "--run": run}
     for name in (name for name, value in given.items() if value):
         raise EqtError(f"{name} is of a recording; add --measured FILE")
 
 
 def cores() -> int:
-    """The number of cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,7 +1,7 @@
-"""How commands print: results on stdout, all else on stderr, and nothing that cannot be seen.
+"""Printing: results on stdout, all else on stderr, with unprintable characters escaped.
 
-What is printed may come from a file, so it leaves through `print_text`, `say` and `print_json`,
-which escape it; no other module prints (ruff's T20). Tables escape their cells themselves.
+Text may come from a file, so it is printed by `print_text`, `say` and `print_json`, which escape
+it; no other module prints (ruff's T20). Tables escape their cells themselves.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 _LINES = "\n\t"
-"""What texts of several lines are made of, such as the source of a plugin."""
+"""Control characters allowed in texts of several lines, such as the source of a plugin."""
 
 
 _silent = False
-"""Whether this command was told to print errors only."""
+"""Whether the command prints errors only."""
 
 
 def be_quiet(quiet: bool) -> bool:
-    """What ``--quiet`` does: tables and remarks are left out, errors and documents are not."""
+    """Apply ``--quiet``: omit tables and remarks, but print errors and documents."""
     global _silent
     _silent = quiet
     return quiet
 
 
 def is_quiet() -> bool:
-    """Whether only errors are printed, and documents such as JSON or CSV."""
+    """Return whether only errors and documents, such as JSON or CSV, are printed."""
     return _silent
 
 
 def print_text(*pieces: str | Text) -> None:
-    """A result, on stdout; on a terminal, lines are broken between words and tables coloured."""
+    """Print a result on stdout; on a terminal, wrap lines between words and colour tables."""
     if _silent:
         return
     for piece in pieces or ("",):
@@ -56,47 +56,47 @@ def print_text(*pieces: str | Text) -> None:
             from rich.console import Console
 
             console = Console(file=sys.stdout, soft_wrap=True, highlight=False)
-            with console.capture() as captured:  # which would exit where a reader has left
+            with console.capture() as captured:  # else a reader who has left ends the process
                 console.print(piece)
             print(captured.get(), end="")
 
 
 def print_verbatim(text: str) -> None:
-    """A document, such as a configuration or CSV, on stdout; no line of it is broken."""
+    """Print a document, such as a configuration or CSV, on stdout without wrapping lines."""
     print(printable(text.removesuffix("\n"), _LINES))
 
 
 def say(message: str) -> None:
-    """A remark, on stderr."""
+    """Print a remark on stderr, unless the command is quiet."""
     if not _silent:
         complain(message)
 
 
 def complain(message: str) -> None:
-    """An error, on stderr, also where only errors are printed."""
+    """Print an error on stderr, also if the command is quiet."""
     print(_folded(printable(message, _LINES), sys.stderr), file=sys.stderr, flush=True)
 
 
 def warn(remark: EqtWarning) -> None:
-    """What a user should know of a result, on stderr."""
+    """Print a warning about a result on stderr."""
     say(f"eqt: {remark.with_advice(option)}")
 
 
 def option(argument: str) -> str:
-    """An argument as commands take it: ``--out``."""
+    """Return an argument as an option of a command, such as ``--out``."""
     return f"--{argument.replace('_', '-')}"
 
 
 @contextmanager
 def as_remark() -> Iterator[None]:
-    """Where what is printed on stdout is no more than a remark: the work is done and kept.
+    """Treat output on stdout as a remark, since the work is done and stored.
 
-    A disk that is full is no error then.
+    A full disk is then no error.
     """
     try:
         yield
         sys.stdout.flush()
-    except BrokenPipeError:  # whoever read it has gone, which is no news
+    except BrokenPipeError:  # the reader has left, which needs no remark
         raise
     except OSError as error:
         drop_stdout()
@@ -105,14 +105,14 @@ def as_remark() -> Iterator[None]:
 
 
 def print_json(document: Any) -> None:
-    """One JSON document on stdout; numbers that JSON cannot hold become null."""
+    """Print a JSON document on stdout; numbers that JSON cannot hold become null."""
     print(json_text(document, indent=2))
 
 
 def json_text(document: Any, indent: int | None = None) -> str:
-    """A document as JSON that a terminal may be shown; readers get the same text from it.
+    """Return a document as JSON that is safe on a terminal and parses to the same text.
 
-    Where stdout cannot show all characters, the others are escapes.
+    Characters that stdout cannot encode are escaped.
     """
     encoding = (sys.stdout.encoding or "utf-8").lower().replace("_", "-")
     text = json.dumps(_plain(document), indent=indent, ensure_ascii=encoding[:3] != "utf")
@@ -120,7 +120,7 @@ def json_text(document: Any, indent: int | None = None) -> str:
 
 
 def print_found(document: Any, *pieces: str | Text, json: bool, nothing: str = "") -> None:
-    """What a command has found, as one JSON document or as text; `nothing` where it is empty."""
+    """Print findings as one JSON document or as text; say `nothing` if there are none."""
     if json:
         print_json(document)
     elif any(pieces):
@@ -130,7 +130,7 @@ def print_found(document: Any, *pieces: str | Text, json: bool, nothing: str = "
 
 
 def print_error(error: EqtError) -> None:
-    """What went wrong as one JSON document, with the place of every problem that has one."""
+    """Print an error as one JSON document, with the place of every problem that has one."""
     problems = problem_records(getattr(error, "problems", ()))
     print_json(
         {"error": error.with_advice(option), "exit_code": error.exit_code, "problems": problems}
@@ -138,7 +138,7 @@ def print_error(error: EqtError) -> None:
 
 
 def problem_records(problems: Iterable[InputProblem]) -> list[dict[str, str]]:
-    """Problems for programs: path, message and place of each."""
+    """Return the path, message and place of each problem, for programs."""
     return [{"path": p.path, "message": p.with_advice(option), "place": p.place} for p in problems]
 
 
@@ -153,39 +153,39 @@ def _plain(value: Any) -> Any:
 
 
 def print_records(header: list[str], rows: Sequence[Sequence[Any]], *, json: bool) -> None:
-    """A table, or its rows as JSON objects; a cell of several words is a list there."""
+    """Print a table, or its rows as JSON objects, where a cell of several words is a list."""
     records = [dict(zip(header, row, strict=True)) for row in rows]
     cells = [[cell if isinstance(cell, str) else ", ".join(cell) for cell in row] for row in rows]
     print_found(records, table(header, cells), json=json)
 
 
 def table(header: list[str], rows: list[list[str]]) -> Text:
-    """Columns under their headings: text to the left, numbers to the right."""
+    """Return columns under their headings: text aligned left, numbers right."""
     return laid_out(TextTable("", "", header, [Block("", rows)]))
 
 
 def laid_out(table: TextTable) -> Text:
-    """A table as it is printed, as wide as the terminal or COLUMNS; a pipe gets all of it."""
+    """Lay out a table in the width of the terminal or COLUMNS; in full for a pipe."""
     from eqt_cli.cli.shared.terminal_tables import table_text
 
     return table_text(table, room_of_tables())
 
 
 def room(stream: TextIO | None = None) -> int | None:
-    """The width of the terminal; None where the stream is none, as a program may read it."""
+    """Return the width of the terminal; None if the stream is not a terminal."""
     if not (stream or sys.stdout).isatty():
         return None
     return shutil.get_terminal_size().columns
 
 
 def room_of_tables() -> int | None:
-    """The same for tables, which obey COLUMNS wherever they go."""
+    """Return the width for tables, which obey COLUMNS also without a terminal."""
     columns = os.environ.get("COLUMNS", "")
     return room() or (int(columns) if columns.isdecimal() else 0) or None
 
 
 def _folded(text: str, stream: TextIO) -> str:
-    """Lines broken between words where a terminal would break them anywhere."""
+    """Wrap lines between words if the stream is a terminal, which would break them anywhere."""
     width = room(stream)
     if width is None:
         return text
@@ -200,16 +200,16 @@ def _fold(line: str, width: int) -> str:
 
 
 _HANGING = re.compile(r" *(\S+ {2,})?")
-"""What further lines of a line leave free: its indentation, and a word that names it."""
+"""Hanging indent of wrapped lines: the indentation, and the word that labels the line."""
 
 
 def count_of(number: int, noun: str) -> str:
-    """``1 run``, ``200 runs``."""
+    """Return a count with its noun: ``1 run``, ``200 runs``."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def duration(seconds: float) -> str:
-    """A span of time in the unit that suits it."""
+    """Return a time span in a suitable unit."""
     for unit, length in (("d", 86_400), ("h", 3_600), ("min", 60)):
         if seconds >= 2 * length:
             return f"{seconds / length:.1f} {unit}"

@@ -1,4 +1,4 @@
-"""Progress on stderr: a bar on a terminal, a plain line now and then elsewhere."""
+"""Progress on stderr: a bar on a terminal, plain lines at intervals elsewhere."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 SHOW_AFTER = 1.0
-"""s; shorter work shows nothing."""
+"""Time before progress is shown, s."""
 
 LINE_EVERY = 5.0
-"""s between plain lines."""
+"""Interval between plain lines, s."""
 
 GUESS_AFTER = 0.02
-"""Of all runs; what fewer of them say of the time that is left may be wrong by far."""
+"""Share of the runs to be done before the remaining time is estimated."""
 
 
 class Meter(Reporter):
-    """Counts what a step counts; without more, it shows none of it.
+    """Counter of the progress of a step; this base class shows no count.
 
     Attributes
     ----------
     notes
-        What was found so far, by what it is about.
+        Findings so far, by subject.
     """
 
     def __init__(self) -> None:
@@ -46,47 +46,47 @@ class Meter(Reporter):
         Meter.begin(self, "", 0)
 
     def begin(self, what: str, count: int) -> None:
-        """Count anew."""
+        """Restart the count."""
         self.total, self.what, self.done, self.found = count, what, 0.0, 0.0
         self.latest = ""
         self.started = time.monotonic()
 
     def end(self) -> None:
-        """Nothing is counted."""
+        """Stop counting."""
         self.what = ""
 
     def advance(self, amount: float) -> None:
-        """Count, and show how far it is."""
+        """Count an amount and show the progress."""
         self.done += amount
         self.show()
 
     def skip(self, amount: float) -> None:
-        """Count what says nothing of the rate."""
+        """Count an amount that is left out of the rate."""
         self.found += amount
         self.advance(amount)
 
     def note(self, about: str, words: str) -> None:
-        """Keep it; it is shown beside the numbers."""
+        """Store a note, which is shown beside the numbers."""
         self.notes[about] = words
         self.latest = f"{about}, {words}"
 
     def remark(self, warning: EqtWarning) -> None:
-        """Print it."""
+        """Print a warning."""
         warn(warning)
 
     @property
     def rate(self) -> float:
-        """Runs per second."""
+        """Return the number of runs per second."""
         return (self.done - self.found) / max(time.monotonic() - self.started, 1e-9)
 
     @property
     def speed(self) -> str:
-        """The rate in words; slow work has a decimal."""
+        """Return the rate in words, with one decimal if it is below 10 per second."""
         return f"{self.rate:.{1 if self.rate < 10 else 0}f} {self.what.split()[0]}/s"
 
     @property
     def left(self) -> str:
-        """The time that is left; empty where too little is done to tell."""
+        """Return the remaining time in words; empty if too little is done to estimate it."""
         remaining = max(self.total - self.done, 0.0)
         if self.done - self.found < GUESS_AFTER * (self.total - self.found):
             return ""
@@ -94,16 +94,16 @@ class Meter(Reporter):
         return (f"{seconds:.0f} s" if seconds < 120 else duration(seconds)) + " left"
 
     def show(self) -> None:
-        """Show how far it is, if it is time."""
+        """Show the progress if it is due."""
 
     @property
     def under_way(self) -> str:
-        """What cannot be counted."""
+        """Return the latest uncounted activity that is under way; empty if there is none."""
         return self._under_way[-1] if self._under_way else ""
 
     @contextmanager
     def busy(self, words: str) -> Iterator[None]:
-        """Name it if it takes long; it says nothing of the rate."""
+        """Name an uncounted activity if it takes long, and leave its time out of the rate."""
         self._change(self._under_way.append, words)
         try:
             yield
@@ -126,19 +126,19 @@ class Meter(Reporter):
                 self._reminder.start()
 
     def remind(self) -> None:
-        """Show what is under way, though nothing has been counted."""
+        """Show the activity that is under way, though nothing has been counted."""
         say(self.under_way)
 
 
 def meter() -> Meter:
-    """What shows how far a command is: nothing if it is quiet, a bar on a terminal, else lines."""
+    """Return the progress display: a bar on a terminal, else lines; silent if the command is."""
     if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
         return _Bar()
     return _Lines()
 
 
 def notes() -> dict[str, str]:
-    """What the command has found so far, by what it is about."""
+    """Return the findings of the command so far, by subject."""
     shown = reporter()
     return shown.notes if isinstance(shown, Meter) else {}
 
@@ -154,7 +154,7 @@ class _Bar(Meter):
             self.bar = None
 
     def remind(self) -> None:
-        """Show the bar, if there is something to count."""
+        """Show the bar if something is counted, else the activity."""
         if self.what:
             self.show()
         else:
@@ -191,19 +191,19 @@ class _Lines(Meter):
     next_line = 0.0
 
     def begin(self, what: str, count: int) -> None:
-        """Count anew."""
+        """Restart the count."""
         super().begin(what, count)
         self.next_line = self.started + SHOW_AFTER
 
     def end(self) -> None:
-        """Say that it is done, if it was long enough to be told of."""
+        """Say that the step is done, if it took long enough to be shown."""
         took = time.monotonic() - self.started
         if took >= SHOW_AFTER and self.found + 1 <= round(self.done) >= self.total:
             say(f"{self.total}/{self.total} {self.what}: done in {duration(took)}")
         super().end()
 
     def show(self) -> None:
-        """Print a line now and then, and none for the last."""
+        """Print a line at intervals, but none for the last count."""
         now = time.monotonic()
         if now < self.next_line or not self.found + 1 <= round(self.done) < self.total:
             return

@@ -1,4 +1,4 @@
-"""What several commands print about a result."""
+"""Summary tables and remarks on a result, shared by several commands."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 FAR_ABOVE = 1000.0
-"""Of solver.rtol: a larger error estimate is warned of, as a difference of the cross-check is.
+"""Multiple of solver.rtol above which an error estimate is warned of, as a failed cross-check is.
 
-In 13 shipped configurations it is 64 at most, and 433 where a limit or a jump of the law is in the
-way of `solve_ivp`."""
+In 13 shipped configurations it is at most 64, and 433 where a limit or a jump of the law hampers
+`solve_ivp`."""
 
 MANY, RARE = 1000, 0.01
-"""Runs from which on, and the share below which, those that do not settle are counted exactly."""
+"""Minimum runs, and maximum share of unsettled runs, for exact intervals of that share."""
 
 MOST_FAILURES = 10
-"""Different messages shown of failed runs."""
+"""Maximum number of different messages of failed runs that are shown."""
 
 MOST_READ = 500
-"""Failed runs whose messages are looked at."""
+"""Maximum number of failed runs whose messages are read."""
 
 
 def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
-    """What came out, below some lines; whether to trust it, and what failed, on stderr.
+    """Print the outcome below a heading, and doubts about it and failures on stderr.
 
-    All of it is read before any of it is printed, so that a damaged file leaves nothing half said.
+    The result is read before anything is printed, so that a damaged file leaves no partial output.
     """
     lines: list[str | Text] = [
         *heading,
@@ -57,14 +57,14 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
 
 
 def _of_sweep(result: Result) -> Iterator[str | Text]:
-    """Its tables; nothing over all of its points, since that means little."""
+    """Yield the tables of a sweep; none over all points, since that means little."""
     for table in sweep_tables(result, COMPARED):
         yield laid_out(table)
         yield ""
 
 
 def outcome_record(result: Result) -> dict[str, Any]:
-    """The same for programs: the headline of each controller, or how many points each law wins."""
+    """Return the outcome for programs: each law's headline, or the points that it wins."""
     if not result.is_sweep:
         return {"controllers": result.headline()}
     won = {
@@ -78,9 +78,9 @@ def outcome_record(result: Result) -> dict[str, Any]:
 
 
 def _headline(result: Result) -> Text:
-    """One line per controller: torque, tracking error, final errors, energy residual.
+    """Return a line per controller: torque, tracking error, final errors, energy residual.
 
-    Where parts have units of their own, a block for each of them.
+    Parts with units of their own have a block each.
     """
     parts = [name.removeprefix(first) for first in HEADLINE for name in result.in_parts(first)]
     blocks = [_block(result, end) for end in dict.fromkeys(filter(None, parts))]
@@ -92,7 +92,7 @@ def _headline(result: Result) -> Text:
 
 
 def _block(result: Result, part: str) -> Block:
-    """The lines of a part, by the end of its names: ``_rotation``; of all together if empty."""
+    """Return the lines of a part, given by its suffix, ``_rotation``; of the whole if empty."""
     names = [name + part * (name + part in result.metrics) for name in HEADLINE]
     rows = []
     for row in result.headline():
@@ -111,7 +111,7 @@ def _block(result: Result, part: str) -> Block:
 
 
 def _shares(result: Result) -> Iterator[str]:
-    """How many runs have settled, and how much of the time actuators are at a limit."""
+    """Yield the number of settled runs and the share of time with actuators at a limit."""
     rows = [(result.titled[row["controller"]], row) for row in result.headline()]
     if all("settled" in row for _, row in rows):
         counts = "; ".join(f"{title}: {row['settled']} of {row['runs']}" for title, row in rows)
@@ -123,7 +123,7 @@ def _shares(result: Result) -> Iterator[str]:
 
 
 def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
-    """The shares of runs that did not settle, of laws where these are few of many."""
+    """Yield the shares of unsettled runs, for laws where few of many did not settle."""
     runs = result.good[..., 0, :].size
     few = {title: count for title, count in unsettled.items() if count < RARE * runs}
     if runs < MANY or not few:
@@ -141,7 +141,7 @@ def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
 
 
 def _accuracy(result: Result) -> Iterator[str]:
-    """How accurate the numbers are, by their own estimate and by another engine."""
+    """Yield the accuracy of the numbers: their error estimates and the cross-check."""
     estimates = result["error_estimate"]
     if np.isfinite(estimates).any():
         largest, median = np.nanmax(estimates), np.nanmedian(estimates)
@@ -174,7 +174,7 @@ def _disagreement(result: Result) -> Iterator[str]:
 
 
 def _inaccurate(result: Result) -> Iterator[str]:
-    """Error estimates that are far above what the tolerance lets expect."""
+    """Yield a remark if error estimates far exceed the tolerance."""
     estimates, rtol = result["error_estimate"], result.rtol
     if rtol is None or not np.isfinite(estimates).any():
         return
@@ -188,7 +188,7 @@ def _inaccurate(result: Result) -> Iterator[str]:
 
 
 def _failures(result: Result) -> Iterator[str]:
-    """How many runs failed in which way, and in what words, the first of each."""
+    """Yield the number of failed runs by ending, and each message with its first run."""
     failures = result.failures
     total, first = len(failures), failures[:MOST_READ]
     listed = ", ".join(f"{count} {ending}" for ending, count in result.endings.items())

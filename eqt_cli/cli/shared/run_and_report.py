@@ -1,4 +1,4 @@
-"""What `eqt run`, `eqt sweep` and `eqt pack` have in common: execute a study and report on it."""
+"""Execution of a study and the report on it, for `eqt run`, `eqt sweep` and `eqt pack`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def shard_from(text: str | None) -> Shard | None:
-    """``2/8`` as a shard; None stays None."""
+    """Parse a shard such as ``2/8``; None stays None."""
     from eqt_cli.execution.run_study import Shard
 
     if text is None:
@@ -45,7 +45,7 @@ def shard_from(text: str | None) -> Shard | None:
 def executor_from(
     experiment: Study, asked: str | None, workers: int | None, scheduler: str | None
 ) -> Executor:
-    """The executor asked for, ``NAME`` or ``NAME:KEY=VALUE,KEY=VALUE``, or the one that suits."""
+    """Return the requested executor, ``NAME`` or ``NAME:KEY=VALUE,KEY=VALUE``, or a default."""
     from eqt_cli.api import choose_executor
     from eqt_cli.config.yaml_source import parse_value
 
@@ -71,7 +71,7 @@ def run_experiment(
     rerun_failed: bool,
     json: bool,
 ) -> None:
-    """Run, report on stdout, and exit as the outcome demands."""
+    """Run an experiment, report on stdout, and exit with the code of the outcome."""
     from eqt_cli import api
 
     shard, plans = shard_from(shard_text), experiment.plans
@@ -101,7 +101,7 @@ def run_experiment(
 def report(
     done: StoredResult, shard: Shard | None = None, *, json: bool, with_plugins: bool = False
 ) -> None:
-    """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
+    """Print the outcome; exit with 3 if runs failed, or 4 if the cross-check does not hold."""
     from eqt_cli.results.result import open_result
 
     causes = ["some runs failed"] if done.failed else []
@@ -164,7 +164,7 @@ def _print_summary(done: StoredResult, results: Result) -> None:
 
 
 def _next(done: StoredResult, laws: int) -> str:
-    """What to look at: why all runs failed, else how laws compare, else the figure of the one."""
+    """Return the next command: the failures if all runs failed, else a comparison or a figure."""
     if done.failed == done.runs:
         return f"show {done.path} --failed"
     return f"{'compare' if laws > 1 else 'plot'} {done.path}"

@@ -1,4 +1,4 @@
-"""Every run with its numbers as text for other programs: CSV or JSON lines."""
+"""The metrics of every run as text for other programs: CSV or JSON lines."""
 
 import csv
 import sys
@@ -15,7 +15,7 @@ FORMATS = ("csv", "jsonl")
 
 
 def print_run_table(result: Result, form: str) -> None:
-    """Every run with its numbers, on stdout, with all their digits."""
+    """Print the metrics of every run on stdout, with all digits."""
     if form not in FORMATS:
         hint = suggestion(form, FORMATS) or f"; known: {', '.join(FORMATS)}"
         raise EqtError(f"--format: unknown format '{form}'{hint}")
@@ -35,7 +35,7 @@ def print_run_table(result: Result, form: str) -> None:
 
 
 def _rows(result: Result, swept: list[str], numbers: list[str]) -> Iterator[list[Any]]:
-    """Point by point, controller by controller."""
+    """Yield a row per run, by point and controller."""
     values = [result.coordinate(name).tolist() for name in swept]
     shape = (result.points, len(result.labels), result.runs)
     columns = [result[name].reshape(shape) for name in numbers]

@@ -1,4 +1,4 @@
-"""What `eqt tune` and `eqt worst` have in common: search, tell of it, and report."""
+"""Search, progress and report, shared by `eqt tune` and `eqt worst`."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ def searched(
     force: bool,
     json: bool,
 ) -> Found | None:
-    """Search, or print what it will take, which gives None.
+    """Search and return the outcome; for a dry run, print the plan and return None.
 
     Parameters
     ----------
     begin
-        Of the API: `tune` or `worst`.
+        `tune` or `worst` of the API.
     computing
-        The executor, the number of workers, and the scheduler that were asked for.
+        Requested executor, number of workers and scheduler.
     """
     from eqt_cli.experiment.study import Study
 
@@ -67,7 +67,7 @@ def searched(
 
 
 def _print_plan(search: Searches[Any], executor: Executor, *, json: bool) -> None:
-    """Print what a search will take, without searching."""
+    """Print the runs and the time that a search will take."""
     from eqt_cli.tuning.generations import expected
 
     section, found = search.section, expected(search, executor)
@@ -97,14 +97,14 @@ def report(
     *,
     json: bool,
 ) -> None:
-    """Print what came out.
+    """Print the outcome of a search.
 
     Parameters
     ----------
     causes
-        Why the command does not end with 0.
+        Reasons why the exit code is not 0.
     config
-        Of the folder, to be run next; None where nothing was found.
+        Configuration in the folder, to be run next; None if nothing was found.
     """
     from eqt_cli.results.result import open_result
 

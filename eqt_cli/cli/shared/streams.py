@@ -1,6 +1,6 @@
-"""Makes stdout and stderr safe to write to: closed, full, or of an encoding with few characters.
+"""Safe stdout and stderr: for closed or full streams, and encodings with few characters.
 
-What is said on stderr is never worth the work that it tells of: what cannot be written is left out.
+Text that stderr cannot take is dropped, since no message is worth the work that it reports on.
 Documents on stdout are: a full disk is an error there.
 """
 
@@ -11,11 +11,11 @@ from contextlib import suppress
 from typing import Any, TextIO
 
 _NAMES = ("stdin", "stdout", "stderr")
-"""By file descriptor."""
+"""Names of the standard streams, by file descriptor."""
 
 
 def make_safe() -> None:
-    """Do so for this process, whose streams are those that it was started with."""
+    """Make the streams that this process was started with safe to write to."""
     for descriptor, name in enumerate(_NAMES):
         if getattr(sys, name) is None:
             _open_null(descriptor, name)
@@ -27,16 +27,16 @@ def make_safe() -> None:
 
 
 def drop_stdout() -> None:
-    """What is left to write on stdout is left out, also at the end of the process."""
+    """Discard the remaining output on stdout, also at the end of the process."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, sys.stdout.fileno())
     os.close(null)
 
 
 def _open_null(descriptor: int, name: str) -> None:
-    """Lead a stream that was closed to nowhere.
+    """Open a closed stream on the null device.
 
-    Else the next file that is opened would take its place, and get what libraries write there.
+    Else the next file opened would take its descriptor, and receive what libraries write there.
     """
     null = os.open(os.devnull, os.O_RDWR)
     if null != descriptor:
@@ -51,7 +51,7 @@ def _open_null(descriptor: int, name: str) -> None:
 
 
 class _Forgiving(io.FileIO):
-    """A stream that loses what the system does not take."""
+    """A stream that drops data that the system does not accept."""
 
     def write(self, data: Any) -> int:
         with suppress(OSError):
@@ -60,10 +60,10 @@ class _Forgiving(io.FileIO):
 
 
 def _forgiving(stream: Any) -> TextIO:
-    """The same stream, which loses what the system does not take; others stay as they are."""
+    """Wrap a file stream so that it drops data not accepted; return others unchanged."""
     buffer = getattr(stream, "buffer", None)
-    raw = getattr(buffer, "raw", buffer)  # there is no buffer with PYTHONUNBUFFERED
-    if type(raw) is not io.FileIO:  # of tests, or a console of Windows
+    raw = getattr(buffer, "raw", buffer)  # no buffer with PYTHONUNBUFFERED
+    if type(raw) is not io.FileIO:  # in tests, or a Windows console
         return stream
     with suppress(OSError):
         stream.flush()

@@ -1,4 +1,4 @@
-"""Tables of text as LaTeX and spreadsheets take them; it knows no command."""
+"""Text tables as LaTeX and CSV; this module knows no command."""
 
 import csv
 import io
@@ -12,17 +12,17 @@ _MATHEMATICS = {"d": "$d$", "P(better)": r"$P(\text{better})$"}
 """Headings that are formulas."""
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""What begins a formula in a spreadsheet."""
+"""Characters that begin a formula in a spreadsheet."""
 
 _NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
 
 
 MOST_COLUMNS = 7
-"""Of a table in LaTeX, which fit a page."""
+"""Maximum number of columns of a LaTeX table that fits a page."""
 
 
 def as_latex(table: TextTable) -> str:
-    """Tables of the package booktabs, with the caption and the notes as comments."""
+    """Return booktabs tables, with the caption and the notes as comments."""
     return "\n\n".join(map(_tabular, table.narrow(MOST_COLUMNS)))
 
 
@@ -42,7 +42,7 @@ def _tabular(table: TextTable) -> str:
 
 
 def _heading(text: str) -> str:
-    r"""A heading in two lines where it ends with a window and a unit: ``effort, 0--20\,s``."""
+    r"""Return a heading, in two lines if it ends with a window and a unit: ``effort, 0--20\,s``."""
     measure, comma, end = text.rpartition(", ")
     if comma and end[:1].isdigit():
         return rf"\shortstack[l]{{{measure} \\ {end}}}"
@@ -50,7 +50,7 @@ def _heading(text: str) -> str:
 
 
 def as_csv(records: Sequence[Mapping[str, Any]]) -> str:
-    """Comma-separated values with a line of names; missing ones are empty."""
+    """Return comma-separated values with a header line; missing values are empty."""
     names = list(dict.fromkeys(name for record in records for name in record))
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -64,9 +64,9 @@ def as_csv(records: Sequence[Mapping[str, Any]]) -> str:
 
 
 def csv_cell(value: Any) -> Any:
-    """A cell that no spreadsheet takes for a formula: a text like one begins with an apostrophe.
+    """Return a cell that no spreadsheet takes for a formula: prefix such text by an apostrophe.
 
-    Numbers stay what they are, also those that are written as text.
+    Numbers stay unchanged, also those written as text.
     """
     if isinstance(value, str) and value.startswith(_FORMULA):
         try:

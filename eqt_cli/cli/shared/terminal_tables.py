@@ -1,8 +1,8 @@
-"""Tables as a terminal has room for them, and in full where a program reads; it knows no command.
+"""Tables fitted to the width of a terminal, or in full for programs; this module knows no command.
 
-A table that is too wide gets, one after the other and only as far as needed: headings of several
-lines; text wrapped between words; fewer columns, the least important left out; several tables with
-some of the columns each, or one block of lines per row. No word and no number is ever broken.
+A table that is too wide gets, in this order and only as far as needed: headings of several lines;
+text wrapped between words; fewer columns, the least important omitted first; several tables with
+some of the columns each, or one block of lines per row. Words and numbers are never broken.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ _NARROW = 16
 _WIDE = 24
 """and no wider than this, before a column is left out."""
 _NOTES = 100
-"""Notes are no wider."""
+"""Maximum width of notes."""
 
 _NUMBER = re.compile(r"[-+−±]?[\d.]+(e[-+]?\d+)?( ?%)?( ?± ?[\d.e+-]+| \[[^]]*\]( %)?)?")
-"""With its interval."""
+"""A number, perhaps with a percent sign, a spread or an interval."""
 
 _STYLES = {
     "green": ("holds", "supported", "agrees"),
     "bold red": ("FAILS", "not supported", "differs", "violated"),
     "yellow": ("undecided", "seen, not all settled", "growing", "unknown", "not covered"),
 }
-"""Colours of verdicts; the word says the same without."""
+"""Colours of verdicts, by their first words; the text says the same without colour."""
 
 _VERDICT = "verdict"
 
@@ -50,34 +50,34 @@ class _Column:
 
     @cached_property
     def full(self) -> int:
-        """The width of its cells, and of its heading on one line."""
+        """Return the width of the cells and of the heading on one line."""
         return max(cell_len(self.heading), self.body)
 
     @cached_property
     def body(self) -> int:
-        """The width of its cells."""
+        """Return the width of the cells."""
         return max(map(cell_len, self.cells), default=0)
 
     @cached_property
     def folded(self) -> int:
-        """The same with a heading of one word a line."""
+        """Return the width with one word of the heading per line."""
         return max(_longest_word(self.heading), self.body)
 
     @cached_property
     def least(self) -> int:
-        """The width with its text wrapped."""
+        """Return the width with wrapped text."""
         cells = [cell_len(x) if _is_whole(x) else _longest_word(x) for x in self.cells]
         wrapped = min(self.folded, max(_NARROW, min(_WIDE, self.folded // 2)))
         return max([_longest_word(self.heading), *cells, wrapped if self.is_text else 0])
 
     @cached_property
     def is_text(self) -> bool:
-        """Whether it has cells that may be wrapped."""
+        """Return whether the column has cells that may be wrapped."""
         return not all(map(_is_whole, self.cells))
 
     @cached_property
     def numeric(self) -> bool:
-        """Whether it holds numbers, which stand to the right."""
+        """Return whether the column holds only numbers, which are aligned right."""
         return all(_is_number(cell) for cell in self.cells)
 
 
@@ -89,7 +89,7 @@ class _Grid:
     widths: list[int]
 
     def head(self) -> list[Text]:
-        """The headings, at the bottom of their lines, and a rule."""
+        """Return the headings, aligned at the bottom, and a rule."""
         folded = [
             _wrapped(column.heading, width)
             for column, width in zip(self.columns, self.widths, strict=True)
@@ -100,7 +100,7 @@ class _Grid:
         return [*self._lines(raised), rule]
 
     def row(self, index: int) -> list[Text]:
-        """A row, of several lines where text is wrapped."""
+        """Return the lines of a row, several if text is wrapped."""
         cells = [
             _wrapped(column.cells[index], width, _style(column, index))
             for column, width in zip(self.columns, self.widths, strict=True)
@@ -121,12 +121,12 @@ class _Grid:
 
 
 def table_text(table: TextTable, room: int | None) -> Text:
-    """A table: caption, columns under their headings, blocks, notes.
+    """Lay out a table: caption, columns under their headings, blocks, notes.
 
     Parameters
     ----------
     room
-        The width of the terminal; None to print all of it, however wide.
+        Width of the terminal; None for the full table.
     """
     titled = any(block.title for block in table.blocks)
     indent = "  " if titled else ""
@@ -154,7 +154,7 @@ def table_text(table: TextTable, room: int | None) -> Text:
 def _laid_out(
     columns: list[_Column], table: TextTable, room: int | None
 ) -> tuple[list[_Grid] | None, list[str]]:
-    """Grids beneath each other, and the headings that are left out; None where no grid fits."""
+    """Return the grids, one below the other, and the omitted headings; None if no grid fits."""
     if (grid := _fitted(columns, room)) is not None:
         return [grid], []
     columns = [column for column in columns if any(column.cells)]
@@ -177,7 +177,7 @@ def _laid_out(
 
 
 def _fitted(columns: list[_Column], room: int | None) -> _Grid | None:
-    """Columns with a width for each; None where there is no room for them."""
+    """Return the columns with a width each; None if they do not fit."""
     full = [column.full for column in columns]
     if room is None or _total(full) <= room:
         return _Grid(columns, full)
@@ -189,7 +189,7 @@ def _fitted(columns: list[_Column], room: int | None) -> _Grid | None:
 
 
 def _grown(widths: list[int], wanted: list[int], room: int) -> list[int]:
-    """The widths with what room is left, given first to those that lack the least."""
+    """Share out the remaining width, first to the columns that lack the least."""
     grown, spare = list(widths), room - _total(widths)
     lacking = sorted(range(len(widths)), key=lambda k: wanted[k] - widths[k])
     for rank, index in enumerate(lacking):
@@ -200,7 +200,7 @@ def _grown(widths: list[int], wanted: list[int], room: int) -> list[int]:
 
 
 def _shared_out(columns: list[_Column], count: int) -> list[list[_Column]]:
-    """Columns in so many groups of about the same size."""
+    """Split columns into `count` groups of similar size."""
     size = -(-len(columns) // count)
     return [columns[start : start + size] for start in range(0, len(columns), size)]
 
@@ -208,7 +208,7 @@ def _shared_out(columns: list[_Column], count: int) -> list[list[_Column]]:
 def _body(
     blocks: Sequence[Block], room: int | None, row: Callable[[int], list[Text]], indent: str = ""
 ) -> list[Text]:
-    """The titles of blocks, and the lines of their rows, by the number of each."""
+    """Return the titles of the blocks and the lines of their rows."""
     lines, index = list[Text](), 0
     for block in blocks:
         lines += [_prose(block.title, room)] if block.title else []
@@ -219,7 +219,7 @@ def _body(
 
 
 def _record(columns: list[_Column], room: int, index: int) -> list[Text]:
-    """A row as a block of lines, one per column, below its first cell."""
+    """Return a row as a block of lines, one per column, below its first cell."""
     first, *others = columns
     label = max(cell_len(column.heading) for column in others)
     lines = [Text(first.cells[index], style="bold")]
@@ -233,13 +233,13 @@ def _record(columns: list[_Column], room: int, index: int) -> list[Text]:
 
 
 def _prose(text: str, room: int | None) -> Text:
-    """Words that are no cell, in lines that fit."""
+    """Wrap text outside the cells to the width."""
     text = printable(text)
     return Text(text) if room is None else Text("\n").join(_wrapped(text, room))
 
 
 def _wrapped(text: str, width: int, style: str = "") -> list[Text]:
-    """A text in lines, broken between words only."""
+    """Split a text into lines, broken between words only."""
     if cell_len(text) <= width:
         return [Text(text, style)]
     lines = [""]
@@ -268,7 +268,7 @@ def _longest_word(text: str) -> int:
 
 
 def _is_whole(cell: str) -> bool:
-    """Whether a cell stays on one line: a number, with its interval and unit, or a short text."""
+    """Return whether a cell stays on one line: a number with its interval, or a short text."""
     return cell_len(cell) <= _NARROW or _NUMBER.fullmatch(cell) is not None
 
 

@@ -1,4 +1,4 @@
-"""What stays on one line: words, norms, integrals, intervals and shares; it knows no layout."""
+"""Text that stays on one line: words, norms, integrals, intervals, shares; knows no layout."""
 
 import re
 import textwrap
@@ -9,12 +9,12 @@ _WORD = re.compile(
 
 
 def words(text: str) -> list[str]:
-    """The pieces of a text between which a line may be broken."""
+    """Return the pieces of a text between which a line may be broken."""
     return _WORD.findall(text)
 
 
 def folded(line: str, width: int, indent: str = "") -> str:
-    """A line as several of this width, the further ones indented."""
+    """Wrap a line to a width, with the further lines indented."""
     kept = _WORD.sub(lambda word: word[0].replace(" ", "\u00a0"), line)
     return textwrap.fill(
         kept, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False

@@ -1,4 +1,4 @@
-"""Mistakes in how a command is called, told as all other errors are; it knows no command."""
+"""Usage errors, reported in the form of all other errors; this module knows no command."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import typer
 from eqt_cli.core.errors import EqtError, suggestion
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-"""Of the parser; some versions of typer bring their own, others take that of click."""
+"""Usage error of the parser; typer's own or click's, depending on the version of typer."""
 
 _REWRITTEN = (
     (r"No such command '([^']*)'.*", r"unknown command '\1'"),
@@ -27,16 +27,16 @@ _REWRITTEN = (
     (r"(?:Value error, )?'(.*)' is not one of (.*)\.", r"unknown value '\1'; known: \2"),
     (r"(?s)(?:Value error, )?(.*?)\.?", r"\1"),
 )
-"""What the parser says, and what eqt says instead; the first that fits is taken."""
+"""Patterns of parser messages, and eqt's wording; the first match is used."""
 
 
 @contextmanager
 def in_words() -> Iterator[None]:
-    """Raise `EqtError` for what the parser refuses."""
+    """Raise an `EqtError` for a usage error of the parser."""
     try:
         yield
     except _UsageError as error:
-        if type(error).__name__ == "NoArgsIsHelpError":  # the help, and no mistake
+        if type(error).__name__ == "NoArgsIsHelpError":  # the help page, not an error
             raise
         context: Any = getattr(error, "ctx", None)
         below = context.command_path.removeprefix(context.find_root().info_name) if context else ""
@@ -60,7 +60,7 @@ def _told(error: Any, context: Any) -> str:
 
 
 def _given(parameter: Any) -> str:
-    """What an option was given last, in one of the two ways of writing it."""
+    """Return the last value of an option, written ``--option value`` or ``--option=value``."""
     options, values = tuple(parameter.opts), sys.argv[1:]
     for before, value in reversed([*zip(["", *values], values, strict=False)]):
         if before in options:
@@ -71,12 +71,12 @@ def _given(parameter: Any) -> str:
 
 
 def _name(parameter: Any) -> str:
-    """An option as it is typed, an argument as the help names it."""
+    """Return an option as typed, or an argument as named in the help."""
     return str(parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar)
 
 
 def _hint(typed: str, context: Any) -> str:
-    """The option or command that was meant, perhaps."""
+    """Suggest an option or command similar to the unknown one."""
     if not typed.startswith("-"):
         return suggestion(typed, getattr(context.command, "commands", {}))
     options = [name.lstrip("-") for each in context.command.params for name in each.opts]

@@ -1,8 +1,8 @@
-"""DOP853 in C, compiled on this machine from the very laws that run on arrays.
+"""DOP853 in C, compiled on this machine from the same laws that run on arrays.
 
-The closed loop is traced once; its program is emitted as C, and templates beside this file
-integrate and evaluate it. Each run has its own steps. All operations are fixed by IEEE 754, so that
-a run has the same bits beside any others, in any thread and by any compiler.
+The closed loop is traced once; its program is emitted as C, and templates in this folder integrate
+and evaluate it. Each run has its own steps. All operations are fixed by IEEE 754, so that a run has
+the same bits whatever its neighbours, its thread and the compiler.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ from eqt_cli.engines.traced_loop import (
 from eqt_cli.engines.walk import walked
 
 STEP_SHARE = 1 / 30
-"""The tolerance of a step, as a share of the accuracy that the results are judged by."""
+"""The tolerance of a step, as a fraction of the accuracy that the results are judged by."""
 
 SMALLEST_RTOL = 1000 * float(np.finfo(float).eps)
-"""Of which a hundredth, and of that the share of a step, is still above rounding."""
+"""Smallest `rtol`: of a hundredth of it, the fraction for a step is still above rounding."""
 
 
 BLOCK_BYTES = 16 * 2**20
 
 GROUP_RUNS = 256
-"""Runs that a thread has in hand: their states and samples fit its cache."""
+"""Number of runs that a thread integrates at a time: their states and samples fit its cache."""
 
 
 @dataclass(frozen=True)
@@ -78,39 +78,39 @@ class Native(Engine):
 
     @classmethod
     def unavailable(cls) -> str | None:
-        """Where there is no compiler: how to get one."""
+        """Return how to get a compiler; None if there is one."""
         return compiler.missing()
 
     def check(self, problems: Problems) -> None:
-        """A tolerance that doubles cannot meet, or that asks for nothing."""
+        """Note a tolerance that doubles cannot meet, or that is not below 1."""
         if not SMALLEST_RTOL <= self.rtol < 1:
             limits = f"expected a number from {SMALLEST_RTOL:.3g} to 1"
             problems.at("rtol").add(f"{limits}, got {self.rtol:g}")
 
     def tightened(self, factor: float) -> Native:
-        """Both tolerances times `factor`."""
+        """Return the engine with both tolerances times `factor`."""
         return dataclasses.replace(self, rtol=self.rtol * factor, atol=self.atol * factor)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
-        """Steps of DOP853."""
+        """Return steps of DOP853."""
         from scipy.integrate import DOP853
 
         return stability.steps(stability.runge_kutta(DOP853.A, DOP853.B), rates, duration)
 
     def provenance(self) -> dict[str, str]:
-        """The compiler, where there is one: shards are packed without."""
+        """Return the compiler, if there is one: shards are packed without."""
         with suppress(EqtError):
             found = compiler.compiler()
             return {"compiler": found.described, "lanes": str(found.lanes)}
         return {}
 
     def integrator(self, problem: Problem) -> Lanes:
-        """That of lanes, whose steps depend on their own run only."""
+        """Return the integrator of lanes, whose steps depend on their own run only."""
         law, rtol, atol = programs(OneLoop(problem.loop)), self.rtol, self.atol
         return Lanes(problem, law, rtol * STEP_SHARE, atol * STEP_SHARE, self.max_steps)
 
     def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
-        """A few runs, as many groups for each thread, or where the law waits for instants one."""
+        """Return groups of a few runs, equally many per thread; one each with several spans."""
         of_thread = -(-problem.runs // threads)
         turns = max(1, -(-of_thread // GROUP_RUNS)) if len(spans) == 1 else 1
         size = max(1, -(-problem.runs // (turns * threads)))
@@ -118,13 +118,13 @@ class Native(Engine):
         return [runs[start : start + size] for start in range(0, problem.runs, size)]
 
     def rehearse(self, problem: Problem) -> None:
-        """Trace the law, which is what can fail, without compiling it."""
+        """Trace the law, which may fail, without compiling it."""
         trace(problem.loop)
 
     def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
-        """As many runs for each thread as fit a cache with all that follows from their states.
+        """Return blocks of as many runs per thread as fit a cache with their results.
 
-        Of a law that waits for instants, all runs at once.
+        All runs are one block if the horizon has several spans.
         """
         runs = np.arange(problem.runs)
         if len(problem.spans) > 1:
@@ -136,7 +136,7 @@ class Native(Engine):
     def evaluate(
         self, function: SampledFunction, problem: Problem, *rows: Array
     ) -> dict[str, Array]:
-        """Compiled as the law is."""
+        """Evaluate by compiled code, if the function can be compiled; else on arrays."""
         loop, times = problem.loop, problem.times
         program = sampled(function, OneLoop(loop), tuple(row.shape[-1] for row in rows))
         if program is None:
@@ -160,9 +160,10 @@ class Native(Engine):
         workers: int = 1,
         progress: Progress = lambda runs: None,
     ) -> Measured:
-        """Sample by sample while it integrates, where only numbers of runs are asked for.
+        """Solve and measure sample by sample on the way, if not all arrays are asked for.
 
-        Of a law that waits for instants, and of what cannot be compiled, from stored states.
+        Runs with several spans or a sampled law, and functions that cannot be compiled, are
+        measured from stored states.
         """
         times, one = problem.times, OneLoop(problem.loop)
         lengths = (problem.loop.state_length, *(row.shape[-1] for row in rows))

@@ -1,7 +1,7 @@
-"""The compiled laws that a user keeps: files in a folder that nobody else can write to.
+"""The cache of compiled laws of a user: files in a folder that nobody else can write to.
 
-What is in it is loaded as code. A file has the digest of its content in its name, so that a damaged
-one is not used.
+They are loaded as code. A file has the digest of its content in its name, so that a damaged one is
+not used.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from eqt_cli.core.replacement import replace_file
 
 KEPT = 200
-"""Files, of some 50 kB each; those that were not used for longest go."""
+"""Most files, of some 50 kB each; the least recently used are removed."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Cache:
     folder: Path
 
     def find(self, key: str, ending: str) -> Path | None:
-        """A whole file of this key; a damaged one is removed."""
+        """Return an intact file of this key, if there is one; a damaged one is removed."""
         for path in self.folder.glob(f"{_short(key)}-*{ending}"):
             with suppress(OSError):
                 if path.name == _name(key, path.read_bytes(), ending):
@@ -36,7 +36,7 @@ class Cache:
         return None
 
     def keep(self, key: str, ending: str, content: bytes) -> Path:
-        """Keep a file; others that were not used for long are removed.
+        """Keep a file; the least recently used others are removed.
 
         Raises
         ------
@@ -49,7 +49,7 @@ class Cache:
         return path
 
     def _forget_the_oldest(self) -> None:
-        """Also what killed processes have left unfinished: nobody uses that."""
+        """Remove the least recently used files, including unfinished ones of killed processes."""
         used = []
         for path in self.folder.iterdir():
             with suppress(OSError):  # another process has removed it
@@ -60,7 +60,7 @@ class Cache:
 
 
 def own_cache() -> Cache | None:
-    """The cache of this user; None where there is none that is the user's alone."""
+    """Return the cache of this user; None if there is none that only the user can write to."""
     with suppress(OSError, RuntimeError):  # RuntimeError: there is no home
         folder = _base() / "eqt" / "native"
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -70,7 +70,7 @@ def own_cache() -> Cache | None:
 
 
 def _base() -> Path:
-    """Where users keep what can be made anew."""
+    """Return the folder of the user's caches."""
     if os.name == "nt":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     chosen = Path(os.environ.get("XDG_CACHE_HOME", ""))
@@ -78,13 +78,13 @@ def _base() -> Path:
 
 
 def _is_private(found: os.stat_result) -> bool:
-    """Whether it is a folder of this user's that no one else can write to."""
+    """Return whether it is a folder of this user that no one else can write to."""
     shared = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not shared
 
 
 def digest(text: str) -> str:
-    """A key."""
+    """Return the key of a text."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -1,6 +1,6 @@
-"""The C compiler of this machine, and the libraries that it makes of laws.
+"""The C compiler of this machine, and the libraries that it builds from laws.
 
-No shell is asked, and nothing of the user's text is in the source.
+No shell is used, and of the user's text only numbers, and own C code, are in a source.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from eqt_cli.engines.native.cache import digest, own_cache
 WINDOWS = os.name == "nt"
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
-"""They let no compiler change a rounding. The last two have to do with errno and signals only."""
+"""No compiler may change a rounding with these. The last two concern errno and signals only."""
 
 LIBRARY = (*FLAGS, "-w", "-shared", *(() if WINDOWS else ("-fPIC",)))
 ENDING = ".dll" if WINDOWS else ".so"
@@ -39,10 +39,10 @@ MATHEMATICS = () if WINDOWS else ("-lm",)
 OWN_MACHINE = "-march=native"
 
 SECONDS = 600.0
-"""After which a compiler is ended."""
+"""Time limit of a compiler, s."""
 
 TOLD_LINES = 5
-"""Of what a compiler says."""
+"""Most lines of a compiler's messages that are shown."""
 
 FEATURES = {
     "__AVX512F__": "AVX-512",
@@ -53,7 +53,7 @@ FEATURES = {
     "__ARM_FEATURE_SVE": "SVE",
     "__riscv_v": "V",
 }
-"""What a processor can do that makes it fast, by the macro that says so."""
+"""Instruction sets of processors that matter for speed, by the macro that shows them."""
 
 INEXACT = {
     "__FAST_MATH__": "1",
@@ -63,7 +63,7 @@ INEXACT = {
     "__NO_SIGNED_ZEROS__": "1",
     "__FLT_EVAL_METHOD__": "2",
 }
-"""Macros of compilers that do not round as IEEE 754 says, and their values there."""
+"""Macros, and their values, of compilers that do not round as IEEE 754 requires."""
 
 CHOOSE = Remedy("set the variable CC to a C compiler, or remove it")
 
@@ -75,15 +75,15 @@ class Compiler:
     Attributes
     ----------
     command
-        How it is called.
+        The command that calls it.
     flags
-        Beside those of every compiler.
+        Flags beyond those of every compiler.
     version
-        As it says: ``gcc 12.2.0``.
+        Its version as it reports it: ``gcc 12.2.0``.
     features
-        What it knows of the processor for which it compiles.
+        Instruction sets of the processor for which it compiles.
     identity
-        The digest of all that it says of itself and of the processor.
+        Digest of all its predefined macros, which describe it and the processor.
     """
 
     command: tuple[str, ...]
@@ -94,14 +94,15 @@ class Compiler:
 
     @property
     def words(self) -> str:
-        """The command and its flags, as in a shell."""
+        """The command and its flags, as typed in a shell."""
         return shlex.join([*self.command, *LIBRARY, *self.flags])
 
     @property
     def lanes(self) -> int:
-        """Runs side by side: as many as fill a vector. Longer ones are split, which gcc does badly.
+        """The number of runs side by side, which fill a vector.
 
-        Measured with gcc on AVX2: 8 lanes take 1.5 times as long for a sine as 4.
+        More would be split, which gcc does badly: on AVX2, 8 lanes take 1.5 times as long for a
+        sine as 4.
         """
         return 8 if "AVX-512" in self.features else 4 if "AVX" in self.features else 2
 
@@ -116,9 +117,9 @@ class Compiler:
 
 
 def commands() -> list[tuple[str, ...]]:
-    """How the C compilers of this machine are called, the best first.
+    """Return the commands of the C compilers of this machine, the best first.
 
-    The variable CC rules; else there are cc, clang, gcc, and the clang of the package ziglang.
+    The variable CC has precedence; else cc, clang, gcc, and the clang of the package ziglang.
     """
     if chosen := _words(os.environ.get("CC", "")):
         return [chosen]
@@ -138,7 +139,7 @@ def _words(called: str) -> tuple[str, ...]:
 
 
 def missing() -> str | None:
-    """Where there is no compiler: how to get one."""
+    """Return how to get a compiler; None if there is one."""
     if os.environ.get("CC", "").strip() or commands():
         return None
     return (
@@ -151,7 +152,7 @@ _lock = threading.Lock()
 
 
 def compiler() -> Compiler:
-    """The first compiler of this machine that works.
+    """Return the first compiler of this machine that works.
 
     Raises
     ------
@@ -174,7 +175,7 @@ def _first(called: tuple[tuple[str, ...], ...]) -> Compiler:
 
 
 def _asked(command: tuple[str, ...]) -> Compiler:
-    """What a compiler says of itself: all macros that it defines."""
+    """Return the compiler of a command, as described by the macros that it defines."""
     said = ""
     for flags in ((OWN_MACHINE,), ()):
         answer = run([*command, *flags, "-dM", "-E", "-x", "c", "-"])
@@ -205,11 +206,11 @@ def _read(command: tuple[str, ...], flags: tuple[str, ...], told: str) -> Compil
     )
 
 
-# To ask a compiler takes 50 to 200 ms, longer than to load what it has compiled before.
+# To query a compiler takes 50 to 200 ms, longer than to load a library from the cache.
 
 
 def _known(command: tuple[str, ...]) -> Compiler | None:
-    """What a compiler said of itself before, on a processor like this."""
+    """Return the cached description of a compiler, on a processor like this."""
     cache, key = own_cache(), _state(command)
     if cache is None or key is None:
         return None
@@ -230,7 +231,7 @@ def _remembered(found: Compiler) -> Compiler:
 
 
 def _state(command: tuple[str, ...]) -> str | None:
-    """A digest that changes with the compiler and with the processor; None where none is known."""
+    """Return a digest that changes with compiler and processor; None if the latter is unknown."""
     processor = _processor()
     if not processor:
         return None
@@ -243,7 +244,7 @@ def _state(command: tuple[str, ...]) -> str | None:
 
 
 def _files(command: Sequence[str]) -> Iterator[Path]:
-    """The files that are named in a command, links followed."""
+    """Yield the files that a command names, links followed."""
     for word in command:
         if path := shutil.which(word):
             yield Path(path).resolve()
@@ -252,7 +253,7 @@ def _files(command: Sequence[str]) -> Iterator[Path]:
 
 
 def _processor() -> list[str]:
-    """What Linux says of the first processor, but for numbers that vary; else nothing."""
+    """Return Linux's description of the first processor, without varying numbers; else nothing."""
     varies = ("processor", "cpu MHz", "bogomips", "BogoMIPS", "core id", "apicid", "initial apicid")
     try:
         with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as stream:
@@ -262,11 +263,11 @@ def _processor() -> list[str]:
     return [line for line in text.splitlines() if line.partition("\t")[0].strip() not in varies]
 
 
-# What it makes ------------------------------------------------------------------------------------
+# Libraries ----------------------------------------------------------------------------------------
 
 
 def library(source: str) -> ctypes.CDLL:
-    """The library of a C source: compiled, or from the cache.
+    """Return the library of a C source, compiled or from the cache.
 
     Raises
     ------
@@ -274,7 +275,7 @@ def library(source: str) -> ctypes.CDLL:
         If there is no compiler, or it fails.
     """
     by = compiler()
-    with _lock:  # who asks while another thread compiles it waits for that
+    with _lock:  # a thread waits while another one compiles the same source
         return _library(source, by)
 
 
@@ -285,7 +286,7 @@ def _library(source: str, by: Compiler) -> ctypes.CDLL:
         with suppress(OSError):
             return ctypes.CDLL(str(found))
     try:
-        # What is loaded cannot be removed on Windows.
+        # A loaded library cannot be removed on Windows.
         folder = tempfile.TemporaryDirectory(prefix="eqt-", ignore_cleanup_errors=True)
     except OSError as error:
         raise TraceError(
@@ -324,7 +325,7 @@ def _loaded(made: Path, by: Compiler) -> ctypes.CDLL:
 
 
 def run(command: Sequence[str], text: str = "") -> subprocess.CompletedProcess[str]:
-    """A program without a shell or a terminal, which is ended with all that it has started."""
+    """Run a command without shell or terminal; a timeout kills it and all that it has started."""
     called = shlex.join(command)
     try:
         process = subprocess.Popen(
@@ -364,6 +365,6 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 
 def _told(text: str) -> list[str]:
-    """The lines with errors in what a compiler says, else its last lines."""
+    """Return the lines with errors in a compiler's messages, else the last lines."""
     lines = text.strip().splitlines()
     return [line for line in lines if "error" in line][:TOLD_LINES] or lines[-TOLD_LINES:]

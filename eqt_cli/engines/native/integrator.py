@@ -1,4 +1,4 @@
-"""Integrates runs through a span by compiled DOP853; each run has steps of its own."""
+"""Integration of runs through a span by compiled DOP853; each run has its own steps."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ class Lanes(Integrator):
     rtol, atol
         Tolerances of a step.
     most_steps
-        That a run may take.
+        Most steps that a run may take.
+    looking
+        Program that looks at each sample; without it, states are stored.
     """
 
     def __init__(
@@ -53,7 +55,7 @@ class Lanes(Integrator):
         self._all_parameters = parameter_rows(problem)
 
     def begin(self, runs: Array) -> None:
-        """With no step taken, and the length of the first one not known."""
+        """Begin these runs with no step taken, and the length of the first one unknown."""
         if self._law.around_code is not None:
             super().begin(runs)
         count = len(runs)
@@ -62,11 +64,14 @@ class Lanes(Integrator):
         self._counts, self._ends = np.zeros((2, count), dtype=np.int64)
 
     def hold(self, span: Span) -> None:
-        """As numbers of all runs."""
+        """Set the held numbers, which all runs share."""
         self._held = held_rows(self.problem.loop, np.array([span.start]))[0]
 
     def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
-        """By compiled code; what is code by itself is called between two programs."""
+        """Return the states after an instant, by compiled code.
+
+        A user's own law and a solver of the vehicle are called between two programs.
+        """
         runs = len(states)
         given = [
             Rows(states, by_run=True),
@@ -79,7 +84,7 @@ class Lanes(Integrator):
         around, program = self._law.around_code, self._law.after_instant
         if around is not None:
             torque, memory, states = self._answer(t, states, around, [*given, *measured])
-            given[0] = Rows(states, by_run=True)  # with what sensors hold
+            given[0] = Rows(states, by_run=True)  # with the held measurements
             given += [Rows(torque, by_run=True), Rows(memory, by_run=True)]
             if self.loop.vehicle.solves:
                 given.append(Rows(self.loop.solution(states, torque), by_run=True))
@@ -92,7 +97,7 @@ class Lanes(Integrator):
     def _answer(
         self, t: float, states: Array, around: InstantPrograms, given: list[Rows]
     ) -> tuple[Array, Array, Array]:
-        """The torque that the law asks for, its memory, and the measured states, a row for each."""
+        """Return the commanded torque, the law's memory and the measured states, a row per run."""
         runs, none = len(states), np.empty((len(states), 0))
         if self._law.asked is not None:
             found = self._evaluated(self._law.asked, runs, given)
@@ -104,7 +109,7 @@ class Lanes(Integrator):
         return torque, np.concatenate([none, *memory.values()], axis=1), states
 
     def advance(self, span: Span, states: Array) -> SpanResult:
-        """All runs that have not failed; the others stay where they are."""
+        """Integrate the runs that have not failed, leaving the others as they are."""
         was, before, samples = self._ends.copy(), self._counts.copy(), self.room(span)
         ended = self._advanced(span, states, span.grid[1 : 1 + span.later], samples)
         failed: dict[int, Failure | None] = {}
@@ -123,7 +128,7 @@ class Lanes(Integrator):
         samples: Array,
         measuring: Measuring | None = None,
     ) -> Array:
-        """The states at the end of a span; those at sample times are stored or measured."""
+        """Return the states at the end of a span; those at sample times are stored or measured."""
         ended = np.array(states, order="C")
         library.advance(
             self._function,
@@ -149,8 +154,8 @@ class Lanes(Integrator):
         return ended
 
     def _evaluated(self, program: Program, runs: int, given: list[Rows]) -> dict[str, Array]:
-        """The arrays of a program for these runs at one time, ``(runs, …)`` each."""
-        if id(program) not in self._compiled:  # to look for it by its operations takes long
+        """Return the arrays of a program for these runs at one time, ``(runs, …)`` each."""
+        if id(program) not in self._compiled:  # hashing all its operations takes long
             lengths = tuple(each.length for each in given)
             self._compiled[id(program)] = library.evaluation(program, lengths)
         found = self._compiled[id(program)].at(runs, 1, given)
@@ -158,13 +163,13 @@ class Lanes(Integrator):
 
     @property
     def _period(self) -> float:
-        """Between control instants, s."""
+        """The control period, s."""
         control = self.problem.loop.vehicle.control
         assert control is not None
         return control.period
 
     def _failure(self, run: Any) -> Failure:
-        """How a run has ended, and when."""
+        """Return how and when a run has ended."""
         end, t = self._ends[run], float(self._times[run])
         if end == library.STEP_LIMIT:
             reason = f"step limit: {self._settings['most_steps']} steps (solver.max_steps)"
@@ -184,18 +189,18 @@ class MeasuringLanes(Lanes):
     Parameters
     ----------
     problem
-        With the first and the last sample time only.
+        Problem with the first and the last sample time only.
     times
-        All of them.
+        All sample times, s.
     rows
-        What is given besides the states, time, held numbers and columns included.
+        Inputs besides the states, including time, held numbers and columns.
 
     Attributes
     ----------
     memory : (runs, memory)
-        Of the program that looks at samples, behind the last one.
+        Memory of the program that looks at samples, after the last one.
     kept : (runs, samples, kept)
-        What it keeps of each sample.
+        Numbers that it keeps of each sample.
     """
 
     def __init__(
@@ -216,7 +221,7 @@ class MeasuringLanes(Lanes):
         self.kept = np.empty((problem.runs, len(times), looking.kept))
 
     def advance(self, span: Span, states: Array) -> SpanResult:
-        """All runs, which are neighbours."""
+        """Integrate and measure these runs, which are neighbours."""
         here = slice(int(self.runs[0]), int(self.runs[0]) + len(self.runs))
         rows = [row.of(here) for row in self._rows]
         measuring = Measuring(rows, self._starts, self.memory[here], self.kept[here])

@@ -1,4 +1,4 @@
-"""Compiled loops as Python calls them: arrays in, arrays out, through ctypes.
+"""Python's calls of compiled loops: arrays in, arrays out, through ctypes.
 
 A call releases the interpreter's lock, so that threads integrate side by side.
 """
@@ -18,7 +18,7 @@ from eqt_cli.engines.native import compiler, source
 from eqt_cli.program import Program
 
 THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING = range(5)
-"""How a run ends, as in advance.h."""
+"""Outcomes of a run, as in advance.h."""
 
 _INTEGERS = ("runs", "later", "most_steps", "to_next_run")
 _NUMBERS = ("start", "stop", "first_inside", "last_inside", "rtol", "atol")
@@ -62,14 +62,14 @@ class _Measuring(ctypes.Structure):
 def integration(
     field: Program, lanes: int | None = None, looking: source.Looking | None = None
 ) -> Any:
-    """``eqt_advance`` of a field, for the lanes of this machine by default."""
+    """Return ``eqt_advance`` of a field, for the lanes of this machine by default."""
     lanes = lanes or compiler.compiler().lanes
     return compiler.library(source.integration(field, lanes, looking)).eqt_advance
 
 
 def advance(function: Any, measuring: Measuring | None = None, **values: Any) -> None:
     """Call ``eqt_advance`` with the members of ``eqt_span``; arrays are C-contiguous."""
-    looking = None if measuring is None else measuring.as_c()  # it has to live through the call
+    looking = None if measuring is None else measuring.as_c()  # it must live during the call
     span = _Span(
         measuring=None if looking is None else ctypes.addressof(looking),
         **{name: values[name] for name in (*_INTEGERS, *_NUMBERS)},
@@ -85,9 +85,9 @@ class Rows:
     Attributes
     ----------
     values
-        ``(n,)``, and before that the axes runs and samples as far as they vary along them.
+        ``(n,)``, preceded by the axes, runs and samples, along which they vary.
     by_run, by_sample
-        Whether they do.
+        Whether they vary along this axis.
     """
 
     values: Array
@@ -96,28 +96,28 @@ class Rows:
 
     @property
     def length(self) -> int:
-        """n."""
+        """The length n of a row."""
         return int(self.values.shape[-1])
 
     def of(self, runs: slice) -> Rows:
-        """Those of some runs."""
+        """Return the rows of some runs."""
         return Rows(self.values[runs], True, self.by_sample) if self.by_run else self
 
 
 @dataclass(frozen=True)
 class Measuring:
-    """What looks at runs sample by sample.
+    """The data of a program that looks at runs sample by sample.
 
     Attributes
     ----------
     rows
-        What its program takes besides the states, one stretch behind the other.
+        Its inputs besides the states, one stretch after the other.
     starts
         Its memory before the first sample.
     memory : (runs, memory)
-        Where its memory behind the last sample belongs.
+        Its memory after the last sample, to be filled in.
     kept : (runs, samples, kept)
-        Where what it keeps of each sample belongs.
+        Numbers that it keeps of each sample, to be filled in.
     """
 
     rows: Sequence[Rows]
@@ -126,7 +126,7 @@ class Measuring:
     kept: Array
 
     def as_c(self) -> _Measuring:
-        """As measure.h takes it, as long as this object is there."""
+        """Return it as measure.h takes it, valid as long as this object lives."""
         samples = self.kept.shape[1]
         sources = _sources(self.rows, [rows.values for rows in self.rows], samples)
         places = (each.ctypes.data for each in (self.starts, self.memory, self.kept))
@@ -134,7 +134,7 @@ class Measuring:
 
 
 def _sources(given: Sequence[Rows], arrays: Sequence[Array], samples: int) -> Any:
-    """Where the numbers of some rows lie."""
+    """Return where the numbers of some rows lie in memory."""
     found = (_Source * len(given))()
     for place, (rows, array) in enumerate(zip(given, arrays, strict=True)):
         along = rows.length if rows.by_sample else 0
@@ -159,12 +159,12 @@ class Evaluation:
     shapes: dict[str, tuple[int, ...]]
 
     def at(self, runs: int, samples: int, given: Sequence[Rows]) -> dict[str, Array]:
-        """The arrays of the program, ``(runs, samples, …)`` each, by name.
+        """Return the arrays of the program, ``(runs, samples, …)`` each, by name.
 
         Parameters
         ----------
         given
-            The inputs of the program, one stretch behind the other.
+            The inputs of the program, one stretch after the other.
         """
         arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in given]
         sources = _sources(given, arrays, samples)
@@ -178,7 +178,7 @@ class Evaluation:
 def evaluation(
     program: Program, stretches: tuple[int, ...], lanes: int | None = None
 ) -> Evaluation:
-    """A program whose inputs are cut into stretches of these lengths."""
+    """Compile a program whose inputs are cut into stretches of these lengths."""
     lanes = lanes or compiler.compiler().lanes
     function = compiler.library(source.evaluation(program, stretches, lanes)).eqt_evaluate
     return Evaluation(function, {each.name: each.shape for each in program.outputs})

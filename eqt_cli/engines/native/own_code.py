@@ -1,6 +1,6 @@
-"""A C function of a user's own as Python calls it: for many runs, arrays in, arrays out.
+"""Python's calls of a user's own C function: for many runs, arrays in, arrays out.
 
-The user's text is compiled as it is; what eqt adds are names that were found in it, and numbers.
+The user's text is compiled as it is; eqt adds only names that were found in it, and numbers.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from eqt_cli.engines.native import compiler
 SHIM = Path(__file__).parent / "own_code.h"
 
 REALS = {"double": 8, "float": 4}
-"""The kinds of numbers, and their bytes."""
+"""The types of numbers, and their sizes in bytes."""
 
 INPUTS = ("t", "pose", "velocity", "desired_pose", "desired_velocity", "desired_acceleration")
 """The fields of ``X_input``, in their order."""
@@ -32,30 +32,30 @@ _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 
 
 def is_name(text: str) -> bool:
-    """Whether a text can be a name in C."""
+    """Return whether a text can be a name in C."""
     return _NAME.fullmatch(text) is not None
 
 
 @dataclass(frozen=True)
 class OwnCode:
-    """What a text in C has to define, by the names that a user gave.
+    """A user's text in C and the names that it has to define.
 
     Attributes
     ----------
     file
-        What the text is called.
+        The name of the text.
     text
-        With the files in quotes that it includes.
+        The text, with the files in quotes that it includes.
     prefix
         X of ``X_torque``, ``X_numbers``, ``X_memory`` and ``X_input``.
     numbers
-        The fields of ``X_numbers`` that are set, and how many numbers each has.
+        The fields of ``X_numbers`` that are set, and their lengths.
     memory
         The fields of ``X_memory``.
     real
         ``double`` or ``float``.
     entries, axes
-        How many numbers a pose has, and a velocity.
+        The number of entries of a pose, and of a velocity.
     """
 
     file: str
@@ -78,11 +78,11 @@ class OwnCode:
         return _COMMENT.sub(" ", self.text)
 
     def defines(self, function: str) -> bool:
-        """Whether the text has the body of a function."""
+        """Return whether the text has the body of a function."""
         return re.search(rf"\b{function}\s*\([^;{{}}]*\)\s*\{{", self._plain) is not None
 
     def fields(self, name: str) -> list[str] | None:
-        """The names in a struct ``typedef struct {…} name``; None where it is written otherwise."""
+        """Return the fields of ``typedef struct {…} name``; None if it is written otherwise."""
         found = re.search(rf"\bstruct\s*\w*\s*\{{([^{{}}]*)\}}\s*{name}\s*;", self._plain)
         if found is None:
             return None
@@ -90,12 +90,12 @@ class OwnCode:
 
     @property
     def starts(self) -> bool:
-        """Whether there is a function that sets the memory at the start of a run."""
+        """Whether the text has a function that sets the memory at the start of a run."""
         return self.defines(f"{self.prefix}_start")
 
     @property
     def has_period(self) -> bool:
-        """Whether the numbers hold the period of control, which eqt then sets."""
+        """Whether the numbers include the control period, which eqt then sets."""
         given = {name for name, _ in self.numbers}
         return "period" not in given and "period" in (self.fields(f"{self.prefix}_numbers") or ())
 
@@ -124,7 +124,7 @@ class OwnCode:
 
     @property
     def source(self) -> str:
-        """What is compiled: the text, and eqt's calls of it."""
+        """The source to compile: the text, and eqt's calls of it."""
         X, numbers = self.prefix, [name for name, _ in self.numbers]
         has_defaults = re.search(rf"\b{X}_defaults\s*=", self._plain)
         definitions = {
@@ -162,14 +162,14 @@ def _no_field(file: str, key: str, struct: str, name: str, known: Sequence[str])
 
 @dataclass(frozen=True)
 class CodeFunction:
-    """A compiled function of a user's own.
+    """A user's compiled function.
 
     Attributes
     ----------
     code
-        What it was compiled from.
+        Its source.
     lengths
-        How many numbers each part of the memory has, by its name.
+        The length of each part of the memory, by name.
     """
 
     code: OwnCode
@@ -178,18 +178,18 @@ class CodeFunction:
 
     @property
     def row(self) -> int:
-        """How many numbers an input has."""
+        """The number of entries of an input."""
         return 1 + 2 * self.code.entries + 3 * self.code.axes
 
     def started(self, numbers: Array, period: float, inputs: Array) -> Array:
-        """The memory at the start of runs with these inputs, ``(runs, …)`` each."""
+        """Return the memory at the start of runs with these inputs, ``(runs, …)``."""
         memory = np.zeros((len(inputs), sum(self.lengths.values())))
         return self._called(1, numbers, period, memory, inputs)[1]
 
     def torque(
         self, numbers: Array, period: float, memory: Array, inputs: Array
     ) -> tuple[Array, Array]:
-        """The torques of runs, and their memory a period later, ``(runs, …)`` each."""
+        """Return the torques of runs, and their memory a period later, ``(runs, …)`` each."""
         return self._called(0, numbers, period, memory, inputs)
 
     def _called(
@@ -210,12 +210,12 @@ class CodeFunction:
 
 @lru_cache(maxsize=64)
 def compiled(code: OwnCode) -> CodeFunction:
-    """Compile a user's function, or find it among those compiled before.
+    """Compile a user's function; the last ones are kept.
 
     Raises
     ------
     InputError
-        If it does not have the names, types and sizes that it should, or cannot be compiled.
+        If its names, types or sizes are not the expected ones, or it cannot be compiled.
     """
     code.check()
     if compiler.missing():
@@ -237,7 +237,7 @@ def compiled(code: OwnCode) -> CodeFunction:
 
 
 def _checked(code: OwnCode, sizes: Sequence[int]) -> dict[str, int]:
-    """How long each part of the memory is, after all sizes were compared."""
+    """Check all sizes, and return the length of each part of the memory."""
     X, size = code.prefix, REALS[code.real]
     t, *parts = sizes[:6]
     if t != size:

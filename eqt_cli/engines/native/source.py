@@ -1,6 +1,6 @@
-"""The C of a closed loop: emitted programs, and the templates that integrate and evaluate them.
+"""The C source of a closed loop: emitted programs, and templates that integrate and evaluate them.
 
-Nothing of a configuration's text is in it, but numbers; all names are eqt's.
+It contains no text of a configuration but numbers; all names are eqt's.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ _TEMPLATES = Path(__file__).parent
 
 
 def integration(field: Program, lanes: int, looking: Looking | None = None) -> str:
-    """The C of ``eqt_advance``, for a program of ``derivative``.
+    """Return the C source of ``eqt_advance``, for a program of ``derivative``.
 
     Parameters
     ----------
     lanes
-        Runs side by side; it changes no bit of a result.
+        Number of runs side by side; it changes no bit of a result.
     looking
-        What looks at each sample; without it, states are stored.
+        Program that looks at each sample; without it, states are stored.
     """
     kept, comparisons = with_kept_comparisons(field)
     lengths = dict(kept.inputs)
@@ -58,10 +58,10 @@ class Looking(NamedTuple):
     Attributes
     ----------
     program
-        Its outputs are ``memory`` and ``kept``, its inputs ``state`` with what is given besides
-        behind it, ``time``, ``parameters``, ``held``, ``columns`` and ``memory``.
+        Its outputs are ``memory`` and ``kept``, its inputs ``state`` followed by further rows,
+        ``time``, ``parameters``, ``held``, ``columns`` and ``memory``.
     stretches
-        The lengths of what is given besides the state: rows, time, held numbers and columns.
+        The lengths of the inputs besides the state: rows, time, held numbers and columns.
     """
 
     program: Program
@@ -69,18 +69,18 @@ class Looking(NamedTuple):
 
     @property
     def memory(self) -> int:
-        """How many numbers it keeps from sample to sample."""
+        """The number of entries that it keeps from sample to sample."""
         return dict(self.program.inputs)["memory"]
 
     @property
     def states(self) -> set[int]:
-        """The places in ``state`` that it looks at."""
+        """The places in ``state`` that it reads."""
         inputs = (value for value in self.program.values if isinstance(value, Input))
         return {value.number for value in inputs if value.group == "state"}
 
     @property
     def kept(self) -> int:
-        """How many numbers it keeps of each sample."""
+        """The number of entries that it keeps of each sample."""
         return len(self.program.outputs[1].entries)
 
 
@@ -105,7 +105,7 @@ def _measuring(looking: Looking) -> str:
 
 
 def evaluation(program: Program, stretches: Sequence[int], lanes: int) -> str:
-    """The C of ``eqt_evaluate``, for a program.
+    """Return the C source of ``eqt_evaluate``, for a program.
 
     Parameters
     ----------
@@ -132,10 +132,10 @@ def evaluation(program: Program, stretches: Sequence[int], lanes: int) -> str:
 
 
 def with_kept_comparisons(program: Program) -> tuple[Program, int]:
-    """The program with the sides of its comparisons as inputs, and how many there are.
+    """Return the program with the sides of its comparisons as inputs, and their number.
 
-    Every ``a < b`` becomes: ``sides[j]`` is negative. The outputs ``left`` and ``right`` are the a
-    and b of each. What only chooses between forms of one smooth function stays as it is.
+    Every ``a < b`` is replaced by ``sides[j] < 0``. The outputs ``left`` and ``right`` are the a
+    and b of each. Comparisons between forms of one smooth function are unchanged.
     """
     values: list[Input | Constant | Operation] = []
     places: list[int] = []

@@ -1,4 +1,4 @@
-"""The first calls of a function of a user's own, in a process that may crash or never end."""
+"""The first calls of a user's function, in a process that may crash or never end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.engines.native.own_code import INPUTS, CodeFunction
 
 SECONDS = 10.0
-"""After which the process is ended; a healthy function needs a thousandth of it."""
+"""Time limit of the process, s; a healthy function needs a thousandth of it."""
 
 _CHILD = """
 import ctypes, struct, sys
@@ -36,7 +36,8 @@ for run in range(runs):
                          given, kept, inputs, torque)
 sys.stdout.buffer.write(b"done")
 """
-"""One byte before every call says that it is begun: 1 of the start, 0 of the torque."""
+"""The program of the process. It writes a byte before every call: 1 for the start, 0 for the
+torque."""
 
 
 def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array) -> None:
@@ -45,7 +46,7 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
     Raises
     ------
     InputError
-        If it crashes, or does not end: with the function and the input.
+        If it crashes, or does not end; it names the function and the input.
     """
     library = Path(function.library._name)
     if not library.exists():  # there is no folder in which libraries are kept
@@ -89,7 +90,7 @@ def _ended(code: int) -> str:
 
 
 def described(function: CodeFunction, row: Array) -> str:
-    """An input in words, as numbers that can be copied."""
+    """Return an input in words, with numbers that can be copied."""
     code = function.code
     lengths = (1, code.entries, code.axes, code.entries, code.axes, code.axes)
     parts = np.split(row, np.cumsum(lengths)[:-1])

@@ -1,7 +1,7 @@
-"""heyoka's batch Taylor integrator, compiled from the very laws that run on arrays.
+"""heyoka's batch Taylor integrator, compiled from the same laws that run on arrays.
 
-The closed loop's vector field is traced once; the program that comes back is compiled, once for all
-runs of a structure. Compiled code is kept on disk by heyoka itself.
+The closed loop's vector field is traced once; its program is compiled once for all runs of a
+structure. heyoka itself keeps compiled code on disk.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from eqt_cli.engines.traced_loop import (
 
 EPSILON = float(np.finfo(float).eps)
 SMALLEST_TOL = 10 * EPSILON
-"""A tenth of it, for the error estimate, is still a tolerance that doubles can meet."""
+"""Smallest `tol`: a tenth of it, for the error estimate, can still be met in doubles."""
 
 FULL_CODE_RUNS = 500
 FULL_CODE_STATES = 30
@@ -44,8 +44,8 @@ MUCH_WORK_RUNS = 10_000
 7 s for 49: worth it for 500 runs of a small system, or for 10,000 of any (benchmarks/)."""
 
 BLOCK_BYTES = 4 * 2**20
-"""Size of the states of a block: measured, half or twice as much takes a tenth longer. With all
-that follows from them they fit a cache of some 10 MiB."""
+"""Size of the states of a block; half or twice as much took a tenth longer. With all that follows
+from them they fit a cache of some 10 MiB."""
 
 
 @dataclass(frozen=True)
@@ -78,16 +78,16 @@ class Taylor(Engine):
 
     @classmethod
     def unavailable(cls) -> str | None:
-        """Where heyoka is not installed: how to get it."""
+        """Return how to install heyoka; None if it is installed."""
         return missing()
 
     @property
     def step_tolerance(self) -> float:
-        """`tol`, or its default."""
+        """The tolerance of a step: `tol`, or its default."""
         return self.rtol / 10 if self.tol is None else self.tol
 
     def check(self, problems: Problems) -> None:
-        """A tolerance that doubles cannot meet, or that asks for nothing."""
+        """Note a tolerance that doubles cannot meet, or that is not below 1."""
         if self.tol is None:
             key, value, smallest = "rtol", self.rtol, 10 * SMALLEST_TOL
         else:
@@ -96,17 +96,17 @@ class Taylor(Engine):
             problems.at(key).add(f"expected a number from {smallest:.3g} to 1, got {value:g}")
 
     def tightened(self, factor: float) -> Taylor:
-        """The step tolerance times `factor`."""
+        """Return the engine with its step tolerance times `factor`."""
         tol = max(self.step_tolerance * factor, EPSILON)
         return dataclasses.replace(self, tol=tol)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
-        """Steps: a step is a Taylor polynomial of heyoka's order, −½ ln(tol) + 1."""
+        """Return steps, each a Taylor polynomial of heyoka's order, −½ ln(tol) + 1."""
         order = max(2, int(np.ceil(1 - np.log(self.step_tolerance) / 2)))
         return stability.steps(stability.taylor(order), rates, duration)
 
     def sized(self, runs: int, state_length: int) -> Taylor:
-        """With `code` decided by the size of the whole work, so that no part decides otherwise."""
+        """Return the engine with `code` set by the size of the whole work, alike for all parts."""
         if self.code != "auto":
             return self
         small = state_length <= FULL_CODE_STATES and runs >= FULL_CODE_RUNS
@@ -114,23 +114,23 @@ class Taylor(Engine):
         return dataclasses.replace(self, code="full" if full else "compact")
 
     def integrator(self, problem: Problem) -> Batches:
-        """That of batches of SIMD lanes.
+        """Return the integrator of batches of SIMD lanes.
 
-        A lane's steps depend on its own run only, so the results do not depend on the neighbours,
-        the order or the number of threads.
+        A lane's steps depend on its own run only, so results do not depend on the neighbours, the
+        order or the number of threads.
         """
         law, knotted = programs(OneLoop(problem.loop)), passes_knots(problem.loop)
         code = once(compiled, law, knotted, self.step_tolerance, self.code != "full")
         return Batches(problem, code, self.max_steps)
 
     def spans(self, problem: Problem) -> list[Span]:
-        """A batch goes on through knots."""
+        """Return the horizon, cut at all instants but the knots that batches pass."""
         return spans_of(problem)
 
     def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
-        """A batch, or where the law waits for instants a thread's share.
+        """Return batches, or a thread's share of the runs if there are several spans.
 
-        There a sampled law is evaluated for all runs of the share at once.
+        A sampled law is then evaluated for all runs of the share at once.
         """
         lanes, runs = heyoka_module().recommended_simd_size(), _by_speed(problem)
         batches = -(-problem.runs // lanes)
@@ -138,14 +138,14 @@ class Taylor(Engine):
         return [runs[start : start + size] for start in range(0, problem.runs, size)]
 
     def rehearse(self, problem: Problem) -> None:
-        """Trace the law, which is what can fail, without compiling it, which takes seconds."""
+        """Trace the law, which may fail, without compiling it, which takes seconds."""
         trace(problem.loop)
 
     def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
-        """Runs of about the same number of steps, and as many as fit a cache with all they give.
+        """Return blocks of runs of similar numbers of steps that fit a cache with their results.
 
-        Of a work that is not large, or a law that waits for instants, and for several threads, all
-        runs at once.
+        All runs are one block if the work is small, the horizon has several spans, or there are
+        several threads.
         """
         if self.code != "full" or len(spans_of(problem)) > 1 or threads > 1:
             return super().blocks(problem)
@@ -158,7 +158,7 @@ class Taylor(Engine):
     def evaluate(
         self, function: SampledFunction, problem: Problem, *rows: Array
     ) -> dict[str, Array]:
-        """Compiled as the law is where the work is large, by `sized`; else on arrays."""
+        """Evaluate by compiled code if the work is large, by `sized`; else on arrays."""
         program = None
         if self.code == "full":
             lengths = tuple(row.shape[-1] for row in rows)
@@ -172,8 +172,8 @@ class Taylor(Engine):
 
 
 def _by_speed(problem: Problem) -> Array:
-    """The runs in an order in which neighbours take about the same number of steps.
+    """Return the runs ordered such that neighbours take about the same number of steps.
 
-    A batch ends with the slowest of its runs; the faster a motion begins, the more steps it takes.
+    A batch ends with its slowest run; the faster a motion begins, the more steps it takes.
     """
     return np.argsort(norm(problem.states), kind="stable")

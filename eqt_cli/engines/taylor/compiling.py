@@ -1,4 +1,4 @@
-"""Keeps threads that need the same code from compiling it side by side."""
+"""Locks that keep threads from compiling the same code side by side."""
 
 import threading
 from collections.abc import Callable, Hashable
@@ -11,7 +11,7 @@ Code = TypeVar("Code")
 
 
 def once(compiled: Callable[..., Code], *law: Hashable) -> Code:
-    """`compiled(*law)`, which caches; who asks while another thread compiles it waits for that.
+    """Return `compiled(*law)`, which caches, after waiting for a thread that compiles it already.
 
     Different laws are compiled at the same time: heyoka does so outside Python.
     """

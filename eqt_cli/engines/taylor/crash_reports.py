@@ -1,9 +1,9 @@
-"""Compiled laws on disk are given up after a process that used them has crashed.
+"""Removal of the compiled laws on disk after a process that used them has crashed.
 
-heyoka executes what it finds in its file. Of a file that a failing disk has damaged, that ends the
-process by a signal (SIGSEGV, SIGILL, SIGBUS) without a word. Python's `faulthandler` writes down
-such an end. The file itself is not looked into: it is a database that heyoka has open, and a second
-copy of SQLite in one process breaks the locks of the first.
+heyoka executes the code in its file. If a failing disk has damaged it, a signal (SIGSEGV, SIGILL,
+SIGBUS) ends the process without a message; Python's `faulthandler` records that. The file itself
+is not inspected: it is a database that heyoka has open, and a second copy of SQLite in one process
+breaks the locks of the first.
 """
 
 import atexit
@@ -24,13 +24,13 @@ _REPORT = "crash-{}-{}.txt"
 _MOST_BYTES = 1_000_000
 
 _folder: Path | None = None
-"""The one that is watched."""
+"""The watched folder."""
 
 
 def watch(folder: Path) -> None:
-    """Remove the compiled laws if a process that used them has crashed, and watch this one.
+    """Remove the compiled laws if a process that used them has crashed, and watch this process.
 
-    Where Python already reports crashes elsewhere, or nothing can be written, none is noted.
+    Crashes are not recorded if Python already reports them elsewhere, or nothing can be written.
     """
     global _folder
     _folder = folder
@@ -47,7 +47,7 @@ def watch(folder: Path) -> None:
 
 @contextmanager
 def damage_told() -> Iterator[None]:
-    """Say what to do where LLVM refuses what it finds in the file; it is removed."""
+    """Remove the file if LLVM rejects its content, and raise an error with the remedy."""
     try:
         yield
     except ValueError as error:
@@ -92,8 +92,8 @@ def _remove(folder: Path) -> None:
 
 
 def _lives(path: Path) -> bool:
-    """Whether the process of a report that says nothing may still be there."""
-    if os.name != "posix":  # elsewhere, asking may end it
+    """Return whether the process of an empty report may still be running."""
+    if os.name != "posix":  # elsewhere, os.kill may end it
         return True
     number = path.name.split("-")[1]
     try:

@@ -1,4 +1,4 @@
-"""Evaluates compiled programs of the state at every sample of every run."""
+"""Evaluation of compiled programs of the state at every sample of every run."""
 
 import copy
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from eqt_cli.engines.taylor.library import heyoka_module
 from eqt_cli.program import Program
 
 AT_ONCE = 1024
-"""Samples that are evaluated together: their hundred numbers fit the cache of a core."""
+"""Number of samples evaluated together: their hundred numbers each fit the cache of a core."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class CompiledFunction:
     shapes
         The shape of each array at one sample, in the order of the entries.
     lanes
-        heyoka evaluates that many samples as one and a remainder in another way, with other
-        rounding. So there is none: a result does not depend on its neighbours.
+        Number of samples that heyoka evaluates as one. It would round a remainder differently, so
+        there is none, and a result does not depend on its neighbours.
     """
 
     function: Any
@@ -40,17 +40,18 @@ class CompiledFunction:
     def at_samples(
         self, times: Array, rows: Sequence[Array], parameters: Array, held: Array
     ) -> dict[str, Array]:
-        """The arrays at every sample, ``(runs, samples, …)`` each.
+        """Return the arrays at every sample, ``(runs, samples, …)`` each.
 
         Parameters
         ----------
         times : (samples,)
+            Sample times, s.
         rows : (runs, samples, n) each
             The numbers that the function takes, in its order.
         parameters : (runs, p)
-            Of the loop, in the order in which they are traced.
+            Parameters of the loop, in the order in which they are traced.
         held : (samples, h)
-            What the loop holds at these times.
+            Numbers that the loop holds at these times.
         """
         runs, samples = rows[0].shape[:2]
         count = runs * samples
@@ -89,7 +90,7 @@ class CompiledFunction:
 
 @lru_cache(maxsize=64)
 def compiled_function(program: Program, thread: int) -> CompiledFunction:
-    """A program as the function of a thread: as for integrators, every thread needs its own."""
+    """Return a program as compiled function; every thread needs its own, as for integrators."""
     function = copy.deepcopy(once(_compiled, program))
     shapes = {output.name: output.shape for output in program.outputs}
     return CompiledFunction(function, shapes, heyoka_module().recommended_simd_size())
@@ -97,6 +98,6 @@ def compiled_function(program: Program, thread: int) -> CompiledFunction:
 
 @lru_cache(maxsize=32)
 def _compiled(program: Program) -> Any:
-    """Compile a program, or find it among those compiled before."""
+    """Compile a program; the last ones are kept."""
     expressions = Expressions.of(program)
     return heyoka_module().cfunc(expressions.outputs, expressions.state)

@@ -1,4 +1,4 @@
-"""A traced program as expressions of heyoka."""
+"""A traced program as heyoka expressions."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ OPERATORS: dict[str, Callable[..., Any]] = {
     "pow": operator.pow,
 }
 NAMES = dict.fromkeys(COMPARISONS, "lt")
-"""What heyoka calls an operation, if not as programs do."""
+"""heyoka's names of operations that programs name differently."""
 
 
 @dataclass(frozen=True)
 class Expressions:
-    """A program as heyoka has it.
+    """A program as heyoka expressions.
 
     Attributes
     ----------
@@ -33,9 +33,9 @@ class Expressions:
     values
         The expression of every value of the program.
     outputs
-        Those of all entries of all outputs.
+        The expressions of all entries of all outputs.
     parameters
-        How many there are; all groups of inputs but state and time are parameters, in their order.
+        Number of parameters: all groups of inputs but state and time, in their order.
     """
 
     state: list[Any]
@@ -45,7 +45,7 @@ class Expressions:
 
     @staticmethod
     def of(program: Program) -> Expressions:
-        """Those of a program."""
+        """Return the expressions of a program."""
         heyoka, parameters, sums = heyoka_module(), 0, _sums(program)
         given = {"time": [heyoka.time]}
         for group, length in program.inputs:
@@ -71,9 +71,9 @@ class Expressions:
 
 
 def _sums(program: Program) -> dict[int, list[int]]:
-    """All terms of every sum, with those of sums that occur in no other place.
+    """Return all terms of every sum, including those of sums that occur nowhere else.
 
-    Long sums at once make compact code of large systems a tenth faster.
+    Long sums in one operation make compact code of large systems a tenth faster.
     """
     used = Counter(place for output in program.outputs for place in output.entries)
     for value in program.values:

@@ -1,4 +1,4 @@
-"""heyoka's integrators, each of as many runs as there are SIMD lanes, for any number of runs."""
+"""heyoka's batch integrators, with one run per SIMD lane, for any number of runs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from eqt_cli.vehicle.sensors.channels import Errors
 
 @dataclass(frozen=True, eq=False)
 class BatchIntegrator:
-    """An integrator of as many runs as there are SIMD lanes; every thread needs its own."""
+    """An integrator of one run per SIMD lane; every thread needs its own."""
 
     heyoka: Any
     board: Switchboard | None
@@ -31,26 +31,26 @@ class BatchIntegrator:
 
     @property
     def lanes(self) -> int:
-        """How many runs it integrates at once."""
+        """The number of runs integrated at once."""
         lanes: int = self.heyoka.batch_size
         return lanes
 
     def go(
         self, span: Span, states: Array, numbers: Array, most_steps: int
     ) -> tuple[list[Any], Array, Array]:
-        """Integrate a batch through a span, by the numbers of the law in every lane.
+        """Integrate a batch through a span, with the numbers of the law in every lane.
 
-        Comparisons are looked at after every step only where looking at the end has found that a
-        switch was missed: it takes as long as the step itself.
+        Comparisons are checked at the end, and after every step only if a switch was missed: such a
+        check takes as long as the step itself.
 
         Returns
         -------
         ends
-            How each lane has ended.
+            heyoka's outcome of each lane.
         states : (n, lanes)
-            At the end.
+            States at the end.
         samples : (later, n, lanes)
-            Behind its start.
+            Samples after the start.
         """
         outcomes = heyoka_module().taylor_outcome
         if most_steps <= 0:
@@ -67,7 +67,7 @@ class BatchIntegrator:
     def _propagate(
         self, span: Span, states: Array, numbers: Array, most_steps: int, **watch: Any
     ) -> tuple[list[Any], Array, Array]:
-        """As `go`; what is to be called after every step may be given."""
+        """Integrate as `go`, with an optional callback after every step."""
         integrator, lanes = self.heyoka, states.shape[1]
         integrator.set_time(span.start)
         integrator.state[:] = states
@@ -80,10 +80,10 @@ class BatchIntegrator:
         return integrator.propagate_res, integrator.state, found[1 : 1 + span.later]
 
     def _set_parameters(self, values: Array) -> None:
-        """The numbers of the law in every lane, ``(numbers, lanes)``; the state is set."""
+        """Set the numbers of the law in every lane, ``(numbers, lanes)``, after the state."""
         used = self.heyoka.pars
         if self.board is None:
-            used[:] = values[: len(used)]  # heyoka has none behind the last one that occurs
+            used[:] = values[: len(used)]  # heyoka has no parameters after the last one used
         else:
             used[: len(values)] = values
             self.board.start(self.heyoka)
@@ -91,9 +91,9 @@ class BatchIntegrator:
 
 @lru_cache(maxsize=16)
 def compiled(law: LoopPrograms, knotted: bool, tol: float, compact: bool) -> BatchIntegrator:
-    """Compile a law, or find it among those compiled before.
+    """Compile a law; the last ones are kept.
 
-    Its parameters are those of the field, then the time of the next knot where it passes knots, and
+    Its parameters are those of the field, then the time of the next knot if it passes knots, and
     the numbers of its comparisons.
     """
     heyoka, field = heyoka_module(), Expressions.of(law.field)
@@ -125,12 +125,12 @@ def compiled(law: LoopPrograms, knotted: bool, tol: float, compact: bool) -> Bat
 
 @lru_cache(maxsize=32)
 def own(compiled: BatchIntegrator, thread: int) -> BatchIntegrator:
-    """The copy of a thread, which takes as long to make as a run to integrate."""
+    """Return the copy of a thread; to make one takes as long as to integrate a run."""
     return copy.deepcopy(compiled)
 
 
 class Batches(Integrator):
-    """Integrates a group of runs batch by batch; the last run fills the lanes that are left over.
+    """Integrates a group of runs batch by batch; the last run fills the remaining lanes.
 
     heyoka stops all lanes when one fails. The runs of such a batch are integrated alone.
 
@@ -139,7 +139,7 @@ class Batches(Integrator):
     compiled
         The law; every thread takes its own copy.
     most_steps
-        That a run may take.
+        Most steps that a run may take.
     """
 
     def __init__(self, problem: Problem, compiled: BatchIntegrator, most_steps: int) -> None:
@@ -148,13 +148,13 @@ class Batches(Integrator):
         self._held, self._parameters = knots.held_from(problem), parameter_rows(problem)
 
     def for_thread(self) -> Self:
-        """With its own copy of the compiled law."""
+        """Return an integrator with its own copy of the compiled law."""
         other = copy.copy(self)
         other._batch = own(self._batch, threading.get_ident())
         return other
 
     def begin(self, runs: Array) -> None:
-        """With all batches, none of which has failed."""
+        """Begin these runs in batches, none of which has failed."""
         if self._batch.after_instant is None:
             super().begin(runs)
         lanes, count = self._batch.lanes, len(runs)
@@ -166,14 +166,17 @@ class Batches(Integrator):
         knots.pieces.set(self._held)
 
     def hold(self, span: Span) -> None:
-        """As numbers of all lanes, behind the parameters."""
+        """Set the held numbers in all lanes, after the parameters."""
         self._numbers, held = self._own, self._held[span.start]
         if len(held):
             same = np.repeat(held[:, None], len(self._filled), axis=1)
             self._numbers = np.concatenate([self._own, same])
 
     def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
-        """By compiled code, for all batches at once; on arrays where the law is code by itself."""
+        """Return the states after an instant, by compiled code for all batches at once.
+
+        On arrays, if the law is the user's code.
+        """
         numbers, code = self._numbers, self._batch.after_instant
         if code is None:
             return super().at_instant(t, states, errors)
@@ -185,7 +188,7 @@ class Batches(Integrator):
         return after[:, : len(states)].T
 
     def advance(self, span: Span, states: Array) -> SpanResult:
-        """Batch by batch; those that have failed stay where they are."""
+        """Integrate batch by batch, leaving failed ones as they are."""
         runs, n = states.shape
         lanes, before = states.T[:, self._filled], self._steps.copy()
         success, found = heyoka_module().taylor_outcome.time_limit, []
@@ -215,7 +218,7 @@ class Batches(Integrator):
         )
 
     def _failure(self, span: Span, end: Any, samples: Array) -> Failure:
-        """How the run in all lanes has ended, and when."""
+        """Return how and when the run in all lanes has ended."""
         outcomes, integrator = heyoka_module().taylor_outcome, self._batch.heyoka
         t = float(integrator.time[0])
         if end == outcomes.step_limit:

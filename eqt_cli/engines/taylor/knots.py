@@ -1,6 +1,6 @@
-"""References in pieces: at a knot, a lane of an integrator takes the numbers of the next piece.
+"""Piecewise references: at a knot, a lane of an integrator takes the numbers of the next piece.
 
-A knot is an event in time: a step ends there in the lane that reaches it, and no other lane waits.
+A knot is a time event: it ends a step in the lane that reaches it, and no other lane waits.
 """
 
 from __future__ import annotations
@@ -20,31 +20,32 @@ from eqt_cli.engines.taylor.switching import Switchboard
 from eqt_cli.engines.traced_loop import held_rows
 
 SCALE = 1e-10
-"""heyoka chooses steps by the largest of states and events; that of a knot must not matter."""
+"""Scale of the event of a knot: heyoka chooses steps by the largest of states and events, and the
+event must not matter."""
 
 pieces: ContextVar[Mapping[float, Array]] = ContextVar("pieces")
 """`held_from` of the problem that is being solved."""
 
 
 def passes_knots(loop: ClosedLoop) -> bool:
-    """Whether a batch goes on through knots: not between the instants of a sampled law.
+    """Return whether a batch integrates through knots: not if the law is sampled.
 
-    There it would have to look for a knot in every step, and many steps end at instants anyway.
+    It would have to look for a knot in every step, and many steps end at control instants anyway.
     """
     return loop.vehicle.control is None and loop.holds
 
 
 def spans_of(problem: Problem) -> list[Span]:
-    """The horizon, cut where all runs of a batch have to end a step: at all instants but knots."""
+    """Return the horizon, cut where all runs of a batch end a step: not at knots that it passes."""
     if passes_knots(problem.loop):
         return problem.spans_between(problem.loop.breaks)
     return problem.spans
 
 
 def held_from(problem: Problem) -> dict[float, Array]:
-    """The numbers that a loop holds, by the time, s, at which a span or a piece begins.
+    """Return the numbers that a loop holds, by the time, s, at which a span or a piece begins.
 
-    Behind them is the time of the next knot, if knots are passed.
+    The time of the next knot follows them, if knots are passed.
     """
     loop, spans = problem.loop, spans_of(problem)
     times, stop = np.array([span.start for span in spans]), spans[-1].stop
@@ -60,28 +61,28 @@ def held_from(problem: Problem) -> dict[float, Array]:
 
 
 def event(heyoka: ModuleType, knot: int, board: Switchboard | None) -> Any:
-    """The event at which the time of the next knot has come, which is parameter `knot`."""
+    """Return the event at the time of the next knot, which is parameter `knot`."""
     margin = (heyoka.time - heyoka.par[knot]) * SCALE
     return heyoka.t_event_batch(margin, callback=NextPiece(knot, board), cooldown=0.0)
 
 
 @dataclass(frozen=True)
 class NextPiece:
-    """What an integrator calls at a knot.
+    """The callback of an integrator at a knot.
 
     Attributes
     ----------
     knot
-        Index of the parameter that is the time of the next knot, behind the numbers that are held.
+        Index of the parameter that is the time of the next knot, after the held numbers.
     board
-        Of the comparisons that the law makes, if it makes any.
+        Switchboard of the law's comparisons, if it makes any.
     """
 
     knot: int
     board: Switchboard | None
 
     def __call__(self, integrator: Any, direction: int, lane: int) -> bool:
-        """Go on by the numbers of the next piece."""
+        """Continue with the numbers of the next piece."""
         row = pieces.get()[float(integrator.pars[self.knot, lane])]
         integrator.pars[self.knot + 1 - len(row) : self.knot + 1, lane] = row
         if self.board is not None:

@@ -1,4 +1,4 @@
-"""heyoka, imported when first needed; nothing else of eqt imports it."""
+"""heyoka, imported when first needed; no other module of eqt imports it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.engines.taylor import crash_reports
 
 CACHED_BYTES = 40_000_000
-"""Of compiled laws on disk, dozens of them. heyoka looks through all of its file when a process
-compiles or loads its first law, at 0.3 ms per MB, and by itself lets the file grow to 21 GB."""
+"""Limit on the compiled laws on disk, dozens of them. heyoka reads all of its file when a process
+compiles or loads its first law, at 0.3 ms per MB, and by default lets the file grow to 21 GB."""
 
 
 def missing() -> str | None:
-    """Where heyoka is not installed: how to get it."""
+    """Return how to install heyoka; None if it is installed."""
     if find_spec("heyoka"):
         return None
     return (
@@ -32,27 +32,27 @@ def missing() -> str | None:
 
 @lru_cache(maxsize=1)
 def heyoka_module() -> ModuleType:
-    """heyoka, imported when first needed."""
+    """Return heyoka, imported when first needed."""
     try:
         import heyoka
     except ImportError as error:
         raise EqtError(missing() or f"heyoka cannot be imported: {error}") from error
-    heyoka.set_logger_level_error()  # its warnings are in the outcome of the runs concerned
-    heyoka.set_nthreads(1)  # executors share out the cores; its own threads wait busily for work
+    heyoka.set_logger_level_error()  # its warnings are in the outcomes of the runs
+    heyoka.set_nthreads(1)  # executors assign the cores; its own threads would wait busily
     _bound_the_cache(heyoka.llvm_state)
     module: ModuleType = heyoka
     return module
 
 
 def _bound_the_cache(compiler: Any) -> None:
-    """Keep compiled laws in a folder of eqt's own, unless the user has said where.
+    """Keep compiled laws in eqt's own folder, with bounded size, unless the user has chosen one.
 
-    Elsewhere the size is the user's affair, and that of other programs.
+    The size of a folder that the user has chosen is left to the user and to other programs.
     """
     if "HEYOKA_CACHE_DIR" in os.environ:
         return
     folder = Path(compiler.get_diskcache_path()).parent / "eqt"
     crash_reports.watch(folder)
     compiler.set_diskcache_path(folder)
-    with suppress(RuntimeError):  # where nothing can be written, nothing is kept
+    with suppress(RuntimeError):  # without write access, nothing is kept
         compiler.set_diskcache_limit(CACHED_BYTES)

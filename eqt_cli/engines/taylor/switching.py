@@ -1,9 +1,9 @@
-"""The comparisons in a traced law and where they change, exactly; it knows no law and no group.
+"""Exact switching of the comparisons in a traced law; it knows no law and no group.
 
-A Taylor step across a kink would follow one branch to its end, and no step-size control could see
-it. A comparison is decided where a step begins, for the whole step, and an event ends the step as
-soon as a - b has passed zero by a width far below any tolerance: then the next step begins on the
-other side, no crossing is missed for rounding, and two equal quantities do not switch forever.
+A Taylor step across a kink would follow one branch to its end, unseen by step-size control. A
+comparison is decided at the start of a step, for the whole step, and an event ends the step as soon
+as a - b has passed zero by a width far below any tolerance: the next step begins on the other side,
+no crossing is missed by rounding, and two equal quantities do not switch forever.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.program import Program
 
 WIDTH = 1e-12
-"""How far a - b passes zero before a step ends, relative to its scale."""
+"""Width by which a - b passes zero before a step ends, relative to its scale."""
 
 AT_ONCE = 1e-6
-"""A step that is shorter, s, is no more than the return to a side that was just left."""
+"""Step length, s, below which a step is a mere return to the side just left."""
 
 MOST_RETURNS = 10
-"""So many returns in a row, each of which doubles the width, are no motion but a sliding mode."""
+"""Number of returns in a row, each doubling the width, that counts as a sliding mode."""
 
 SIDE, FACTOR, SCALE = range(3)
 NUMBERS = 3
-"""The parameters of a comparison: -1 where a < b when a side was last looked at, else 1; the factor
-of its width; and its scale: 1, or what a and b have come to."""
+"""Number of parameters of a comparison: its side, -1 if a < b when last evaluated, else 1; the
+factor of its width; and its scale, the largest of 1 and all noted min(|a|, |b|)."""
 
 
 def comparisons(program: Program) -> dict[tuple[int, int], bool]:
-    """The pairs (a, b) of values that a law compares, each crossing once.
+    """Return the pairs (a, b) of values that a law compares, each crossing once.
 
-    With them stands whether the side changes at events only, and not with the form of a function,
-    too. Where nothing but such a form depends on a comparison, no event is needed.
+    Each maps to whether its side changes at events only, and not also with the form of a smooth
+    function. A comparison that only chooses such a form needs no event.
     """
     formed = program.following_from("smooth_less")
     found: dict[tuple[int, int], bool] = {}
@@ -47,9 +47,9 @@ def comparisons(program: Program) -> dict[tuple[int, int], bool]:
 
 
 def margin(heyoka: ModuleType, a: Any, b: Any, first: int) -> Any:
-    """The event of a comparison, e / (1 + e²/64) with e = |a - b| / scale + factor · width.
+    """Return the event of a comparison, e / (1 + e²/64) with e = |a - b| / scale + factor · width.
 
-    The absolute value goes on across 0 as the branch does on which a step has begun. A margin is
+    The absolute value continues across 0 on the branch on which the step began. The margin is
     bounded, because heyoka chooses steps by the largest of states and events: a large event would
     leave the states inaccurate.
 
@@ -65,7 +65,7 @@ def margin(heyoka: ModuleType, a: Any, b: Any, first: int) -> Any:
 
 @dataclass(frozen=True)
 class Switchboard:
-    """Keeps account of the sides of every lane of an integrator, so that no switch is missed.
+    """The sides of the comparisons in every lane of an integrator, so that no switch is missed.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Switchboard:
     steady
         Whether the side of each comparison changes at events only.
     evaluate
-        Compiled: every a, then every b, of all lanes.
+        Compiled function: every a, then every b, of all lanes.
     """
 
     first: int
@@ -87,7 +87,7 @@ class Switchboard:
         self.note(integrator, slice(None))
 
     def cross(self, integrator: Any, index: int, lane: int) -> bool:
-        """Go on behind the event of a comparison; False if it only goes back and forth."""
+        """Continue after the event of a comparison; return False if it only chatters."""
         factors = integrator.pars[self.first + FACTOR :: NUMBERS, lane]
         if integrator.last_h[lane] > AT_ONCE:
             factors[:] = 1.0
@@ -96,9 +96,9 @@ class Switchboard:
         return bool(factors[index] < 2**MOST_RETURNS)
 
     def check(self, integrator: Any) -> bool:
-        """After a step: False if a side has become wrong without an event.
+        """Return False if, after a step, a side has become wrong without an event.
 
-        heyoka looks for none where the series of a comparison is not finite.
+        heyoka detects no event where the series of a comparison is not finite.
         """
         wrong = self._wrong(integrator)
         if not (wrong > 0).any():
@@ -106,15 +106,15 @@ class Switchboard:
         if (wrong > WIDTH).any():
             return False
         for lane in np.flatnonzero((wrong > 0).any(axis=0)):
-            self.note(integrator, slice(lane, lane + 1))  # it ended on a crossing, to rounding
+            self.note(integrator, slice(lane, lane + 1))  # a step ended on a crossing, to rounding
         return True
 
     def is_right(self, integrator: Any) -> bool:
-        """Whether no side is wrong."""
+        """Return whether no side is wrong."""
         return not self.steady.any() or not (self._wrong(integrator) > 0).any()
 
     def _wrong(self, integrator: Any) -> Array:
-        """How far each comparison is on the other side, behind its width, ``(…, lanes)``."""
+        """Return how far each comparison is past its width on the wrong side, ``(…, lanes)``."""
         a, b = self._values(integrator)
         numbers = integrator.pars[self.first :].reshape(len(a), NUMBERS, -1)
         with np.errstate(invalid="ignore"):  # of infinite quantities
@@ -123,17 +123,17 @@ class Switchboard:
         return wrong
 
     def note(self, integrator: Any, lanes: slice) -> None:
-        """Let sides and scales follow."""
+        """Update sides and scales."""
         a, b = self._values(integrator)[..., lanes]
         integrator.pars[self.first + SIDE :: NUMBERS, lanes] = np.where(a < b, -1.0, 1.0)
-        # The smaller of |a| and |b|, which are equal where they cross. Growth widens the band
-        # about 0 in which no step ends, so it makes no side wrong.
+        # The smaller of |a| and |b|, which are equal where they cross. A larger scale widens the
+        # band about 0 in which no step ends, so it makes no side wrong.
         size = np.fmin(abs(a), abs(b))
         scales = integrator.pars[self.first + SCALE :: NUMBERS, lanes]
         np.maximum(scales, size, out=scales, where=np.isfinite(size))
 
     def _values(self, integrator: Any) -> Array:
-        """All a and b, ``(2, comparisons, lanes)``."""
+        """Return all a and b, ``(2, comparisons, lanes)``."""
         used = integrator.pars[: self.evaluate.nparams]
         values: Array = self.evaluate(
             np.ascontiguousarray(integrator.state), pars=used, time=integrator.time
@@ -143,11 +143,11 @@ class Switchboard:
 
 @dataclass(frozen=True)
 class Crossing:
-    """What an integrator calls at the event of comparison `index`."""
+    """The callback of an integrator at the event of comparison `index`."""
 
     board: Switchboard
     index: int
 
     def __call__(self, integrator: Any, direction: int, lane: int) -> bool:
-        """Go on from the event on its other side, if that leads anywhere."""
+        """Continue on the other side of the event, unless it only chatters."""
         return self.board.cross(integrator, self.index, lane)

@@ -1,1 +1,1 @@
-"""One run as a moving picture."""
+"""Animation of one run."""

@@ -1,4 +1,4 @@
-"""A run as a moving picture (GIF): bodies against the reference, error and torque as they go."""
+"""Animation of a run (GIF): bodies against the reference, and growing error and torque curves."""
 
 from collections.abc import Sequence
 from io import BytesIO
@@ -24,15 +24,15 @@ from eqt_cli.plots.drawing.style import house_style, ink, line_style
 from eqt_cli.results.result import Result
 
 DOTS_PER_INCH = 130
-"""With which the smallest type, of 6.7 pt, is 12 pixels high."""
+"""Resolution at which the smallest type, of 6.7 pt, is 12 pixels high."""
 COLOURS = 160
-"""Of the palette that all pictures share, so that nothing flickers."""
+"""Size of the palette that all pictures share, so that nothing flickers."""
 
 _PAPER = 245
 _WIDTH, _BODIES, _LOWEST = 6.1, 3.7, 2.2
-"""in, of the picture, of the bodies in it, and the least height."""
+"""Widths of the picture and of its part with the bodies, and least height, in."""
 _GROUND, _GHOST = 0.16, 0.45
-"""Shares of ink: of the grid, and of the target."""
+"""Shares of ink of the grid and of the target."""
 
 
 def gif(
@@ -43,16 +43,16 @@ def gif(
     seconds: float = 8.0,
     rate: float = 12.5,
 ) -> bytes:
-    """A run as an animated GIF that repeats for ever.
+    """Return a run as an animated GIF that repeats for ever.
 
     Parameters
     ----------
     run, controllers
-        As in `motion`.
+        See `motion`.
     seconds
-        How long it lasts, whatever the length of the run.
+        Duration of the animation, s, whatever the length of the run.
     rate
-        Pictures per second; GIF rounds their time to hundredths of a second.
+        Pictures per second; GIF rounds their duration to hundredths of a second.
 
     Raises
     ------
@@ -72,10 +72,10 @@ def gif(
 
 
 def _encoded(pictures: Sequence[Image.Image], milliseconds: float) -> bytes:
-    """All pictures in one palette, which is that of the middle one."""
+    """Encode all pictures with the palette of the middle one."""
     palette = pictures[len(pictures) // 2].quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
     colours = np.array(palette.getpalette()).reshape(-1, 3)
-    colours[colours.min(axis=1) >= _PAPER] = 255  # paper is white, and not nearly so
+    colours[colours.min(axis=1) >= _PAPER] = 255  # make the paper exactly white
     palette.putpalette(colours.ravel().tolist())
     reduced = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     buffer = BytesIO()
@@ -93,7 +93,7 @@ def _encoded(pictures: Sequence[Image.Image], milliseconds: float) -> bytes:
 
 
 class _Stage:
-    """The figure whose artists move from picture to picture: bodies left, curves right."""
+    """Figure whose artists move from picture to picture: bodies left, curves right."""
 
     def __init__(self, scene: Scene, speed: float) -> None:
         self.motion, self.speed = scene.motion, speed
@@ -123,7 +123,7 @@ class _Stage:
         return f"run {self.motion.run},  {now},  played {self.speed:.2g} times as fast"
 
     def picture(self, sample: int) -> Image.Image:
-        """The picture at a sample."""
+        """Return the picture at a sample."""
         for body in self.bodies:
             body.show(sample)
         for curves in self.curves:
@@ -134,7 +134,7 @@ class _Stage:
 
 
 class _Body:
-    """A body and its target above the ground, in a picture that follows both."""
+    """Body and target above the ground, in a panel that follows both."""
 
     def __init__(self, axes: Axes, scene: Scene, index: int) -> None:
         self.axes, self.scene, self.index, self.motion = axes, scene, index, scene.motion
@@ -173,7 +173,7 @@ class _Body:
 
 
 class _Block:
-    """A block with its three axes and their names."""
+    """Block with its three axes and their names."""
 
     def __init__(
         self, axes: Axes, colour: str, order: int, colours: Sequence[str], **look: Any
@@ -191,7 +191,7 @@ class _Block:
         ]
 
     def show(self, rotation: Array, place: Array, length: float) -> None:
-        """Put it there, and turn it so."""
+        """Move the block to a place and an orientation."""
         seen = block(rotation, place, length)
         self.faces.set_verts([face.outline for face in seen])
         self.faces.set_facecolor([(*_shaded(self.colour, face.light), 0.75) for face in seen])
@@ -202,13 +202,13 @@ class _Block:
             name.set_position(start + 1.14 * (end - start))
 
     def hide(self, hidden: bool) -> None:
-        """Let it vanish, or come back."""
+        """Hide the block, or show it again."""
         for artist in (self.faces, *self.lines, *self.names):
             artist.set_visible(not hidden)
 
 
 def _draw_inertial(axes: Axes) -> None:
-    """The directions of the inertial frame, in a corner."""
+    """Draw the directions of the inertial frame in a corner."""
     corner, length = np.array([0.12, 0.11]), 0.09
     for name, end in zip(INERTIAL, flat(np.eye(3)), strict=True):
         to = corner + length * end
@@ -220,7 +220,7 @@ def _draw_inertial(axes: Axes) -> None:
 
 
 class _Curves:
-    """Curves that grow, over what they will be."""
+    """Curves that grow over pale copies of the whole curves."""
 
     def __init__(self, axes: Axes, shown: Motion, name: str) -> None:
         self.times, self.values = shown.times, shown.norms[name]
@@ -240,7 +240,7 @@ class _Curves:
 
 
 def _shaded(colour: str, light: float) -> tuple[float, float, float]:
-    """A face's colour: the body's own in the shade, and nearly white in full light."""
+    """Return the colour of a face: near the body's in the shade, nearly white in full light."""
     share = 0.35 + 0.5 * light
     red, green, blue = (channel + (1 - channel) * share for channel in to_rgb(colour))
     return red, green, blue

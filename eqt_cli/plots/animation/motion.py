@@ -12,19 +12,19 @@ from eqt_cli.plots.shown.trajectories import ShownRuns
 from eqt_cli.results.result import Result
 
 MOST_CONTROLLERS = 6
-"""Bodies that are shown side by side."""
+"""Most bodies that are shown side by side."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """Orientation and place over time.
+    """Orientation and position over time.
 
     Attributes
     ----------
     rotation : (..., samples, 3, 3)
-        From body to space; a plane motion turns about z, and a group without rotations not at all.
+        Body to inertial frame; a planar motion turns about z; identity without rotations.
     position : (..., samples, 3)
-        m; zero on a group without translations.
+        Inertial frame, m; zero on a group without translations.
     """
 
     rotation: Array
@@ -38,18 +38,18 @@ class Motion:
     Attributes
     ----------
     run
-        Its number.
+        Number of the run.
     times : (samples,)
-        s.
+        Sample times, s.
     ensembles
-        The controllers; curves and bodies have their order.
+        The controllers, in the order of curves and bodies.
     body, reference
         Courses of the bodies, with a leading controller axis, and of the reference.
     has_translation
         Whether bodies move as well as turn.
     norms : dict of str to (controllers, samples)
-        The norms of pose error and torque by name; those of rotation and translation where these
-        have units of their own.
+        Norms of pose error and torque by name, per part where rotation and translation have
+        different units.
     """
 
     run: int
@@ -62,37 +62,38 @@ class Motion:
 
     @property
     def centre(self) -> Array:
-        """The middle of all places, (3,), m."""
+        """Midpoint of all positions, ``(3,)``, m."""
         places = self.places
         return (places.min(axis=0) + places.max(axis=0)) / 2
 
     @property
     def extent(self) -> float:
-        """The largest distance of a place from the middle, m; 0 where nothing moves."""
+        """Largest distance of a position from the midpoint, m; 0 where nothing moves."""
         return float(np.linalg.norm(self.places - self.centre, axis=-1).max())
 
     @property
     def places(self) -> Array:
-        """Every place of every body and of the reference, (places, 3), m."""
+        """All positions of bodies and reference, ``(places, 3)``, m."""
         bodies = self.body.position.reshape(-1, 3)
         places = np.concatenate([bodies, self.reference.position])
         return places[np.isfinite(places).all(axis=-1)]
 
 
 def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion:
-    """One run of a result.
+    """Return the motion of one run of a result.
 
     Parameters
     ----------
     run
-        Its number, as in the coordinate ``run``.
+        Number of the run, as in the coordinate ``run``.
     controllers
-        Labels; the first `MOST_CONTROLLERS` if empty.
+        Labels of the controllers; the first `MOST_CONTROLLERS` if empty.
 
     Raises
     ------
     EqtError
-        If the run is not stored, there is no such controller, or the group is not known here.
+        If the run is not stored, there is no such controller, or the group is not known here or
+        moves no body.
     """
     source = ShownRuns([results], "animation", Chosen(controllers))
     poses = results.trajectory("pose", run)

@@ -1,4 +1,4 @@
-"""What the moving picture of a run shows, for the GIF and the page alike; it draws nothing.
+"""Scene of the animation of a run, for both the GIF and the page; it draws nothing.
 
 Bodies with coloured axes, the ghost of the target, trails, a ground grid and an inertial frame,
 seen by a camera that follows body and target.
@@ -12,34 +12,34 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.animation.motion import Motion
 
 AXES = {"x": "#c1272d", "y": "#2e8b57", "z": "#1f5fbf"}
-"""The body's axes, with their colours."""
+"""Axes of the body with their colours."""
 
 INERTIAL = "XYZ"
-"""The names of the inertial axes."""
+"""Names of the inertial axes."""
 
 TRAIL = 4.0
-"""s, of the past that the trail of a body shows."""
+"""Duration of the trail of a body, s."""
 
 _CLOSE, _AROUND = 1.75, 0.75
-"""How far a camera sees: in lengths of a body's axes where body and target agree; and the share of
-the distance between them that it sees beyond the middle."""
+"""Reach of a camera: in lengths of a body's axes where body and target agree; and what is added, as
+a share of the distance between them."""
 _CALM = 1.0
-"""s, over which the camera's distance and place are averaged."""
+"""Window over which the camera's distance and place are averaged, s."""
 _BELOW = 1.5
-"""Of the length of an axis: how far the ground is below the lowest place."""
+"""Depth of the ground below the lowest position, in lengths of an axis."""
 _SIGHTS = 3.0
-"""How far the grid reaches beyond all places, in sights of the camera."""
+"""Extent of the grid beyond all positions, in largest reaches of the camera."""
 _MOST_LINES = 60
-"""Of the grid, in each direction."""
+"""Most lines of the grid in each direction, approximately."""
 
 HALF_SIZES = (0.62, 0.36, 0.13)
-"""Of the block that stands for the body, in lengths of a frame's axes."""
+"""Half sizes of the block that stands for the body, in lengths of its axes."""
 
 ELEVATION, AZIMUTH = np.deg2rad(22.0), np.deg2rad(35.0)
 
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * HALF_SIZES
 FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-"""Corners of the faces of the block, by position in `CORNERS`, counted around each."""
+"""Corners of each face of the block, as indices into `corners()`, in order around the face."""
 
 _NORMALS = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
 _LIGHT = np.array([0.35, 0.25, 0.9]) / np.linalg.norm([0.35, 0.25, 0.9])
@@ -47,14 +47,14 @@ _LIGHT = np.array([0.35, 0.25, 0.9]) / np.linalg.norm([0.35, 0.25, 0.9])
 
 @dataclass(frozen=True)
 class Face:
-    """A visible face of the block.
+    """Visible face of the block.
 
     Attributes
     ----------
     outline : (4, 2)
-        In the plane of the picture.
+        Corners in the plane of the picture, m.
     light
-        From 0, in the shade, to 1.
+        Brightness from 0, in the shade, to 1.
     """
 
     outline: Array
@@ -62,7 +62,7 @@ class Face:
 
 
 def camera() -> Array:
-    """Rows: right, up, and towards the eye, (3, 3)."""
+    """Return the camera's axes as rows: right, up, and towards the eye, ``(3, 3)``."""
     level = np.array([np.cos(AZIMUTH), np.sin(AZIMUTH), 0.0])
     towards = np.cos(ELEVATION) * level + [0.0, 0.0, np.sin(ELEVATION)]
     right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
@@ -70,22 +70,22 @@ def camera() -> Array:
 
 
 def corners() -> Array:
-    """Corners of the block in its own frame, (8, 3)."""
+    """Return the corners of the block in its own frame, ``(8, 3)``."""
     return _CORNERS.copy()
 
 
 def tips(rotation: Array, position: Array, length: float) -> Array:
-    """The ends of the three axes of a frame, in the plane of the picture, (3, 2)."""
+    """Return the tips of the axes of a frame in the plane of the picture, ``(3, 2)``."""
     return flat(position + length * rotation.T)
 
 
 def flat(position: Array) -> Array:
-    """A place in the plane of the picture, (..., 2)."""
+    """Project positions onto the plane of the picture, ``(..., 2)``."""
     return (position @ camera().T)[..., :2]
 
 
 def block(rotation: Array, position: Array, length: float) -> list[Face]:
-    """The faces that the eye sees; a block is convex, so they do not hide each other."""
+    """Return the visible faces; a block is convex, so they do not hide each other."""
     placed = position + length * _CORNERS @ rotation.T
     seen = []
     for face, normal in zip(FACES, _NORMALS, strict=True):
@@ -97,25 +97,25 @@ def block(rotation: Array, position: Array, length: float) -> list[Face]:
 
 @dataclass(frozen=True)
 class Scene:
-    """A run in space, seen from a direction that a viewer may change.
+    """Run in space, seen from a direction that a viewer may change.
 
     Attributes
     ----------
     motion
-        What moves.
+        Motion of bodies and reference.
     columns
-        Bodies side by side.
+        Number of bodies side by side.
     length
-        Of a body's axes, m.
+        Length of a body's axes, m.
     centre : (controllers, samples, 3)
-        Where each camera looks, m: the middle between body and target.
+        Point that each camera looks at, m: the midpoint of body and target.
     reach : (samples,)
-        How far all cameras see from there, m.
+        Distance that all cameras see from there, m.
     ground : (lines, 2, 3)
-        The ends of the lines of the grid, m.
+        Ends of the lines of the grid, m.
     trails : (controllers, samples, 3)
-        What leaves the trails, m: the bodies' places, or the tips of their x axes where they only
-        turn.
+        Points that leave the trails, m: positions of the bodies, or the tips of their x axes where
+        they only turn.
     """
 
     motion: Motion
@@ -127,13 +127,13 @@ class Scene:
     trails: Array
 
     def trail(self, index: int, sample: int) -> Array:
-        """The trail of a body at a sample, ``(any, 3)``."""
+        """Return the trail of a body at a sample, ``(any, 3)``, m."""
         first = int(np.searchsorted(self.motion.times, self.motion.times[sample] - TRAIL))
         return np.asarray(self.trails[index, first : sample + 1])
 
 
 def scene_of(motion: Motion) -> Scene:
-    """The scene of a motion; one for every file format."""
+    """Return the scene of a motion, the same for every file format."""
     body, target = motion.body.position, motion.reference.position
     apart = np.linalg.norm(body - target, axis=-1)
     apart = np.where(np.isfinite(apart), apart, 0.0).max(axis=0)
@@ -154,14 +154,14 @@ def scene_of(motion: Motion) -> Scene:
 
 
 def _length(motion: Motion, apart: Array) -> float:
-    """What is seen beside the paths, and beside the distances between bodies and target."""
+    """Return a length of axes visible beside the paths and the distances to the target, m."""
     if not motion.has_translation:
         return 1.0
     return float(max(0.3 * apart.max(), 0.12 * motion.extent)) or 1.0
 
 
 def _calm(values: Array, steps: int) -> Array:
-    """A running mean over so many samples, ``(samples, k)``."""
+    """Return the running mean over `steps` samples, ``(samples, k)``."""
     before, after = (steps - 1) // 2, steps // 2
     padded = np.pad(values, ((before, after), (0, 0)), mode="edge")
     sums = np.cumsum(np.insert(padded, 0, 0.0, axis=0), axis=0)
@@ -169,7 +169,7 @@ def _calm(values: Array, steps: int) -> Array:
 
 
 def _grid(motion: Motion, length: float, reach: float) -> Array:
-    """Lines of round distances on the ground, below all bodies."""
+    """Return grid lines at round distances on the ground, below all bodies, ``(lines, 2, 3)``."""
     places = motion.places if motion.has_translation else np.zeros((1, 3))
     low, high = places.min(axis=0) - _SIGHTS * reach, places.max(axis=0) + _SIGHTS * reach
     height = places[:, 2].min() - _BELOW * length

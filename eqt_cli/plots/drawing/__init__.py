@@ -1,1 +1,1 @@
-"""What figures are drawn with: styles, layout, labels, curves and marks."""
+"""Tools that draw figures: styles, layout, labels, curves and marks."""

@@ -1,4 +1,4 @@
-"""Box plots, lying on their side, of samples that may be censored; it knows no result."""
+"""Horizontal box plots of samples that may be censored; it knows no result."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,19 +14,19 @@ from eqt_cli.plots.drawing.style import ink
 from eqt_cli.plots.shown.metrics import Sample
 
 MOST_POINTS = 50
-"""Runs that are drawn as points on their box; of more, only the smallest and the largest."""
+"""Most runs that are drawn as points; of more, only the smallest and largest are."""
 
 LEVELS = (BAND[0], 0.25, 0.5, 0.75, BAND[1])
-"""The quantiles at the ends of whiskers and box, and the median."""
+"""Quantiles at the ends of whiskers and box, and the median."""
 
 _HALF = 0.3
-"""Of the height of a box, where rows are 1 apart."""
+"""Half the height of a box, where rows are 1 apart."""
 _SPREAD = 0.22
-"""How far points lie from the middle of their box, at most."""
+"""Largest distance of points from the middle line of their box."""
 _ANY = 0.7
-"""The share of ink that stands for every controller's colour in the legend."""
+"""Share of ink in the grey that stands for every controller's colour in the legend."""
 _GOLDEN = (5**0.5 - 1) / 2
-"""Its multiples, modulo 1, are spread evenly, however many there are."""
+"""Golden ratio: any number of its multiples, modulo 1, are spread evenly."""
 
 
 _MEDIAN: dict[str, Any] = {"linewidth": 1.2, "solid_capstyle": "butt"}
@@ -36,16 +36,16 @@ _POINT = _MARK | {"marker": "o", "markersize": 1.6, "markeredgewidth": 0}
 
 
 def draw_box(axes: Axes, row: int, sample: Sample, end: float, colour: str, label: str) -> None:
-    """One box with its whiskers, median, mean and points.
+    """Draw a box with its whiskers, median, mean and points.
 
     Parameters
     ----------
     row
-        Its place on the vertical axis.
+        Position on the vertical axis.
     end
-        Where censored values begin: nothing is drawn beyond, and what reaches there stays open.
+        Start of censored values: nothing is drawn beyond, and what reaches there stays open.
     label
-        A name for what is drawn, unique in the panel.
+        Name of the box, unique in the panel.
     """
     found = sample.quantiles(LEVELS)
     known = np.isfinite(found)
@@ -88,7 +88,7 @@ def _tint(colour: str) -> tuple[str, float]:
 
 
 def box_legend(runs: Sequence[int]) -> tuple[list[Artist], list[str]]:
-    """Handles and names of what boxes are made of, which hold so many runs each."""
+    """Return handles and names of the parts of boxes with these numbers of runs."""
     any_colour = ink(_ANY)
     handles: dict[str, Artist] = {
         "quartiles, median": Patch(

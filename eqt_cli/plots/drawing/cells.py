@@ -17,32 +17,32 @@ from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
 
 _LONGEST = 36
-"""Characters in a line of a label."""
+"""Most characters in a line of a label."""
 
 _LONGEST_NAME = 18
-"""Of the name of a value that is no number."""
+"""Most characters in a line of the name of a value that is no number."""
 
 _TICK_LETTER = 0.06
-"""in, of a letter below a map, with its share of the gap to the next name."""
+"""Width of a letter below a map with its share of the gap to the next name, in."""
 
 _LETTER, _BESIDE, _LINE = 0.048, 0.088, 0.16
-"""in, of a letter in a cell, around the letters, and of a line."""
+"""Width of a letter in a cell, of the margins around a text, and height of a line, in."""
 _TENS = 10
-"""Numbers from here are written without decimals."""
+"""Numbers of at least this size are written without decimals."""
 _LONGEST_NUMBER = 4
-"""Characters of a number as it is written in a cell."""
+"""Most characters of a number in a cell."""
 _DARK = 0.55
-"""Of a colour on which numbers are white."""
+"""Luminance below which numbers are written in the colour of the paper."""
 
 _WRITTEN: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5, "zorder": 4}
 
 _MOST_LEVELS = 6
-"""Values along a scale that are written."""
+"""Approximate number of values written along a scale."""
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Where the points of a sweep lie in a map.
+    """Cells of the points of a sweep in a map.
 
     Attributes
     ----------
@@ -55,30 +55,30 @@ class Cells:
 
     @cached_property
     def columns(self) -> Array:
-        """Of each point."""
+        """Column of each point."""
         return np.unique(self.across.values, return_inverse=True)[1]
 
     @cached_property
     def rows(self) -> Array:
-        """Of each point."""
+        """Row of each point."""
         if self.up is None:
             return np.zeros_like(self.columns)
         return np.unique(self.up.values, return_inverse=True)[1]
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Numbers of rows and columns."""
         return int(self.rows.max()) + 1, int(self.columns.max()) + 1
 
     def grid(self, values: Array) -> Array:
-        """Numbers of all points, ``(rows, columns)``; NaN where there is no point."""
+        """Return values of all points as ``(rows, columns)``; NaN where there is no point."""
         found = np.full(self.shape, np.nan)
         found[self.rows, self.columns] = values
         return found
 
     def draw(self, panel: Axes, values: Array, **look: Any) -> Any:
-        """Colour the cells by the numbers of the points."""
-        # The edges, since of a single row or column the middles do not say how far it reaches.
+        """Colour the cells by the values of the points."""
+        # Edges, since the centre of a single row or column does not give its extent.
         rows, columns = (np.arange(count + 1) - 0.5 for count in self.shape)
         return panel.pcolormesh(columns, rows, self.grid(values), **look)
 
@@ -94,16 +94,16 @@ class Cells:
         room: tuple[float, float],
         texts: Sequence[str] | None = None,
     ) -> bool:
-        """Write the numbers of the points in their cells, if they fit; whether they do.
+        """Write the values of the points in their cells if they fit; return whether they do.
 
         Parameters
         ----------
         image
-            What `draw` returned, for its colours.
+            Image that `draw` returned, for its colours.
         room
-            in, of the panel across and up.
+            Width and height of the panel, in.
         texts
-            What is written of each point, in one line or several; its number if None.
+            Text of each point, in one line or several; its value if None.
         """
         rows, columns = self.shape
         if texts is None:
@@ -128,7 +128,7 @@ class Cells:
         return True
 
     def mark(self, panel: Axes, points: Sequence[int]) -> None:
-        """Draw a frame around the cells of some points, seen on every colour."""
+        """Draw a frame, visible on every colour, around the cells of some points."""
         for colour, width in ((ink(0), 2.2), (ink(), 1.0)):
             self._outline(panel, points, 0.06, edgecolor=colour, linewidth=width, zorder=3)
 
@@ -139,10 +139,9 @@ class Cells:
             panel.add_patch(Rectangle(corner, side, side, fill=False, **look))
 
     def scales(self, panel: Axes, result: Result, room: float, *, leftmost: bool = True) -> float:
-        """Name the keys, and number the cells along them; the panel takes so many inches across.
+        """Name the keys and number the cells along them, in a panel `room` inches wide.
 
-        Returns the inches that texts take below it besides: those for which it is too narrow stand
-        upright.
+        Return the extra room below the panel, in: texts for which it is too narrow stand upright.
         """
         texts = self._number(panel, "x", self.across, result)
         longest = _TICK_LETTER * max(len(line) for text in texts for line in text.split("\n"))
@@ -156,7 +155,7 @@ class Cells:
         return longest if upright else 0.0
 
     def _number(self, panel: Axes, direction: str, key: SweptKey, result: Result) -> list[str]:
-        """Number the cells along a scale; with what."""
+        """Number the cells along a scale; return the texts."""
         levels = np.unique(key.values).tolist()
         shown = range(0, len(levels), max(1, len(levels) // _MOST_LEVELS))
         numbers = {level: f"{level:.3g}".replace("-", "−") for level in levels}
@@ -169,11 +168,11 @@ class Cells:
 
 
 def short(value: float) -> str:
-    """A number as it is written in a cell."""
+    """Return a number as it is written in a cell."""
     return f"{value:#.2g}" if abs(value) < _TENS else f"{value:.0f}"
 
 
 def map_columns(count: int, width: Width) -> int:
-    """Of so many maps, how many stand side by side."""
+    """Return how many of `count` maps stand side by side."""
     most = (1 if count < 3 else 2) if width == "column" else 2 if count == 4 else 3
     return min(count, most)

@@ -1,4 +1,4 @@
-"""The coordinates of poses, velocities and wrenches as curves: their symbols, units and values."""
+"""Coordinates of poses, velocities and wrenches as curves: symbols, units and values."""
 
 import numpy as np
 
@@ -8,9 +8,9 @@ from eqt_cli.plots.drawing.labels import component
 
 
 def axis_labels(G: MatrixLieGroup) -> list[str]:
-    """What the k-th curve of a panel shows: the direction, or the names of that axis in all parts.
+    """Return the label of the k-th curve of a panel: a direction, or axis names in all parts.
 
-    ``x`` for ωx and vx: the scales say of what.
+    ``x`` stands for ωx and vx: the scales name the quantity.
     """
     names = [G.axis_names[part.axes] for part in G.parts]
     found = []
@@ -23,7 +23,7 @@ def axis_labels(G: MatrixLieGroup) -> list[str]:
 
 
 def symbols(G: MatrixLieGroup, part: Part, index: str = "") -> tuple[str, str, str]:
-    """Of the pose, the velocity and the force in a part, with an index where one is given."""
+    """Return the symbols of pose, velocity and force in a part, with an index if given."""
     vectors = [each for each in G.parts if not each.turns]
     if len(G.parts) == 1 or not (part.turns or part.pose_unit.startswith("m")):
         pose, velocity, force = ("x" if part.pose_unit == "m" else "Q"), "V", r"\tau"
@@ -45,9 +45,9 @@ def _indexed(symbol: str, index: str) -> str:
 def pose_coordinates(
     G: MatrixLieGroup, part: Part, pose: Array, index: str = "", near: Array | None = None
 ) -> tuple[Array, str, str]:
-    """A part of some poses ``(n, d, d)`` as curves ``(n, coordinates)``, their symbol and unit.
+    """Return a part of poses ``(n, d, d)`` as curves ``(n, coordinates)``, their symbol and unit.
 
-    `near` are curves of about the same poses, as of `without_jumps`.
+    `near` holds curves of about the same poses, as for `without_jumps`.
     """
     block = pose[(..., *part.entries)].reshape(len(pose), -1)
     symbol = symbols(G, part, index)[0]
@@ -64,9 +64,9 @@ def pose_coordinates(
 
 
 def without_jumps(vectors: Array, near: Array | None = None) -> Array:
-    """Rotation vectors ``(n, k)`` with whole turns about their axes added, so that none jumps.
+    """Return rotation vectors ``(n, k)``, unwrapped by whole turns about their axes.
 
-    Each is as close as it can be to that in `near`; without these, to the one before.
+    Each is as close as possible to its counterpart in `near`; without `near`, to the one before.
     """
     found = vectors.copy()
     pairs = zip(found[1:], found[:-1], strict=True)

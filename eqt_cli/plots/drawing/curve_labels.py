@@ -1,4 +1,4 @@
-"""Names beside curves where they can be read there, else in a legend; it knows no signal."""
+"""Names beside curves where there is room, else in a legend; it knows no signal."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,20 +17,20 @@ from eqt_cli.plots.drawing.layout import add_legend, add_letters, arrange
 from eqt_cli.plots.drawing.style import darker, ink
 
 MOST_NAMED = 6
-"""Curves of a panel that are named beside them, at most."""
+"""Most curves of a panel that are named directly."""
 LONGEST = 14
-"""Characters of such a name, at most."""
+"""Most characters of a name beside a curve."""
 _PLACES = 33
-"""Places along a panel that are tried."""
+"""Number of positions along a panel that are tried."""
 _GAP, _PAD = 2.0, 1.5
-"""pt, from a curve to its name, and that a name keeps from all curves."""
+"""Distance of a name from its curve, and its least distance from all curves, pt."""
 _NEARER = 1.6
-"""How much farther the next curve is than a name's own, at least."""
+"""Least ratio of the distances of a name from the next curve and from its own."""
 _LED, _LEAST_GAP, _STEEPEST = 6.0, 0.6, 0.8
-"""pt, steps from the curves to a stack of names, and how far curves lie apart where lines end; and
-how much these rise over their length."""
+"""Search step from the curves to a stack of names, pt; least gap between curves where leaders end,
+pt; and largest slope of a leader."""
 _LONGEST = 0.25
-"""Length of a line to a name relative to the width of its panel; a longer one crosses curves."""
+"""Longest leader over the width of its panel; a longer one crosses curves."""
 _LEADER: dict[str, Any] = {
     "arrowstyle": "-",
     "linewidth": 0.4,
@@ -39,12 +39,12 @@ _LEADER: dict[str, Any] = {
     "relpos": (0, 0.5),
 }
 _STEP = 2.0
-"""pt, between the points of a curve that a name must not hide."""
+"""Distance between the points of a curve that a name must not hide, pt."""
 
 
 @dataclass(frozen=True)
 class _Place:
-    """The corners of a name in points of the figure, and how far other curves are."""
+    """Corners of a name, pt, and its distance from other curves, pt."""
 
     low: Array
     high: Array
@@ -54,20 +54,20 @@ class _Place:
 def name_curves(
     drawing: Figure, panels: Iterable[Axes], lines: Sequence[Line2D], names: Sequence[str]
 ) -> None:
-    """Name each curve beside it, in the first panel with room for that; else in a legend above.
+    """Name each curve beside it, in the first panel with room; else in a legend above.
 
-    Scales must be there already, since the room depends on them.
+    Set the scales first, since the room depends on them.
 
     Parameters
     ----------
     panels
-        Each has the curves in the order of the names, before all others.
+        Panels, each with the named curves first, in the order of the names.
     lines, names
-        The curves as the legend would show them, and a user's texts.
+        Handles for the legend, and texts of a user.
     """
     wanted = [free_text(name, LONGEST) for name in names]
     if 2 <= len(names) <= MOST_NAMED and all(len(name) <= LONGEST for name in names):
-        add_letters(drawing)  # which take room
+        add_letters(drawing)  # letters take room
         arrange(drawing)
         for panel in panels:
             if places := _places(panel, wanted):
@@ -88,9 +88,9 @@ def _write(axes: Axes, names: Sequence[str], places: Sequence[_Place]) -> None:
 
 
 def _led(axes: Axes, names: Sequence[str]) -> bool:
-    """Write all names in a stack that hides no curve, with a line to each; whether it fits.
+    """Write all names in a stack with leaders if no curve is hidden; return whether it fits.
 
-    The lines end where the curves lie apart, and the names stand in the order of the curves there.
+    Leaders end where the curves lie apart; the names stand in the order of the curves there.
     """
     if len(axes.lines) < len(names) or any(map(_marked, axes.lines)):
         return False
@@ -116,7 +116,7 @@ def _led(axes: Axes, names: Sequence[str]) -> bool:
 
 
 def _apart(curves: Sequence[Array], across: Array) -> list[tuple[float, Array]]:
-    """Where all curves are seen and lie apart, and their heights there; the farthest first."""
+    """Return where all curves are seen and lie apart, and their heights, widest gap first."""
     found = []
     for x in across:
         if all(points[0, 0] <= x <= points[-1, 0] for points in curves):
@@ -128,7 +128,7 @@ def _apart(curves: Sequence[Array], across: Array) -> list[tuple[float, Array]]:
 
 
 def _middles(sizes: Array, heights: Array, top: float) -> Array:
-    """How high the names of a stack stand that begins at its top, in the order of heights."""
+    """Return the heights of the names in a stack below `top`, indexed as `heights`, pt."""
     found = np.empty(len(heights))
     for index in np.argsort(-heights):
         found[index] = top - sizes[index, 1] / 2
@@ -139,7 +139,7 @@ def _middles(sizes: Array, heights: Array, top: float) -> Array:
 def _write_stack(
     axes: Axes, names: Sequence[str], at: Array, sizes: Array, x: float, heights: Array
 ) -> None:
-    """Names below each other from a corner, pt, and lines from them to the curves."""
+    """Write names below each other from a corner, pt, with leaders to the curves."""
     to_data = axes.transData.inverted()
 
     def in_data(across: float, up: float) -> tuple[float, float]:
@@ -161,7 +161,7 @@ def _write_stack(
 
 
 def _places(axes: Axes, names: Sequence[str]) -> list[_Place]:
-    """Where all names are; nothing where one finds no room."""
+    """Return the places of all names; none if one finds no room."""
     if len(axes.lines) < len(names):
         return []
     curves = [_points(axes, line) for line in axes.lines]
@@ -181,7 +181,7 @@ def _places(axes: Axes, names: Sequence[str]) -> list[_Place]:
 def _best(
     axes: Axes, own: Array, others: Array, size: Array, taken: Sequence[_Place]
 ) -> _Place | None:
-    """The place beside a curve that is farthest from all others."""
+    """Return the place beside a curve that is farthest from all others."""
     low, high = _points_of(axes, axes.bbox.get_points())
     free: list[_Place] = []
     for x in np.linspace(low[0], high[0], _PLACES)[1:-1]:
@@ -206,7 +206,7 @@ def _best(
 
 
 def _distance(points: Array, low: Array, high: Array) -> float:
-    """From a box to the nearest of some points."""
+    """Return the distance from a box to the nearest of some points."""
     if not len(points):
         return np.inf
     beyond = np.maximum(np.maximum(low - points, points - high), 0)
@@ -214,7 +214,7 @@ def _distance(points: Array, low: Array, high: Array) -> float:
 
 
 def _points(axes: Axes, line: Line2D) -> Array:
-    """Points along a curve that are seen, close to each other."""
+    """Return closely spaced visible points along a curve, pt."""
     with np.errstate(all="ignore"):
         corners = _points_of(axes, axes.transData.transform(np.column_stack(line.get_data())))
     corners = corners[np.isfinite(corners).all(axis=1)]
@@ -229,7 +229,7 @@ def _points(axes: Axes, line: Line2D) -> Array:
 
 
 def _size(axes: Axes, name: str) -> Array:
-    """Width and height of a name, pt."""
+    """Return width and height of a name, pt."""
     written = axes.text(0, 0, name, fontsize="small")
     box = Text.get_window_extent(written)
     written.remove()
@@ -237,7 +237,7 @@ def _size(axes: Axes, name: str) -> Array:
 
 
 def _marked(line: Line2D) -> float:
-    """How far markers reach beyond a curve, pt."""
+    """Return how far markers reach beyond a curve, pt."""
     return 0.0 if line.get_marker() in ("None", None, "", " ") else float(line.get_markersize()) / 2
 
 

@@ -1,4 +1,4 @@
-"""Curves as several figures draw them: bands, single runs, paths; it knows no signal."""
+"""Curves shared by several figures: bands, single runs, paths; it knows no signal."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
@@ -17,19 +17,19 @@ from eqt_cli.plots.drawing.style import Look, ink, line_style, marker
 from eqt_cli.plots.shown.controllers import Ensemble
 
 BAND = (0.1, 0.9)
-"""The quantiles over runs between which a band lies."""
+"""Quantiles over runs at the edges of a band."""
 
 RESAMPLING = Resampling(confidence=0.95, resamples=2000)
-"""Of bands that say how well a mean is known."""
+"""Bootstrap settings of bands around means."""
 
 THIN = 0.35
-"""pt, the width of the line of a single run."""
+"""Line width of a single run, pt."""
 
 _PATH = 0.6
-"""pt, of a path among few."""
+"""Line width of a path, pt."""
 
 _ARROWS = (0.2, 0.55)
-"""Where a path has an arrow, in shares of its length."""
+"""Positions of the arrows on a path, in shares of its length."""
 _ARROW: dict[str, Any] = {
     "arrowstyle": "-|>,head_length=0.35,head_width=0.18",
     "linewidth": 0,
@@ -38,24 +38,24 @@ _ARROW: dict[str, Any] = {
     "shrinkB": 0,
 }
 _DARKEST, _FAINT = 3.0, 0.5
-"""The share of runs that would give a cell the full colour: more than all, so that paths are seen
-on it; and the exponent of the scale, which lets few runs be seen."""
+"""Share of runs that would give a cell the full colour: above 1, so that paths stay visible on it;
+and the exponent of the colour scale, which makes few runs visible."""
 _FINER = 4
-"""Points for each sample of a path whose cells are counted."""
+"""Points per sample of a path whose cells are counted."""
 
 Path = tuple[Array, Array]
-"""Across and up, a number per sample each."""
+"""Horizontal and vertical coordinates of the samples."""
 
 _POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
-"""Hollow markers, so that all are seen where curves coincide."""
+"""Style of hollow markers, all visible where curves coincide."""
 
 _DOT: dict[str, Any] = {"linestyle": "none", "marker": "o"}
 _START = _DOT | {"markersize": 2.2, "markeredgewidth": 0.5}
 _END = _DOT | {"markersize": 1.8, "markeredgewidth": 0}
 
 Bands = Literal["none", "quantiles", "bootstrap"]
-"""``quantiles`` shades where most runs are, from 10 % to 90 %; ``bootstrap`` shades where the mean
-over all runs that there could be is, with 95 % confidence at each time."""
+"""Kinds of bands: ``quantiles`` from 10 % to 90 % of the runs; ``bootstrap``, the 95 % confidence
+interval of the population mean at each time."""
 
 BAND_NAMES: dict[Bands, str] = {
     "quantiles": "10–90 % of runs",
@@ -64,14 +64,14 @@ BAND_NAMES: dict[Bands, str] = {
 
 
 def of_bands(bands: Bands) -> str:
-    """What bands are, as the end of a sentence; nothing where there are none."""
+    """Return words for the bands, as the end of a sentence; empty where there are none."""
     return f"; bands: {BAND_NAMES[bands]}" if bands in BAND_NAMES else ""
 
 
 def draw_band(
     axes: Axes, times: Array, values: Array, bands: Bands, colour: str, name: str
 ) -> None:
-    """Shade a band around the mean over runs, of values ``(runs, samples)``."""
+    """Shade a band around the mean over runs of values ``(runs, samples)``."""
     if bands == "quantiles":
         low, high = np.quantile(values, BAND, axis=0)
     elif bands == "bootstrap":
@@ -83,7 +83,7 @@ def draw_band(
 
 
 def draw_mean(axes: Axes, times: Array, values: Array, bands: Bands, ensemble: Ensemble) -> None:
-    """The mean over runs, of values ``(runs, samples)`` of a controller, and the band around it."""
+    """Draw the mean over runs of values ``(runs, samples)``, and the band around it."""
     look = line_style(ensemble.look)
     axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
     draw_band(axes, times, values, bands, look["color"], ensemble.label)
@@ -92,37 +92,37 @@ def draw_mean(axes: Axes, times: Array, values: Array, bands: Bands, ensemble: E
 def draw_points(
     axes: Axes, across: Array, up: Array, band: tuple[Array, Array], of: Look, title: str
 ) -> list[Line2D]:
-    """A curve with a hollow marker at every number, in its band, of the controller of this look."""
+    """Draw a curve with a hollow marker at every point, and the band around it."""
     look = line_style(of)
     axes.fill_between(across, *band, label=title, **band_look(look["color"]))
     return axes.plot(across, up, label=title, marker=marker(of), **_POINTS, **look)
 
 
 def band_look(colour: str) -> dict[str, Any]:
-    """A tint of the colour, with edges that tell overlapping bands apart."""
+    """Return the style of a band: a tint, with edges that tell overlapping bands apart."""
     return {"facecolor": (colour, 0.1), "edgecolor": (colour, 0.8), "linewidth": 0.35}
 
 
 def thin_line(look: Look, count: int) -> dict[str, Any]:
-    """The line style of one of so many single runs of a controller of this look."""
-    opacity = min(0.8, 4 / np.sqrt(count))  # few lines are seen, many make shades
+    """Return the line style of one of `count` single runs of a controller."""
+    opacity = min(0.8, 4 / np.sqrt(count))  # few lines are visible, many make shades
     return {"color": (line_style(look)["color"], opacity), "linewidth": THIN}
 
 
 def thin_line_legend(shown: Sequence[Ensemble], most: int) -> dict[str, Artist]:
-    """A handle by name, for controllers of whose good runs so many are drawn at most."""
+    """Return a legend handle by name, where at most `most` good runs are drawn."""
     runs = max(np.count_nonzero(ensemble.good) for ensemble in shown)
     name = "single runs" if runs <= most else f"first {most} runs"
     return {name: Line2D([], [], color=ink(0.5), linewidth=2 * THIN)}
 
 
 def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> None:
-    """Lines with arrows, a hollow dot at each start and a filled one at each end.
+    """Draw paths with arrows, a hollow dot at each start and a filled one at each end.
 
     Parameters
     ----------
     paths
-        By the number of the run; a gap where they are NaN, but not at their ends.
+        Paths by number of the run; NaN leaves a gap, but must not be at the ends.
     """
     look = thin_line(ensemble.look, len(paths)) | {"linewidth": _PATH}
     for number, (x, y) in paths.items():
@@ -136,7 +136,7 @@ def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> Non
 
 
 def _draw_arrow(axes: Axes, x: Array, y: Array, place: float, colour: str) -> None:
-    """Show in which direction a path goes, at a share of its length."""
+    """Draw an arrow along a path, at a share of its length."""
     steps = np.nan_to_num(np.hypot(np.diff(x), np.diff(y)))
     along = np.cumsum(steps)
     at = int(np.searchsorted(along, place * along[-1]))
@@ -146,7 +146,7 @@ def _draw_arrow(axes: Axes, x: Array, y: Array, place: float, colour: str) -> No
 
 
 def draw_density(axes: Axes, paths: Sequence[Path], edges: tuple[Array, Array], look: Look) -> None:
-    """Shade the cells between these edges through which paths pass, the darker the more of them."""
+    """Shade the cells that paths cross, darker for more paths."""
     visits = np.zeros([len(edge) - 1 for edge in edges])
     for path in paths:
         across, up = _between(path)
@@ -159,7 +159,7 @@ def draw_density(axes: Axes, paths: Sequence[Path], edges: tuple[Array, Array], 
 
 
 def _between(path: Path) -> list[Array]:
-    """A path with points between its samples, so that it leaps over no cell."""
+    """Return a path refined between its samples, so that it skips no cell."""
     x, y = (np.asarray(each, float) for each in path)
     fine = np.linspace(0, len(x) - 1, _FINER * (len(x) - 1) + 1)
     return [np.nan_to_num(np.interp(fine, np.arange(len(x)), each), nan=-np.inf) for each in (x, y)]
@@ -170,7 +170,7 @@ def _start(colour: Any) -> dict[str, Any]:
 
 
 def path_legend(shown: Sequence[Ensemble], most: int, *, density: bool) -> dict[str, Artist]:
-    """Handles by name, for controllers of whose good runs so many are drawn at most."""
+    """Return legend handles by name, where at most `most` good runs are drawn."""
     shade = {"where runs pass": Patch(facecolor=ink(0.25), linewidth=0)} if density else {}
     return {
         **thin_line_legend(shown, most),

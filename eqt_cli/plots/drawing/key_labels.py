@@ -1,4 +1,4 @@
-"""What keys of a configuration are called along a scale, with units; it knows no figure."""
+"""Labels of configuration keys along a scale, with units; it knows no figure."""
 
 import re
 
@@ -12,30 +12,30 @@ from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
 
 _LONGEST = 36
-"""Characters in a line of a label."""
+"""Most characters in a line of a label."""
 _LETTER = 0.065
-"""in, of one beside the others."""
+"""Width of a letter, in."""
 _MARGIN = 0.03
-"""of the width, so that markers at the ends are whole."""
+"""Margin in shares of the width, so that markers at the ends are whole."""
 _BESIDE = 0.6
-"""in, that the scale up and the margins take of the width."""
+"""Width of the vertical scale and the margins, in."""
 
 
 def key_label(result: Result, swept: SweptKey) -> str:
-    """The name of a swept key, with its unit; the key itself where it has no name."""
+    """Return the name of a swept key with its unit; the key itself where it has no name."""
     words, unit = _named(result, swept)
     return words + quantity("", unit).removeprefix("$$")
 
 
 def key_at(result: Result, swept: SweptKey, point: int) -> str:
-    """The name of a swept key with its value at a point and the unit: ``initial angle 90 deg``."""
+    """Return a swept key with its value and unit at a point: ``initial angle 90 deg``."""
     words, unit = _named(result, swept)
     of_value = "" if swept.unit or unit in ("", "1") else f" {unit}"  # some values have their own
     return f"{words} {swept.at(point)}{of_value}"
 
 
 def _named(result: Result, swept: SweptKey) -> tuple[str, str]:
-    """The name of a swept key, or its symbol, as text to draw; and its unit."""
+    """Return the name or symbol of a swept key, as text to draw, and its unit."""
     key, scale = swept.key, scale_of(result.config, swept.key)
     if scale is None:
         return free_text(key, _LONGEST), swept.unit
@@ -46,7 +46,7 @@ def _named(result: Result, swept: SweptKey) -> tuple[str, str]:
 
 
 def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> None:
-    """Name the scale across and what is at it, in a panel that takes so many inches."""
+    """Name and number the horizontal scale of a panel `room` inches wide."""
     panel.margins(x=_MARGIN)
     panel.set_xlabel(key_label(result, axis))
     if axis.texts:
@@ -62,7 +62,7 @@ def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> Non
 
 
 def _owner(result: Result, key: str) -> str:
-    """Whose it is, where it is one of several controllers'."""
+    """Return the owner of a key among several controllers, ``" of TITLE"``; else nothing."""
     found = re.match(r"controllers\[(\d+)\]", key)
     if found is None or len(result.labels) < 2 or int(found[1]) >= len(result.titles):
         return ""
@@ -70,7 +70,7 @@ def _owner(result: Result, key: str) -> str:
 
 
 def _unit(result: Result, unit: str) -> str:
-    """A unit; nothing where it would be that of a torque of several kinds."""
+    """Return a unit; empty for a torque with mixed units."""
     if not unit.startswith(TORQUE):
         return unit
     torque = result.units("peak_torque") if result.has("peak_torque") else "mixed"

@@ -1,7 +1,7 @@
 """Symbols, units and names as text that Matplotlib or LaTeX sets; it knows no layout.
 
-Symbols are written in the mathematics that both have in common. What a user chose goes through
-`free_text`, which escapes it for the one that sets it (LaTeX where ``text.usetex`` is on).
+Symbols use the mathematics that both have in common. Texts of a user go through `free_text`,
+which escapes them for the one that sets them (LaTeX where ``text.usetex`` is on).
 """
 
 import re
@@ -18,7 +18,7 @@ from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import Result
 
 _SYMBOL = re.compile(r"\w+_\{[^}]*\}|\w+[_^]\w+|\w+\*|\b[GLPQ]\b|[⋉→Υ]")
-"""A symbol of the paper among words: with an index or a star, or a single letter."""
+"""Symbol of the paper among words: with an index or a star, or a single letter."""
 _COMMANDS = {
     "_ff": r"_{\mathrm{ff}}",
     "^nog": r"^{\mathrm{nog}}",
@@ -35,31 +35,31 @@ _COMMANDS = {
     "τ": r"\tau",
 }
 _LONGEST = 30
-"""Characters of a line of a name that a user gives a signal."""
+"""Most characters in a line of a user's name of a signal."""
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
 _DOLLAR = re.compile(r"(?<!\\)\$")
 _POWER = re.compile(r"\(([^()]*)\)\^(-?\d+)")
-"""A power of a product of units: ``(N m)^2``."""
+"""Power of a product of units: ``(N m)^2``."""
 
 _OF_MOTIONS = {
     "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|x_E\|", r"\|%s_E\|"),
     "velocity_error": (r"\|\omega - \omega_d\|", r"\|v - v_d\|", r"\|V - V_d\|_{%s}"),
     "torque_norm": (r"\|\tau\|", r"\|f\|", r"\|f_{%s}\|"),
 }
-"""What the norms are in rigid motions: of the rotation, of the only translation, and of one of
-several, by its initial."""
+"""Symbols of the norms in rigid motions: of the rotation, of the only translation, and of one of
+several vectors, by its initial."""
 
 
 def quantity(symbol: str, unit: str) -> str:
-    """An axis label: the symbol with its unit in parentheses, or alone when it has none.
+    """Return an axis label: the symbol with its unit in parentheses, if it has one.
 
     Parameters
     ----------
     symbol
-        In Matplotlib's mathematical notation, without dollar signs.
+        Symbol in Matplotlib's mathematical notation, without dollar signs.
     unit
-        As in a result file: ``rad/s``, ``N m``, ``m/s^2``; ``1`` or nothing for a pure number, and
-        ``mixed`` for a norm over parts with different units.
+        Unit as in a result file: ``rad/s``, ``N m``, ``m/s^2``; ``1`` or nothing for a pure number,
+        and ``mixed`` for a norm over parts with different units.
     """
     if unit in ("", "1"):
         return f"${symbol}$"
@@ -76,7 +76,7 @@ def _upright(unit: str) -> str:
 
 
 def _multiplied_out(unit: str) -> str:
-    """A unit without powers of products: ``N^2 m^2 s`` for ``(N m)^2 s``."""
+    """Return a unit without powers of products: ``N^2 m^2 s`` for ``(N m)^2 s``."""
 
     def product(power: re.Match[str]) -> str:
         factors = (re.fullmatch(r"([^^]+)(?:\^(-?\d+))?", each) for each in power[1].split())
@@ -86,19 +86,19 @@ def _multiplied_out(unit: str) -> str:
 
 
 def in_words(words: str, unit: str) -> str:
-    """An axis label without a symbol: words with the unit in parentheses, as in `quantity`."""
+    """Return an axis label in words, with the unit in parentheses as in `quantity`."""
     return words + quantity("", unit).removeprefix("$$")
 
 
 def _labelled(result: Result, name: str, symbol: str, unit: str) -> str:
-    """A symbol with its unit; of a norm over parts with different units: ``‖τ‖ (N m and N)``."""
+    """Return a symbol with its unit; with mixed units of parts, ``‖τ‖ (N m and N)``."""
     several = result.part_units(name) if unit == "mixed" else []
     units = " and ".join(f"${_upright(each)}$" for each in several)
     return f"${symbol}$ ({units})" if several else quantity(symbol, unit)
 
 
 def signal_label(result: Result, signal: str) -> str:
-    """The label of an axis along which a signal is drawn: its symbol with its unit there."""
+    """Return the axis label of a signal: its symbol with its unit."""
     if signal in result.given_names:
         return in_words(free_text(result.given_names[signal], _LONGEST), result.units(signal))
     symbol = norm_symbol(result, result.quantity(signal))
@@ -108,10 +108,10 @@ def signal_label(result: Result, signal: str) -> str:
 
 
 def metric_label(result: Result, metric: str, characters: int) -> str:
-    """The name of a metric with its unit, in lines of at most so many characters."""
+    """Return the name of a metric with its unit, in lines of at most `characters`."""
     if result.has(metric):
         found, unit = result.quantity(metric), result.units(metric)
-    else:  # it follows from what is stored
+    else:  # computed from stored signals
         found = result.comparable_named(metric)
         unit = found.unit(result.units(found.signals[0])) if found.signals else found.units
     words = result.given_names.get(metric, "")
@@ -124,7 +124,7 @@ def metric_label(result: Result, metric: str, characters: int) -> str:
 
 
 def norm_symbol(result: Result, found: Quantity) -> str:
-    """The symbol of a quantity; that of its part where the group is one of rigid motions."""
+    """Return the symbol of a quantity; of its part on a group of rigid motions."""
     part = _part(result, found)
     if part is None or result.group is None:
         return found.symbol
@@ -135,7 +135,7 @@ def norm_symbol(result: Result, found: Quantity) -> str:
 
 
 def _part(result: Result, found: Quantity) -> Part | None:
-    """The part that a norm is of, on a group of one rotation and of vectors; else None."""
+    """Return the part of a norm, on a group of one rotation and of vectors; else None."""
     parts = () if result.group is None else result.group.parts
     rotations, vectors = parts[:1], parts[1:]
     initials = {part.name[0] for part in vectors}
@@ -149,9 +149,9 @@ def _part(result: Result, found: Quantity) -> Part | None:
 
 
 def force_component(axis: str, unit: str) -> str:
-    r"""The symbol of a torque or force: ``\tau_{x}`` along axis ``ωx``, ``f_{x}`` along ``vx``.
+    r"""Return the symbol of a torque or force: ``\tau_{x}`` along ``ωx``, ``f_{x}`` along ``vx``.
 
-    The index of a coordinate whose axis is neither a turn nor a velocity is its whole name.
+    An axis that is neither a turn nor a velocity gives its whole name as the index.
     """
     if axis.startswith("v") and unit == "N":
         return component("f", axis[1:])
@@ -159,7 +159,7 @@ def force_component(axis: str, unit: str) -> str:
 
 
 def component(symbol: str, axis: str) -> str:
-    r"""The symbol with the name of an axis as its index: ``\tau_{\omega x_{1}}`` for ``ωx₁``."""
+    r"""Return a symbol with an axis name as its index: ``\tau_{\omega x_{1}}`` for ``ωx₁``."""
     pieces: list[str] = []
     for place, letters in groupby(filter(str.isalnum, axis), shift):
         text = " ".join(map(mathematical, letters))
@@ -168,7 +168,7 @@ def component(symbol: str, axis: str) -> str:
 
 
 def notation(text: str) -> str:
-    r"""Words with the paper's symbols, as certificates are named, with the symbols typeset.
+    r"""Return words, such as names of certificates, with the paper's symbols typeset.
 
     ``rate of Ad_{Q_d⁻¹}`` becomes ``rate of $\mathrm{Ad}_{Q_d^{-1}}$``.
     """
@@ -182,13 +182,13 @@ def _typeset(symbol: str) -> str:
 
 
 def free_text(name: str, characters: int) -> str:
-    """What to draw for a text that a user chose, in lines of at most so many characters.
+    """Return a user's text as it is drawn, in lines of at most `characters`.
 
-    ``$…$`` is mathematics if Matplotlib can typeset it, and is else shown as it is. That holds for
-    LaTeX too, which could do much more than typeset.
+    ``$…$`` is mathematics if Matplotlib can typeset it, and is else shown verbatim. The same check
+    holds for LaTeX, which could do much more than typeset.
     """
     shown = "".join(c if c.isprintable() else " " for c in name)
-    if not _DOLLAR.search(shown):  # and never parsed, which warns of letters that its font lacks
+    if not _DOLLAR.search(shown):  # parsing would warn of letters that the font lacks
         return _in_lines(shown.replace(r"\$", "$"), characters)
     try:
         MathTextParser("path").parse(shown)
@@ -205,7 +205,7 @@ def free_text(name: str, characters: int) -> str:
 
 
 def part_name(suffix: str) -> str:
-    """The words in the suffix of a norm over a part: ``rotation`` for ``_rotation``."""
+    """Return the words in the suffix of a norm over a part: ``rotation`` for ``_rotation``."""
     return suffix.removeprefix("_").replace("_", " ")
 
 
@@ -214,12 +214,12 @@ def _by_latex() -> bool:
 
 
 def _in_lines(text: str, characters: int) -> str:
-    """Text without mathematics."""
+    """Wrap text without mathematics."""
     if "$" in text and not _by_latex():
         return _literal(text)
     return "\n".join(_literal(line) for line in textwrap.wrap(text, characters))
 
 
 def _literal(text: str) -> str:
-    """Text in which no character is a command."""
+    """Escape text, so that no character is a command."""
     return latex.escaped(text) if _by_latex() else text.replace("$", r"\$")

@@ -1,4 +1,4 @@
-"""Text for LaTeX to set: escapes, the preamble, and what a failure means; it knows no figure."""
+"""Text for LaTeX: escapes, the preamble, and explained failures; it knows no figure."""
 
 import re
 import unicodedata
@@ -11,7 +11,7 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.tex_letters import command
 
 _PREAMBLE = r"\usepackage[T1]{fontenc}\usepackage{amsmath}"
-"""Letters with accents, and < and > as they are; commands that Matplotlib has of its own."""
+"""Packages for accented letters, literal < and >, and commands that Matplotlib itself knows."""
 _SYMBOLS = r"\usepackage{amssymb}"
 
 _MEND = (
@@ -40,20 +40,20 @@ _IN_LATEX = {
     "-": r"-{}",
     **{character: "\\" + character for character in "{}$&%#_"},
 }
-"""Characters that are not themselves in a text for LaTeX."""
+"""Escapes of characters that are special in a text for LaTeX."""
 
 
 def preamble(given: str) -> str:
-    """The preamble of every text: eqt's, then that of a sheet.
+    """Return the preamble of every text: eqt's, then the sheet's.
 
-    The symbols of the AMS are left out where a sheet has its own, since many font packages bring
-    them, and refuse to be loaded after others.
+    The AMS symbols are left out where a sheet has a preamble, since many font packages bring them
+    and refuse to be loaded after others.
     """
     return "\n".join([_PREAMBLE, given or _SYMBOLS])
 
 
 def escaped(text: str) -> str:
-    """Text in which no character is a command."""
+    """Escape text, so that no character is a command."""
     return "".join(map(_escaped_letter, unicodedata.normalize("NFC", text)))
 
 
@@ -65,7 +65,7 @@ def _escaped_letter(letter: str) -> str:
 
 
 def sentence(text: str) -> str:
-    """Words, with mathematics between dollar signs, as a document sets them."""
+    """Return words, with mathematics between dollar signs, for a LaTeX document."""
     pieces = enumerate(re.split(r"(?<!\\)\$", text.replace("\n", " ")))
     return "".join(
         f"${mathematics(piece)}$" if number % 2 else _plain(piece) for number, piece in pieces
@@ -80,7 +80,7 @@ def _plain(text: str) -> str:
 
 
 def mathematics(text: str) -> str:
-    """Mathematics that Matplotlib knows, for LaTeX, where comments and the like must be escaped."""
+    """Return Matplotlib's mathematics for LaTeX, with ``%``, ``#`` and ``&`` escaped."""
     safe = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", text)
     return "".join(
         letter if (found := command(letter)) is None else f"{{{found}}}" for letter in safe
@@ -89,12 +89,12 @@ def mathematics(text: str) -> str:
 
 @contextmanager
 def explained() -> Iterator[None]:
-    """Turn what Matplotlib raises when LaTeX fails, log and all, into a sentence.
+    """Turn the exceptions of Matplotlib when LaTeX fails, log and all, into a sentence.
 
     Raises
     ------
     EqtError
-        In place of it.
+        In place of the exception.
     """
     try:
         yield
@@ -110,7 +110,7 @@ def explained() -> Iterator[None]:
 
 
 def _reason(message: str) -> str:
-    """The first error in a log, without the lines around it."""
+    """Return the first error in a log, without the lines around it."""
     log = message.partition("\n! ")[2].removeprefix("LaTeX Error: ")
     found = takewhile(lambda line: not re.match(r"\s*$|l\.|See |Type |<|!", line), log.splitlines())
     reason = " ".join(" ".join(found).split()).rstrip(".") or "it gives no reason"

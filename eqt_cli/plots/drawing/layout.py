@@ -19,38 +19,38 @@ from eqt_cli.plots.drawing.labels import free_text, part_name, quantity
 from eqt_cli.plots.drawing.style import WIDTHS, Width, size_of_type
 
 EMPTY = "."
-"""An empty place in a mosaic."""
+"""Empty place in a mosaic."""
 
 _PANEL_HEIGHTS: dict[Width, float] = {"column": 1.25, "page": 1.65, "slide": 1.4}
 _LONGEST: dict[Width, float] = {"column": 9.0, "page": 9.0, "slide": 2.8}
-"""in, that the panels of a figure fill at most: a page, as long as none gets too low."""
+"""Largest height of all panels, in: a page, unless panels get lower than `_LOWEST_PANEL`."""
 _LOWEST_PANEL = 0.6
 _LABEL = 8.0
-"""pt, the type of labels for which these heights are."""
+"""Size of label type that these heights assume, pt."""
 _REMARK_HEIGHT = 1.5
-"""of a line of small text, over the size of its type."""
+"""Height of a line of small text over the size of its type."""
 _NARROW = 1.1
-"""in; a panel of less takes fewer numbers along its time axis."""
+"""Width below which a panel has fewer numbers along its time axis, in."""
 _CHARACTERS, _BY_LATEX = 2.0, 1.8
-"""in a line as long as the type is large; Computer Modern is wider than other fonts."""
+"""Characters per length equal to the type size; Computer Modern is wider than other fonts."""
 _SMALL = 0.833
-"""Small type over the usual, as Matplotlib has it."""
+"""Size of small type over the usual size, as in Matplotlib."""
 
 COLOUR_SCALE = "<colorbar>"
-"""What Matplotlib calls the panel of a colour scale, which shows no numbers of its own."""
+"""Matplotlib's label of the panel of a colour scale, which shows no numbers of its own."""
 NO_NUMBERS = "<density>"
-"""The name of what is drawn and not kept among the numbers behind a figure: counts in cells, which
-jump where rounding takes a sample over an edge."""
+"""Label of artists whose numbers are not kept: counts in cells, which jump where rounding moves a
+sample over an edge."""
 _LEAST_OF_PANEL = 0.6
-"""Of a panel's width that its name has at least."""
+"""Least share of a panel's width for its name."""
 _WHOLE = 9
-"""Characters of a word in a name that is never broken."""
+"""Most characters of a word that is never broken in a name."""
 _ROW_PITCH = 1.15
-"""From row to row, in heights of a panel."""
+"""Distance from row to row, in heights of a panel."""
 _LEAST_TYPE = 5.0
-"""pt, of a label; on a slide, this is 11 pt."""
+"""Least size of type of a label, pt; on a slide, this is 11 pt."""
 _LETTER = 0.2
-"""in, of the letter of a panel."""
+"""Width of the letter of a panel, in."""
 
 Mosaic = list[list[str]]
 """Names of panels, row by row."""
@@ -63,17 +63,16 @@ def sheet(
     unit: str,
     tallest: float = np.inf,
 ) -> tuple[Figure, dict[str, Axes]]:
-    """A figure of panels with a common time axis, and its panels by name.
+    """Return a figure of panels with a common time axis, and its panels by name.
 
     Parameters
     ----------
     mosaic
-        The names of the panels, row by row; a name that is repeated spans its places, and `EMPTY`
-        is no panel.
+        Names of the panels, row by row; a repeated name spans its places, and `EMPTY` is no panel.
     span, unit
-        The range of the time axis and its unit.
+        Range of the time axis and its unit.
     tallest
-        in, that all rows take at most.
+        Largest height of all rows together, in.
     """
     taller = max(1.0, size_of_type("axes.labelsize") / _LABEL)  # a label is as long as a panel
     height = min(taller * _PANEL_HEIGHTS[width], tallest / len(mosaic))
@@ -90,14 +89,14 @@ def sheet(
 
 
 def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, dict[str, Axes]]:
-    """A figure of panels that have nothing in common yet, and its panels by name.
+    """Return a figure of independent panels, and its panels by name.
 
     Parameters
     ----------
     mosaic
-        The names of the panels, as in `sheet`.
+        Names of the panels, as in `sheet`.
     height
-        in, of a row of panels; less where the rows would not fit a page.
+        Height of a row of panels, in; reduced where the rows would not fit a page.
     """
     rows = len(mosaic)
     height = max(_LOWEST_PANEL, min(height, _LONGEST[width] / rows))
@@ -108,28 +107,28 @@ def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, di
 
 
 def rows_of(names: Sequence[str], columns: int) -> Mosaic:
-    """Panels row by row, the last row filled up with empty places."""
+    """Return panels row by row, the last row filled up with empty places."""
     rows = [list(names[start : start + columns]) for start in range(0, len(names), columns)]
     rows[-1] += [EMPTY] * (min(columns, len(names)) - len(rows[-1]))
     return rows
 
 
 def panel(controller: str, part: str) -> str:
-    """The name of the panel of a controller, by its label, and a part."""
+    """Return the name of the panel of a controller, by its label, and a part."""
     return f"runs of {controller}{part}"
 
 
 def panels_by_controller(
     controllers: Sequence[str], parts: Sequence[str], columns: int = 2
 ) -> Mosaic:
-    """A row per controller and a column per part; or, with one part, controllers in rows.
+    """Return a row per controller and a column per part; with one part, controllers in rows.
 
     Parameters
     ----------
     controllers
-        Their labels.
+        Labels of the controllers.
     parts
-        Suffixes of the norms with units of their own; one if there is nothing to tell apart.
+        Suffixes of the norms per part; a single one if parts are not told apart.
     columns
         Panels in a row where there is one part.
     """
@@ -139,12 +138,12 @@ def panels_by_controller(
 
 
 def panel_title(controller: str, part: str) -> str:
-    """What stands above a panel."""
+    """Return the title above a panel."""
     return f"{controller}, {part_name(part)}" if part else controller
 
 
 def numbered_below(mosaic: Mosaic) -> set[str]:
-    """The panels with numbers along their lower edge: those with no panel of equal width below."""
+    """Return the panels numbered at their lower edge: no panel of equal width is below."""
     below: Mosaic = [*mosaic[1:], [EMPTY] * len(mosaic[0])]
     return {
         name
@@ -175,8 +174,8 @@ def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
 
 
 def add_title(axes: Axes, name: str, room: float) -> None:
-    """Name a panel above it, within so many inches; the name is a user's text."""
-    # Beside the letter, and as much on the other side, since the name is centred.
+    """Write a user's text as the title of a panel `room` inches wide."""
+    # Room for the letter on both sides, since the title is centred.
     room = max(room - 2.5 * _LETTER, _LEAST_OF_PANEL * room)
     fit = _characters(room, size_of_type("axes.titlesize"))
     whole = [len(word) for word in name.split() if len(word) <= _WHOLE]
@@ -192,15 +191,15 @@ def add_letters(figure: Figure) -> None:
 
 
 def _letter(number: int) -> str:
-    """a to z, then aa, ab, …."""
+    """Return a letter by number: a to z, then aa, ab, …."""
     before, last = divmod(number, 26)
     return (_letter(before - 1) if before else "") + ascii_lowercase[last]
 
 
 def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) -> None:
-    """Name the curves above the panels, in as few rows as fit the width; the figure grows by them.
+    """Name the curves above the panels, in as few rows as fit; the figure grows by them.
 
-    Names are a user's text.
+    The names are texts of a user.
     """
     room = figure.get_figwidth() - 0.5  # beside the handle
     characters = _characters(room, size_of_type("legend.fontsize"))
@@ -210,7 +209,7 @@ def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) 
             handles, [""] * len(names), loc="outside upper center", ncols=columns
         )
         for text, name in zip(legend.get_texts(), names, strict=True):
-            # Not as labels above: those that begin with an underscore would be left out.
+            # Not as labels above: Matplotlib leaves out those that begin with an underscore.
             text.set_text(free_text(name, characters))
         extent = legend.get_window_extent()
         if extent.width <= figure.bbox.width or columns == 1:
@@ -241,12 +240,12 @@ def freeze(figure: Figure) -> None:
     figure.align_ylabels()
     arrange(figure)
     _fit_to_rows(figure)
-    arrange(figure)  # once more, since other room may have brought wider numbers
+    arrange(figure)  # again, since the new room may have changed the numbers
     figure.set_layout_engine("none")
 
 
 def _fit_to_rows(figure: Figure) -> None:
-    """Write labels smaller that are longer than their row, as of many rows on a slide."""
+    """Shrink labels that are longer than their row, such as with many rows on a slide."""
     for axes in figure.axes:
         if axes.get_label() == COLOUR_SCALE:
             continue
@@ -259,22 +258,22 @@ def _fit_to_rows(figure: Figure) -> None:
 
 
 def _shrink(texts: Iterable[Text], factor: float) -> None:
-    """Write texts so many times smaller, but so that they can be read."""
+    """Divide the type size of texts by a factor above 1, down to a readable size."""
     for text in texts if factor > 1 else ():
         size = float(text.get_fontsize())
         text.set_fontsize(max(size / factor, min(size, _LEAST_TYPE)))
 
 
 def arrange(figure: Figure) -> None:
-    """Arrange the panels, so that sizes of what is drawn are known.
+    """Arrange the panels, so that the sizes of artists are known.
 
     Raises
     ------
     EqtError
-        As `freeze`.
+        If a style's type is so large that it leaves no room for the panels.
     """
     engine = figure.get_layout_engine()
-    if engine is None:  # the sheet has places of its own
+    if engine is None:  # the panels are placed already
         return
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
@@ -288,6 +287,6 @@ def arrange(figure: Figure) -> None:
 
 
 def _characters(room: float, size: float) -> int:
-    """How many characters of type of this size (pt) a line of so many inches holds."""
+    """Return how many characters of this type size (pt) fit in a line of `room` inches."""
     per_size = _BY_LATEX if rcParams["text.usetex"] else _CHARACTERS
     return int(per_size * 72 * room / size)

@@ -13,13 +13,13 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.layout import arrange
 
 _DISTANCES = (5.0, 10.0, 16.0, 25.0, 36.0, 50.0, 70.0)
-"""pt, from a point to its text, in the order in which they are tried."""
+"""Distances from a point to its text, in the order in which they are tried, pt."""
 _DIRECTIONS = ((-1, -1), (1, 1), (1, 0), (1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1))
-"""Down to the left first: no other point is there where less is better."""
+"""Directions to try, down left first: no other point is there where less is better."""
 _AROUND = 2.5
-"""pt, that a text keeps from what is drawn."""
+"""Least distance between a text and the drawing, pt."""
 _ALONG = 20
-"""Places on a leader that no text may hide."""
+"""Number of points on a leader that no text may hide."""
 _LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.4, "shrinkA": 0, "shrinkB": 2}
 _ACROSS, _UP = ("right", "center", "left"), ("top", "center", "bottom")
 
@@ -27,16 +27,16 @@ _ACROSS, _UP = ("right", "center", "left"), ("top", "center", "bottom")
 def name_points(
     axes: Axes, points: Array, texts: Sequence[str], colours: Sequence[str], drawn: Array
 ) -> None:
-    """Write a text beside every point; one for which there is no room is left out.
+    """Write a text beside every point; a text without room is left out.
 
-    Scales and legends must be there already, since the room depends on them.
+    Set scales and legends first, since the room depends on them.
 
     Parameters
     ----------
     points : (points, 2)
-        Where the texts belong.
+        Points that the texts name.
     drawn : (any, 2)
-        What no text may hide.
+        Points that no text may hide.
     """
     assert isinstance(axes.figure, Figure)
     arrange(axes.figure)
@@ -57,9 +57,9 @@ def _place(
     names: list[Bbox],
     leaders: list[Array],
 ) -> list[Bbox]:
-    """Write one text where it fits; the room that it takes, and then that of its leader.
+    """Write one text where it fits; return the boxes of the text and of its leader.
 
-    No leader crosses a text of `names` or another leader, of which `leaders` holds the two ends.
+    No leader crosses a text of `names` or another leader; `leaders` holds the two ends of each.
     """
     for distance in _DISTANCES:
         for right, up in _DIRECTIONS:
@@ -75,7 +75,7 @@ def _place(
                 color=colour,
                 arrowprops=_LEADER | {"color": colour} if distance > _DISTANCES[0] else None,
             )
-            written.get_window_extent()  # which moves the text to its place
+            written.get_window_extent()  # moves the text to its place
             box = Text.get_window_extent(written)  # without its leader
             line = np.array([axes.transData.transform(point), box.get_points().mean(axis=0)])
             leader = [_around(axes, place) for place in np.linspace(line[0], line[1], _ALONG)]
@@ -91,7 +91,7 @@ def _place(
 
 
 def _cross(one: Array, other: Array) -> bool:
-    """Whether two straight lines from end to end cross, or touch."""
+    """Whether two line segments cross or touch."""
 
     def side(line: Array, point: Array) -> float:
         along, away = line[1] - line[0], point - line[0]

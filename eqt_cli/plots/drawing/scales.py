@@ -11,9 +11,9 @@ from eqt_cli.core.arrays import Array
 Direction = Literal["x", "y"]
 
 FEW = 12
-"""Values, at most, that are written below a scale instead of round numbers."""
+"""Most values that are written below a scale instead of round numbers."""
 _LETTER, _BETWEEN = 0.055, 0.12
-"""in, of a figure in a number, and between two numbers."""
+"""Width of a digit, and of the gap between two numbers, in."""
 
 
 def spans_decade(values: Array) -> bool:
@@ -24,12 +24,12 @@ def spans_decade(values: Array) -> bool:
 
 
 def even() -> MaxNLocator:
-    """About five round numbers at equal distances."""
+    """Return a locator of about five evenly spaced round numbers."""
     return MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])
 
 
 def scale_log(axes: Axes, direction: Direction, seen: Array) -> None:
-    """A logarithmic scale for positive values, with numbers wherever there is room for them."""
+    """Set a logarithmic scale for positive values, with numbers wherever there is room."""
     axes.set(**{f"{direction}scale": "log"})
     axis = axes.xaxis if direction == "x" else axes.yaxis
     decades = np.log10(seen.max() / seen.min())
@@ -43,14 +43,14 @@ def scale_log(axes: Axes, direction: Direction, seen: Array) -> None:
 
 
 def scale(axes: Axes, direction: Direction, values: Array, *, log: bool | None) -> None:
-    """A logarithmic scale, if asked and all values allow it; with None, if they span a decade."""
+    """Set a logarithmic scale if asked and possible; with None, if values span a decade."""
     seen = values[np.isfinite(values)]
     if seen.size and (seen > 0).all() and (spans_decade(seen) if log is None else log):
         scale_log(axes, direction, seen)
 
 
 def scale_norm(axes: Axes, *, log: bool, direction: Direction = "y") -> None:
-    """A scale for curves that are never negative: logarithmic if asked and possible, or from 0."""
+    """Set a scale for non-negative curves: logarithmic if asked and possible, else from 0."""
     across = direction == "x"
     drawn = [line.get_xdata() if across else line.get_ydata() for line in axes.lines]
     if log and any(np.any(np.asarray(values) > 0) for values in drawn):
@@ -62,9 +62,9 @@ def scale_norm(axes: Axes, *, log: bool, direction: Direction = "y") -> None:
 
 
 def number_values(axes: Axes, values: Array, room: float) -> None:
-    """Number the scale across at few values, those that fit into so many inches; else as usual.
+    """Number the horizontal scale at its values if they are few, as far as `room` inches allow.
 
-    The scale is linear or logarithmic already.
+    Many values get Matplotlib's numbers. Set the scale to linear or logarithmic first.
     """
     levels = np.unique(values)
     log = axes.get_xscale() == "log"

@@ -25,13 +25,13 @@ from eqt_cli.plots.drawing.style_sheets import Settings
 Width = Literal["column", "page", "slide"]
 
 ENLARGED: dict[Width, float] = {"column": 1.0, "page": 1.0, "slide": 18 / 8}
-"""How many times larger a drawing is written than it is laid out: 8 pt are 18 pt on a slide."""
+"""Enlargement of a drawing from layout to file: 8 pt are 18 pt on a slide."""
 
 WIDTHS: dict[Width, float] = {"column": 3.5, "page": 7.16, "slide": 13.3 / ENLARGED["slide"]}
-"""Widths in inches of one and of both columns of a two-column journal (IEEE's, among others), and
-of a slide, as it is laid out."""
+"""Layout widths of one and of both columns of a two-column journal (IEEE's, among others) and of a
+slide, in."""
 
-# By any key, and not only by those that its types list.
+# Typed as Any, since the stubs do not list every key.
 _PRESENT: Any = matplotlib.rcParams
 _DEFAULTS: Any = matplotlib.rcParamsDefault
 
@@ -42,14 +42,14 @@ _LATEX_SHEET = Path(__file__).with_name("latex.mplstyle")
 _KEPT: Settings = {
     "figure.constrained_layout.use": True,  # the legends above the panels need it
     "figure.autolayout": False,
-    "savefig.bbox": None,  # a figure is as wide as it is said to be
+    "savefig.bbox": None,  # keeps the given width
     "svg.hashsalt": "eqt",  # equal files for equal figures
     "text.parse_math": True,  # the labels have mathematics in them
 }
-"""What no sheet changes."""
+"""Settings that no sheet changes."""
 
 _GRID = 0.114
-"""The share of ink in a grid: that of eqt's own."""
+"""Share of ink in eqt's own grid."""
 
 # Solid, dashed, dash-dotted, dotted, in units of the line width.
 _DASHES: tuple[Any, ...] = ("-", (0, (4.5, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (1.2, 1)))
@@ -57,14 +57,14 @@ _DASHES: tuple[Any, ...] = ("-", (0, (4.5, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (1.
 _MARKERS = "os^DvP*"
 
 _GREYS = (0.55, 0.35)
-"""The shares of ink in curves that are not in focus."""
+"""Shares of ink in curves that are not in focus."""
 _PALER = 0.55
-"""The share of its colour in a variant, beside those that have the same dashes."""
+"""Share of the colour that is left in each further variant with the same dashes."""
 
 
 @dataclass(frozen=True)
 class Style:
-    """The look of figures: eqt's own sheet, and what is laid over it.
+    """Style of figures: eqt's own sheet, and the sheets laid over it.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Style:
     tex
         Whether LaTeX sets the text; a sheet may ask for it too, with ``text.usetex``.
     width
-        Of the figure: a slide has type of its own.
+        Width of the figure: a slide has type of its own.
     """
 
     sheets: tuple[str, ...] = ()
@@ -82,7 +82,7 @@ class Style:
 
     @cached_property
     def settings(self) -> Settings:
-        """Matplotlib's settings where they are not the default ones.
+        """Matplotlib's settings that differ from its defaults.
 
         Raises
         ------
@@ -97,7 +97,7 @@ class Style:
         settings = style_sheets.read_file(_SHEET) | given | _KEPT
         if not (self.tex or given.get("text.usetex", False)):
             return settings | {"text.usetex": False, "font.family": _installed(settings)}
-        # Fonts that a sheet names are Matplotlib's; those of LaTeX come by its preamble.
+        # Fonts that a sheet names are Matplotlib's; LaTeX's fonts come with its preamble.
         kind = {"font.family": given.get("font.family")}
         kept = kind if kind["font.family"] in (["sans-serif"], ["monospace"]) else {}
         preamble = latex.preamble(given.get("text.latex.preamble", ""))
@@ -105,7 +105,7 @@ class Style:
         return settings | own | {"text.latex.preamble": preamble}
 
     def prepare(self, formats: Sequence[str] = ("pdf",)) -> None:
-        """Make sure that figures can be drawn so, as files of these formats, before any is.
+        """Check that figures can be drawn in this style and these formats, before any is drawn.
 
         Raises
         ------
@@ -122,12 +122,12 @@ class Style:
 
 
 def _installed(settings: Settings) -> list[str]:
-    """The families of `font.family` that there are; Matplotlib complains of others at every word.
+    """Return the installed families of `font.family`; Matplotlib warns of others at every word.
 
     Raises
     ------
     EqtError
-        If there is none.
+        If none is installed.
     """
     wanted: list[str] = []
     for family in settings["font.family"]:
@@ -145,12 +145,12 @@ def _installed(settings: Settings) -> list[str]:
 
 
 HOUSE = Style()
-"""eqt's own look."""
+"""eqt's own style."""
 
 
 @contextmanager
 def house_style(style: Style = HOUSE) -> Iterator[None]:
-    """Draw and save in a style alone, whatever the user's own Matplotlib settings are.
+    """Draw and save in a style, independent of the user's own Matplotlib settings.
 
     Raises
     ------
@@ -161,10 +161,10 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of keys of a machine, which `use` omits
+            warnings.simplefilter("ignore", UserWarning)  # on machine keys, which `use` omits
             use(settings)
         if to_hex(_PRESENT["grid.color"]) == ink():
-            # Of a sheet that shows no grid; eqt does, and it must not hide the curves.
+            # From a sheet without a grid; eqt shows one, and it must not hide the curves.
             _PRESENT["grid.color"] = ink(_GRID)
         explained = latex.explained() if settings["text.usetex"] else nullcontext()
         with explained, _moderate_numbers():
@@ -173,12 +173,12 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
 
 @contextmanager
 def _moderate_numbers() -> Iterator[None]:
-    """Turn what Matplotlib raises where an axis would end beyond the largest float into a sentence.
+    """Turn Matplotlib's exceptions where an axis exceeds the largest float into a sentence.
 
     Raises
     ------
     EqtError
-        In place of it.
+        In place of the exception.
     """
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -196,17 +196,17 @@ def _moderate_numbers() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Look:
-    """On what the look of a curve depends: its law gives the colour, its variant the dashes.
+    """Look of a curve: its law gives the colour, its variant the dashes.
 
     Attributes
     ----------
     law
-        The position of its law among all of them.
+        Index of the law among all laws.
     variant, variants
-        Which variant of the law it is, such as its start or one of several results, and how many
-        the law with most of them has.
+        Index of the variant, such as the start of a search or one of several results, and the
+        largest number of variants of any law.
     grey
-        Its place among the curves that are grey, since they are not in focus; None of the others.
+        Index among the grey curves, which are not in focus; None for the others.
     """
 
     law: int
@@ -216,11 +216,11 @@ class Look:
 
 
 def line_style(look: int | Look) -> dict[str, Any]:
-    """Colour and dashes of a curve, for example of the one of the controller at this position.
+    """Return colour and dashes of a curve, by its look or the index of its controller.
 
     Dashes keep curves apart where colours do not: in greyscale, or for a colour-blind reader. They
-    are those of the sheet's property cycle, or eqt's where it has none. Where laws have variants,
-    the dashes are those of the variant, and paler where all dashes are taken.
+    come from the sheet's property cycle, or from eqt where it has none. Where laws have variants,
+    the variant gives the dashes, and a paler colour once all dashes are taken.
     """
     look = Look(look) if isinstance(look, int) else look
     cycle = list(_PRESENT["axes.prop_cycle"])
@@ -234,25 +234,25 @@ def line_style(look: int | Look) -> dict[str, Any]:
         return {"color": mixed(colour, ink(0), _PALER**shade), "linestyle": _DASHES[dashes]}
     index = look.law * look.variants + look.variant
     own = cycle[index % len(cycle)]
-    # With every turn through both, dashes move on by one: all pairs occur before one repeats.
+    # Dashes shift by one after each full turn: all pairs occur before one repeats.
     turns = index // lcm(len(cycle), len(_DASHES))
     dashes = own.get("linestyle", _DASHES[(index + turns) % len(_DASHES)])
     return {"color": to_hex(own.get("color", ink())), "linestyle": dashes}
 
 
 def marker(look: int | Look) -> str:
-    """The shape of the points that belong to the controller at this position.
+    """Return the marker of a controller, by its look or index.
 
-    Where the colours of eqt's own style begin anew, the shapes are the next ones.
+    Where the colours of eqt's own style begin anew, the markers are the next ones.
     """
     index = look if isinstance(look, int) else look.law
     return _MARKERS[(index + index // len(_MARKERS)) % len(_MARKERS)]
 
 
 def ink(share: float = 1.0) -> str:
-    """The colour of what belongs to no controller: that of text, or a tint of it on the paper.
+    """Return the colour of text, or a tint of it on the paper: it stands for no controller.
 
-    With a share of 0, the paper itself.
+    A share of 0 gives the paper itself.
     """
     grounds = ("axes.facecolor", "figure.facecolor")
     seen = [to_rgba(_PRESENT[key]) for key in grounds]
@@ -261,17 +261,17 @@ def ink(share: float = 1.0) -> str:
 
 
 def mixed(colour: Any, other: Any, share: float) -> str:
-    """So much of a colour, and the rest of another."""
+    """Mix a share of a colour with the rest of another."""
     both = zip(to_rgba(colour), to_rgba(other), strict=True)
     red, green, blue, _ = (share * a + (1 - share) * b for a, b in both)
     return to_hex((red, green, blue))
 
 
 def darker(colour: str) -> str:
-    """A colour for words: a third of the way to the colour of text."""
+    """Return a colour for words: a third of the way to the colour of text."""
     return mixed(colour, ink(), 2 / 3)
 
 
 def size_of_type(key: str) -> float:
-    """A setting that is a size of type, such as ``legend.fontsize``, in points."""
+    """Return a setting of a type size, such as ``legend.fontsize``, pt."""
     return float(FontProperties(size=_PRESENT[key]).get_size_in_points())

@@ -1,7 +1,7 @@
-"""What a style sheet may set, and within which bounds; it knows no file.
+"""Settings that a style sheet may change, and their bounds; it knows no file.
 
-A sheet is handed around. It sets how a figure looks: no programs, no folders, no code that
-Matplotlib would call, and no numbers with which a drawing never ends or does not fit the memory.
+Sheets are passed around. A sheet sets how a figure looks: no programs, no folders, no code that
+Matplotlib would call, and no numbers with which a drawing never ends or exceeds the memory.
 """
 
 import ast
@@ -14,38 +14,38 @@ _LOOKS = (
     "legend. lines. markers. mathtext. patch. path.simplify path.snap pdf. polaraxes. ps. savefig. "
     "scatter. svg. text. xaxis. xtick. yaxis. ytick."
 ).split()
-"""How the keys begin that say how a figure looks."""
+"""Prefixes of the keys that set how a figure looks."""
 
 _NOT_LOOKS = ("figure.hooks", "ps.usedistiller")
-"""Keys among them that name code or programs."""
+"""Keys with these prefixes that name code or programs."""
 
 OF_A_MACHINE = frozenset(
     "backend backend_fallback date.epoch docstring.hardcopy figure.max_open_warning "
     "figure.raise_window interactive savefig.directory timezone tk.window_focus toolbar "
     "webagg.address webagg.open_in_browser webagg.port webagg.port_retries".split()
 )
-"""Keys that Matplotlib itself leaves out of a style; eqt does so, too."""
+"""Keys that Matplotlib itself leaves out of a style, as eqt does."""
 
 MOST = 300.0
-"""The most of a number that has no bound of its own, such as a size in points."""
+"""Largest magnitude of a number without a bound of its own, such as a size in points."""
 
 _MOST = {"dpi": 2400.0, "figsize": 50.0, "weight": 1000.0, "threshold": 1e4}
-"""By the ends of keys."""
+"""Bounds of numbers, by suffix of the key."""
 
 THINNEST = 0.05
-"""The least width of a line in points, as dashes are as long as it is wide; or 0."""
+"""Least non-zero width of a line, pt, since dashes scale with it."""
 
 SHORTEST = 0.5
-"""The least length of a pattern of dashes, over the width of the line."""
+"""Least length of a pattern of dashes over the width of the line."""
 
 MOST_IN_CYCLE = 1000
-"""Entries of a property cycle."""
+"""Most entries of a property cycle."""
 
 
 def check(key: str, value: Any, default: Any) -> None:
-    """Raise a `ValueError` that says why a style may not set a key to a value.
+    """Raise a `ValueError` with the reason if a style may not set a key to a value.
 
-    What Matplotlib has by itself may always be set.
+    Matplotlib's default may always be set.
     """
     if value == default:
         return
@@ -78,7 +78,7 @@ def _numbers(value: Any) -> Iterator[float]:
 
 
 def _patterns(key: str, value: Any) -> Iterator[list[float]]:
-    """The lengths of dashes and gaps, in a list, behind an offset, or in a cycle of these."""
+    """Yield lengths of dashes and gaps: from a list, behind an offset, or from a cycle."""
     if key.endswith("pattern"):
         yield list(_numbers(value))
     elif hasattr(value, "by_key"):
@@ -92,7 +92,7 @@ def _patterns(key: str, value: Any) -> Iterator[list[float]]:
 def check_cycle(text: str) -> None:
     """Raise a `ValueError` for a property cycle that is no cycler of literal values.
 
-    Matplotlib before 3.11 evaluates it. It gives it no names but ``cycler``; without attributes and
+    Matplotlib before 3.11 evaluates the text, with no names but ``cycler``; without attributes and
     operators nothing else can be reached, and nothing is larger than it is written.
     """
     try:
@@ -106,7 +106,7 @@ def check_cycle(text: str) -> None:
 
 
 def _entries(node: ast.expr) -> int:
-    """How many entries a cycle has; a `ValueError` for what is none."""
+    """Return the number of entries of a cycle; raise a `ValueError` if it is none."""
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Mult):
         both = _entries(node.left), _entries(node.right)
         return max(both) if isinstance(node.op, ast.Add) else math.prod(both)

@@ -1,4 +1,4 @@
-"""Matplotlib style sheets, refused with a reason where Matplotlib itself would only warn."""
+"""Matplotlib style sheets, refused with a reason where Matplotlib would only warn."""
 
 import re
 from collections.abc import Iterator
@@ -18,12 +18,12 @@ _CYCLE = "axes.prop_cycle"
 
 _WITHOUT_COMMENT = re.compile(r'(?:[^"#]|"[^"]*")*')
 
-# By any key, and not only by those that its types list.
+# Typed as Any, since the stubs do not list every key.
 _DEFAULTS: Any = rcParamsDefault
 
 
 def read(name: str) -> Settings:
-    """The settings of a sheet: a file, or one that Matplotlib has by name.
+    """Return the settings of a sheet: a file, or one of Matplotlib's by name.
 
     Raises
     ------
@@ -41,10 +41,10 @@ def read(name: str) -> Settings:
 
 
 def read_file(path: Path) -> Settings:
-    """The settings in a file.
+    """Return the settings in a file.
 
-    No part of it is executed, whatever the version of Matplotlib, and no line is quoted that has no
-    key of Matplotlib: the file may be no style sheet.
+    Nothing in it is executed, whatever the version of Matplotlib, and no line without a key of
+    Matplotlib is quoted: the file may be no style sheet.
 
     Raises
     ------
@@ -68,9 +68,9 @@ def read_file(path: Path) -> Settings:
 
 
 def _setting(line: str) -> Iterator[tuple[str, str]]:
-    """The key of a line, and the text of its value; none of an empty line."""
+    """Yield the key of a line and the text of its value; nothing for an empty line."""
     own = _WITHOUT_COMMENT.match(line)
-    assert own is not None  # it matches nothing, too
+    assert own is not None  # the pattern matches the empty string, too
     if line[own.end() :].startswith('"'):
         raise ValueError("a closing quotation mark is missing")
     if not own[0].strip():

@@ -7,7 +7,7 @@ _RENAMED = {"LAMDA": "LAMBDA", "OMICRON": "o"}
 _LIKE_LATIN = dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΥΧ", "ABEZHIKMNOPTYX", strict=True))
 """Greek capitals for which TeX has no command."""
 _SHIFTS = {"<sub>": "_", "<super>": "^"}
-"""How Unicode describes the letters of an index or an exponent."""
+"""Unicode's marks of subscript and superscript letters, in TeX."""
 _MATHEMATICAL = {
     "‖": r"\|",
     "−": "-",
@@ -32,16 +32,16 @@ _MATHEMATICAL = {
     "𝕀": r"\mathbb{I}",
     "ℝ": r"\mathbb{R}",
 }
-"""Characters that LaTeX has in mathematics only, besides Greek letters and indices."""
+"""Characters that need mathematics in LaTeX, besides Greek letters and indices."""
 
 
 def shift(letter: str) -> str:
-    """``_`` for a letter that is an index of its own, ``^`` for an exponent; nothing for others."""
+    """Return ``_`` for a subscript letter, ``^`` for a superscript; empty for others."""
     return _SHIFTS.get(unicodedata.decomposition(letter).partition(" ")[0], "")
 
 
 def mathematical(letter: str) -> str:
-    """A letter in mathematical notation, where Greek ones have names; indices on the line."""
+    """Return a letter in TeX mathematics: Greek by name, indices lowered to the line."""
     if shift(letter):
         letter = unicodedata.normalize("NFKC", letter)
     words = unicodedata.name(letter, "").split()
@@ -54,7 +54,7 @@ def mathematical(letter: str) -> str:
 
 
 def command(letter: str) -> str | None:
-    """A letter that LaTeX has in mathematics only; None for all others."""
+    """Return the command of a letter that needs mathematics in LaTeX; None for others."""
     if letter in _MATHEMATICAL:
         return _MATHEMATICAL[letter]
     if letter.isascii():

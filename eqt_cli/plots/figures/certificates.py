@@ -1,4 +1,4 @@
-"""The figure of certificates: how far each statement's number is from its bound."""
+"""Figure of certificates: the measured number of each statement over its bound."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,7 +21,7 @@ from eqt_cli.plots.shown.certificates import ShownCertificates
 
 _ROW_HEIGHT = 0.155
 _GAP = 0.12
-"""Decades, half of the gap in the frame between 0 and the least number."""
+"""Half of the gap in the frame between 0 and the least number, decades."""
 _MARKER: dict[str, Any] = {"linestyle": "", "markersize": 3.5}
 _STROKE: dict[str, Any] = {
     "marker": [(-0.5, -1), (0.5, 1)],
@@ -29,7 +29,7 @@ _STROKE: dict[str, Any] = {
     "markeredgewidth": 0.6,
 }
 _NO_LAW, _BEYOND = 0.65, 0.07
-"""Shares of ink: of markers of rows independent of the law, and of the ground beyond the bound."""
+"""Shares of ink of markers in rows independent of the law, and of the ground beyond the bound."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Certificates(OfCertificates):
     Attributes
     ----------
     rows
-        How many statements, at most; 0 for all.
+        Most statements to show; 0 for all.
     """
 
     name: ClassVar[str] = "certificates"
@@ -53,12 +53,12 @@ class Certificates(OfCertificates):
     rows: int = 16
 
     def check(self, problems: Problems) -> None:
-        """A number of rows."""
+        """Require a number of rows of 0 or more."""
         if self.rows < 0:
             problems.at("rows").add(f"expected 0 or more, got {self.rows}")
 
     def compose(self, found: ShownCertificates, width: Width) -> Drawing:
-        """Identities above trajectories, the paper's order downwards."""
+        """Draw identities above trajectories, in the paper's order downwards."""
         worst = {name: max(map(_ratio, found.rows(name))) for name in found.names}
         nearest = sorted(found.names, key=lambda name: -worst[name])[: self.rows or None]
         found.keep(nearest)
@@ -80,7 +80,7 @@ class Certificates(OfCertificates):
 
 
 def _legend(found: ShownCertificates, looks: dict[str, dict[str, Any]]) -> dict[str, Artist]:
-    """Whose markers they are, and what each shape says."""
+    """Return legend handles of the laws and of the shapes of markers."""
     shown = {row.controller for row in found.shown}
     titles = {law.label: law.title for law in found.laws} | {"": "independent of the law"}
     handles: dict[str, Artist] = {
@@ -95,13 +95,13 @@ def _legend(found: ShownCertificates, looks: dict[str, dict[str, Any]]) -> dict[
 
 
 def _ratio(row: Row) -> float:
-    """What was measured over the bound; 0 where both are."""
+    """Return the ratio of measured to bound; 0 where both are 0."""
     assert row.measured is not None and row.bound is not None
     return abs(row.measured) / row.bound if row.measured else 0.0
 
 
 def _least(found: ShownCertificates) -> float:
-    """The left end of the scale: a decade below the least ratio that is not 0."""
+    """Return the left end of the scale: a decade below the least ratio that is not 0."""
     ratios = [ratio for row in found.shown if (ratio := _ratio(row)) > 0]
     return float(10.0 ** (np.floor(np.log10(min([*ratios, 1.0]))) - 1))
 
@@ -111,7 +111,7 @@ def _look(of: Look) -> dict[str, Any]:
 
 
 def _shifts(count: int) -> list[float]:
-    """Where the laws of one statement are, within its row."""
+    """Return the offsets of the laws of one statement within its row."""
     return [0.0] if count == 1 else list(np.linspace(-0.27, 0.27, count))
 
 
@@ -122,14 +122,14 @@ def _mark(axes: Axes, row: Row, height: float, least: float, look: dict[str, Any
 
 
 def _shape(verdict: Verdict) -> dict[str, Any]:
-    """How a marker says it: filled where it holds, a cross where it fails, else hollow."""
+    """Return the marker of a verdict: filled if it holds, a cross if it fails, else hollow."""
     if verdict is Verdict.FAILS:
         return {"marker": "x", "markersize": 5, "markeredgewidth": 1.4}
     return {} if verdict is Verdict.HOLDS else {"markerfacecolor": ink(0)}
 
 
 def _name_rows(axes: Axes, found: ShownCertificates, width: Width) -> None:
-    """The statements, with where the paper makes them if there is room."""
+    """Name the rows by their statements, with their place in the paper if there is room."""
     firsts = [found.rows(name)[0] for name in found.names]
     statements = [f"{row.statement}:  " if width == "page" else "" for row in firsts]
     texts = [notation(where + row.name) for where, row in zip(statements, firsts, strict=True)]

@@ -1,4 +1,4 @@
-"""The figure of what a law asks for and what the actuators give, in a single run."""
+"""Figure of commanded and delivered torque or thrust in a single run."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -22,18 +22,18 @@ from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _ASKED: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.2))}
 _ANY = 0.7
-"""The share of ink in the grey that stands for every controller's colour in the legend."""
+"""Share of ink in the grey that stands for every controller's colour in the legend."""
 _SHADE = 0.13
-"""The share of ink in what lies behind the curves."""
+"""Share of ink in the shading behind the curves."""
 _NEAR = 1e-6
-"""Of a limit, within which it is reached."""
+"""Relative tolerance within which a limit counts as reached."""
 _SEEN = 2.0
-"""Times the largest value, within which a limit is drawn."""
+"""Multiple of the largest value up to which a limit is drawn."""
 Limits = tuple[Array, Array] | None
 
 _GIVEN = {"torque": "given", "thrust": "thrust"}
 _MOST_NAME = 10
-"""Characters in a line of the name of a thruster, where there are many."""
+"""Most characters in a line of the name of a thruster, where there are many."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Commands(Panelled, OverTime):
     Attributes
     ----------
     run
-        Which run, by its number.
+        Number of the run.
     thrusters
         Show the thrust of each thruster instead, a row each.
     """
@@ -57,12 +57,12 @@ class Commands(Panelled, OverTime):
     thrusters: bool = False
 
     def check(self, problems: Problems) -> None:
-        """A run has a number from 0."""
+        """Require a run number of 0 or more."""
         if self.run < 0:
             problems.at("run").add(f"expected 0 or more, got {self.run}")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Axes downwards with a scale each, controllers to the right."""
+        """Draw a row with its own scale per axis, and a column per controller."""
         if not self.thrusters and not any(e.results.has("command") for e in runs.shown):
             raise runs.error(
                 "finds no actuators in this loop, so what a law asks for is what acts; figure "
@@ -129,7 +129,7 @@ class Commands(Panelled, OverTime):
 
 @dataclass
 class _Kinds:
-    """What the legend explains."""
+    """Artists that the legend explains."""
 
     limits: bool = False
     shaded: bool = False
@@ -140,7 +140,7 @@ def _limit() -> dict[str, Any]:
 
 
 def _stretches(times: Array, inside: Array) -> list[tuple[float, float]]:
-    """From the first to the last sample of each stretch that is inside, half a step more around."""
+    """Return start and end of each stretch of samples inside, extended by half a step."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     between = np.concatenate([times[:1], (times[:-1] + times[1:]) / 2, times[-1:]])
     return [(float(between[a]), float(between[b])) for a, b in edges.reshape(-1, 2)]

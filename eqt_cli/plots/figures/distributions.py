@@ -1,4 +1,4 @@
-"""The figure of metrics over runs: a panel per metric, a box or a curve per controller."""
+"""Figure of metrics over runs: a panel per metric, a box or a curve per controller."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,15 +17,15 @@ from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
 from eqt_cli.plots.shown.metrics import Sample, ShownMetrics
 
 MOST_STEPS = 500
-"""Steps of a distribution function, at most: each then stands for several runs."""
+"""Most steps of a distribution function; beyond, each stands for several runs."""
 
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 3, "slide": 3}
 _NAMES: dict[Width, int] = {"column": 14, "page": 26, "slide": 20}
-"""Characters in a line of a controller's name beside the boxes."""
+"""Most characters in a line of a controller's name beside the boxes."""
 _ROW, _LINE = 0.19, 0.12
-"""in, of a box, and of a further line of its name."""
+"""Height of a row with a box, and of a further line of its name, in."""
 _AROUND = 0.5
-"""in, of the numbers and the name below a panel and the room above it."""
+"""Height of the numbers and the name below a panel and the room above it, in."""
 _CURVES: dict[Width, float] = {"column": 1.45, "page": 1.8, "slide": 1.25}
 
 _BESIDE: dict[str, Any] = {
@@ -60,7 +60,7 @@ class Distributions(OfMetrics):
     log: bool | None = None
 
     def compose(self, metrics: ShownMetrics, width: Width) -> Drawing:
-        """Two panels in a row of a column, three in one of a page."""
+        """Draw two panels per row in a column, three on a page."""
         places = rows_of(metrics.metrics, _COLUMNS[width])
         room = WIDTHS[width] / len(places[0])
         names = [free_text(e.title, _NAMES[width]) for e in metrics.shown]
@@ -90,7 +90,7 @@ class Distributions(OfMetrics):
     def _scale(
         self, axes: Axes, metrics: ShownMetrics, samples: Sequence[Sample], room: float
     ) -> None:
-        """The scale across; where runs had not settled, it ends where they do."""
+        """Set the horizontal scale; where runs had not settled, it ends with the runs."""
         seen = np.concatenate([sample.seen for sample in samples])
         log = spans_decade(seen) and bool((seen > 0).all()) if self.log is None else self.log
         if log and np.any(seen > 0):
@@ -104,7 +104,7 @@ class Distributions(OfMetrics):
 
 
 def _fill_boxes(axes: Axes, metrics: ShownMetrics, samples: Sequence[Sample]) -> None:
-    """A box per controller, the first on top."""
+    """Draw a box per controller, the first on top."""
     for row, (ensemble, sample) in enumerate(zip(metrics.shown, samples, strict=True)):
         colour = line_style(ensemble.look)["color"]
         if sample.values.size:
@@ -116,7 +116,7 @@ def _fill_boxes(axes: Axes, metrics: ShownMetrics, samples: Sequence[Sample]) ->
 
 
 def _fill_steps(axes: Axes, metrics: ShownMetrics, samples: Sequence[Sample]) -> None:
-    """The fraction of runs up to every value, of all runs with one, settled or not."""
+    """Draw the fraction of runs up to every value, of all runs with one, settled or not."""
     for ensemble, sample in zip(metrics.shown, samples, strict=True):
         seen = sample.seen
         ranks = np.unique(np.linspace(1, seen.size, min(seen.size, MOST_STEPS)).round()).astype(int)
@@ -131,7 +131,7 @@ def _fill_steps(axes: Axes, metrics: ShownMetrics, samples: Sequence[Sample]) ->
 
 
 def _count(axes: Axes, samples: Sequence[Sample], room: float, *, boxes: bool) -> None:
-    """Say how many runs had not settled: to the right of every box, or above all curves."""
+    """Write how many runs had not settled: right of every box, or above all curves."""
     totals = [sample.values.size for sample in samples]
     common = len(set(totals)) == 1
     counts = [

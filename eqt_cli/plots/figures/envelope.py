@@ -1,4 +1,4 @@
-"""The figure of how far a loop carries: the share of runs that settle over a swept number."""
+"""Figure of the operating envelope: the share of runs that settle over a swept number."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -32,7 +32,7 @@ class Envelope(OfSweep):
     Attributes
     ----------
     by
-        s, by when a run must have settled for good; its end if 0.
+        Time by which a run must have settled for good, s; its end if 0.
     """
 
     name: ClassVar[str] = "envelope"
@@ -40,12 +40,12 @@ class Envelope(OfSweep):
     by: float = 0.0
 
     def check(self, problems: Problems) -> None:
-        """A time from 0."""
+        """Require a time of 0 or more."""
         if not self.by >= 0:
             problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """A curve and a band per controller; a panel per value of a second key."""
+        """Draw a curve and a band per controller; a panel per value of a second key."""
         across, other = self._axes(swept)
         settled = swept.settled(self.by)
         levels = np.unique(other.values) if other else np.zeros(1)
@@ -74,7 +74,7 @@ class Envelope(OfSweep):
         return drawing
 
     def _axes(self, swept: ShownSweep) -> tuple[SweptKey, SweptKey | None]:
-        """The number across, and the other key if there is one."""
+        """Return the key of the horizontal scale, and the other key if there is one."""
         axes = swept.axes
         numbers = [axis for axis in axes if axis.is_number]
         if not numbers or len(axes) > 2:

@@ -1,4 +1,4 @@
-"""The figure of an estimate: its errors within three deviations, and NEES between its limits."""
+"""Figure of an estimate: errors within three standard deviations, and NEES within its limits."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -33,13 +33,13 @@ from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _MOST_CONTROLLERS: dict[Width, int] = {"column": 3, "page": 6}
 _DEVIATIONS = 3.0
-"""So many standard deviations a band reaches to either side."""
+"""Standard deviations from the middle of a band to its edges."""
 _OF_ONE, _OF_MEAN = 0.1, 0.28
-"""The shares of ink between the limits of a run and between those of a mean."""
+"""Shares of ink between the limits of a run and between the limits of a mean."""
 _ALIKE = 0.05
-"""Bands that differ by less, over their widest, are drawn as the first of them."""
+"""Bands that differ by less than this share of the widest are drawn as the first of them."""
 _LINE = 0.8
-"""pt, of a coordinate."""
+"""Line width of a coordinate, pt."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Estimate(OverTime):
     Attributes
     ----------
     run
-        Which run, by its number.
+        Number of the run.
     """
 
     name: ClassVar[str] = "estimate"
@@ -61,12 +61,12 @@ class Estimate(OverTime):
     run: int = 0
 
     def check(self, problems: Problems) -> None:
-        """A run has a number from 0."""
+        """Require a run number of 0 or more."""
         if self.run < 0:
             problems.at("run").add(f"expected 0 or more, got {self.run}")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Errors downwards with a scale each, controllers to the right."""
+        """Draw a row with its own scale per error, and a column per controller."""
         G, shown = self._group(runs), self._shown(runs, width)
         rows = [(part, name) for name in self._errors(runs, shown) for part in G.parts]
         names = [[f"{_words(*row)} {e.label}" for e in shown] for row in rows]
@@ -98,7 +98,7 @@ class Estimate(OverTime):
         return runs.group
 
     def _shown(self, runs: ShownRuns, width: Width) -> list[Ensemble]:
-        """The controllers, each of which reads an estimate."""
+        """Return the controllers; refuse those that read no estimate."""
         most = _MOST_CONTROLLERS[width]
         if len(runs.shown) > most:
             raise runs.error(
@@ -114,7 +114,7 @@ class Estimate(OverTime):
         return runs.shown
 
     def _errors(self, runs: ShownRuns, shown: list[Ensemble]) -> list[str]:
-        """``pose``; and ``bias`` where there is one, or one is estimated."""
+        """Return ``pose``, and ``bias`` where there is one, or one is estimated."""
         told = ((e, f"bias_estimate_{kind}") for e in shown for kind in ("error", "std"))
         biased = (np.any(runs.of_run(name, e, self.run)) for e, name in told if e.results.has(name))
         return ["pose", "bias"] if any(biased) else ["pose"]
@@ -128,7 +128,7 @@ class Estimate(OverTime):
         G: MatrixLieGroup,
         part: Part,
     ) -> None:
-        """The coordinates of a part, each in its band."""
+        """Draw the errors in the coordinates of a part, each in its band."""
         times = runs.times(ensemble)
         values = runs.of_run(f"{error}_estimate_error", ensemble, self.run)[:, part.axes]
         reach = np.zeros(values.shape)
@@ -144,7 +144,7 @@ class Estimate(OverTime):
             axes.plot(times, values[:, k], label=axis, linewidth=_LINE, **look)
 
     def _judge(self, runs: ShownRuns, panels: dict[Axes, Ensemble]) -> None:
-        """NEES of the run and its mean over runs, each between its limits."""
+        """Draw NEES of the run and its mean over runs, each between its limits."""
         if not panels:
             return
         share_scale(panels)
@@ -184,19 +184,19 @@ _NEES: dict[str, Any] = {"color": "0.45", "linewidth": 0.6}
 
 
 def _words(part: Part, error: str, *, alone: bool = False) -> str:
-    """What a row shows: ``rotation error``, ``bias error``."""
+    """Return the label of a row: ``rotation error``, ``bias error``."""
     if error == "bias":
         return "bias error" if alone else f"{part_name(part.name)} bias"
     return f"{part_name(part.name)} error"
 
 
 def _unit(part: Part) -> str:
-    """Of the logarithm of a part of a pose."""
+    """Return the unit of the logarithm of a part of a pose."""
     return "rad" if part.turns else part.pose_unit
 
 
 def _limits(degrees: float, runs: int) -> Array:
-    """Between which the mean of so many independent χ² lies with 95 %."""
+    """Return the central 95 % limits of the mean of `runs` independent χ² variables."""
     from scipy.special import gammaincinv  # slow to import
 
     found: Array = 2 * gammaincinv(runs * degrees / 2, np.array([0.025, 0.975])) / runs

@@ -1,4 +1,4 @@
-"""The figure of cases: by how much two laws differ in each, and how many runs settle."""
+"""Figure of cases: the difference of two laws in each, and the share of runs that settle."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,13 +28,13 @@ MOST_ROWS = 40
 Settings = dict[str, Any]
 
 _ROW, _AROUND = 0.2, 0.85
-"""in, the height of a row, and that of scales and legend."""
+"""Height of a row, and of scales and legend, in."""
 _LONGEST = 24
-"""Characters in a line of a name."""
+"""Most characters in a line of a name."""
 _BESIDE = 0.16
-"""of a row, between the shares of the two laws."""
+"""Offset of the shares of the two laws from the middle of their row, in heights of a row."""
 _SMALL = 3.5
-"""pt, of markers: the intervals are the point."""
+"""Size of markers, pt; small, since the intervals matter."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Forest(OfOneMetric):
     Attributes
     ----------
     confidence
-        Of the intervals, each by itself.
+        Confidence of each interval on its own.
     """
 
     name: ClassVar[str] = "forest"
@@ -56,19 +56,19 @@ class Forest(OfOneMetric):
     confidence: float = 0.95
 
     def check(self, problems: Problems) -> None:
-        """A share between 0 and 1."""
+        """Require a confidence between 0 and 1."""
         if not 0 < self.confidence < 1:
             expected = "expected a number between 0 and 1"
             problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
 
     def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownSweep:
-        """The points; of a tuning, the winners unless others are chosen."""
+        """Return the points; of a tuning, the winners unless others are chosen."""
         shown = self._only(results, "sweep")
         laws = self.controllers or (side_by_side(shown) if shown.is_sweep else ())
         return ShownSweep(shown, self.name, Chosen(laws, self.focus))
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """Two panels with the same rows, the first point on top."""
+        """Draw two panels with the same rows, the first point on top."""
         if len(swept.controllers) != 2:
             raise swept.error(
                 f"compares two laws, and here are {len(swept.controllers)}: "

@@ -1,4 +1,4 @@
-"""The figure of a search with two objectives: the front of each law, on held-out runs."""
+"""Figure of a search with two objectives: the front of each law, on held-out runs."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -19,7 +19,7 @@ from eqt_cli.plots.shown.fronts import ShownFronts
 
 _HEIGHTS: dict[Width, float] = {"column": 2.6, "page": 3.8, "slide": 2.7}
 _SMALL = 3.5
-"""pt, of markers: the intervals are the point."""
+"""Size of markers, pt; small, since the intervals matter."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Fronts(OfTuning):
     log: bool | None = None
 
     def compose(self, shown: ShownFronts, width: Width) -> Drawing:
-        """One panel; colours and markers are those of the laws in all other figures."""
+        """Draw one panel; laws have the colours and markers of all other figures."""
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panel = drawing.add_subplot()
         lines, seen = [], []
@@ -71,13 +71,13 @@ class Fronts(OfTuning):
 
 
 def _intervals(values: Array) -> Array:
-    """Mean and ends of each row, ``(rows, 3)``."""
+    """Return the mean and the interval of each row, ``(rows, 3)``."""
     found = intervals_of_means(values.T, RESAMPLING)
     return np.stack([found.mean, found.low, found.high], axis=-1)
 
 
 def _crosses(panel: Axes, points: list[Array], rows: Array, colour: str, name: str) -> None:
-    """Intervals along both scales."""
+    """Draw intervals along both scales."""
     (x, left, right), (y, low, high) = (each[rows].T for each in points)
     panel.errorbar(
         x,

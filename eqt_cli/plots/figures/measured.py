@@ -1,4 +1,4 @@
-"""The figure of a recording beside a run: pose, error, velocity and wrench over time."""
+"""Figure of a recording beside a run: pose, error, velocity and wrench over time."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -20,9 +20,9 @@ from eqt_cli.plots.shown.measured import ShownMeasured
 
 _MEASURED: dict[str, Any] = {"linewidth": 2.4, "zorder": 1.5, "solid_capstyle": "butt"}
 _SIMULATED = 0.8
-"""pt; narrower than what was measured, which is seen on both sides of it."""
+"""Line width of the run, pt; the wider recording is visible on both sides."""
 _PALE = 0.35
-"""The share of its colour in a curve that was measured."""
+"""Share of the colour in a measured curve."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Measured(Panelled, OfMeasured):
     degrees: bool = False
 
     def compose(self, shown: ShownMeasured, width: Width) -> Drawing:
-        """A row for each quantity; the coordinates of a part share a panel."""
+        """Draw a row for each quantity; the coordinates of a part share a panel."""
         parts = shown.group.parts
         wanted = self.picked([name for name, *_ in shown.curves])
         curves = [row for row in shown.curves if row[0] in wanted]
@@ -73,7 +73,7 @@ class Measured(Panelled, OfMeasured):
     def _coordinates(
         self, shown: ShownMeasured, name: str, part: Part, values: Array, near: Array | None = None
     ) -> tuple[Array, str]:
-        """The curves of a part, and the name of their scale; those of poses `near` others."""
+        """Return the curves of a part and their label; poses are unwrapped to match `near`."""
         _, velocity, force = symbols(shown.group, part)
         degrees = self.degrees and part.turns
         if name == "pose":
@@ -105,7 +105,7 @@ def _thin(k: int) -> dict[str, Any]:
 
 
 def _pale(colour: str) -> str:
-    """A tint of a colour on the paper."""
+    """Return a tint of a colour on the paper."""
     both = zip(to_rgb(colour), to_rgb(ink(0)), strict=True)
     red, green, blue = (_PALE * own + (1 - _PALE) * paper for own, paper in both)
     return to_hex((red, green, blue))

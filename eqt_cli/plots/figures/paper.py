@@ -1,4 +1,4 @@
-"""The four panels of the paper's figure for any result: means over runs of errors, torque and L."""
+"""Figure of the paper for any result: means over runs of errors, torque norm and L."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,16 +56,16 @@ class Paper(Panelled, OverTime):
     degrees: bool = False
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Two by two panels, or a row per norm and a column per part; quantiles by law."""
+        """Draw two by two panels, or a row per norm and a column per part; quantiles by law."""
         runs.require_attitude(degrees=self.degrees)
         norms = self.picked((*_NORMS, _FUNCTION))
         draw = self._by_law if self.bands == "quantiles" else self._together
-        drawing = draw(runs, width, norms)  # since such bands would hide each other
+        drawing = draw(runs, width, norms)  # such bands would hide each other
         runs.remarks.append(f"Curves: mean over runs, {runs.count()}{of_bands(self.bands)}.")
         return drawing
 
     def _together(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
-        """All laws in each panel."""
+        """Draw all laws in each panel."""
         parts = runs.parts
         rows = [[norm + part for part in parts] for norm in norms if norm != _FUNCTION]
         if len(parts) > 1:
@@ -85,7 +85,7 @@ class Paper(Panelled, OverTime):
         return drawing
 
     def _by_law(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
-        """A row per norm and part, and a column per law."""
+        """Draw a row per norm and part, and a column per law."""
         of_parts = {norm: [""] if norm == _FUNCTION else runs.parts for norm in norms}
         signals = [norm + part for norm in norms for part in of_parts[norm]]
         drawing, rows = law_columns(runs, width, signals, lambda s, e: e in self._shown(runs, s))

@@ -1,4 +1,4 @@
-"""The figure of a design's trade-off: every point by two metrics, and the front of the best."""
+"""Figure of a design trade-off: every point by two metrics, and the Pareto front."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -21,9 +21,9 @@ _HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4, "slide": 2.6}
 _PALE = 0.45
 
 MOST_NAMED = 16
-"""Points on fronts that are named on a page; more would hide each other."""
+"""Most points on fronts that are named on a page; more would hide each other."""
 _LONGEST, _ALONG = 40, 25
-"""Characters in a line of a name, and points on a step that names keep clear of."""
+"""Most characters in a line of a name, and points on a step that names keep clear of."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Pareto(OfSweep):
     log: bool | None = None
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """The means over the runs of every point, and their front, for every controller."""
+        """Draw the means over the runs of every point, and the front of every controller."""
         swept.require_choices()
         cost_name, error_name = (
             self.cost or swept.of_one_unit("effort"),
@@ -66,7 +66,7 @@ class Pareto(OfSweep):
             pale = {"color": look["color"], "alpha": _PALE, "linewidths": 0}
             panel.scatter(x, y, s=16, marker=look["marker"], label=title, **pale)
             best = front(x, y)
-            # The first of two points of the front is better than all that lies between them.
+            # Steps, since the first of two points of the front dominates all between them.
             lines += panel.plot(x[best], y[best], drawstyle="steps-post", markersize=4.5, **look)
             fronts.append(best)
         panel.margins(0.03)
@@ -96,7 +96,7 @@ def _name_fronts(
 
 
 def steps(x: Array, y: Array) -> Array:
-    """Points along the steps between points, ``(any, 2)``."""
+    """Return points along the steps between points, ``(any, 2)``."""
     share = np.linspace(0, 1, _ALONG)[:, None]
     across = np.stack([x[:-1] + share * np.diff(x), y[:-1] + 0 * share], axis=-1)
     down = np.stack([x[1:] + 0 * share, y[:-1] + share * np.diff(y)], axis=-1)

@@ -1,4 +1,4 @@
-"""The figure of the error's phase plane: velocity error over pose error, run by run."""
+"""Figure of the error's phase plane: velocity error over pose error, run by run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -35,9 +35,9 @@ from eqt_cli.plots.shown.trajectories import ShownRuns
 _HEIGHTS: dict[Width, float] = {"column": 1.35, "page": 1.75, "slide": 1.35}
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
 _BESIDE = 0.15
-"""in, of a panel's place that its title cannot use: the scale is there."""
+"""Width of a panel's place that its scale takes from the title, in."""
 _CELLS = 48
-"""In which passing runs are counted, along each scale."""
+"""Number of cells along each scale in which passing runs are counted."""
 _POSE, _VELOCITY = "pose_error", "velocity_error"
 _HALF_TURN: dict[str, Any] = {
     "linestyle": "none",
@@ -69,7 +69,7 @@ class Phase(OfFirstRuns):
     log: bool = False
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """A row per controller and a column per part, or else two or four controllers a row."""
+        """Draw a row per controller and a column per part; with one part, controllers in rows."""
         shown, parts = runs.shown, runs.parts
         places = panels_by_controller([e.label for e in shown], parts, _COLUMNS[width])
         drawing, panels = blank_sheet(width, places, _HEIGHTS[width])
@@ -103,7 +103,7 @@ class Phase(OfFirstRuns):
         name_scale(axes, signal_label(ensemble.results, velocity))
 
     def _shade(self, column: Sequence[Axes], runs: ShownRuns, part: str) -> None:
-        """Where all runs pass, on the common scale, which this leaves as it is."""
+        """Shade where all runs pass; keep the common scale as it is."""
         first = column[0]
         limits = first.get_xlim(), first.get_ylim()
         scale = np.geomspace if first.get_xscale() == "log" else np.linspace
@@ -114,7 +114,7 @@ class Phase(OfFirstRuns):
         first.set(xlim=limits[0], ylim=limits[1])
 
     def _scale(self, column: Sequence[Axes]) -> None:
-        """One scale for a part; it must hold every run, so it comes after them."""
+        """Set one scale for a part, after all runs are drawn, since it must hold them."""
         for axes in column:
             axes.margins(x=0.04)
             scale_norm(axes, log=self.log, direction="x")
@@ -134,7 +134,7 @@ def _hide_scales(panels: Mapping[str, Axes], places: Mosaic, parts: Sequence[str
 
 
 def _mark_half_turns(column: Sequence[Axes], group: MatrixLieGroup | None, part: str) -> bool:
-    """Mark the error of half-turns if it is within the axes; whether it is."""
+    """Mark the error of half-turns if it is within the axes; return whether it is."""
     errors = _half_turns(group, part) if group is not None else []
     errors = [error for error in errors if error <= column[0].get_xlim()[1]]
     for axes in column:
@@ -144,10 +144,10 @@ def _mark_half_turns(column: Sequence[Axes], group: MatrixLieGroup | None, part:
 
 
 def _half_turns(group: MatrixLieGroup, suffix: str) -> list[float]:
-    """‖I − R‖_F at the critical points of Υ other than I, for a part that is a rotation.
+    """Return ‖I − R‖_F at the critical points of Υ other than I, for a part that is a rotation.
 
     Their rotations are half-turns whatever the weight, about axes that depend on it; so do their
-    translations, which are therefore not asked for. Any weight gives them: here it is I.
+    translations, which are therefore not marked. Any weight gives the rotations: here it is I.
     """
     named = [part for part in group.parts if suffix in ("", f"_{part.name}")]
     found = critical_sets(group, group.identity)

@@ -1,4 +1,4 @@
-"""The figure of what is to be followed: pose, velocity and torque of the reference over time."""
+"""Figure of the reference: pose, velocity and torque over time."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -34,7 +34,7 @@ class ReferenceOverTime(Panelled, OfReference):
     degrees: bool = False
 
     def compose(self, shown: ShownReference, width: Width) -> Drawing:
-        """Three rows; the coordinates of a part share a panel."""
+        """Draw three rows; the coordinates of a part share a panel."""
         parts = shown.group.parts
         names = self.picked(_ROWS)
         rows = [[f"{row} {part.name}" for part in parts] for row in names]

@@ -1,4 +1,4 @@
-"""The figure of the region of convergence: the share of runs that settle over two swept keys."""
+"""Figure of the region of convergence: the share of runs that settle over two swept keys."""
 
 import math
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.sweep import ShownSweep
 
 _ROW, _AROUND = 0.34, 0.5
-"""in, the height of a row of cells, with two lines in each, and of what is around a map."""
+"""Height of a row of cells, with two lines in each, and of the surroundings of a map, in."""
 _MOST, _LEAST = 2.6, 1.3
-"""in, of a map with what is around it."""
+"""Largest and smallest height of a map with its surroundings, in."""
 _SCALES = 1.15
-"""in, that the scale up and that of the colours take across."""
+"""Width of the vertical scale and the colour scale, in."""
 _ROUNDING = 1e-9
-"""Of an end of an interval, in per cent."""
+"""Rounding error of an end of an interval, per cent."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Region(OfSweep):
     Attributes
     ----------
     by
-        s, by when a run must have settled for good; its end if 0.
+        Time by which a run must have settled for good, s; its end if 0.
     """
 
     name: ClassVar[str] = "region"
@@ -44,12 +44,12 @@ class Region(OfSweep):
     by: float = 0.0
 
     def check(self, problems: Problems) -> None:
-        """A time from 0."""
+        """Require a time of 0 or more."""
         if not self.by >= 0:
             problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """Maps with common scales and colours from 0 to 100 %."""
+        """Draw maps with common scales and colours from 0 to 100 %."""
         if len(swept.axes) != 2:
             raise swept.error(
                 f"shows two swept keys, and here are {len(swept.axes)} ({swept.keys}); figure "
@@ -89,7 +89,7 @@ class Region(OfSweep):
 
 
 def _intervals(found: Array, told: list[bool]) -> str:
-    """Where the intervals are, or how wide, if the cells have no room for them."""
+    """Return a note on the intervals: in the cells, or their widths if there is no room."""
     if all(told):
         return "below the share, its 95 % Wilson interval"
     share, low, high = np.moveaxis(found, -1, 0)
@@ -98,14 +98,14 @@ def _intervals(found: Array, told: list[bool]) -> str:
 
 
 def _interval(low: float, high: float) -> str:
-    """An interval in per cent, no narrower than it is."""
+    """Return an interval in per cent, rounded outwards unless it is narrow."""
     if high - low < 1:
         return f"{low:.4g}–{high:.4g}"
     return f"{math.floor(low + _ROUNDING)}–{math.ceil(high - _ROUNDING)}"
 
 
 def _per_cent(number: float) -> str:
-    """A share in per cent; 0 and 100 say none and all."""
+    """Return a share in per cent; 0 and 100 only for none and all."""
     if number < 0.5:
         return f"{number:.1g}"
     if number > 99.5:

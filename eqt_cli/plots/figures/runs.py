@@ -1,4 +1,4 @@
-"""The figure of single runs: thin lines under their mean, a panel per controller."""
+"""Figure of single runs: thin lines under their mean, a panel per controller."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,13 +32,13 @@ from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
 MOST_LINES = 200
-"""Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
+"""Most single runs per controller, from the first; more give a solid area and a large file."""
 
 ESTIMATED = {"pose_error": "estimate_error"}
-"""What is shaded below a signal, where a law reads an estimate."""
+"""Signals that are shaded below others where a law reads an estimate."""
 
 _SHADE = 0.16
-"""The share of ink in what lies behind the curves."""
+"""Share of ink in the shading behind the curves."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Runs(OverTime):
     Attributes
     ----------
     signal
-        What is drawn over time.
+        Signal that is drawn over time.
     log
         A logarithmic scale; by default, for errors and L where they span more than a decade.
     degrees
@@ -65,12 +65,12 @@ class Runs(OverTime):
     degrees: bool = False
 
     def check(self, problems: Problems) -> None:
-        """Only an attitude error is an angle."""
+        """Refuse degrees for signals other than ``pose_error``."""
         if self.degrees and self.signal != "pose_error":
             problems.at("degrees").add(f"belongs to signal pose_error; {self.signal} is no angle")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """A row per controller and a column per part, or else controllers two by two."""
+        """Draw a row per controller and a column per part, or else controllers two by two."""
         runs.require_attitude(degrees=self.degrees)
         shown, parts = runs.shown, runs.parts
         if self.signal == "lyapunov":
@@ -89,7 +89,7 @@ class Runs(OverTime):
                 estimated |= self._shade(axes, runs, ensemble, part)
                 add_title(axes, panel_title(ensemble.title, part), room)
                 name_scale(axes, runs.error_label(signal, degrees=self.degrees))
-            self._scale(column)  # now that every curve of a common scale is there
+            self._scale(column)  # after all curves of the common scale
         if len(parts) == 1:
             hide_inner_scales(panels, places)
         handles = thin_line_legend(shown, MOST_LINES)
@@ -101,7 +101,7 @@ class Runs(OverTime):
         return drawing
 
     def _scale(self, panels: Sequence[Axes]) -> None:
-        """One scale; that of a torque, which need not converge to zero, is linear unless asked."""
+        """Set one scale; for a torque, which need not converge to zero, linear by default."""
         log = self.log
         if log is None:
             seen = [np.ravel(line.get_ydata()) for axes in panels for line in axes.lines]
@@ -110,7 +110,7 @@ class Runs(OverTime):
             scale_norm(axes, log=log)
 
     def _shade(self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, part: str) -> bool:
-        """Shade up to the mean error of the estimate that the law reads; whether it reads one."""
+        """Shade up to the mean error of the estimate; return whether the law reads one."""
         signal = ESTIMATED.get(self.signal, "") + part
         if not ensemble.results.has(signal):
             return False
@@ -122,5 +122,5 @@ class Runs(OverTime):
     def _fill(self, axes: Axes, times: Array, values: Array, look: Look) -> None:
         drawn = values[:MOST_LINES]
         axes.plot(times, drawn.T, **thin_line(look, len(drawn)))
-        on_paper = [Stroke(linewidth=2.4, foreground=ink(0)), Normal()]  # seen on dark lines too
+        on_paper = [Stroke(linewidth=2.4, foreground=ink(0)), Normal()]  # visible on dark lines too
         axes.plot(times, values.mean(axis=0), color=ink(), label="mean", path_effects=on_paper)

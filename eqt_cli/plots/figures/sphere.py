@@ -1,4 +1,4 @@
-"""The figure of attitude errors as paths on the sphere, in an equal-area projection."""
+"""Figure of attitude errors as paths on the sphere, in an equal-area projection."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,28 +30,28 @@ from eqt_cli.plots.shown.trajectories import ShownRuns
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
 _AXES = "xyz"
 _BESIDE = 0.1
-"""in, of a panel's place that a disc leaves free."""
+"""Width of a panel's place that a disc leaves free, in."""
 _ABOVE = 0.05
-"""in, for the title of a panel."""
+"""Height for the title of a panel, in."""
 _LIMIT = 1.2
-"""Of the radius of the disc: room for the names around it; and more below, for the scale."""
+"""Extent of the panel in radii of the disc, for the names around it; more below, for the scale."""
 _BELOW = 1.33
 _CIRCLES = (0, 45, 90, 135, 180)
-"""Angles from the centre, degrees."""
+"""Angles of the circles from the centre, deg."""
 _RAYS = 45
-"""Degrees between the lines from the centre."""
+"""Angle between the lines from the centre, deg."""
 _NUMBERED = (0, 45, 90, 180)
-"""Those of the circles, and the centre, that are numbered on the scale below the disc."""
+"""Circles, and the centre, that are numbered on the scale below the disc, deg."""
 _SPARSE, _ROOM = (0, 180), 1.6
-"""Those on discs that have less room, in."""
+"""Numbered circles on discs with less room, deg, and this room, in."""
 _SCALE, _TICK = -1.12, 0.05
-"""Of the radius: where that scale is, and how long its ticks are."""
+"""Height of the scale below the disc and length of its ticks, in radii."""
 _CELLS = np.linspace(-1, 1, 49), np.linspace(-1, 1, 49)
 """Edges of the cells in which passing runs are counted."""
 _GRID_SHARE = 0.3
-"""Of ink."""
+"""Share of ink in the grid."""
 _SMALL = 0.75
-"""The numbers' type over the usual."""
+"""Type size of the numbers over the usual."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Sphere(OfFirstRuns):
     axis: Literal["x", "y", "z"] = "z"
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """A disc per controller, or a column of discs per rotation of the group."""
+        """Draw a disc per controller, or a column of discs per rotation of the group."""
         shown, centre = runs.shown, _AXES.index(self.axis)
         group, parts = self._rotations(runs)
         suffixes = [f"_{part.name}" for part in parts] if len(parts) > 1 else [""]
@@ -102,7 +102,7 @@ class Sphere(OfFirstRuns):
         return drawing
 
     def _rotations(self, runs: ShownRuns) -> tuple[MatrixLieGroup, list[Part]]:
-        """The group, and the rotations in space among its parts."""
+        """Return the group, and the spatial rotations among its parts."""
         if runs.group is None:
             name = runs.results[0].group_name
             raise runs.error(f"does not know group '{name}', which a plugin of the result defines")
@@ -118,7 +118,7 @@ class Sphere(OfFirstRuns):
 
 
 def _draw_grid(axes: Axes, centre: int, numbered: Sequence[int]) -> None:
-    """Circles, rays and what they mean."""
+    """Draw circles, rays and their labels."""
     grid: dict[str, Any] = {"color": ink(_GRID_SHARE), "linewidth": 0.4, "zorder": 0.5}
     small = _SMALL * size_of_type("font.size")
     ticks = [[(0.0, _SCALE), (1.0, _SCALE)]]
@@ -137,7 +137,7 @@ def _draw_grid(axes: Axes, centre: int, numbered: Sequence[int]) -> None:
     right, up = (rf"$e_{_AXES[(centre + k) % 3]}$" for k in (1, 2))
     axes.text(1.04, 0, right, ha="left", va="center", fontsize="small")
     axes.text(0, 1.04, up, ha="center", va="bottom", fontsize="small")
-    axes.set_xlabel(right)  # not shown, but named with the numbers behind the figure
+    axes.set_xlabel(right)  # hidden, but names the numbers behind the figure
     axes.set_ylabel(up)
     axes.set_xlim(-_LIMIT, _LIMIT)
     axes.set_ylim(-_BELOW, _LIMIT)

@@ -1,4 +1,4 @@
-"""The figure of a sweep: one metric over one key as curves, over two as a map per controller."""
+"""Figure of a sweep: one metric over one key as curves, over two as a map per controller."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -27,14 +27,14 @@ _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0, "slide": 2.4}
 
 _LOWER: dict[Width, float] = {"column": 1.6, "page": 2.2, "slide": 1.6}
-"""Of maps in several rows."""
+"""Heights of maps in several rows, in."""
 _EQUAL = 1e-9
 
 _COLOURS, _AROUND = 1.0, 0.9
-"""in, that the scale of colours and of a map take across, and title and scale up."""
+"""Width of the colour scale and a map's scale, and height of title and scale, in."""
 
 FAILED, BEYOND = "xxxx", "////"
-"""Hatches of cells in which not all runs are what they should be."""
+"""Hatches of cells with failed runs, and with runs beyond the horizon."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class SweepFigure(OfOneMetric):
     log: bool | None = None
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """One panel of curves, or a map per controller, of means over the runs."""
+        """Draw means over the runs: one panel of curves, or a map per controller."""
         values, means = swept.metric(self.metric_of(swept)), swept.means(self.metric_of(swept))
         axes = swept.one_or_two("; figure 'pareto' shows sweeps of any number")
         label = metric_label(swept.results, self.metric_of(swept), 36)
@@ -96,13 +96,13 @@ class SweepFigure(OfOneMetric):
         drawn = np.concatenate([np.ravel(line.get_ydata()) for line in lines])
         scale(panel, "y", drawn.astype(float), log=self.log)
         if any(swept.laws(k) for k in range(len(swept.titles))):
-            add_legend(drawing, lines, swept.titles)  # since names of points take the room
+            add_legend(drawing, lines, swept.titles)  # names of points take the room
         else:
             name_curves(drawing, [panel], lines, swept.titles)
         return drawing
 
     def _band(self, swept: ShownSweep, values: Array) -> tuple[Array, Array]:
-        """Where most runs are; of what counts runs, how well their share is known."""
+        """Return a band of quantiles; for a metric that counts runs, intervals of the share."""
         if swept.results.quantity(self.metric_of(swept)).counts:
             _, low, high = np.moveaxis(shares(values), -1, 0)
         else:
@@ -113,7 +113,7 @@ class SweepFigure(OfOneMetric):
         self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width
     ) -> Drawing:
         count, cells = len(swept.titles), Cells(*axes)
-        # Two stand side by side also in a column, since few numbers are in their cells.
+        # Two maps fit side by side even in a column, since few cells hold numbers.
         columns = count if count == 2 else map_columns(count, width)
         rows = -(-count // columns)
         height = _HEIGHTS[width] if rows == 1 else _LOWER[width]
@@ -154,9 +154,9 @@ class SweepFigure(OfOneMetric):
 
 
 def _best(means: Array, better: str, *, written: bool) -> list[int]:
-    """The points with the best mean: all that are written alike, or equal where none is written.
+    """Return the points with the best mean: all written alike, or equal if means are not written.
 
-    None where no mean is better.
+    The list is empty where no mean is better.
     """
     if better == "neither" or not np.isfinite(means).any():
         return []
@@ -167,7 +167,7 @@ def _best(means: Array, better: str, *, written: bool) -> list[int]:
 
 
 def _explain(drawing: Drawing, failed: bool, beyond: bool) -> None:
-    """Say what frames and hatches mean."""
+    """Add a legend of frames and hatches."""
     looks: dict[str, dict[str, Any]] = {"best mean": {"linewidth": 1.0}}
     if failed:
         looks["failed runs, no mean"] = {"hatch": FAILED, "linewidth": 0}

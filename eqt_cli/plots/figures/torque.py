@@ -1,4 +1,4 @@
-"""The figure of torque components: the mean over runs of every law, a panel per axis."""
+"""Figure of torque components: the mean over runs of every law, a panel per axis."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,9 +31,9 @@ from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _DESIRED: dict[str, Any] = {"linewidth": 2.2, "zorder": 1.5}
 _PALE = 0.25
-"""The share of ink in the torque of the reference, which lies behind the curves."""
+"""Share of ink in the reference torque, which lies behind the curves."""
 _ACROSS = 3
-"""Axes of a part side by side on a page."""
+"""Most axes of a part side by side on a page."""
 
 Share = Literal["total", "feedback", "feedforward"]
 
@@ -67,7 +67,7 @@ class Torque(Panelled, OverTime):
     bands: Bands = "none"
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """A panel per axis; with quantiles, a column of them per law."""
+        """Draw a panel per axis; with quantiles, a column of panels per law."""
         wanted = self.picked([name for name, _ in runs.axes])
         units = {name: unit for name, unit in runs.axes if name in wanted}
         share, values = self._of_laws(runs)
@@ -75,7 +75,7 @@ class Torque(Panelled, OverTime):
         what = "" if share == "total" and not size else f" of the {size}{_NAMED.get(share, share)}"
         runs.remarks.append(f"Curves: mean{what} over runs, {runs.count()}{of_bands(self.bands)}.")
         by_law = self.bands == "quantiles" and len(runs.shown) > 1
-        if by_law:  # since bands would hide each other
+        if by_law:  # bands would hide each other
             drawing, rows = law_columns(runs, width, wanted)
         else:
             drawing, panels = sheet(width, _places(units, width), runs.span, runs.unit("time"))
@@ -101,7 +101,7 @@ class Torque(Panelled, OverTime):
         return drawing
 
     def _of_laws(self, runs: ShownRuns) -> tuple[Share, dict[str, Array]]:
-        """What is drawn, of every run of each law ``(runs, samples, axes)``."""
+        """Return the share and the torques by law that are drawn, ``(runs, samples, axes)``."""
         torque = {e.label: runs.values("torque", e) for e in runs.shown}
         if self.share == "total":
             return self.share, torque
@@ -124,7 +124,7 @@ def _symbol(axis: str, unit: str, figure: Torque) -> str:
 def _draw_desired(
     runs: ShownRuns, rows: Mapping[str, Mapping[str, Axes]], *, log: bool
 ) -> dict[str, Artist]:
-    """The torque of each result's reference in every panel; the last of the lines."""
+    """Draw the reference torque of each result in every panel; return the last line by name."""
     line: Artist = Line2D([], [])
     places = [name for name, _ in runs.axes]
     for result, name in zip(runs.results, names(runs.results), strict=True):
@@ -142,7 +142,7 @@ def _draw_desired(
 
 
 def _places(axes: Mapping[str, str], width: Width) -> Mosaic:
-    """The panels by their axes: those of torques and of forces apart."""
+    """Return the panels by axis, with torques and forces in separate rows or columns."""
     units = dict.fromkeys(axes.values())
     parts = [[axis for axis, of in axes.items() if of == unit] for unit in units]
     if width != "column":

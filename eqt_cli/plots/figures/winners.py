@@ -1,4 +1,4 @@
-"""The figure of a comparison over a sweep: which law wins where, and by how much."""
+"""Figure of a comparison over a sweep: which law wins where, and by how much."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,15 +21,15 @@ from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
 from eqt_cli.plots.shown.sweep import ShownSweep
 
 _CELL = 0.32
-"""in, the least height of a row of cells, for the number in it."""
+"""Least height of a row of cells, for the number in it, in."""
 _NUMBER, _LETTER = 0.30, 0.06
-"""in, the width of such a number, and of a letter beside it."""
+"""Width of a number, and of a letter beside it, in."""
 _SCALE = 1.0
-"""in, that the scale up takes across."""
+"""Width of the vertical scale, in."""
 _LEAST, _MOST = 1.2, 3.6
-"""in, of the map."""
+"""Least and largest height of the map, in."""
 _TINT = 0.55
-"""Of a law's colour in its cells, so that the numbers in them are read."""
+"""Share of a law's colour in its cells, which keeps the numbers readable."""
 FAILED = "////"
 
 
@@ -43,7 +43,7 @@ class Winners(OfOneMetric):
     Attributes
     ----------
     confidence
-        1 minus the share of false wins that is allowed.
+        1 minus the allowed share of false wins.
     """
 
     name: ClassVar[str] = "winners"
@@ -51,13 +51,13 @@ class Winners(OfOneMetric):
     confidence: float = 0.95
 
     def check(self, problems: Problems) -> None:
-        """A share between 0 and 1."""
+        """Require a confidence between 0 and 1."""
         if not 0 < self.confidence < 1:
             expected = "expected a number between 0 and 1"
             problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """One map; colours are those of the laws in all other figures."""
+        """Draw one map; laws have the colours of all other figures."""
         axes = swept.one_or_two()
         swept.results.check_metrics([self.metric_of(swept)], who=f"figure '{self.name}'")
         resampling = replace(RESAMPLING, confidence=self.confidence)
@@ -94,7 +94,7 @@ class Winners(OfOneMetric):
 
 
 def _number_leads(panel: Axes, cells: Cells, found: Map, characters: int) -> None:
-    """Write each lead, with the law where its name has room in a line of so many characters."""
+    """Write each lead, and the law if its name fits in a line of `characters`."""
     for cell in found.cells:
         if cell.winner != NOBODY and np.isfinite(cell.lead.value):
             place = cells.columns[cell.point], cells.rows[cell.point]
@@ -104,7 +104,7 @@ def _number_leads(panel: Axes, cells: Cells, found: Map, characters: int) -> Non
 
 
 def _explain(drawing: Drawing, colours: Sequence[str], found: Map, failed: bool) -> None:
-    """A legend of the laws that win somewhere."""
+    """Add a legend of the laws that win somewhere."""
     frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
     patches = {"undecided": Patch(facecolor=colours[0], **frame)}
     for law, title in enumerate(found.titles):

@@ -1,4 +1,4 @@
-"""The figure of a search for the worst run: how the worst grows along each key."""
+"""Figure of a search for the worst run: the worst along each key."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -24,7 +24,7 @@ from eqt_cli.plots.shown.worst import Along, ShownWorst
 _HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.2, "slide": 1.35}
 _IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
 _SMALL, _LARGE = 2.5, 4.5
-"""pt, of markers; large where the worst was found."""
+"""Sizes of markers, pt; large where the worst was found."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class WorstFigure(OfWorst):
     log: bool | None = None
 
     def compose(self, shown: ShownWorst, width: Width) -> Drawing:
-        """A panel per key; colours and markers are those of the laws in all other figures."""
+        """Draw a panel per key; laws have the colours and markers of all other figures."""
         mosaic = rows_of(shown.keys, min(_IN_A_ROW[width], len(shown.keys)))
         drawing, panels = blank_sheet(width, mosaic, _HEIGHTS[width])
         room = WIDTHS[width] / len(mosaic[0])

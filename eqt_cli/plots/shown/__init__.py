@@ -1,1 +1,1 @@
-"""What of results figures show, and what they leave out; it must not know how they are drawn."""
+"""The data that figures show, and what they leave out; nothing here knows how they are drawn."""

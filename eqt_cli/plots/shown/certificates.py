@@ -1,4 +1,4 @@
-"""Certificates that have a number and a bound."""
+"""Certificates with a measured number and a bound."""
 
 from collections.abc import Sequence
 
@@ -9,30 +9,30 @@ from eqt_cli.results.result import Result
 
 
 class ShownCertificates:
-    """Certificates that have a number and a bound: those of identities and of trajectories.
+    """Certificates with a measured number and a bound: identities and trajectories.
 
     Parameters
     ----------
     results
         The open result.
     rows
-        What was found about it.
+        The verdicts on it.
     figure, chosen
-        As for `ShownControllers`.
+        See `ShownControllers`.
 
     Attributes
     ----------
     shown : list of Row
         The certificates.
     names : list of str
-        Theirs, in the paper's order.
+        Names of the certificates, in the paper's order.
     laws : list of Ensemble
         The controllers.
 
     Raises
     ------
     EqtError
-        As `ShownControllers`; and if there are no certificates.
+        In the cases of `ShownControllers`, or if there are no certificates.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class ShownCertificates:
         self.names = list(dict.fromkeys(row.name for row in self.shown))
 
     def keep(self, names: Sequence[str]) -> None:
-        """Show only these, in the paper's order; the notes say of how many they are the worst."""
+        """Show only these certificates, in the paper's order, and note how many there were."""
         if len(names) < len(self.names):
             self._told = [
                 f"The {len(names)} of {len(self.names)} statements that come nearest to their "
@@ -59,16 +59,16 @@ class ShownCertificates:
         self.shown = [row for row in self.shown if row.name in names]
 
     def rows(self, name: str) -> list[Row]:
-        """The rows of a certificate, one per law where it is about laws."""
+        """Return the rows of a certificate, one per law where it is about laws."""
         return [row for row in self.shown if row.name == name]
 
     @property
     def verdicts(self) -> list[Verdict]:
-        """Those of the rows that are shown, in the order of their class."""
+        """Verdicts of the rows that are shown, in the order of `Verdict`."""
         return [verdict for verdict in Verdict if verdict in {row.verdict for row in self.shown}]
 
     def notes(self) -> list[str]:
-        """What was checked and has no number."""
+        """Return the notes on the figure: what was checked and has no number."""
         notes = list(self._told)
         for row in self._left_out:
             law = f" ({row.controller})" if row.controller else ""
@@ -78,7 +78,7 @@ class ShownCertificates:
 
 
 def _has_place(row: Row) -> bool:
-    """Whether it has a ratio of measured to bound; 0 over 0, an exact equality, counts as 0."""
+    """Whether a row has a ratio of measured to bound; 0/0, an exact equality, counts as 0."""
     if row.measured is None or row.bound is None:
         return False
     return row.bound != 0 or row.measured == 0

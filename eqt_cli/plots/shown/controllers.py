@@ -13,25 +13,25 @@ from eqt_cli.results.result import Result
 from eqt_cli.tuning.folder import TUNE
 
 _ROUNDING = 1e-9
-"""s, by which a sample may miss an end of a range."""
+"""Tolerance at the ends of a time range, s."""
 
 MOST_COLOURS = 6
-"""Laws that have a colour each; the others are grey."""
+"""Largest number of laws with a colour each; the others are grey."""
 
 
 class TimeRange(NamedTuple):
-    """From when to when something is shown, s; None for where it starts and ends."""
+    """Range of time that is shown, s; None for the start or the end of the data."""
 
     start: float | None = None
     end: float | None = None
 
     def samples(self, times: Array, problem: Callable[[str], EqtError]) -> Array:
-        """The samples in the range, by position.
+        """Return the indices of the samples in the range.
 
         Raises
         ------
         EqtError
-            If there are fewer than two; `problem` says where.
+            If there are fewer than two; `problem` makes the error from a message.
         """
         low = -np.inf if self.start is None else self.start - _ROUNDING
         high = np.inf if self.end is None else self.end + _ROUNDING
@@ -57,11 +57,11 @@ class Chosen(NamedTuple):
     Attributes
     ----------
     controllers
-        Labels or titles of those to show; all if empty.
+        Labels or titles of the controllers to show; all if empty.
     focus
-        Of those, the ones in colour; the first `MOST_COLOURS` laws if empty.
+        Controllers to draw in colour; the first `MOST_COLOURS` laws if empty.
     time
-        Of what times, if not of all.
+        Range of time to show; all by default.
     """
 
     controllers: Sequence[str] = ()
@@ -79,15 +79,15 @@ class Ensemble:
     Attributes
     ----------
     results
-        The result that holds them.
+        The result that holds the runs.
     controller
-        The controller's position there.
+        Index of the controller in the result.
     look
-        On what its line style depends.
+        Look, which determines its line style.
     label, title
         Its name in the result and in figures; both name the result too where there are several.
     good : (runs,)
-        Which of the runs ended well; for trajectories, of the runs that have one.
+        Whether each run succeeded; for trajectories, of the stored runs only.
     """
 
     results: Result
@@ -104,12 +104,12 @@ class Ensemble:
 
     @property
     def has_function(self) -> bool:
-        """Whether its L is to be drawn: it claims that it falls, or no law here does."""
+        """Whether to draw L of this law: the law claims that L falls, or no law here does."""
         return self.law not in self.results.without_function
 
     @property
     def failed(self) -> int:
-        """How many runs are left out because they failed."""
+        """Number of runs left out because they failed."""
         return int(self.good.size - np.count_nonzero(self.good))
 
 
@@ -119,24 +119,23 @@ class ShownControllers:
     Parameters
     ----------
     results
-        Open.
+        The open results.
     figure
         Name of the figure, for messages.
     chosen
-        Which of the controllers to show.
+        The controllers to show.
 
     Attributes
     ----------
     ensembles : list of Ensemble
         The controllers.
     remarks
-        What a figure adds to the notes while it is drawn.
+        Notes that a figure adds while it is drawn.
 
     Raises
     ------
     EqtError
-        If one is a sweep, they are of several groups, a label is of no controller, or no run of
-        any is good.
+        If a result is a sweep, the groups differ, a label names no controller, or every run failed.
     """
 
     def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
@@ -161,18 +160,18 @@ class ShownControllers:
         return [ensemble for ensemble in self.ensembles if ensemble.good.any()]
 
     def count(self) -> str:
-        """How many good runs there are: ``n = 200``, or of each controller where they differ."""
+        """Return the number of good runs, ``n = 200``; per controller where they differ."""
         counts = {e.title: int(np.count_nonzero(e.good)) for e in self.shown}
         if len(set(counts.values())) == 1:
             return f"n = {next(iter(counts.values()))}"
         return f"n = {', '.join(f'{count} ({title})' for title, count in counts.items())}"
 
     def unit(self, name: str) -> str:
-        """The unit of a variable."""
+        """Return the unit of a variable."""
         return self.results[0].units(name)
 
     def notes(self) -> list[str]:
-        """What a reader must know: runs that are not shown, and laws that are not matched."""
+        """Return the notes for the reader: runs left out, and laws whose gains are not matched."""
         failed = [
             f"{e.title}: {e.failed} of {e.good.size} runs failed; left out."
             for e in self.ensembles
@@ -183,12 +182,12 @@ class ShownControllers:
         return failed + matched + self.remarks
 
     def error(self, message: str) -> EqtError:
-        """An error of this figure about the results."""
+        """Return an error of this figure about the results."""
         return error_of(self.results[0], self.figure, message)
 
 
 def names(results: Sequence[Result]) -> list[str]:
-    """What tells results apart: their titles, else their folders, else numbers as well."""
+    """Return distinct names of results: titles, else folders, else numbered titles."""
     titles = [one.title for one in results]
     folders = [one.path.parent.resolve().name for one in results]
     for candidates in (titles, folders):
@@ -198,7 +197,7 @@ def names(results: Sequence[Result]) -> list[str]:
 
 
 def positions(results: Sequence[Result], figure: str, chosen: Sequence[str]) -> list[list[int]]:
-    """Where the chosen controllers are in each result, all if none is chosen."""
+    """Return the indices of the chosen controllers in each result; all if none is chosen."""
     known = list(dict.fromkeys(label for one in results for label in one.labels))
     wanted = [{one.label_of(name) for name in chosen} for one in results]
     for label in chosen:
@@ -217,10 +216,11 @@ def looks(
     figure: str = "",
     focus: Sequence[str] = (),
 ) -> list[Look]:
-    """The looks of the controllers at these positions of each result, one after another.
+    """Return the looks of the controllers at these positions of each result, as one list.
 
-    A law has one colour in all results and variants. Where only one law is shown, its variants have
-    one each. Laws keep the colours that they have among all, as far as these are enough.
+    A law has one colour in all results and variants; where only one law is shown, each of its
+    variants has its own. A law keeps the colour that it has among all laws, as far as there are
+    enough.
     """
     places = [(number, k) for number, of in enumerate(kept) for k in of]
     laws = [_laws(one) for one in results]
@@ -244,7 +244,7 @@ def looks(
 
 
 def _laws(result: Result) -> list[tuple[str, int]]:
-    """The law of each controller, and which variant: a search has its start and what it found."""
+    """Return the law and the variant of each controller: a search has its start and its winners."""
     record = TUNE.beside(result)
     found: dict[str, tuple[str, int]] = {}
     for law in record["laws"] if record else ():
@@ -258,7 +258,7 @@ def _laws(result: Result) -> list[tuple[str, int]]:
 def _law(
     results: Sequence[Result], laws: Sequence[list[tuple[str, int]]], name: str, figure: str
 ) -> str:
-    """The law that a user names."""
+    """Return the law that a user names."""
     for one, of in zip(results, laws, strict=True):
         if (label := one.label_of(name)) in one.labels:
             return of[one.labels.index(label)][0]
@@ -268,7 +268,7 @@ def _law(
 
 
 def _colours(shown: Sequence[str], every: Sequence[str]) -> dict[str, int]:
-    """Colours by law: its own where it has one, and else one that no law here has."""
+    """Return the colour index of each law: its own if it has one, else one that is free here."""
     own = {law: every.index(law) for law in shown}
     if len(shown) > MOST_COLOURS or max(own.values(), default=0) < MOST_COLOURS:
         return own
@@ -280,7 +280,7 @@ def _colours(shown: Sequence[str], every: Sequence[str]) -> dict[str, int]:
 def _ensembles(
     results: Sequence[Result], kept: Sequence[Sequence[int]], of: Sequence[Look]
 ) -> list[Ensemble]:
-    """The controllers at these positions of each result."""
+    """Return the ensembles of the controllers at these positions of each result."""
     found: list[Ensemble] = []
     for number, (one, name) in enumerate(zip(results, names(results), strict=True)):
         end = f", {name}" if len(results) > 1 else ""
@@ -291,5 +291,5 @@ def _ensembles(
 
 
 def error_of(result: Result, figure: str, message: str) -> EqtError:
-    """An error of a figure about a result."""
+    """Return an error of a figure about a result."""
     return result.error(f"figure '{figure}' {message}")

@@ -1,4 +1,4 @@
-"""The fronts of a search with two objectives."""
+"""Pareto fronts of a search with two objectives."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,30 +13,30 @@ from eqt_cli.tuning.held_out import held_out
 
 
 class ShownFronts:
-    """The fronts of a search with two objectives, on its held-out runs.
+    """Pareto fronts of a search with two objectives, on its held-out runs.
 
     Parameters
     ----------
     results
         The open result.
     figure, chosen
-        As for `ShownControllers`.
+        See `ShownControllers`.
 
     Attributes
     ----------
     fronts : list of Front
-        Of the laws.
+        One front per law.
     titles : list of str
-        How the laws are written.
+        Titles of the laws.
     looks : list of Look
-        On what the line styles of the laws depend.
+        Looks, which determine the line styles of the laws.
     objectives : list of str
         The two metrics.
 
     Raises
     ------
     EqtError
-        If the result is not of such a search, or there is no such law.
+        If the result is not of a search with two objectives, or there is no such law.
     """
 
     def __init__(self, results: Result, figure: str, chosen: Chosen = ALL) -> None:
@@ -65,17 +65,17 @@ class ShownFronts:
         self.starts = {law["label"]: results.labels.index(law["start"]) for law in record["laws"]}
 
     def values(self, front: Front) -> list[Array]:
-        """Both metrics of all winners of a law, ``(winners, runs)``."""
+        """Return both metrics of all winners of a law, ``(winners, runs)`` each."""
         rows = [self.results.labels.index(label) for label in front.labels]
         return [self.results.counted(name)[rows] for name in self.objectives]
 
     def start(self, front: Front) -> list[float]:
-        """Both means at the starting gains of a law."""
+        """Return the means of both metrics at the starting gains of a law."""
         row = self.starts[front.law]
         return [float(self.results.means(name)[row]) for name in self.objectives]
 
     def notes(self) -> list[str]:
-        """What a reader must know about the points."""
+        """Return the notes for the reader about the points."""
         return [
             f"Means over {self.results.runs} held-out runs with 95 % intervals. Hollow: found by "
             "the search, but dominated on these runs. Crosses: starting gains."
@@ -83,5 +83,5 @@ class ShownFronts:
 
 
 def _law_of(name: str, laws: Sequence[str]) -> str:
-    """The label of a law of the search that a user names by it, or by its title."""
+    """Return the label of the law of the search that a user names by label or title."""
     return label_named(name, {law: law_title(law) for law in laws})

@@ -15,26 +15,26 @@ from eqt_cli.results.result import Result
 
 
 class ShownMeasured:
-    """A recording in time with a run.
+    """A recording and a simulated run over the same time.
 
     Parameters
     ----------
     result, measured
-        Open, and a recording on its group.
+        The open result, and a recording on its group.
     figure, chosen
-        As for `ShownControllers`; the first controller if none is chosen.
+        See `ShownControllers`; the first controller if none is chosen.
     run
-        The number of the run.
+        Number of the run.
 
     Attributes
     ----------
     pair
-        The run with the recording.
+        The run and the recording.
 
     Raises
     ------
     EqtError
-        If there is no recording, no such run or controller, or they do not fit.
+        If there is no recording, run or controller, or the recording does not fit the run.
     """
 
     def __init__(
@@ -58,14 +58,14 @@ class ShownMeasured:
 
     @property
     def group(self) -> MatrixLieGroup:
-        """G."""
+        """The group G."""
         return self.pair.recording.group
 
     @property
     def curves(self) -> list[tuple[str, tuple[Array, Array], tuple[Array, Array]]]:
-        """Rows of panels: a name, times and values of the recording, and of the run.
+        """Rows of panels: a name, then times and values of the recording and of the run.
 
-        Values are poses, or coordinates of errors, velocities and wrenches.
+        The values are poses, or coordinates of errors, velocities and wrenches.
         """
         pair, seen = self.pair, self.pair.recording
         here, wanted = pair.simulated.states, pair.reference.states
@@ -88,7 +88,7 @@ class ShownMeasured:
         return [(name, part(told, seen_at), part(run, run_at)) for name, told, run in found]
 
     def notes(self) -> list[str]:
-        """What is shown, how it was aligned, and what was not measured."""
+        """Return notes on what is shown, how it was aligned, and what was not measured."""
         pair = self.pair
         return [
             f"Lines: {pair.title}, run {pair.run}. Tints: {pair.notes[0]}.",

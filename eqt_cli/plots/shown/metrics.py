@@ -1,4 +1,4 @@
-"""Numbers per run, of one or several results."""
+"""Metrics per run, of one or several results."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ DEFAULT_METRICS = (
     "final_pose_error",
     "settling_time",
 )
-"""The metrics that are shown unless told otherwise, those of them that all results hold."""
+"""Metrics shown by default, as far as all results hold them."""
 
 
 @dataclass(frozen=True)
@@ -28,28 +28,28 @@ class Sample:
     Attributes
     ----------
     values : (runs,)
-        In the order of the runs; infinite where a run had not settled by its end.
+        Values in the order of the runs; infinite where a run had not settled by its end.
     """
 
     values: Array
 
     @property
     def seen(self) -> Array:
-        """The finite values, rising."""
+        """The finite values in ascending order."""
         return np.sort(self.values[np.isfinite(self.values)])
 
     @property
     def censored(self) -> int:
-        """How many runs had not settled."""
+        """Number of runs that had not settled."""
         return int(np.isinf(self.values).sum())
 
     @property
     def mean(self) -> float:
-        """NaN where runs had not settled, since nobody knows when they would."""
+        """The mean; NaN if some runs had not settled, since their settling times are unknown."""
         return float(np.mean(self.values)) if self.values.size and not self.censored else np.nan
 
     def quantiles(self, levels: Sequence[float]) -> Array:
-        """By linear interpolation between runs; infinite where that takes one not settled."""
+        """Return quantiles, interpolated linearly; infinite where this needs an unsettled run."""
         seen = self.seen
         places = (self.values.size - 1) * np.asarray(levels)
         if not seen.size:
@@ -59,22 +59,22 @@ class Sample:
 
 
 class ShownMetrics(ShownControllers):
-    """Metrics of the runs, of one or several results on one group, that did not fail.
+    """Metrics of the runs that did not fail, of one or several results on one group.
 
     Parameters
     ----------
     metrics
-        What to show, by names in the results; `DEFAULT_METRICS` if empty.
+        Metrics to show, by their names in the results; `DEFAULT_METRICS` if empty.
 
     Attributes
     ----------
     metrics : list of str
-        What is shown.
+        The metrics that are shown.
 
     Raises
     ------
     EqtError
-        As `ShownControllers`; and if a result holds no such metric.
+        In the cases of `ShownControllers`, or if a result holds no such metric.
     """
 
     def __init__(
@@ -97,22 +97,22 @@ class ShownMetrics(ShownControllers):
 
     @cached_property
     def samples(self) -> dict[tuple[str, str], Sample]:
-        """What is shown, by metric and the controller's label; runs without a value left out."""
+        """Samples by metric and controller label, without the runs that have no value."""
         return {(name, e.label): _sample(name, e) for name in self.metrics for e in self.shown}
 
     def end(self, ensemble: Ensemble) -> float:
-        """The last time of a controller's runs."""
+        """Return the final time of a controller's runs."""
         return float(ensemble.results.times[-1])
 
     def notes(self) -> list[str]:
-        """As `ShownControllers.notes`, before how many runs have no value."""
+        """Return `ShownControllers.notes`, then how many runs have no value."""
         return [*super().notes(), *self._without_value()]
 
     def _without_value(self) -> Iterator[str]:
         for name in self.metrics:
             for ensemble in self.shown:
                 if name not in ensemble.results.metrics:
-                    continue  # which is known of the runs with trajectories
+                    continue  # known only for runs with stored trajectories
                 total = int(ensemble.good.sum())
                 without = total - self.samples[name, ensemble.label].values.size
                 if without:
@@ -124,7 +124,7 @@ def _sample(name: str, ensemble: Ensemble) -> Sample:
     if name in result.metrics:
         found, late = result.metric(name, controller), result.censored(name, controller)
         good = ensemble.good
-    else:  # what follows from the trajectories
+    else:  # computed from the trajectories
         of = result.per_run(result.comparable_named(name))
         found, late = of.values[controller], of.censored[controller]
         good = np.isfinite(found)

@@ -12,7 +12,7 @@ from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, positions
 from eqt_cli.results.result import Result
 
 MOST_REMARKS = 3
-"""Lines about one reference, below its figure."""
+"""Largest number of remarks on a reference below its figure."""
 
 
 class ShownReference:
@@ -23,23 +23,23 @@ class ShownReference:
     source
         The open result, or the experiment.
     figure, chosen
-        As for `ShownControllers`; the reference is the same for all controllers.
+        See `ShownControllers`; the reference is the same for all controllers.
 
     Attributes
     ----------
     group
-        G.
+        The group G.
     times : (n,)
-        s.
+        Sample times, s.
     pose : (n, d, d)
-        Q_d.
+        Desired poses Q_d.
     velocity, torque : (n, m)
-        V_d and τ_d, body frame.
+        Desired velocity V_d and torque τ_d, body frame.
 
     Raises
     ------
     EqtError
-        If the result is a sweep's, lacks the reference or is on a group that is not known.
+        If the result is a sweep, lacks the reference or is on an unknown group.
     """
 
     def __init__(self, source: Result | Experiment, figure: str, chosen: Chosen = ALL) -> None:
@@ -54,7 +54,7 @@ class ShownReference:
     def _take(
         self, source: Result | Experiment, figure: str, chosen: Sequence[str]
     ) -> tuple[MatrixLieGroup, tuple[Array, Array, Array, Array]]:
-        """The group; times, poses, velocities and torques over the whole horizon."""
+        """Return the group, and times, poses, velocities and torques over the whole horizon."""
         if isinstance(source, Experiment):
             found = reference_over_horizon(source)
             problems = Problems(lambda path: "")
@@ -71,7 +71,7 @@ class ShownReference:
         return source.group, (source.times, pose, velocity, torque)
 
     def notes(self) -> list[str]:
-        """Where the reference leaves the real numbers, and where it jumps; the first places."""
+        """Return the first remarks: where the reference is not finite, and where it jumps."""
         shown = [f"The reference: {remark}." for remark in self._remarks[:MOST_REMARKS]]
         left = len(self._remarks) - len(shown)
         return [*shown, f"And {left} more jumps."] if left else shown

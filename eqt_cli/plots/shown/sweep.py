@@ -1,4 +1,4 @@
-"""The points of a sweep, and what was measured at each."""
+"""The points of a sweep, and the metrics at each."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -13,12 +13,12 @@ from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
 
 CHOICES = ("gains", "controllers")
-"""Sections of a configuration whose keys a designer chooses: gains, and options of laws."""
+"""Configuration sections with design choices: gains, and options of laws."""
 SEED = "ensemble.seed"
 
 
 def are_choices(axes: Sequence[SweptKey]) -> bool:
-    """Whether all swept keys are choices of a designer; seeds only repeat what was chosen."""
+    """Whether all swept keys are design choices; seeds only repeat a choice and do not count."""
     keys = [axis.key for axis in axes if axis.key != SEED]
     return all(re.split(r"\W", key)[0] in CHOICES for key in keys)
 
@@ -31,23 +31,23 @@ class ShownSweep:
     results
         The open result.
     figure, chosen
-        As for `ShownControllers`.
+        See `ShownControllers`.
 
     Attributes
     ----------
     controllers : list of int
-        The positions of the controllers.
+        Indices of the controllers in the result.
     looks : list of Look
-        On what their line styles depend.
+        Looks, which determine their line styles.
     titles : list of str
         Their names in figures.
     remarks
-        What a figure adds to the notes while it is drawn.
+        Notes that a figure adds while it is drawn.
 
     Raises
     ------
     EqtError
-        If the result is not one of a sweep, or there is no such controller.
+        If the result is not a sweep, or there is no such controller.
     """
 
     def __init__(self, results: Result, figure: str, chosen: Chosen = ALL) -> None:
@@ -64,16 +64,16 @@ class ShownSweep:
 
     @property
     def axes(self) -> list[SweptKey]:
-        """The swept keys that take more than one value; one for keys that change together."""
+        """Swept keys that take more than one value; keys that change together count as one."""
         return self.results.swept_keys
 
     def one_or_two(self, instead: str = "") -> list[SweptKey]:
-        """`axes`, for a figure that has room for no more of them.
+        """Return `axes`, for a figure that has room for at most two.
 
         Raises
         ------
         EqtError
-            If there are more, or none; it ends with what to do instead.
+            If there are more, or none; `instead` ends the message.
         """
         if not 1 <= len(self.axes) <= 2:
             here = f"{len(self.axes)} ({self.keys})"
@@ -82,16 +82,16 @@ class ShownSweep:
 
     @property
     def keys(self) -> str:
-        """The names of `axes`, for messages."""
+        """Names of `axes`, for messages."""
         return ", ".join(axis.key for axis in self.axes) or "none"
 
     def require_choices(self) -> None:
-        """Refuse a trade-off between what nobody chooses, such as a lag or an initial angle.
+        """Refuse a trade-off over keys that are no design choices, such as a lag.
 
         Raises
         ------
         EqtError
-            That says what is swept.
+            If any swept key is no design choice; the message names the keys.
         """
         if not are_choices(self.axes):
             raise self.error(
@@ -100,26 +100,26 @@ class ShownSweep:
             )
 
     def of_one_unit(self, name: str) -> str:
-        """A metric; that of the first part where the parts have units of their own."""
+        """Return the name of a metric; of its first part where the parts have different units."""
         mixed = self.results.has(name) and self.results.units(name) == MIXED
         return self.results.in_parts(name)[0] if mixed else name
 
     def metric(self, name: str) -> Array:
-        """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed.
+        """Return a metric of every run, ``(points, shown controllers, runs)``; NaN where it failed.
 
-        The horizon stands for what lies beyond it.
+        Values beyond the horizon count as the horizon.
         """
         self.results.check_metrics([name], who=f"figure '{self.figure}'")
         self._shown.append(name)
         return self.results.counted(name)[:, self.controllers]
 
     def means(self, name: str) -> Array:
-        """The means over all runs, ``(points, shown controllers)``; NaN where one failed.
+        """Return means over all runs, ``(points, shown controllers)``; NaN where a run failed.
 
         Raises
         ------
         EqtError
-            If none of the points has one.
+            If no point has a finite mean.
         """
         found: Array = np.mean(self.metric(name), axis=-1)
         if not np.isfinite(found).any():
@@ -128,33 +128,33 @@ class ShownSweep:
 
     @property
     def failed_runs(self) -> Array:
-        """How many runs failed, ``(points, shown controllers)``."""
+        """Number of failed runs, ``(points, shown controllers)``."""
         found: Array = np.count_nonzero(self.results.status, axis=-1)[:, self.controllers]
         return found
 
     def beyond(self, name: str) -> Array:
-        """Of how many runs a metric lies beyond the horizon, ``(points, shown controllers)``."""
+        """Return the number of runs with a metric beyond the horizon, ``(points, controllers)``."""
         found: Array = self.results.censored(name).sum(axis=-1)[:, self.controllers]
         return found
 
     def laws(self, shown: int) -> dict[int, str]:
-        """The points where a controller, the n-th of those shown, is a law with a name of its own.
+        """Return the titles of the registered laws that the n-th shown controller equals, by point.
 
-        Empty where the sweep is not over the controllers' options.
+        Empty unless the sweep is over the controllers' options.
         """
         return self.results.laws(self.controllers[shown])
 
     def point_name(self, point: int) -> str:
-        """What is swept at a point: ``kp 2, kd 0.5``."""
+        """Return the swept values at a point: ``kp 2, kd 0.5``."""
         return self.results.point_name(point)
 
     def notes(self) -> list[str]:
-        """What a reader must know about the runs that have no number."""
+        """Return the notes for the reader about runs without a number."""
         return [*self.remarks, *self._failed(), *self._censored()]
 
     @property
     def count(self) -> str:
-        """How many runs each point has: ``n = 20``."""
+        """Number of runs of each point: ``n = 20``."""
         return f"n = {self.results.runs}"
 
     def _failed(self) -> Iterator[str]:
@@ -178,12 +178,12 @@ class ShownSweep:
                 yield f"{name}: {counted}; means are lower bounds."
 
     def settled(self, by: float) -> Array:
-        """Which runs have settled by a time, or by their end if it is 0; no failed run has.
+        """Return whether each run has settled by a time, or by its end if 0; failed runs have not.
 
         Raises
         ------
         EqtError
-            If runs do not last that long, or the result does not tell.
+            If the runs are shorter, or the result holds no settling times.
         """
         horizon = self.results.horizon
         if horizon is not None and by > horizon:
@@ -191,9 +191,9 @@ class ShownSweep:
         self.results.check_metrics(["settling_time"], who=f"figure '{self.figure}'")
         self._shares = True
         times = self.results.metric("settling_time")[:, self.controllers]
-        found: Array = times <= (by or np.inf)  # NaN, of a run that has not settled, is not
+        found: Array = times <= (by or np.inf)  # False for NaN: not settled
         return found
 
     def error(self, message: str) -> EqtError:
-        """An error of this figure about this result."""
+        """Return an error of this figure about this result."""
         return error_of(self.results, self.figure, message)

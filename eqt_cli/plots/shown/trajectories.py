@@ -20,12 +20,12 @@ _NORMS = ("pose_error", "velocity_error", "torque_norm")
 
 
 class ShownRuns(ShownControllers):
-    """Trajectories of the runs, of one or several results on one group, that did not fail.
+    """Trajectories of the runs that did not fail, of one or several results on one group.
 
     Raises
     ------
     EqtError
-        As `ShownControllers`; and if a result holds no trajectories, or of failed runs only.
+        In the cases of `ShownControllers`, or if a result holds no trajectories of good runs.
     """
 
     def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
@@ -46,7 +46,7 @@ class ShownRuns(ShownControllers):
             raise self.error("has nothing to show: every run whose trajectory is stored failed")
 
     def with_function(self) -> list[Ensemble]:
-        """The controllers whose L is drawn; a remark names the others."""
+        """Return the controllers whose L is drawn; add a remark that names the others."""
         others = [e.title for e in self.shown if not e.has_function]
         named = ", ".join(others)
         remark = f"Without L, since the law does not claim that it falls: {named}."
@@ -56,26 +56,26 @@ class ShownRuns(ShownControllers):
 
     @property
     def span(self) -> tuple[float, float]:
-        """The first and the last time of all results."""
+        """First and last time of all results."""
         ends = [one.times[self._samples(one)[[0, -1]]] for one in self.results]
         return float(np.min(ends)), float(np.max(ends))
 
     def times(self, ensemble: Ensemble) -> Array:
-        """The sample times of a controller's runs."""
+        """Return the sample times of a controller's runs."""
         found: Array = ensemble.results.times[self._samples(ensemble.results)]
         return found
 
     def _samples(self, result: Result) -> Array:
-        """The samples that are shown, by position."""
+        """Return the indices of the samples that are shown."""
         return self._time.samples(result.times, partial(error_of, result, self.figure))
 
     def values(self, signal: str, ensemble: Ensemble, most: int | None = None) -> Array:
-        """One signal of the good runs of a controller, ``(runs, samples, …)``.
+        """Return a signal of the good runs of a controller, ``(runs, samples, …)``.
 
         Parameters
         ----------
         most
-            How many runs to read, the first ones; all if None.
+            Largest number of runs to read, from the first; all if None.
 
         Raises
         ------
@@ -87,7 +87,7 @@ class ShownRuns(ShownControllers):
         return every[:, self._samples(ensemble.results)]
 
     def of_run(self, signal: str, ensemble: Ensemble, run: int) -> Array:
-        """One signal of one run of a controller, ``(samples, …)``.
+        """Return a signal of one run of a controller, ``(samples, …)``.
 
         Raises
         ------
@@ -100,7 +100,7 @@ class ShownRuns(ShownControllers):
         return found[self._samples(ensemble.results)]
 
     def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
-        """`values` of a norm; those that are distances of rotations as angles, if in `degrees`."""
+        """Return `values` of a norm; with `degrees`, distances of rotations become angles."""
         values = self.values(signal, ensemble)
         turns = signal.replace("estimate_error", "pose_error") in self.results[0].attitude_errors
         if degrees and turns:
@@ -108,34 +108,35 @@ class ShownRuns(ShownControllers):
         return values
 
     def error_label(self, signal: str, *, degrees: bool) -> str:
-        """The label of an axis along which `errors` are drawn."""
+        """Return the label of the scale of `errors`."""
         if degrees and signal in self.results[0].attitude_errors:
             return in_words("attitude error", "deg")
         return signal_label(self.results[0], signal)
 
     def require_attitude(self, *, degrees: bool) -> None:
-        """Refuse to show in degrees what is no angle."""
+        """Refuse degrees where there is no attitude error."""
         if degrees and not self.results[0].attitude_errors:
             group = self.results[0].group_name
             raise self.error(f"finds no attitude error on {group} to show in degrees")
 
     def numbers(self, ensemble: Ensemble, most: int | None = None) -> Array:
-        """The numbers of the good runs of a controller, as `values` takes them."""
+        """Return the numbers of the good runs of a controller, in the order of `values`."""
         return ensemble.results.stored_runs[ensemble.good][:most]
 
     def desired(self, signal: str, ensemble: Ensemble) -> Array:
-        """A signal of the reference at the sample times, ``(samples, …)``: ``torque`` for τ_d."""
+        """Return a signal of the reference, ``(samples, …)``: ``torque`` for τ_d."""
         self._check_stored(ensemble.results, f"desired_{signal}")
         found: Array = ensemble.results[f"desired_{signal}"][self._samples(ensemble.results)]
         return found
 
     def feedforward(self, ensemble: Ensemble) -> Array:
-        """What a law gives without its gains in the good runs, body frame, ``(runs, samples, m)``.
+        """Return the feedforward torque of the good runs, body frame, ``(runs, samples, m)``.
 
         Raises
         ------
         EqtError
-            If the law does not say, the loop is not ideal, or the experiment cannot be built.
+            If the law has no separate feedforward, the loop is not ideal, or the experiment cannot
+            be built.
         """
         result = ensemble.results
         if result.loop_in_words:
@@ -170,19 +171,19 @@ class ShownRuns(ShownControllers):
 
     @cached_property
     def parts(self) -> list[str]:
-        """Suffixes of the norms with units of their own, ``_rotation``; else one empty suffix."""
+        """Suffixes of the norms per part, such as ``_rotation``; else one empty suffix."""
         first = self.results[0]
         suffixes = [f"_{part}" for part in first.parts(_NORMS[0])]
         return [end for end in suffixes if all(first.has(norm + end) for norm in _NORMS)] or [""]
 
     @property
     def group(self) -> MatrixLieGroup | None:
-        """The group of all results; None if it is of a plugin, which need not be loaded here."""
+        """The group of all results; None if it is of a plugin that is not loaded."""
         return self.results[0].group
 
     @cached_property
     def axes(self) -> list[tuple[str, str]]:
-        """Name and torque unit of every algebra coordinate."""
+        """Name and torque unit of each algebra coordinate."""
         axes = [str(name) for name in self.results[0].coordinate("axis")]
         units = [self.unit("torque")] * len(axes)
         if MIXED in units and self.group is not None:
@@ -192,12 +193,12 @@ class ShownRuns(ShownControllers):
 
     @property
     def thrusters(self) -> list[str]:
-        """The names of the thrusters.
+        """Names of the thrusters.
 
         Raises
         ------
         EqtError
-            If a vehicle has none, or others than the first.
+            If a vehicle has none, or its names differ from the first vehicle's.
         """
         for one in self.results:
             if not one.has("thrust"):
@@ -211,9 +212,9 @@ class ShownRuns(ShownControllers):
     def limits(
         self, ensemble: Ensemble, run: int, *, thrusters: bool
     ) -> tuple[Array, Array] | None:
-        """The least and the largest torque along each axis in a run, or thrust of each thruster.
+        """Return the smallest and largest torque of each axis in a run, or thrust of each thruster.
 
-        None where the vehicle has no such limits.
+        None if the vehicle has no such limits.
         """
         experiment = ensemble.results.experiment()
         vehicle = experiment.loops[ensemble.law].vehicle
@@ -222,11 +223,11 @@ class ShownRuns(ShownControllers):
         return flying.thrust_limits if thrusters else flying.torque_limits(experiment.group)
 
     def notes(self) -> list[str]:
-        """As `ShownControllers.notes`, after what flies and how many runs have trajectories."""
+        """Return notes on loops and stored runs, then `ShownControllers.notes`."""
         return [*self._loops(), *self._thinned(), *super().notes()]
 
     def _loops(self) -> Iterator[str]:
-        """What the loops have that the paper's has not."""
+        """Yield how each loop differs from the paper's ideal loop."""
         for one, name in zip(self.results, names(self.results), strict=True):
             if words := one.loop_in_words:
                 yield f"{name}: {words}" if len(self.results) > 1 else words

@@ -1,4 +1,4 @@
-"""The runs along each key through the worst that a search found."""
+"""Costs along each key through the worst case that a search found."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,24 +17,24 @@ from eqt_cli.tuning.worst import costs_of_runs
 
 @dataclass(frozen=True)
 class Along:
-    """A law along one key through the worst that was found for it.
+    """Costs of a law along one key through its worst case.
 
     Attributes
     ----------
     key
-        Of the configuration.
+        Configuration key.
     look
-        Of the law, on which its line style depends.
+        Look of the law, which determines its line style.
     title
-        How it is written.
+        Title of the law.
     values : (points,)
-        Of the key.
+        Values of the key.
     worst : (points,)
-        Of the objective over all runs; NaN where a run failed, or none has a value.
+        Worst objective over all runs; NaN where a run failed, or none has a value.
     failed : (points,)
-        Where a run failed.
+        Whether a run failed.
     found
-        At which of the points the worst was found.
+        Index of the point at the worst case.
     """
 
     key: str
@@ -47,26 +47,26 @@ class Along:
 
 
 class ShownWorst:
-    """What a search for the worst run found, along each key.
+    """Results of a search for the worst run, along each key.
 
     Parameters
     ----------
     results
         The open result.
     figure, chosen
-        As for `ShownControllers`.
+        See `ShownControllers`.
 
     Attributes
     ----------
     lines : list of Along
-        Of all laws, the keys in the order of the configuration.
+        Lines of all laws, with keys in the order of the configuration.
     objective : str
-        The metric.
+        The metric that is searched.
 
     Raises
     ------
     EqtError
-        If the result is not of such a search, or there is no such law.
+        If the result is not of such a search, or there is no such controller.
     """
 
     def __init__(self, results: Result, figure: str, chosen: Chosen = ALL) -> None:
@@ -102,16 +102,16 @@ class ShownWorst:
 
     @property
     def keys(self) -> list[str]:
-        """What was varied, each key once."""
+        """The varied keys, each once."""
         return list(dict.fromkeys(line.key for line in self.lines))
 
     def swept(self, key: str) -> SweptKey:
-        """A key as a scale, with all values that its lines have."""
+        """Return a key with all values of its lines, as a swept key."""
         values = np.concatenate([line.values for line in self.lines if line.key == key])
         return SweptKey(key, values, {}, key in self._log)
 
     def notes(self) -> list[str]:
-        """What a reader must know about the curves."""
+        """Return the notes for the reader about the curves."""
         return list(self._notes())
 
     def _notes(self) -> Iterator[str]:

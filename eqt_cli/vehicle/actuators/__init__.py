@@ -1,4 +1,4 @@
-"""What makes a torque of a command: one file per kind, found by scanning this folder."""
+"""Actuators, from command to torque: one file per kind, found by scanning this folder."""
 
 from eqt_cli.core.registry import Registry
 from eqt_cli.vehicle.actuators.base import Actuator as Actuator

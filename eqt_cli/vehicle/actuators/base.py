@@ -1,4 +1,4 @@
-"""What an actuator is: what becomes of a command; it knows no law, no plant and no engine."""
+"""The base class of actuators; it knows no law, plant or engine."""
 
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -14,92 +14,92 @@ from eqt_cli.vehicle.component import VehiclePart
 
 @dataclass(frozen=True)
 class Actuator(VehiclePart):
-    """One of the actuators through which a command goes, in their order.
+    """One of the actuators through which a command passes in order.
 
-    It takes the command that it is given, and its own states where it has any, which start at 0.
+    Its output depends on its input command, and on its own states if any, which start at 0.
     """
 
     has_closed_form: ClassVar[bool] = False
-    """Whether `after` says where a held command leads its states."""
+    """Whether `after` gives the states after a held command in closed form."""
 
     limited: ClassVar[str] = ""
-    """What its limit is one of, for messages: ``a rate of``; nothing where it is one of torques."""
+    """Prefix of its limit in messages: ``a rate of``; empty for a limit of torques."""
 
     # Most actuators give these by a class variable.
 
     @property
     def limits(self) -> bool:
-        """Whether it can be at a limit."""
+        """Whether the actuator can be at a limit."""
         return False
 
     @property
     def moves(self) -> bool:
-        """Whether it has states that change between instants, by a `state_rate`."""
+        """Whether the actuator has states that change between instants, by `state_rate`."""
         return False
 
     @property
     def sampled(self) -> bool:
-        """Whether it acts at control instants only, on a command that is held.
+        """Whether the actuator acts at control instants only, on a held command.
 
-        One that also `moves` takes the command by its `step` at an instant.
+        An actuator that also `moves` takes the command in `step` at an instant.
         """
         return False
 
     @property
     def solves(self) -> bool:
-        """Whether `solution` says what its `step` is given; no engine compiles that."""
+        """Whether `step` takes the result of `solution`, which no engine compiles."""
         return False
 
     @property
     def acting_at_instants(self) -> str:
-        """What of it acts at control instants, as a message calls it."""
+        """The name in messages of what acts at control instants."""
         return self.name
 
     @property
     def thruster_names(self) -> tuple[str, ...]:
-        """The names of its thrusters, where it has any."""
+        """Names of the thrusters, if any."""
         return ()
 
     @property
     def linear_part(self) -> "Actuator":
-        """It without limits, steps and dead zones; `PassThrough` where nothing is left of it."""
+        """The actuator without limits, steps and dead zones; `PassThrough` if nothing is left."""
         return self
 
     def states(self, G: MatrixLieGroup) -> int:
-        """How many states it has."""
+        """Return the number of states."""
         return 0
 
     @abstractmethod
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """What it makes of a command, ``(..., m)``; x are its states."""
+        """Return the output for a command and the states x, ``(..., m)``."""
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """The time derivative of its states."""
+        """Return the time derivative of the states."""
         return x
 
     def after(self, G: MatrixLieGroup, command: Array, x: Array, duration: Array) -> Array:
-        """Its states after a command was held for so long, where it has a closed form.
+        """Return the states after a command was held for `duration`, if there is a closed form.
 
-        What changes at instants only stands in front of its states, and is left out.
+        The states that change at instants only, which come first, are left out.
         """
         return x
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
-        """Its states after a control instant, of an actuator that is `sampled`."""
+        """Return the states after a control instant, for an actuator that is `sampled`."""
         return x
 
     def solution(self, G: MatrixLieGroup, command: Array) -> Array:
-        """What it finds for commands ``(runs, m)`` at an instant, ``(runs, n)``, by any code."""
+        """Return the solution ``(runs, n)`` for commands ``(runs, m)`` at an instant."""
         return command
 
     def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """What each of its thrusters gives, ``(..., k)``."""
+        """Return the thrust of each thruster, ``(..., k)``."""
         return command[..., :0]
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
-        """Where a command is beyond its limit, ``(...)``; None where it has none.
+        """Return where a command is beyond the limit, ``(...)``; None without a limit.
 
-        Of most limits, that is where the output falls short of the command by more than rounding.
+        For most limits, that is where output and command differ by more than rounding.
         """
         if not self.limits:
             return None
@@ -107,33 +107,33 @@ class Actuator(VehiclePart):
         return np.array(short.any(axis=-1))
 
     def torque_range(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
-        """The least and the largest torque along each axis, ``(m,)``, of what flies.
+        """Return the least and the largest torque along each axis, ``(m,)``, in a run.
 
-        None where it has no limit along an axis by itself.
+        None if it does not limit axes one by one.
         """
         return None
 
     def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
-        """How much of what is `limited` a torque takes, and what there is, ``(n, k)`` each.
+        """Return how much of the `limited` quantity a torque needs, and its limit, ``(n, k)`` each.
 
-        Each row is at one of the last n times; None where a torque does not tell.
+        Each row is at one of the last n times; None where this does not follow from a torque.
         """
         return None
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
-        """What a user should know of it before it is run, and no error is."""
+        """Yield remarks for the user before a run, none of which is an error."""
         yield from ()
 
 
 class PassThrough(Actuator):
-    """No actuator: the command as it is."""
+    """An actuator that passes the command unchanged."""
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """The command."""
+        """Return the command."""
         return command
 
 
 def against(values: Array, low: Any, high: Any) -> tuple[Array, Array]:
-    """The sizes of values, and the limits on their side of 0."""
+    """Return the magnitudes of values, and of the limits on their side of 0."""
     below = values < 0
     return where(below, 0.0 - values, values), where(below, 0.0 - low, high)

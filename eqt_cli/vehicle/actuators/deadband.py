@@ -1,4 +1,4 @@
-"""An actuator that does nothing for small commands."""
+"""An actuator with a dead zone for small commands."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -29,5 +29,5 @@ class Deadband(Actuator):
     width: Numbers
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """The command, or 0."""
+        """Return the command, or 0 within the width."""
         return where(less(absolute(command), self.width + 0 * command), 0 * command, command)

@@ -1,4 +1,4 @@
-"""An actuator that follows its command with a delay of first order."""
+"""An actuator that follows its command with a first-order lag."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -32,18 +32,18 @@ class Lag(Actuator):
     time_constant: Annotated[Numbers, Scale("time constant", "s")]
 
     def states(self, G: MatrixLieGroup) -> int:
-        """One along every axis."""
+        """Return the number of states, one along each axis."""
         return G.dimension
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """The state."""
+        """Return the state."""
         return x
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """(command − x) / T."""
+        """Return (command − x) / T."""
         return (command - x) / self.time_constant
 
     def after(self, G: MatrixLieGroup, command: Array, x: Array, duration: Array) -> Array:
-        """Command + (x − command) e^(−t/T)."""
+        """Return command + (x − command) e^(−t/T)."""
         left: Array = (x - command) * exp(-duration / self.time_constant)
         return command + left

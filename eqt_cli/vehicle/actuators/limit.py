@@ -42,28 +42,28 @@ class Limit(Actuator):
     high: Numbers | None = None
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """With the limits in both directions, or that of the norm."""
+        """Return the actuator with limits in both directions, or with the limit of the norm."""
         part = super().of_run(G, random)
         if part.norm or part.limit is None:
             return part
         return with_fields(part, limit=None, low=-part.limit, high=part.limit)
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """The command, cut off."""
+        """Return the saturated command."""
         if not self.norm:
             return clip(command, self.low, self.high)
         size = norm(command / self.limit)[..., None]
         return where(less(1.0, size), command / size, command)
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
-        """Where it cuts off."""
+        """Return where the command is beyond the limits."""
         if self.norm:
             return np.array(norm(command / self.limit) > 1.0)
         beyond = (command < self.low) | (command > self.high)
         return np.array(beyond.any(axis=-1))
 
     def torque_range(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
-        """The limits along the axes; None for that of the norm."""
+        """Return the limits along the axes; None for a limit of the norm."""
         if self.norm:
             return None
         ends = (
@@ -74,7 +74,7 @@ class Limit(Actuator):
         return low, high
 
     def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
-        """Sizes along the axes, or the norm in the unit of the largest limit; and the limits."""
+        """Return magnitudes on the axes, or the norm times the largest limit, with their limits."""
         if not self.norm:
             return against(torque, self.low, self.high)
         limit: Any = self.limit
@@ -82,7 +82,7 @@ class Limit(Actuator):
         return norm(torque / limit)[..., None] * largest, largest
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Both ways to give a limit, or none, or limits that leave nothing between them."""
+        """Note limits given in both ways or in none, and limits with nothing between them."""
         given: Any = [name for name in ("low", "high") if getattr(self, name) is not None]
         if self.limit is not None and given:
             problems.add(f"expected limit, or low and high, got limit and {' and '.join(given)}")

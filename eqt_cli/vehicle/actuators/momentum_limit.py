@@ -1,4 +1,4 @@
-"""Wheels, which can take up only so much momentum."""
+"""Reaction wheels, whose momentum is limited."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -15,8 +15,8 @@ from eqt_cli.vehicle.numbers import Numbers
 class MomentumLimit(Actuator):
     """The integral of the torque stays within a limit: what would lead out of it is cut off.
 
-    A command is held for a period, so that the integral is known at its end. The momentum of the
-    wheels is not part of the plant's: gyroscopic torques of the wheels are left out.
+    A command is held for a period, so that the integral is known at its end. The plant does not
+    include the momentum of the wheels: their gyroscopic torques are left out.
 
     Attributes
     ----------
@@ -36,20 +36,20 @@ class MomentumLimit(Actuator):
     momentum: Numbers
 
     def states(self, G: MatrixLieGroup) -> int:
-        """What it gives, and the momentum at the end of the period, along every axis."""
+        """Return the number of states: torque and momentum at the end of the period, each m."""
         return 2 * G.dimension
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
-        """As near to the command as the momentum at the end of the period allows."""
+        """Return the states with the torque nearest to the command within the momentum."""
         most, h = self.momentum, x[..., G.dimension :]
         torque = clip(command, (-most - h) / period, (most - h) / period)
         return np.concatenate([torque, h + period * torque], axis=-1)
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """What it gives."""
+        """Return the torque among the states."""
         return x[..., : G.dimension]
 
     def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
-        """The size of the integral along each axis, from the first time to each."""
+        """Return the magnitude of the integral from the first time on, and its limit, by axis."""
         pieces = np.diff(times)[:, None] * (torque[1:] + torque[:-1]) / 2
         return np.abs(np.cumsum(pieces, axis=0)), self.momentum

@@ -1,4 +1,4 @@
-"""An actuator that knows only multiples of a step."""
+"""An actuator whose output is a multiple of a step."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -9,7 +9,7 @@ from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
 from eqt_cli.vehicle.numbers import Numbers
 
 SHIFT = 1.5 * 2.0**52
-"""At this size doubles are whole numbers: to add it rounds to the nearest, half to even."""
+"""A size at which doubles are whole numbers: adding it rounds to the nearest, half to even."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Quantisation(Actuator):
     sampled: ClassVar[bool] = True
 
     resolution: Numbers
-    # As numbers, which a compiler cannot cancel.
+    # Fields, so that a compiler cannot cancel them.
     up: float = field(default=SHIFT, init=False, repr=False)
     down: float = field(default=SHIFT, init=False, repr=False)
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """The step times the rounded number of steps."""
+        """Return the step times the rounded number of steps."""
         rounded: Array = (command / self.resolution + self.up) - self.down
         return self.resolution * rounded

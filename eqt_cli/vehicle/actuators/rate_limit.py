@@ -1,4 +1,4 @@
-"""A hard limit of how fast the torque changes."""
+"""A hard limit of the rate of the torque."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -34,18 +34,18 @@ class RateLimit(Actuator):
     rate: Annotated[Numbers, Scale("rate limit", TORQUE_RATE)]
 
     def states(self, G: MatrixLieGroup) -> int:
-        """What it gives, along every axis."""
+        """Return the number of states: the torque along each axis."""
         return G.dimension
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
-        """As near to the command as it comes in one period."""
+        """Return the torque nearest to the command that it can reach in one period."""
         most = self.rate * period
         return x + clip(command - x, -most, most)
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """What it has come to."""
+        """Return the state."""
         return x
 
     def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
-        """The size of the rate along each axis, in the step that ends at each time."""
+        """Return the magnitude of the rate in the step before each time, and its limit, by axis."""
         return np.abs(np.diff(torque, axis=0) / np.diff(times)[:, None]), self.rate

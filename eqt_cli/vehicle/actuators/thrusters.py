@@ -1,4 +1,4 @@
-"""Thrusters that together give the torque: how it is shared among them, their limits, their lag."""
+"""Thrusters that together give the torque: their allocation, their limits, their lag."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from eqt_cli.vehicle.actuators.base import Actuator, against
 from eqt_cli.vehicle.numbers import Numbers, check_limits, check_numbers
 
 SMALLEST = 1e-10
-"""Singular values of B, relative to the largest, that count as 0."""
+"""Largest singular value of B, relative to the largest of all, that counts as 0."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Thruster:
     Attributes
     ----------
     at
-        Where it pushes, m.
+        Point at which the thrust acts, m.
     along
         The direction of its thrust; the length does not matter.
     turns
@@ -36,7 +36,7 @@ class Thruster:
         What figures call it; `thruster 1`, … if left out.
     """
 
-    # Not strict, as of drawn numbers: see `Drawn`.
+    # Not strict, for the reason given in `Distribution`.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     at: list[Real]
@@ -45,7 +45,7 @@ class Thruster:
     name: str = ""
 
     def wrench(self, G: EuclideanGroup) -> Array:
-        """The torque and force of a thrust of 1, ``(m,)``: ⟨f, V⟩ is the power at the point."""
+        """Return torque and force of a unit thrust, ``(m,)``: ⟨f, V⟩ is the power at the point."""
         along = np.array(self.along, dtype=float)
         along = along / np.linalg.norm(along)
         point = np.append(np.array(self.at, dtype=float), 1.0)
@@ -99,53 +99,53 @@ class Thrusters(Actuator):
 
     @property
     def limits(self) -> bool:
-        """Where thrusts have limits."""
+        """Whether thrusts have limits."""
         return self.low is not None
 
     @property
     def moves(self) -> bool:
-        """Where thrusts lag."""
+        """Whether thrusts lag."""
         return self.time_constant is not None
 
     @property
     def sampled(self) -> bool:
-        """Where thrusts are solved for."""
+        """Whether thrusts are solved for at control instants."""
         return self.allocation == "bounded"
 
     solves = sampled
 
     @property
     def acting_at_instants(self) -> str:
-        """The option."""
+        """The option, by which messages name the allocation."""
         return "allocation: bounded"
 
     @property
     def linear_part(self) -> Actuator:
-        """The same without limits, which gives what is asked where thrusters can."""
+        """The thrusters without limits: B of full rank then gives the command, up to the lag."""
         if not self.limits:
             return self
         return with_fields(self, low=None, high=None, scale=None, allocation="pseudo_inverse")
 
     @cached_property
     def count(self) -> int:
-        """k."""
+        """Number k of thrusters."""
         return len(self.thrusters or (self.matrix or [[]])[0])
 
     @property
     def thruster_names(self) -> tuple[str, ...]:
-        """As given, or numbered from 1."""
+        """Names of the thrusters: as given, or numbered from 1."""
         names = [each.name for each in self.thrusters or ()] or [""] * self.count
         return tuple(name or f"thruster {index}" for index, name in enumerate(names, 1))
 
     def columns(self, G: MatrixLieGroup) -> Array:
-        """B, ``(m, k)``."""
+        """Return B, ``(m, k)``."""
         if self.matrix is not None:
             return np.array(self.matrix, dtype=float)
         assert isinstance(G, EuclideanGroup)
         return np.stack([each.wrench(G) for each in self.thrusters or ()], axis=-1)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """With B, its weighted pseudo-inverse, and an entry for each thruster."""
+        """Return thrusters with B, its weighted pseudo-inverse, and an entry for each thruster."""
         part, B = self.drawn(random), self.columns(G)
         each = {
             name: np.broadcast_to(np.array(value, dtype=float), (self.count,)).copy()
@@ -165,46 +165,46 @@ class Thrusters(Actuator):
         )
 
     def states(self, G: MatrixLieGroup) -> int:
-        """The thrusts that are solved for, then those that lag."""
+        """Return the number of states: thrusts that are solved for, then thrusts that lag."""
         return (self.sampled + self.moves) * self.count
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """B f."""
+        """Return B f."""
         B: Any = self.matrix
         return apply_matrix(B, self.thrust(G, command, x))
 
     def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """The state of the lag, or what is asked."""
+        """Return the thrusts: the state of the lag, or the commanded thrusts."""
         return x[..., -self.count :] if self.moves else self._asked(command, x)
 
     def _asked(self, command: Array, x: Array) -> Array:
-        """What each is asked for, within its limits."""
+        """Return the commanded thrusts, within the limits."""
         if self.sampled:
             return x[..., : self.count]
         asked = apply_matrix(self.inverse, command)
         return clip(asked, self.low, self.high) if self.limits else asked
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """(asked − x) / T; what is solved for waits for the next instant."""
+        """Return (asked − x) / T, and 0 for thrusts that are solved for at the next instant."""
         asked = self._asked(command, x)
         rate: Array = (asked - x[..., -self.count :]) / self.time_constant
         return np.concatenate([0.0 * asked, rate], axis=-1) if self.sampled else rate
 
     def after(self, G: MatrixLieGroup, command: Array, x: Array, duration: Array) -> Array:
-        """Asked + (x − asked) e^(−t/T)."""
+        """Return asked + (x − asked) e^(−t/T)."""
         asked = self._asked(command, x)
         left = (x[..., -self.count :] - asked) * exp(-duration / self.time_constant)
         later: Array = asked + left
         return later
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
-        """The thrusts that were solved for; those that lag stay."""
+        """Return the states with the thrusts that were solved for; thrusts that lag stay."""
         if not self.sampled:
             return x
         return np.concatenate([command, x[..., self.count :]], axis=-1) if self.moves else command
 
     def solution(self, G: MatrixLieGroup, command: Array) -> Array:
-        """Thrusts within the limits with the torque nearest to the command; run by run."""
+        """Return thrusts within limits whose torque is nearest to the command, run by run."""
         runs = command.shape[:-1]
         axes = {"matrix": 2, "inverse": 2, "scale": 1, "low": 1, "high": 1}
         numbers = [
@@ -218,7 +218,7 @@ class Thrusters(Actuator):
         return found
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
-        """Where a thruster is asked for more than it can, or for its limit by a solution."""
+        """Return where a commanded thrust is beyond its limit, or at it where it is solved for."""
         if not self.limits:
             return None
         if self.sampled:
@@ -230,13 +230,13 @@ class Thrusters(Actuator):
         return np.array(there.any(axis=-1))
 
     def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
-        """The thrusts and their limits; of least squares, others may do."""
+        """Return thrusts and their limits; None if bounded, where other thrusts may do."""
         if self.sampled:
             return None
         return against(apply_matrix(self.inverse, torque), self.low, self.high)
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
-        """The directions in which no thrust pushes."""
+        """Yield a remark on the directions in which no thrust pushes."""
         lost = unreachable(self.columns(G))
         if len(lost):
             named = ", ".join(_in_words(row, G.axis_names) for row in lost)
@@ -244,7 +244,7 @@ class Thrusters(Actuator):
             yield f"with {rank} cannot push along {named}; what a law asks for there is lost"
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A matrix or places that are none, and numbers that do not fit them."""
+        """Note an invalid matrix or invalid places, and numbers that do not fit them."""
         if (self.matrix is None) == (self.thrusters is None):
             got = "neither" if self.matrix is None else "both"
             problems.add(f"expected either matrix or thrusters, got {got}")
@@ -305,7 +305,7 @@ class Thrusters(Actuator):
 
 
 def unreachable(B: Array) -> Array:
-    """Directions n with nᵀB = 0 in as few coordinates as possible, the rows ``(m − rank, m)``."""
+    """Return the directions n with nᵀB = 0 as rows ``(m − rank, m)``, in few coordinates each."""
     U, sizes, _ = np.linalg.svd(B)
     rank = int((sizes > SMALLEST * max(sizes[0], np.finfo(float).tiny)).sum())
     rows = U[:, rank:].T.copy()
@@ -325,7 +325,7 @@ def unreachable(B: Array) -> Array:
 
 
 def _in_words(direction: Array, names: Sequence[str]) -> str:
-    """A direction by the names of the coordinates: ``vx``, ``ωy − 0.5 vx``."""
+    """Return a direction in the names of the coordinates: ``vx``, ``ωy − 0.5 vx``."""
     words = ""
     for number, name in zip(direction.tolist(), names, strict=True):
         if number:
@@ -338,7 +338,7 @@ def _in_words(direction: Array, names: Sequence[str]) -> str:
 def _nearest(
     command: Array, B: Array, inverse: Array, scale: Array, low: Array, high: Array
 ) -> Array:
-    """Thrusts within limits whose torque is nearest to a command."""
+    """Return the thrusts within limits whose torque is nearest to a command."""
     if not np.isfinite(command).all():
         return np.full(len(low), np.nan)
     free: Array = inverse @ command

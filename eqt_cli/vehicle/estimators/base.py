@@ -1,7 +1,7 @@
-"""What an estimator is: it tells the law pose and velocity, from measurements at control instants.
+"""The base class of estimators, which give the law pose and velocity from measurements.
 
-It knows no law and no engine. What is the same for all kinds is here: which measurement is of which
-instant, and where an estimate starts.
+It knows no law or engine. All kinds share which measurement belongs to which instant, and where an
+estimate starts.
 """
 
 from abc import abstractmethod
@@ -19,11 +19,11 @@ from eqt_cli.vehicle.estimators.schedule import Schedule
 from eqt_cli.vehicle.numbers import Numbers
 
 INNOVATIONS = 3
-"""Numbers that sum up all innovations: how many, their squares, products of successive ones."""
+"""Length of the sums over all innovations: count, squares, products of successive ones."""
 
 
 class Deviations(NamedTuple):
-    """What sensors say of their own errors, for each coordinate, ``(m,)`` each.
+    """Deviations of errors that the sensors specify, for each coordinate, ``(m,)`` each.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Estimate(NamedTuple):
     bias : (..., m)
         b̂.
     covariance : (..., n, n)
-        Σ of (log(Q̂⁻¹Q), b − b̂), with n = 2m; n = 0 where a kind has none.
+        Σ of (log(Q̂⁻¹Q), b − b̂), with n = 2m; n = 0 for kinds without one.
     """
 
     pose: Array
@@ -59,7 +59,7 @@ class Estimate(NamedTuple):
 
 
 class Fix(NamedTuple):
-    """Parts of a pose that were measured.
+    """A fix: the measured parts of a pose.
 
     Attributes
     ----------
@@ -74,16 +74,16 @@ class Fix(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What there is at a control instant.
+    """Measurements, and the truth, at a control instant.
 
     Attributes
     ----------
     pose, velocity
-        As they have arrived, ``(..., d, d)`` and ``(..., m)``.
+        Measurements as they have arrived, ``(..., d, d)`` and ``(..., m)``.
     fresh : (..., parts)
-        1 for each measured part of the pose of which a measurement is made now that will arrive.
+        1 for each measured part of the pose with a measurement now that will arrive, else 0.
     true_pose, true_bias
-        Q and b, for the error of the estimate and for where it starts.
+        Q and b, for the error and the start of the estimate.
     """
 
     pose: Array
@@ -99,9 +99,9 @@ class Estimator(VehiclePart):
 
     At each control instant it predicts with the mean of the last two measured velocities, corrects
     with the parts of the pose that are measured at that instant, and tells the law. Where
-    measurements arrive late, it stands at the oldest instant of which one may still come, and goes
-    on from there to the present anew at every instant, with all that is known by then. Between
-    instants its numbers stay as they are.
+    measurements arrive late, it keeps the estimate at the oldest instant of which one may still
+    come, and at each instant repeats the steps from there to the present with all that is known by
+    then. Between instants the estimate is held.
 
     b̂ starts at 0, and Q̂ at the first fix.
 
@@ -109,28 +109,28 @@ class Estimator(VehiclePart):
     ----------
     initial_error
         log(Q̂⁻¹Q) at the start, in the coordinates of the algebra: a number or a list, or
-        distributions. Q̂ then starts there, and the first fix corrects it.
+        distributions. Q̂ then starts with this error, and the first fix corrects it.
     """
 
     departs: ClassVar[str] = "estimated state"
     vectors: ClassVar[tuple[str, ...]] = ("initial_error",)
 
     has_covariance: ClassVar[bool] = False
-    """Whether it says how far off it may be, by a covariance."""
+    """Whether the estimate has a covariance."""
 
     initial_error: Numbers | None = field(default=None, kw_only=True)
 
-    # What a kind gives.
+    # For kinds to define.
 
     def completed(self, G: MatrixLieGroup, known: Deviations) -> "Estimator":
-        """The same with what sensors say where nothing else is given."""
+        """Return the estimator with the deviations of the sensors where none are given."""
         return self
 
     def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
-        """Note what is wrong with it for what is measured."""
+        """Note what does not fit the sensors."""
 
     def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:
-        """The estimate at the start, at a pose."""
+        """Return the estimate at the start, at a pose."""
         bias = np.zeros_like(pose, shape=(*pose.shape[:-2], G.dimension))
         return Estimate(pose, bias, bias[..., None, :0][..., :0, :])
 
@@ -138,29 +138,29 @@ class Estimator(VehiclePart):
     def predicted(
         self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
     ) -> Estimate:
-        """The estimate a duration later, s, ``(..., 1)``, which may be 0.
+        """Return the estimate a duration later, s, ``(..., 1)``, which may be 0.
 
         Parameters
         ----------
         velocity : (..., m)
-            The mean of what was measured over it.
+            Mean of the velocities measured over the duration.
         """
 
     @abstractmethod
     def corrected(
         self, schedule: Schedule, now: Estimate, fix: Fix
     ) -> tuple[Estimate, Array | None]:
-        """The estimate behind a fix, and its whitened innovations ``(..., m)``, if it has any."""
+        """Return the estimate after a fix, and the whitened innovations ``(..., m)``, if any."""
 
-    # What is the same for all.
+    # Common to all kinds.
 
     @property
     def _given(self) -> bool:
-        """Whether the start is given, and not the first fix."""
+        """Whether the start is given by `initial_error`, and not by the first fix."""
         return self.initial_error is not None
 
     def states(self, schedule: Schedule) -> dict[str, int]:
-        """What is kept from instant to instant, and how many numbers of each."""
+        """Return the length of each state that is kept from instant to instant, by name."""
         G, depth = schedule.G, schedule.depth
         m, n = G.dimension, 2 * G.dimension * self.has_covariance
         own = {"pose": G.pose_length, "bias": m, "covariance": n * (n + 1) // 2}
@@ -179,7 +179,7 @@ class Estimator(VehiclePart):
     def after(
         self, schedule: Schedule, measured: Measured, states: Mapping[str, Array]
     ) -> dict[str, Array]:
-        """The states behind an instant."""
+        """Return the states after an instant."""
         G, depth, begun = schedule.G, schedule.depth, states["begun"]
         past = _Past(schedule, measured, states)
         here = self._loaded(G, states, "behind_" if depth else "")
@@ -211,7 +211,7 @@ class Estimator(VehiclePart):
     def _start(self, schedule: Schedule, measured: Measured) -> Estimate:
         G, Q = schedule.G, measured.true_pose
         if self.initial_error is not None:
-            # Of symbols or of many runs, with axes in front as the pose has.
+            # Symbols, or many runs, with leading axes as the pose has.
             return self.first(G, Q @ G.exp(-1.0 * self.initial_error))
         first = Q.copy()
         for channel in schedule.fixes:
@@ -233,7 +233,7 @@ class Estimator(VehiclePart):
 
 
 class _Past:
-    """What is known at an instant of the steps from the oldest instant that counts to now."""
+    """The measurements known at an instant, of the steps from the oldest instant kept to now."""
 
     def __init__(self, schedule: Schedule, measured: Measured, states: Mapping[str, Array]) -> None:
         self._schedule, self._measured, self._begun = schedule, measured, states["begun"]
@@ -255,7 +255,7 @@ class _Past:
 
     @property
     def later(self) -> dict[str, Array]:
-        """The same a period later, as states."""
+        """The measurements to keep for the next instant, as states."""
         rings = {"velocity": self._velocities, "live": self._live, "fresh": self._fresh}
         for channel, values in zip(self._schedule.fixes, self._values, strict=True):
             rings[f"fix_{channel.part.name}"] = values
@@ -266,11 +266,11 @@ class _Past:
 
     @property
     def latest(self) -> Array:
-        """The velocity that has arrived last."""
+        """Velocity that has arrived last."""
         return self._velocities[-1]
 
     def velocity(self, step: int) -> Array:
-        """The mean of what was measured at both ends of a step; of what is not known, the last."""
+        """Return the mean velocity of both ends of a step; the last one stands for unknown ones."""
         return (self._at(step) + self._at(step + 1)) / 2
 
     def _at(self, end: int) -> Array:
@@ -281,11 +281,11 @@ class _Past:
         return np.concatenate(columns, axis=-1)
 
     def duration(self, step: int) -> Array:
-        """Of a step, s, ``(..., 1)``: 0 before the start."""
+        """Return the duration of a step, s, ``(..., 1)``: 0 before the start."""
         return self._schedule.period * self._live[step]
 
     def fix(self, step: int, pose: Array, at_start: bool = False) -> Fix:
-        """What was measured at the end of a step; the first fix counts only if asked for."""
+        """Return the fix at the end of a step; the first fix counts only with `at_start`."""
         found, arrived = pose.copy(), 0.0 * self._measured.velocity
         for number, channel in self._schedule.available(step):
             count = self._live[step] * self._fresh[step][..., number, None]
@@ -302,14 +302,14 @@ class _Past:
 
 
 def _cut(ring: Array | None, length: int, count: int) -> list[Array]:
-    """The entries of a ring, the oldest first."""
+    """Return the entries of a ring, the oldest first."""
     if ring is None:
         return []
     return [ring[..., k * length : (k + 1) * length] for k in range(count)]
 
 
 def _summed(innovations: Array, arrived: Array, states: Mapping[str, Array]) -> dict[str, Array]:
-    """How many innovations there were, their squares, and the products of successive ones."""
+    """Return the states of the innovations: count, squares and products, and the last ones."""
     last, sums = states["last_innovation"], states["innovations"]
     own = innovations * arrived
     new = [arrived.sum(axis=-1), (own * own).sum(axis=-1), (own * last).sum(axis=-1)]
@@ -321,7 +321,7 @@ def _summed(innovations: Array, arrived: Array, states: Mapping[str, Array]) -> 
 
 
 def symmetric(upper: Array, n: int) -> Array:
-    """The symmetric matrix with these entries on and above its diagonal, row by row."""
+    """Return the symmetric matrix with these entries on and above its diagonal, row by row."""
     place = np.zeros((n, n), dtype=int)
     rows, columns = np.triu_indices(n)
     place[rows, columns] = place[columns, rows] = np.arange(len(rows))
@@ -329,9 +329,9 @@ def symmetric(upper: Array, n: int) -> Array:
 
 
 def pivots(matrix: Array, vector: Array) -> tuple[list[Array], list[Array]]:
-    """d of the LDLᵀ of a symmetric matrix, and L⁻¹ of a vector, ``(...)`` each, n of them.
+    """Return the n entries of d in a symmetric matrix LDLᵀ, and of L⁻¹v, ``(...)`` each.
 
-    A row that is 0 has the pivot 0, and takes no part.
+    A row that is 0 has the pivot 0, and eliminates nothing.
     """
     n = matrix.shape[-1]
     rows = [matrix[..., k, :] for k in range(n)]
@@ -349,7 +349,7 @@ def pivots(matrix: Array, vector: Array) -> tuple[list[Array], list[Array]]:
 
 
 def indefinite(covariance: Array) -> Array:
-    """1 where a symmetric matrix has a negative pivot, else 0, ``(...)``."""
+    """Return 1 where a symmetric matrix has a negative pivot, else 0, ``(...)``."""
     d, _ = pivots(covariance, covariance[..., 0, :])
     lost = 0.0 * d[0]
     for pivot in d:

@@ -39,7 +39,7 @@ class Complementary(Estimator):
     ki: Annotated[Numbers, Scale("filter gain k_I", "1/s²")] = 0.3
 
     def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
-        """Gains with which the estimate cannot settle, for the time between two fixes."""
+        """Note gains with which the estimate cannot settle, for the time between two fixes."""
         G = schedule.G
         kp, ki = (
             np.broadcast_to(np.array(drawn(value, None), dtype=float), G.dimension)
@@ -49,7 +49,7 @@ class Complementary(Estimator):
             T = channel.every * schedule.period
             for axis in schedule.axes_of(channel):
                 a, b = T * kp[axis], T * T * ki[axis]
-                # (ε, Tb̃) from fix to fix: predicted to ε − Tb̃, of which a and b are taken.
+                # (ε, Tb̃) from fix to fix: the prediction ε − Tb̃ is corrected by the gains a and b.
                 step = np.array([[1 - a, a - 1], [b, 1 - b]])
                 largest = float(np.abs(np.linalg.eigvals(step)).max())
                 if largest > 1:
@@ -63,20 +63,20 @@ class Complementary(Estimator):
     def predicted(
         self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
     ) -> Estimate:
-        """Q̂ exp(hV̂)."""
+        """Return the estimate with Q̂ exp(hV̂)."""
         step = schedule.G.exp(duration * (velocity - now.bias))
         return now._replace(pose=now.pose @ step)
 
     def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, None]:
-        """By σ, where a coordinate is measured."""
+        """Return the estimate corrected by σ in the measured coordinates."""
         G: MatrixLieGroup = schedule.G
-        own: Any = self  # as it flies, its options are arrays
+        own: Any = self  # in a run, options are arrays
         sigma = schedule.intervals * fix.arrived * innovation(G, G.inverse(now.pose) @ fix.pose)
         pose, bias = now.pose @ G.exp(own.kp * sigma), now.bias - own.ki * sigma
         return now._replace(pose=pose, bias=bias), None
 
 
 def innovation(G: MatrixLieGroup, error: Array) -> Array:
-    """σ of Q̂⁻¹Q_m, ``(..., m)``; log(Q̂⁻¹Q_m) to first order."""
+    """Return σ of Q̂⁻¹Q_m, ``(..., m)``; log(Q̂⁻¹Q_m) to first order."""
     squares = (G.basis * G.basis).sum(axis=(-2, -1))
     return navigation.gradient(G, G.identity, error) / squares

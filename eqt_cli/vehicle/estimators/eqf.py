@@ -29,14 +29,14 @@ class Eqf(ErrorStateFilter):
     name: ClassVar[str] = "eqf"
 
     def output(self, G: MatrixLieGroup, residual: Array) -> Array:
-        """[I − ½ad_r  0]."""
+        """Return [I − ½ad_r  0]."""
         m = G.dimension
         H = np.zeros_like(residual, shape=(*residual.shape[:-1], m, 2 * m))
         H[..., :m] = np.eye(m) - G.ad_matrix(residual) / 2
         return H
 
     def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
-        """Q̂ exp(δ_ε), b̂ + J(−δ_ε) δ_b; Σ is carried along by Ad_{exp(−δ_ε)}."""
+        """Return Q̂ exp(δ_ε), b̂ + J(−δ_ε) δ_b, and Σ transported by Ad_{exp(−δ_ε)}."""
         m, S = G.dimension, now.covariance
         step = G.exp(by[..., :m])
         bias = now.bias + apply_matrix(G.jacobian(-by[..., :m]), by[..., m:])

@@ -1,8 +1,8 @@
-"""Kalman's filter for the error log(Q̂⁻¹Q) of a pose and that of the bias, on any group.
+"""Kalman filter for the errors log(Q̂⁻¹Q) of the pose and b − b̂ of the bias, on any group.
 
-Q̇ = Q V^ is measured as V_m = V + b + n, with a bias b that walks; a fix is Q exp(n), or parts of
-it. With V̂ = V_m − b̂, ε̇ = −ad_V̂ ε − b̃ − n to first order. It must not know how a kind applies a
-correction.
+The V of Q̇ = Q V^ is measured as V_m = V + b + n, with a bias b that walks; a fix is Q exp(n), or
+parts of it. With V̂ = V_m − b̂, ε̇ = −ad_V̂ ε − b̃ − n to first order. This module must not know how
+a kind applies a correction.
 """
 
 from abc import abstractmethod
@@ -24,27 +24,29 @@ from eqt_cli.vehicle.numbers import Numbers, drawn
 
 @dataclass(frozen=True)
 class ErrorStateFilter(Estimator):
-    """What filters with a covariance have in common; each says how it takes a fix.
+    """The base class of filters with a covariance, which differ in how they apply a correction.
 
     A step of h seconds: Q̂ ← Q̂ exp(hV̂), Σ ← ΦΣΦᵀ + diag(h²σ_v², hσ_b²), with
     Φ = exp(h[[−ad_V̂, −I], [0, 0]]) in closed form. A fix is taken coordinate by coordinate, in
-    Joseph's form.
+    Joseph form.
 
     Attributes
     ----------
     pose_std
         Standard deviation of a fix, in the coordinates of the algebra; one number, or a list.
-        Default: that of the noise of `sensors.pose`.
+        Default: the deviation of the noise of `sensors.pose`.
     velocity_std
-        That of one measurement of the velocity. Default: that of the noise of `sensors.velocity`.
+        Standard deviation of one measurement of the velocity. Default: the deviation of the noise
+        of `sensors.velocity`.
     bias_walk
-        That of the drift of the bias after one second. Default: as of the bias of
-        `sensors.velocity`.
+        Standard deviation of the drift of the bias after one second. Default: the `walk` of the
+        bias of `sensors.velocity`.
     initial_pose_std
-        That of log(Q̂⁻¹Q) at the start, where Q̂ then is, drawn for each run. Default: Q̂ starts at
-        the first fix, with the deviation of one.
+        Standard deviation of log(Q̂⁻¹Q) at the start; each run then draws its Q̂ with it. Default:
+        Q̂ starts at the first fix, with the deviation of a fix.
     initial_bias_std
-        That of the bias at the start. Default: the root mean square of the `value` of the bias.
+        Standard deviation of the bias at the start. Default: the root mean square of the `value` of
+        the bias.
     """
 
     vectors: ClassVar[tuple[str, ...]] = (
@@ -63,25 +65,25 @@ class ErrorStateFilter(Estimator):
     initial_pose_std: Annotated[Numbers | None, Scale("initial deviation of the pose")] = None
     initial_bias_std: Annotated[Numbers | None, Scale("initial deviation of the bias")] = None
 
-    # What a kind gives.
+    # For kinds to define.
 
     @abstractmethod
     def output(self, G: MatrixLieGroup, residual: Array) -> Array:
-        """H with log(Q̂⁻¹Q_m) = H (ε, b̃) + n, ``(..., m, 2m)``, where the left side is measured."""
+        """Return H of log(Q̂⁻¹Q_m) = H (ε, b̃) + n, ``(..., m, 2m)``; the left side is measured."""
 
     @abstractmethod
     def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
-        """The estimate moved by a correction of (ε, b̃), ``(..., 2m)``."""
+        """Return the estimate moved by a correction of (ε, b̃), ``(..., 2m)``."""
 
     # Options.
 
     @property
     def varies(self) -> bool:
-        """Also where the start is drawn."""
+        """Whether numbers, or the start of the estimate, differ from run to run."""
         return super().varies or (self.initial_pose_std is not None and self.initial_error is None)
 
     def completed(self, G: MatrixLieGroup, known: Deviations) -> Self:
-        """With what the sensors say."""
+        """Return the filter with the deviations of the sensors where none are given."""
         said = {
             "pose_std": known.pose,
             "velocity_std": known.velocity,
@@ -93,7 +95,7 @@ class ErrorStateFilter(Estimator):
         return with_fields(self, **found | {k: v for k, v in own.items() if v is not None})
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """With the start of the run, where it is drawn."""
+        """Return the filter of one run, with its start where that is drawn."""
         found = super().of_run(G, random)
         if self.initial_pose_std is None or self.initial_error is not None:
             return found
@@ -101,7 +103,7 @@ class ErrorStateFilter(Estimator):
         return with_fields(found, initial_error=_of(found).initial_pose_std * normal)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Deviations that are negative or too many, and a start without one."""
+        """Note negative or too many deviations, and a start without a deviation."""
         for name in self.vectors[:-1]:
             if (value := getattr(self, name)) is not None:
                 check_deviations(value, G, problems.at(name))
@@ -112,7 +114,7 @@ class ErrorStateFilter(Estimator):
             )
 
     def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
-        """Deviations of 0, parts whose start is not known, and a bias that no fix can tell."""
+        """Note deviations of 0, parts without a known start, and a bias that no fix can tell."""
         G, done = schedule.G, self.completed(schedule.G, known)
         values = {
             name: np.broadcast_to(np.array(drawn(value, None), dtype=float), G.dimension)
@@ -143,7 +145,7 @@ class ErrorStateFilter(Estimator):
                 )
 
     def _no_deviation(self, name: str, part: str) -> str:
-        """What is said of a deviation of 0."""
+        """Return the message for a deviation of 0."""
         if getattr(self, name) is not None:
             return f"expected deviations greater than 0 for the {part}, got 0"
         signal = name.partition("_")[0]
@@ -155,7 +157,7 @@ class ErrorStateFilter(Estimator):
     # The filter.
 
     def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:
-        """With the deviations at the start."""
+        """Return the estimate at the start, at a pose, with its covariance."""
         bias = np.zeros_like(pose, shape=(*pose.shape[:-2], G.dimension))
         own: Any = self
         std = own.pose_std if own.initial_pose_std is None else own.initial_pose_std
@@ -165,7 +167,10 @@ class ErrorStateFilter(Estimator):
     def predicted(
         self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
     ) -> Estimate:
-        """ΦΣΦᵀ + diag(h²σ_v², hσ_b²); a velocity that is held over k periods counts k times."""
+        """Return the estimate with Q̂ exp(hV̂) and ΦΣΦᵀ + diag(kh²σ_v², hσ_b²).
+
+        Each velocity is held over k periods, so that its noise counts k times.
+        """
         G, m, own = schedule.G, schedule.G.dimension, _of(self)
         x = duration * (velocity - now.bias)
         step = G.exp(x)
@@ -184,7 +189,10 @@ class ErrorStateFilter(Estimator):
         return Estimate(now.pose @ step, now.bias, mirrored(found))
 
     def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, Array]:
-        """Coordinate by coordinate: K = Σhᵀ/(hΣhᵀ + σ²), Joseph's (I − Kh)Σ(I − Kh)ᵀ + σ²KKᵀ."""
+        """Return the estimate corrected coordinate by coordinate, and its whitened innovations.
+
+        K = Σhᵀ/(hΣhᵀ + σ²), and in Joseph form Σ ← (I − Kh)Σ(I − Kh)ᵀ + σ²KKᵀ.
+        """
         G, own = schedule.G, _of(self)
         residual = G.log(G.inverse(now.pose) @ fix.pose)
         H, S = self.output(G, residual), now.covariance
@@ -206,17 +214,17 @@ class ErrorStateFilter(Estimator):
 
 
 def _of(estimator: ErrorStateFilter) -> Any:
-    """As it flies, with arrays for its options."""
+    """Return the filter, typed as in a run, with arrays for its options."""
     return estimator
 
 
 def _diagonal(entries: Array) -> Array:
-    """The diagonal matrix with these entries, ``(..., n) -> (..., n, n)``."""
+    """Return the diagonal matrix with these entries, ``(..., n) -> (..., n, n)``."""
     return entries[..., :, None] * np.eye(entries.shape[-1])
 
 
 def mirrored(matrix: Array) -> Array:
-    """The symmetric matrix with the entries on and above the diagonal of this one."""
+    """Return the symmetric matrix with the entries of this one on and above the diagonal."""
     n = matrix.shape[-1]
     rows, columns = np.triu_indices(n)
     return symmetric(matrix[..., rows, columns], n)

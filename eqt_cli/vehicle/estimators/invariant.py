@@ -22,13 +22,13 @@ class Invariant(ErrorStateFilter):
     name: ClassVar[str] = "invariant"
 
     def output(self, G: MatrixLieGroup, residual: Array) -> Array:
-        """[I 0]."""
+        """Return [I 0]."""
         m = G.dimension
         H = np.zeros_like(residual, shape=(*residual.shape[:-1], m, 2 * m))
         H[...] = np.eye(m, 2 * m)
         return H
 
     def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
-        """Q̂ exp(δ_ε), b̂ + δ_b."""
+        """Return Q̂ exp(δ_ε), b̂ + δ_b."""
         m = G.dimension
         return now._replace(pose=now.pose @ G.exp(by[..., :m]), bias=now.bias + by[..., m:])

@@ -1,4 +1,4 @@
-"""Which measurements an estimator may have of which instant; it knows no estimator."""
+"""The measurements that an estimator may have of each instant; it knows no estimator."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from eqt_cli.vehicle.sensors.channels import Channel
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """When parts of the pose and of the velocity are measured, and when that is known.
+    """Times at which parts of pose and velocity are measured, and at which that is known.
 
     Attributes
     ----------
     channels
-        The parts that have sensors.
+        Parts that have sensors.
     period
-        Of control, s.
+        Control period, s.
     """
 
     G: MatrixLieGroup
@@ -29,31 +29,31 @@ class Schedule:
 
     @cached_property
     def fixes(self) -> list[Channel]:
-        """The parts of the pose that are measured."""
+        """Measured parts of the pose."""
         return [channel for channel in self.channels if channel.signal == "pose"]
 
     @cached_property
     def depth(self) -> int:
-        """How many control periods the oldest measurement is behind when it arrives."""
+        """Largest delay of a measurement, in control periods."""
         return max((channel.delay for channel in self.channels), default=0)
 
     @cached_property
     def axes(self) -> list[int]:
-        """The coordinates of the pose that are measured."""
+        """Measured coordinates of the pose."""
         return [axis for channel in self.fixes for axis in self.axes_of(channel)]
 
     @property
     def unmeasured(self) -> list[str]:
-        """The parts of the pose that no sensor measures."""
+        """Names of the parts of the pose that no sensor measures."""
         measured = [channel.part.name for channel in self.fixes]
         return [part.name for part in self.G.parts if part.name not in measured]
 
     def axes_of(self, channel: Channel) -> range:
-        """The coordinates of a part."""
+        """Return the coordinates of a part."""
         return range(self.G.dimension)[channel.part.axes]
 
     def of_axes(self, signal: str, option: str, default: int) -> Array:
-        """``every`` or ``delay`` of each coordinate of a signal, ``(m,)``."""
+        """Return ``every`` or ``delay`` of each coordinate of a signal, ``(m,)``."""
         found = np.full(self.G.dimension, default)
         for channel in self.channels:
             if channel.signal == signal:
@@ -62,15 +62,15 @@ class Schedule:
 
     @property
     def intervals(self) -> Array:
-        """Between fixes of each coordinate, s, ``(m,)``."""
+        """Time between fixes of each coordinate, s, ``(m,)``."""
         return self.of_axes("pose", "every", 1) * self.period
 
     def waits(self, channel: Channel) -> int:
-        """How many earlier measurements of a part have to be kept."""
+        """Return the number of earlier measurements of a part to keep."""
         return self.depth - channel.delay
 
     def available(self, step: int) -> Iterator[tuple[int, Channel]]:
-        """The parts of the pose of which a measurement `step` periods after the oldest is known."""
+        """Yield number and channel of the fixes that are known `step` periods after the oldest."""
         for number, channel in enumerate(self.fixes):
             if step <= self.waits(channel):
                 yield number, channel

@@ -1,4 +1,4 @@
-"""What a force is; it knows no law, no actuator and no engine."""
+"""The base class of forces; it knows no law, actuator or engine."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, field
@@ -26,15 +26,15 @@ class Force(VehiclePart):
 
     @abstractmethod
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """The force at a time, pose and velocity, in its frame, ``(..., m)``."""
+        """Return the force at a time, pose and velocity, in its frame, ``(..., m)``."""
 
     def in_body(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """The force in the body frame, ``(..., m)``; V is the body velocity."""
+        """Return the force in the body frame, ``(..., m)``; V is the body velocity."""
         if self.frame == "body":
             return self.acting(G, t, Q, V)
         force = self.acting(G, t, Q, G.Ad(Q, V))
         return G.Ad_star(Q, force + 0 * V)
 
     def instants(self) -> Array:
-        """The times, s, at which it goes on in another way; in order."""
+        """Return the times, s, at which the force switches to another expression, in order."""
         return np.empty(0)

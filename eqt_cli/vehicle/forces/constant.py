@@ -26,5 +26,5 @@ class ConstantForce(Force):
     force: Numbers
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """The force."""
+        """Return the force."""
         return self.force

@@ -43,7 +43,7 @@ class Drag(Force):
     )
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """With the expressions of the current, and 0 for them among its numbers."""
+        """Return the drag with the expressions of the current, and 0 for them among its numbers."""
         part = super().of_run(G, random)
         if self.current is None:
             return part
@@ -57,18 +57,18 @@ class Drag(Force):
         )
 
     def instants(self) -> Array:
-        """Where an expression changes its piece."""
+        """Return the times at which an expression changes its piece."""
         return instants_of(expression for expression in self.expressions if expression)
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """−D₁ U − D₂ (|U| U)."""
+        """Return −D₁ U − D₂ (|U| U)."""
         if self.current is not None:
             V = V - self._flow(G, t, Q)
         squares = apply_matrix(self.quadratic, absolute(V) * V)
         return -apply_matrix(self.linear, V) - squares
 
     def _flow(self, G: MatrixLieGroup, t: Any, Q: Array) -> Array:
-        """The velocity of the medium in the frame of the force, ``(..., m)``."""
+        """Return the velocity of the medium in the frame of the force, ``(..., m)``."""
         part, numbers = G.translation, np.asarray(self.current)
         assert part is not None
         entries: list[Any] = [0.0] * G.dimension
@@ -80,7 +80,7 @@ class Drag(Force):
         return flow if self.frame == "spatial" else G.Ad(G.inverse(Q), flow)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Numbers that are none, and a current on a group without a translation."""
+        """Note invalid numbers, and a current on a group without a translation."""
         super().check(G, problems)
         if self.current is None:
             return

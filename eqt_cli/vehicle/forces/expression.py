@@ -1,4 +1,4 @@
-"""A force that is given as expressions in time."""
+"""A force given as expressions in time."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
@@ -28,9 +28,9 @@ class ExpressionForce(InExpressions, Force):
     force: list[str | float]
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """Itself: its entries are expressions, also where they are numbers."""
+        """Return the force itself: its entries are expressions, even where they are numbers."""
         return self
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """f(t)."""
+        """Return f(t)."""
         return self.at(t)

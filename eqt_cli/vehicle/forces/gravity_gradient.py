@@ -1,4 +1,4 @@
-"""Gravity that differs over a satellite: it turns the long axis towards the planet."""
+"""The gravity gradient, whose torque turns the long axis of a satellite towards the planet."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Self
@@ -38,12 +38,12 @@ class GravityGradient(Force):
     inertia: Matrix
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """With the tensor as a matrix."""
+        """Return the force with the tensor as a matrix."""
         part = self.drawn(random)
         return with_fields(part, rate=np.array([part.rate]), inertia=square(part.inertia, 3, G))
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """The torque."""
+        """Return the torque, with force 0 on SE3."""
         rate = self.rate[..., 0]
         assert isinstance(G, EuclideanGroup)
         angle = rate * t
@@ -55,7 +55,7 @@ class GravityGradient(Force):
         return stack(coordinates + [0 * coordinates[0]] * (G.dimension - 3))
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Another group than SO3 and SE3, a wrong number of entries."""
+        """Note groups other than SO3 and SE3, invalid numbers, and a frame other than body."""
         if not (isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) < 2):
             problems.add(f"gravity_gradient needs group SO3 or SE3, got {G.name}")
         if self.frame != "body":

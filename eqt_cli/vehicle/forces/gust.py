@@ -1,4 +1,4 @@
-"""Gusts: a random force that is smooth, as a sum of sines with phases of the run."""
+"""Gusts: a smooth random force, a sum of sines whose phases each run draws."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Self
@@ -15,7 +15,7 @@ from eqt_cli.vehicle.forces.base import Force
 from eqt_cli.vehicle.numbers import Number, Numbers, check_numbers
 
 SINES = 12
-"""Per coordinate; each carries the same part of the variance."""
+"""Number of sines per coordinate; each carries the same part of the variance."""
 
 SHARES = np.tan(np.pi / 2 * (np.arange(SINES) + 0.5) / SINES)
 """ωT in the middle of each part of the spectrum of an Ornstein-Uhlenbeck process."""
@@ -49,11 +49,14 @@ class Gust(Force):
 
     @property
     def varies(self) -> bool:
-        """Every run has phases of its own."""
+        """Whether numbers differ from run to run: the phases always do."""
         return True
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """The amplitudes, frequencies and phases of the sines, ``(sines, m)`` or ``(sines, 1)``."""
+        """Return the gust with its sines: amplitude ``(m,)``, frequency and phase.
+
+        Frequencies are ``(sines, 1)``, phases ``(sines, m)``.
+        """
         part, m = self.drawn(random), G.dimension
         shape = SINES, m
         return with_fields(
@@ -66,18 +69,18 @@ class Gust(Force):
         )
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """Σ a sin(ω t + φ)."""
+        """Return Σ a sin(ω t + φ)."""
         frequency, phase = self.frequency, self.phase
         waves = [sin(frequency[..., k, :] * _column(t, V) + phase[..., k, :]) for k in range(SINES)]
         return self.amplitude * sum(waves)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A deviation that is negative, a time constant that is not positive, a wrong length."""
+        """Note negative deviations, a time constant that is not positive, and a wrong length."""
         check_deviations(self.std, G, problems.at("std"))
         check_numbers(self.time_constant, problems.at("time_constant"), positive=True)
 
 
 def _column(t: Any, V: Array) -> Any:
-    """Times ``(samples,)`` along the axis of samples of V; one time as it is."""
+    """Return times ``(samples,)`` as a column that broadcasts with V; one time as it is."""
     times = as_array(t)
     return times[..., None] if times.ndim else t

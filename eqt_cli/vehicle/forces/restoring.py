@@ -1,4 +1,4 @@
-"""Weight and buoyancy of a submerged body in space."""
+"""Weight and buoyancy of a submerged body on SE3."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
@@ -43,7 +43,7 @@ class Restoring(Force):
     up: list[Number] | None = None
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """With a direction of length 1, and all points."""
+        """Return the force with `up` of length 1, and with default points filled in."""
         part: Any = super().of_run(G, random)
         up = np.array([0.0, 0.0, 1.0]) if part.up is None else part.up
         mass, buoyancy = (
@@ -56,7 +56,7 @@ class Restoring(Force):
         return found
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """Torque and force."""
+        """Return torque and force."""
         assert isinstance(G, EuclideanGroup)
         part: Any = self
         up = (G.rotation(Q) * part.up[..., :, None]).sum(axis=-2)  # Rᵀ up
@@ -66,7 +66,7 @@ class Restoring(Force):
         return stack([*(torque[..., k] for k in range(3)), *(force[..., k] for k in range(3))])
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Another group than SE3, points that are none, or no direction."""
+        """Note groups other than SE3, invalid points, and a direction that is 0."""
         in_space = isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) == 1
         if not in_space:
             problems.add(f"restoring needs group SE3, got {G.name}")

@@ -1,4 +1,4 @@
-"""Errors of what the law is told: one file per kind, found by scanning this folder."""
+"""Measurement errors: one file per kind, found by scanning this folder."""
 
 from eqt_cli.core.registry import Registry
 from eqt_cli.vehicle.sensors.base import Sensor as Sensor

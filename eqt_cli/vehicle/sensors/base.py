@@ -1,4 +1,4 @@
-"""What an error of measurement is; it knows no law and no engine."""
+"""The base class of measurement errors; it knows no law or engine."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, field
@@ -18,8 +18,8 @@ from eqt_cli.vehicle.numbers import Numbers
 class Sensor(VehiclePart):
     """An error of a measured pose or velocity, at the instants at which it is measured.
 
-    Those of a pose add up to n with Q_m = Q exp(n), those of a velocity to b with V_m = V + b. They
-    depend on the run and on the instant only, and on nothing that moves. Entries of one part share
+    Errors of a pose add up to n with Q_m = Q exp(n), errors of a velocity to b with V_m = V + b.
+    They depend on the run and on the instant, not on the motion. Entries of one part share
     `period`, `delay` and `dropout`, given at one of them.
 
     Attributes
@@ -28,11 +28,11 @@ class Sensor(VehiclePart):
         The part of the pose or velocity that is measured, as the group calls it; all of them if
         left out.
     period
-        Between measurements, s, a whole number of control periods; the law reads the last one. If
-        left out, each control instant has one.
+        Time between measurements, s, a whole number of control periods; the law reads the last
+        one. If left out, there is one at each control instant.
     delay
-        After how many control periods a measurement arrives. The first one, at t = 0, is there from
-        the start.
+        Number of control periods after which a measurement arrives. The first one, at t = 0, is
+        there from the start.
     dropout
         The probability that a measurement never arrives; the first one always does.
     """
@@ -50,50 +50,52 @@ class Sensor(VehiclePart):
     def errors(
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
     ) -> Array:
-        """The errors of so many measurements, ``(instants, n)`` with the n of `coordinates`.
+        """Return the errors of `instants` measurements, ``(instants, n)``, n from `coordinates`.
 
-        They are `period` seconds apart: its own period, or that of control. The first ones do not
-        depend on how many there are.
+        Measurements are `period` seconds apart: the sensor's own period, or the control period. The
+        first errors do not depend on how many there are.
         """
 
     @property
     def loses(self) -> bool:
-        """Whether measurements may be lost on their way."""
+        """Whether measurements may be lost."""
         return bool(self.dropout)
 
     def lost(self, measurements: int, random: np.random.Generator) -> Array:
-        """Which of them never arrive, ``(measurements,)`` booleans; the first one always does.
+        """Return which measurements are lost, ``(measurements,)`` booleans.
 
-        The first ones do not depend on how many there are.
+        The first entries do not depend on how many there are. The first measurement always arrives,
+        whatever its entry.
         """
         return random.random(measurements) < (self.dropout or 0.0)
 
     def coordinates(self, G: MatrixLieGroup) -> int:
-        """How many coordinates it measures: those of the part, or m."""
+        """Return the number of measured coordinates: those of the part, or m."""
         axes = (part.axes for part in G.parts if part.name == self.of)
         return len(range(G.dimension)[next(axes, slice(None))])
 
     def entries(self, value: float | list[float], G: MatrixLieGroup) -> Array:
-        """A number for every coordinate that it measures, where one stands for all."""
+        """Return a number for each measured coordinate; one given number stands for all."""
         return np.broadcast_to(np.asarray(value, dtype=float), self.coordinates(G))
 
     def check_entries(
         self, value: Numbers, G: MatrixLieGroup, problems: Problems, deviations: bool = False
     ) -> None:
-        """Note numbers that are none, negative `deviations`, or another count of coordinates."""
+        """Note invalid numbers, negative `deviations`, or a wrong number of coordinates."""
         what = G.name if self.of is None else f"the {self.of} of {G.name}"
         check_count(value, self.coordinates(G), what, problems, deviations)
 
     def bias_deviation(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
-        """Of a sensor whose errors are a bias, what an estimator may know of it; else None.
+        """Return what an estimator may know of a bias; None for other errors.
 
-        The root mean square at t = 0, and the deviation of the drift after one second, ``(n,)``.
+        It is the root mean square at t = 0, and the deviation of the drift after one second,
+        ``(n,)`` each.
         """
         return None
 
     def white_deviation(self, G: MatrixLieGroup, period: float) -> Array | None:
-        """The standard deviation of each error, ``(n,)``, of a sensor whose errors are white noise.
+        """Return the standard deviation of white noise, ``(n,)``; None for correlated errors.
 
-        It is for a sensor whose numbers are drawn; None where errors depend on each other.
+        The numbers of the sensor must be drawn before.
         """
         return None

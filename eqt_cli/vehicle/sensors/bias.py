@@ -33,20 +33,20 @@ class Bias(Sensor):
     def errors(
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
     ) -> Array:
-        """value + walk √period Σ N(0, 1)^n, with a step from each instant to the next."""
+        """Return value + walk √period Σ N(0, 1)^n, with a step from each instant to the next."""
         part = self.drawn(random)
         steps = random.standard_normal((instants, self.coordinates(G)))
         drift = np.cumsum(steps, axis=0) - steps[:1]
         return self.entries(part.value, G) + self.entries(part.walk, G) * np.sqrt(period) * drift
 
     def bias_deviation(self, G: MatrixLieGroup) -> tuple[Array, Array]:
-        """As they are given."""
+        """Return the root mean square of `value`, and `walk`, ``(n,)`` each."""
         values = self.value if isinstance(self.value, list) else [self.value]
         mean_squares = [mean_square(value) for value in values]
         size = self.entries(mean_squares if len(values) > 1 else mean_squares[0], G)
         return np.sqrt(size), self.entries(drawn(self.walk, None), G)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A negative deviation of the walk, a wrong length."""
+        """Note negative deviations of the walk, and a wrong length."""
         self.check_entries(self.value, G, problems.at("value"))
         self.check_entries(self.walk, G, problems.at("walk"), deviations=True)

@@ -1,7 +1,7 @@
-"""When the parts of a pose and of a velocity are measured, and when the law is told of it.
+"""Measurement channels: when parts of pose and velocity are measured, and when that arrives.
 
-A part that no entry gives a rate, a delay or a dropout is measured at every control instant. It
-knows no law and no engine.
+A part without a period, a delay or a dropout is measured at every control instant. A channel knows
+no law or engine.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,14 +15,14 @@ from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.vehicle.sensors.base import Sensor
 
 NOTHING, MEASURED, FIRST = 0.0, 1.0, 2.0
-"""What a channel does at a control instant; the first measurement is there from the start."""
+"""Events of a channel at a control instant; the first measurement is there from the start."""
 
 TIMING = ("period", "delay", "dropout")
-"""The options that the entries of one part share."""
+"""Options that the entries of one part share."""
 
 
 class Errors(NamedTuple):
-    """What sensors do to a truth at control instants, of runs and instants along leading axes.
+    """Measurement errors at control instants, with runs and instants along leading axes.
 
     Attributes
     ----------
@@ -31,9 +31,9 @@ class Errors(NamedTuple):
     velocity : (..., m)
         b with V_m = V + b.
     arrived : (..., channels)
-        `NOTHING`, `MEASURED` or `FIRST`, of every channel that holds.
+        `NOTHING`, `MEASURED` or `FIRST` for each channel that holds.
     bias : (..., m)
-        What of b is a bias, for an estimator to find; ``(0,)`` where there is none to find it.
+        Part of b that is a bias, for an estimator to find; ``(0,)`` without an estimator.
     """
 
     pose: Array
@@ -42,33 +42,33 @@ class Errors(NamedTuple):
     bias: Array = np.empty(0)
 
     def of(self, *places: Any) -> "Errors":
-        """Those of some runs, or at some instants."""
+        """Return the errors of some runs, or at some instants."""
         return Errors(*(part[places] for part in self.of_runs))
 
     @property
     def of_runs(self) -> list[Array]:
-        """Those that there are, of many runs."""
+        """Arrays of many runs; an empty `bias` is left out."""
         return [part for part in self if part.ndim > 1]
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A part of the measured pose or velocity.
+    """The measurement of one part of the pose or velocity.
 
     Attributes
     ----------
     signal
         ``"pose"`` or ``"velocity"``.
     shape
-        Of its block of a pose, or of its coordinates of a velocity.
+        Shape of the block of a pose, or of the coordinates of a velocity.
     every
-        After how many control periods it is measured again.
+        Number of control periods between measurements.
     delay
-        After how many a measurement arrives.
+        Number of control periods after which a measurement arrives.
     loses
-        The sensor that says which do not; None where all do.
+        Sensor that says which measurements are lost; None where all arrive.
     holds
-        Whether the law reads what was measured last, and not what is measured now.
+        Whether the law reads the last measurement that has arrived, and not a current one.
     """
 
     signal: str
@@ -81,26 +81,26 @@ class Channel:
 
     @property
     def name(self) -> str:
-        """Of its states: ``measured_pose_translation``."""
+        """Name of the states: ``measured_pose_translation``."""
         return f"measured_{self.signal}_{self.part.name}"
 
     @property
     def entries(self) -> Any:
-        """Where it is in a pose, or in a velocity."""
+        """Index of the part in a pose, or in a velocity."""
         return (..., *self.part.entries) if self.signal == "pose" else (..., self.part.axes)
 
     @property
     def size(self) -> int:
-        """How many numbers are measured."""
+        """Number of measured numbers."""
         return int(np.prod(self.shape))
 
     @property
     def states(self) -> int:
-        """How many states it has: measurements on their way, the first to arrive first."""
+        """Number of states: measurements on their way, the first to arrive first."""
         return (self.delay + 1) * self.size if self.holds else 0
 
     def measured(self, value: Array, held: Array, arrived: Array) -> Array:
-        """Its states after an instant at which its part of `value` may be measured."""
+        """Return the states after an instant at which the part of `value` may be measured."""
         now = value[self.entries].reshape(*held.shape[:-1], self.size)
         last = held[..., -self.size :]
         fresh = less(0.5 * MEASURED, arrived[..., None])
@@ -110,13 +110,13 @@ class Channel:
         return np.concatenate([*found, where(fresh, now, last)], axis=-1)
 
     def read(self, value: Array, held: Array) -> Array:
-        """The value with its part as it has arrived."""
+        """Return the value with the part as it has arrived."""
         found = value.copy()
         found[self.entries] = held[..., : self.size].reshape(*held.shape[:-1], *self.shape)
         return found
 
     def arrivals(self, instants: int, random: np.random.Generator) -> Array:
-        """What it does at the instants, ``(instants,)``; the first do not depend on how many."""
+        """Return the events, ``(instants,)``; the first do not depend on how many there are."""
         found = np.full(instants, NOTHING)
         found[:: self.every] = MEASURED
         if self.loses is not None:
@@ -129,14 +129,14 @@ class Channel:
 def channels(
     G: MatrixLieGroup, signals: Mapping[str, tuple[Sensor, ...]], period: float
 ) -> Iterator[Channel]:
-    """The parts of the measured pose and velocity that have sensors, in their order.
+    """Yield the channels of the parts of pose and velocity that have sensors, in order.
 
     Parameters
     ----------
     signals
-        The sensors of the pose and of the velocity.
+        Sensors of the pose and of the velocity.
     period
-        Of control, s.
+        Control period, s.
     """
     for signal, sensors in signals.items():
         for part in G.parts:

@@ -22,7 +22,7 @@ class Noise(Sensor):
         Standard deviation of one measurement, whatever the period; one number, or a list.
     density
         Instead: the deviation of one measurement times √period, so that a mean over a second has
-        the same one at any period.
+        the same deviation at any period.
     """
 
     name: ClassVar[str] = "noise"
@@ -34,19 +34,19 @@ class Noise(Sensor):
     def errors(
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
     ) -> Array:
-        """std · N(0, 1)^n, or density/√period · N(0, 1)^n."""
+        """Return std · N(0, 1)^n, or density/√period · N(0, 1)^n."""
         deviation = self.drawn(random).white_deviation(G, period)
         return deviation * random.standard_normal((instants, self.coordinates(G)))
 
     def white_deviation(self, G: MatrixLieGroup, period: float) -> Array:
-        """std, or density/√period."""
+        """Return std, or density/√period."""
         part: Any = self
         if part.std is not None:
             return self.entries(part.std, G)
         return self.entries(part.density or 0.0, G) / np.sqrt(period)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Both or none of the two, a negative deviation, a wrong length."""
+        """Note both or neither of std and density, negative deviations, and a wrong length."""
         if (self.std is None) == (self.density is None):
             got = "neither" if self.std is None else "both"
             problems.add(f"expected std or density, got {got}")
