@@ -1,4 +1,4 @@
-"""What to cite with a result, as BibTeX: the paper, eqt, and the publications of its laws."""
+"""Citations of a result as BibTeX: the paper, eqt, and the publications of its laws."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""What a sweep says in short: the best and worst points and the winners, or every scenario."""
+"""Summary of a sweep: the best and worst points and the winners, or every scenario."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

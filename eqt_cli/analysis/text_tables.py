@@ -52,9 +52,9 @@ class TextTable:
         return replace(self, header=those(self.header), blocks=blocks)
 
     def narrow(self, most: int) -> "list[TextTable]":
-        """It in tables of so many columns at most.
+        """Return the table split into tables of at most so many columns.
 
-        What is `spare` is left out first. Tables beside each other repeat the first columns.
+        Spare columns are left out first. Each table repeats the first columns.
         """
         kept = list(range(len(self.header)))
         for heading in self.spare:

@@ -406,7 +406,7 @@ Bound = Annotated[
         "a number (of the mean over runs) or {max: …} (of the worst run)",
     ),
 ]
-"""What a metric must keep to."""
+"""Bounds of a metric."""
 
 
 class ConfirmSection(Section):

@@ -39,7 +39,7 @@ _EXPECTED = {
     "literal_error": "{expected}",
     "string_pattern_mismatch": "letters, digits, '.', '_' and '-', with a letter or digit first",
 }
-"""What was expected, by pydantic's kind of error."""
+"""Expectations in words, by pydantic's type of error."""
 
 
 # Values -------------------------------------------------------------------------------------------

@@ -63,7 +63,7 @@ def probe(experiment: Experiment, problems: Problems) -> None:
 
 
 def _suspect(part: LoopPart, group: LoopPart) -> LoopPart:
-    """What to blame: the group of the user's, where the part itself is eqt's."""
+    """Return the part to blame: the user's group if the part itself is from eqt."""
     return group if group.is_foreign and not part.is_foreign else part
 
 

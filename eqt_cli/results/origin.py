@@ -120,7 +120,7 @@ class KnownResult(ResultFile):
         return [printable(str(label)) for label in self.coordinate("controller")]
 
     given_names: Mapping[str, str] = MappingProxyType({})
-    """What a user calls laws and quantities, by label and name."""
+    """User's titles of laws and quantities, by label and name."""
 
     def rename(self, names: Mapping[str, str]) -> list[str]:
         """Call laws and quantities otherwise, in figures and tables; those that are not here.

@@ -54,7 +54,7 @@ class PerRun:
     runs: int
 
     def __repr__(self) -> str:
-        """What it is, without its values."""
+        """Return a description without the values."""
         return f"PerRun({self.quantity.name}, {self.window}, {self.runs} runs)"
 
 
