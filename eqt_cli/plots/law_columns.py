@@ -33,6 +33,7 @@ def law_columns(
     width: Width,
     rows: Sequence[str],
     shows: Callable[[str, Ensemble], bool] = lambda row, law: True,
+    tallest: float = _TALLEST,
 ) -> tuple[Drawing, dict[str, Row]]:
     """Return the figure and the panels of each row, which share the scale of its first panel.
 
@@ -42,6 +43,8 @@ def law_columns(
         Names of the rows.
     shows
         Whether a row shows a law.
+    tallest
+        Height of all rows at most, in.
 
     Raises
     ------
@@ -55,7 +58,7 @@ def law_columns(
             f"{MOST[width]}, not {len(laws)}; choose some with the option 'controllers'"
         )
     mosaic = [[f"{row} {e.label}" if shows(row, e) else EMPTY for e in laws] for row in rows]
-    drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST)
+    drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"), tallest)
     found: dict[str, Row] = {row: {} for row in rows}
     for row, names in zip(rows, mosaic, strict=True):
         for law, name in zip(laws, names, strict=True):

@@ -59,7 +59,7 @@ WORST = {
         "seeds": 1,
     }
 }
-IN = {"column": 3.5, "page": 7.16}
+IN = {"column": 3.5, "page": 7.16, "slide": 13.3 / 2.25}  # a slide is written larger
 BY_PLACE = ("phase", "runs", "sweep")
 """Figures of which numbers were kept before their curves had names; they go on being compared."""
 
@@ -115,8 +115,11 @@ def subject(figure_class):
     return "sweep" if of_sweep(figure_class) else "single"
 
 
+AGAIN = pytest.mark.slow("draws every figure again")
+
+
 @pytest.mark.parametrize(
-    "width", ["column", pytest.param("page", marks=pytest.mark.slow("draws every figure again"))]
+    "width", ["column", *(pytest.param(width, marks=AGAIN) for width in ("page", "slide"))]
 )
 def test_it_draws_a_result_as_wide_as_it_is_told(figure_class, results, width):
     opened, alongside = results

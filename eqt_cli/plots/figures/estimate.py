@@ -17,21 +17,13 @@ from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.drawing.coordinates import axis_labels
 from eqt_cli.plots.drawing.curves import band_look
 from eqt_cli.plots.drawing.labels import in_words, part_name
-from eqt_cli.plots.drawing.layout import (
-    EMPTY,
-    add_legend,
-    add_title,
-    hide_inner_scales,
-    name_scale,
-    share_scale,
-    sheet,
-)
+from eqt_cli.plots.drawing.layout import add_legend, name_scale
 from eqt_cli.plots.drawing.scales import scale_log
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
+from eqt_cli.plots.drawing.style import Width, ink, line_style
+from eqt_cli.plots.law_columns import law_columns
 from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
-_MOST_CONTROLLERS: dict[Width, int] = {"column": 3, "page": 6}
 _DEVIATIONS = 3.0
 """Standard deviations from the middle of a band to its edges."""
 _OF_ONE, _OF_MEAN = 0.1, 0.28
@@ -67,26 +59,24 @@ class Estimate(OverTime):
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row with its own scale per error, and a column per controller."""
-        G, shown = self._group(runs), self._shown(runs, width)
-        rows = [(part, name) for name in self._errors(runs, shown) for part in G.parts]
-        names = [[f"{_words(*row)} {e.label}" for e in shown] for row in rows]
-        judged = [f"NEES {e.label}" if e.results.has("nees") else EMPTY for e in shown]
-        knows = set(judged) != {EMPTY}
-        places = [*names, judged] if knows else names
-        drawing, panels = sheet(width, places, runs.span, runs.unit("time"))
-        for ensemble, name in zip(shown, names[0], strict=True):
-            add_title(panels[name], ensemble.title, WIDTHS[width] / len(shown))
-        for (part, error), row in zip(rows, names, strict=True):
-            own = [panels[name] for name in row]
-            share_scale(own)
+        self._require_estimates(runs)
+        G, shown = self._group(runs), runs.shown
+        errors = {_words(part, e): (part, e) for e in self._errors(runs, shown) for part in G.parts}
+        judged = {e.label: e for e in shown if e.results.has("nees")}
+        names = [*errors, "NEES"] if judged else [*errors]
+        drawing, rows = law_columns(
+            runs, width, names, lambda row, law: row != "NEES" or law.label in judged, np.inf
+        )
+        for row, (part, error) in errors.items():
             unit = part.velocity_unit if error == "bias" else _unit(part)
-            name_scale(own[0], in_words(_words(part, error, alone=len(G.parts) == 1), unit))
-            for axes, ensemble in zip(own, shown, strict=True):
-                self._fill(axes, runs, ensemble, error, G, part)
-        self._judge(runs, {panels[n]: e for n, e in zip(judged, shown, strict=True) if n != EMPTY})
-        hide_inner_scales(panels, places)
-        self._add_legend(drawing, G, knows)
-        means = f", and means over runs, {runs.count()}" if knows else ""
+            words = in_words(_words(part, error, alone=len(G.parts) == 1), unit)
+            name_scale(rows[row][shown[0].label], words)
+            for ensemble in shown:
+                self._fill(rows[row][ensemble.label], runs, ensemble, error, G, part)
+        if judged:
+            self._judge(runs, {rows["NEES"][label]: e for label, e in judged.items()})
+        self._add_legend(drawing, G, bool(judged))
+        means = f", and means over runs, {runs.count()}" if judged else ""
         runs.remarks.append(f"Run {self.run}{means}.")
         return drawing
 
@@ -97,21 +87,14 @@ class Estimate(OverTime):
             )
         return runs.group
 
-    def _shown(self, runs: ShownRuns, width: Width) -> list[Ensemble]:
-        """Return the controllers; refuse those that read no estimate."""
-        most = _MOST_CONTROLLERS[width]
-        if len(runs.shown) > most:
-            raise runs.error(
-                f"has a column of panels per controller, and width '{width}' has room for "
-                f"{most}, not {len(runs.shown)}; choose some with the option 'controllers'"
-            )
+    def _require_estimates(self, runs: ShownRuns) -> None:
+        """Refuse controllers that read no estimate."""
         for ensemble in runs.shown:
             if not ensemble.results.has("estimated_pose"):
                 raise ensemble.results.error(
                     f"figure '{self.name}' finds no estimate, since the laws read measurements; "
                     "set the key 'estimator' and run the experiment again"
                 )
-        return runs.shown
 
     def _errors(self, runs: ShownRuns, shown: list[Ensemble]) -> list[str]:
         """Return ``pose``, and ``bias`` where there is one, or one is estimated."""
@@ -145,9 +128,6 @@ class Estimate(OverTime):
 
     def _judge(self, runs: ShownRuns, panels: dict[Axes, Ensemble]) -> None:
         """Draw NEES of the run and its mean over runs, each between its limits."""
-        if not panels:
-            return
-        share_scale(panels)
         seen = []
         for axes, ensemble in panels.items():
             times, values = runs.times(ensemble), runs.values("nees", ensemble)
