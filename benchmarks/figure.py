@@ -132,7 +132,7 @@ def runs_per_second(results: Results) -> Figure:
                 fontsize="small",
             )
     panel.set_xscale("log")
-    panel.margins(x=0.2)
+    panel.margins(x=0.3)  # room for the names of the loops
     panel.set_ylim(-0.5, len(ordered) - 0.5)
     panel.set_yticks(range(len(ordered)), ordered)
     panel.set_xlabel("runs of 20 s per second of CPU time (better →)")
