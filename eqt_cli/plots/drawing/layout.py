@@ -250,9 +250,10 @@ def _fit_to_rows(figure: Figure) -> None:
         if axes.get_label() == COLOUR_SCALE:
             continue
         tall = axes.get_window_extent().height
-        label, numbers = axes.yaxis.label, axes.get_yticklabels()
+        label = axes.yaxis.label
         _shrink([label], label.get_window_extent().height / (_ROW_PITCH * tall))
         if isinstance(axes.yaxis.get_major_locator(), FixedLocator):  # words, a line for each
+            numbers = axes.get_yticklabels()
             lines = sum(number.get_window_extent().height for number in numbers)
             _shrink(numbers, lines / tall)
 
