@@ -71,12 +71,14 @@ class Assembly:
     ) -> None:
         self._file, self._sizes, self._compression = file, sizes, compression
         self.replaces = False
+        self._datasets: dict[str, Any] = {}  # kept open: opening one takes as long as writing it
         for dim, size in sizes.items():
             if dim in coordinates:
                 self._add(dim, coordinates[dim]).make_scale(dim)
             else:
                 # It is never written, so that it takes no space: only its length counts.
                 blank = file.create_dataset(dim, shape=(size,), dtype=">f4")
+                self._datasets[dim] = blank
                 blank.make_scale(f"{PLACEHOLDER}{size:10d}")
         extra = {name: variable for name, variable in coordinates.items() if name not in sizes}
         for name, variable in extra.items():
@@ -100,7 +102,7 @@ class Assembly:
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Return the shape of a variable."""
-        return self._file[name].shape
+        return self._datasets[name].shape
 
     def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
         """Write part of a variable: `positions` along its first axes, and all of the other axes."""
@@ -108,7 +110,7 @@ class Assembly:
         # reference each, and no object in a heap.
         is_empty = data.dtype == object and bool((data == "").all())
         if data.size and (self.replaces or not is_empty):
-            self._file[name][positions] = data
+            self._datasets[name][positions] = data
 
     def describe(self, attributes: Mapping[str, Attribute]) -> None:
         """Add attributes of the file, or of the group."""
@@ -127,6 +129,7 @@ class Assembly:
             if compression and shape and 0 not in shape:
                 options = _compressed(shape, dtype)
         dataset = self._file.create_dataset(name, shape=shape, dtype=dtype, **options)
+        self._datasets[name] = dataset
         if entry.dtype is None and 0 not in shape:
             dataset[(0,) * len(shape)] = ""  # allocates the dataset
         dataset.attrs.update(entry.attributes)
@@ -137,7 +140,7 @@ class Assembly:
     def _attach(self, dataset: Any, dims: tuple[str, ...], extra: Mapping[str, Variable]) -> None:
         """Attach the dimensions of a dataset, and name its further coordinates."""
         for axis, dim in enumerate(dims):
-            dataset.dims[axis].attach_scale(self._file[dim])
+            dataset.dims[axis].attach_scale(self._datasets[dim])
         described = [name for name, variable in extra.items() if set(variable.dims) <= set(dims)]
         if described:
             dataset.attrs[COORDINATES] = " ".join(described)
