@@ -1,4 +1,4 @@
-"""A search that is killed, twice, finds the very winners of one that is not."""
+"""A search that is killed twice tries the points, and finds the winners, of one that is not."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 from faults_harness import CONFIG, Session
+
+from eqt_cli.results.result import open_result
 
 TUNE = (
     CONFIG.replace("[eqt, gt]", "[eqt]").replace("cross_check: 1", "cross_check: 0")
@@ -23,11 +25,24 @@ pytestmark = [
 ]
 
 
-def generations(out: Path) -> int:
-    return len(list(out.glob("generations/eqt/*/*/results.h5")))
+def generations(out: Path) -> list[Path]:
+    return sorted(path.parent for path in out.glob("generations/eqt/*/*/results.h5"))
 
 
-def test_sigkills_change_no_bit_of_the_winners(tmp_path: Path) -> None:
+def tried(out: Path) -> dict[str, list[bytes]]:
+    """The points of every generation, and how good their runs are.
+
+    The winners alone may come from a search that no kill has met.
+    """
+    found = {}
+    for folder in generations(out):
+        with open_result(folder) as result:
+            points = [result.coordinate(key).tobytes() for key in ("gains.kp", "gains.kd")]
+            found[str(folder.relative_to(out))] = [*points, result["mean_pose_error"].tobytes()]
+    return found
+
+
+def test_sigkills_change_no_bit_of_a_search(tmp_path: Path) -> None:
     config = tmp_path / "c.yaml"
     config.write_text(TUNE, encoding="utf-8")
     kept = {}
@@ -35,12 +50,14 @@ def test_sigkills_change_no_bit_of_the_winners(tmp_path: Path) -> None:
         out = tmp_path / name
         for kill in range(kills):
             session = Session("tune", config, out, ["--executor", "serial"])
-            while session.running and generations(out) < kill + 1:
+            while session.running and len(generations(out)) < kill + 1:
                 time.sleep(0.01)
             time.sleep(0.05 * kill)
             assert session.kill()
         Session("tune", config, out, ["--executor", "serial"]).finish()
         files = [out / "tuning.json", *sorted((out / "tuned").glob("*.yaml"))]
-        kept[name] = [path.read_bytes() for path in files]
-        assert json.loads(kept[name][0])["laws"][0]["winners"]
+        winners = [path.read_bytes() for path in files]
+        assert json.loads(winners[0])["laws"][0]["winners"]
+        kept[name] = winners, tried(out)
+        assert len(tried(out)) == 6
     assert kept["whole"] == kept["killed"]
