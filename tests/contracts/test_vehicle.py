@@ -8,6 +8,10 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.engines.recorded_field import Recording
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.groups import group_named
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sensors.channels import Errors
+from eqt_cli.vehicle.sensors.noise import Noise
 
 G = group_named("SE3")
 ROUNDING = 1e-13
@@ -139,3 +143,51 @@ def test_the_numbers_of_a_run_are_its_own(force_class, make, run):
     one, again = (leaves(of_run(force, run)) for _ in range(2))
     for path in one:
         np.testing.assert_array_equal(one[path], again[path])
+
+
+SE2 = group_named("SE2")
+
+
+def test_an_estimator_takes_any_leading_axes(estimator_class, make):
+    """One run, many, and a table of them: here with a position that is late."""
+    vehicle = Vehicle(
+        control=Sampling(0.1),
+        pose_sensors=(Noise(0.1, of="rotation"), Noise(0.1, of="translation", delay=1)),
+        velocity_sensors=(Noise(0.1),),
+        estimator=make(estimator_class, 3),
+    ).of_run(SE2)
+    random, lengths = np.random.default_rng(2), vehicle.states(SE2)
+    numbers = random.standard_normal((4, 6, 12))
+    arrived = np.array([2.0, 1.0, 0.0, 1.0])  # the first, measured, lost, measured
+
+    def estimates(chosen, shape):
+        states = {name: np.zeros((*shape, count)) for name, count in lengths.items()}
+        for k in range(4):
+            Q, V, E, n = np.split(numbers[k, chosen].reshape(*shape, 12), 4, axis=-1)
+            flags = np.full((*shape, 1), arrived[k])
+            errors = Errors(SE2.exp(0.1 * E), 0.1 * n, flags, 0.1 * n)
+            states |= vehicle.after_measuring(SE2, SE2.exp(Q), V, errors, states)
+        return states
+
+    flat = estimates(slice(None), (6,))
+    alone, table = estimates(4, ()), estimates(slice(None), (2, 3))
+    for name, values in flat.items():
+        assert alone[name].shape == values[4].shape
+        np.testing.assert_allclose(alone[name], values[4], rtol=0, atol=1e-11)
+        np.testing.assert_allclose(table[name].reshape(values.shape), values, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("shape", [(), (2, 3)])
+def test_an_actuator_takes_any_leading_axes(actuator_class, make, shape):
+    actuator, command = of_run(make(actuator_class, 6)), states()[1][0]
+    x, t = np.full(actuator.states(G), 0.3), np.array([0.5])
+
+    def spread(values):
+        return np.broadcast_to(values, (*shape, *np.shape(values)))
+
+    given = {"step": (0.1,), "after": (spread(t),), "thrust": ()}
+    for name, rest in given.items():
+        found = getattr(actuator, name)(G, spread(command), spread(x), *rest)
+        one = getattr(actuator, name)(G, command[None], x[None], *(t if name == "after" else rest))
+        assert found.shape == (*shape, *one[0].shape)
+        np.testing.assert_allclose(found, spread(one[0]), rtol=0, atol=ROUNDING)

@@ -119,13 +119,18 @@ class InvariantFilter:
         self.P = F @ self.P @ F.T + self.N
 
     def correct(self, residual, rows, noise):
-        """By a fix whose residual is in the body frame, of these coordinates."""
+        """By a fix whose residual is in the body frame, of these coordinates.
+
+        Returns the residual in the coordinates in which its covariance is 1, one after the other.
+        """
         m = self.A.m
         H = np.eye(2 * m)[rows]
-        K = self.P @ H.T @ np.linalg.inv(H @ self.P @ H.T + noise)
+        S = H @ self.P @ H.T + noise
+        K = self.P @ H.T @ np.linalg.inv(S)
         step = K @ residual
         self.pose, self.bias = self.pose @ self.A.exp(step[:m]), self.bias + step[m:]
         self.P = (np.eye(2 * m) - K @ H) @ self.P
+        return np.linalg.solve(np.linalg.cholesky(S), residual)
 
     def nees(self, Q, b):
         e = np.concatenate([self.A.log(np.linalg.inv(self.pose) @ Q), b - self.bias])
@@ -170,15 +175,20 @@ class EquivariantFilter:
         self.P = before + self.carried(self.N)
 
     def correct(self, residual, rows, noise):
-        """n = log(exp(−ε) exp(r)) is r − (1 − ½ad_r)ε to third order; the rest is in space."""
+        """n = log(exp(−ε) exp(r)) is r − (1 − ½ad_r)ε to third order; the rest is in space.
+
+        Returns what the invariant filter does.
+        """
         A, full = self.A, np.zeros(self.A.m)
         full[rows] = residual
         back = np.linalg.inv(A.Ad(self.pose))
         C = np.hstack([(np.eye(A.m) - A.ad(full) / 2) @ back, np.zeros((A.m, A.m))])[rows]
-        K = self.P @ C.T @ np.linalg.inv(C @ self.P @ C.T + noise)
+        S = C @ self.P @ C.T + noise
+        K = self.P @ C.T @ np.linalg.inv(S)
         u, s = (A.hat(part) for part in np.split(K @ residual, 2))
         self.T = expm(np.block([[u, s], [0 * u, u]])) @ self.T
         self.P = (np.eye(2 * A.m) - K @ C) @ self.P
+        return np.linalg.solve(np.linalg.cholesky(S), residual)
 
     def nees(self, Q, b):
         off = self.A.log(Q @ np.linalg.inv(self.pose))
@@ -206,3 +216,24 @@ class PassiveFilter:
         omega = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
         self.pose = self.pose @ self.A.exp(self.between * self.kp * omega)
         self.bias = self.bias - self.between * self.ki * omega
+
+
+class GradientFilter:
+    """The same on any group: down the slope of ½‖Q̂⁻¹Q_m − I‖²_F, by the square of each generator.
+
+    What a fix tells of a coordinate acts at once, for the time between two of them.
+    """
+
+    def __init__(self, group, period, pose, kp, ki, between):
+        self.A, self.h, self.pose, self.bias = Algebra(group), period, pose, 0.0 * kp
+        self.kp, self.ki, self.between = kp, ki, np.array(between)
+
+    def predict(self, V_m):
+        self.pose = self.pose @ self.A.exp(self.h * (V_m - self.bias))
+
+    def correct(self, off, rows):
+        slope = [np.sum((off - np.eye(self.A.d)) * (off @ E)) / np.sum(E * E) for E in self.A.E]
+        step = np.zeros(self.A.m)
+        step[rows] = (self.between * slope)[rows]
+        self.pose = self.pose @ self.A.exp(self.kp * step)
+        self.bias = self.bias - self.ki * step

@@ -13,6 +13,15 @@ from scipy.linalg import block_diag, solve_discrete_are
 
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.groups import group_named
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.estimators.complementary import Complementary
+from eqt_cli.vehicle.estimators.eqf import Eqf
+from eqt_cli.vehicle.estimators.invariant import Invariant
+from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sensors.bias import Bias
+from eqt_cli.vehicle.sensors.channels import Errors
+from eqt_cli.vehicle.sensors.noise import Noise
 
 SPEC = importlib.util.spec_from_file_location(
     "plain_filters", Path(__file__).with_name("plain_filters.py")
@@ -245,3 +254,161 @@ def test_the_complementary_filter_is_that_of_its_paper(solved):
             close(s["estimated_pose"][run, k], F.pose)
             close(s["estimated_bias"][run, k], F.bias)
             close(s["estimated_velocity"][run, k], V_m[run, k] - F.bias)
+
+
+# Rates and delays of each part, without a loop ----------------------------------------------------
+
+SE2, INSTANTS = group_named("SE2"), 10
+
+
+def body(run):
+    """Poses and velocities of a body at the instants, from rest."""
+    random, A = np.random.default_rng(run), plain.Algebra("SE2")
+    V = np.cumsum(random.standard_normal((INSTANTS, 3)), axis=0)
+    V -= V[0]
+    Q = [A.exp(random.standard_normal(3))]
+    for v in V[:-1]:
+        Q.append(Q[-1] @ A.exp(PERIOD * v))
+    return np.array(Q), V
+
+
+def sensed(run, Q, V):
+    """What sensors tell of it, the bias, and which of the positions arrive."""
+    A, k = plain.Algebra("SE2"), np.arange(INSTANTS)
+
+    def draws(place, count, of):
+        random = generator_at(4, Stream.VEHICLE, run, place)
+        return random.standard_normal((count, len(of)))
+
+    n = np.zeros((INSTANTS, 3))
+    n[:, :1] = 0.02 * draws("sensors.pose[0]", INSTANTS, [0])
+    n[:, 1:] = 0.05 * draws("sensors.pose[1]", 4, [1, 2])[k // 3]
+    white = 0.04 * draws("sensors.velocity[0]", 6, [1, 2])
+    steps = draws("sensors.velocity[1]", 6, [1, 2])
+    steps[0] = 0.0
+    b = np.zeros((INSTANTS, 3))
+    b[:, 1:] = (0.1 + 0.03 * np.sqrt(0.2) * np.cumsum(steps, axis=0))[k // 2]
+    V_m = V + b
+    V_m[:, 1:] += white[k // 2]
+    radio = generator_at(4, Stream.VEHICLE, run, "measured_pose_translation.arrived")
+    arrives = radio.random(4) >= 0.4
+    arrives[0] = True
+    return np.array([Q[j] @ A.exp(n[j]) for j in k]), V_m, b, arrives
+
+
+def given_vehicle(estimator):
+    """An attitude at every instant; position and speed at some, late, the position with losses."""
+    return Vehicle(
+        control=Sampling(PERIOD),
+        pose_sensors=(
+            Noise(std=0.02, of="rotation"),
+            Noise(std=0.05, of="translation", period=0.3, delay=3, dropout=0.4),
+        ),
+        velocity_sensors=(
+            Noise(std=0.04, of="translation", period=0.2, delay=2),
+            Bias(value=0.1, walk=0.03, of="translation"),
+        ),
+        estimator=estimator,
+    )
+
+
+def states_of(vehicle, bodies):
+    """The states after every instant, by name, of several runs side by side."""
+    errors = [
+        vehicle.measurement_errors(
+            SE2, INSTANTS, lambda place, run=run: generator_at(4, Stream.VEHICLE, run, place)
+        )
+        for run in range(len(bodies))
+    ]
+    flown = vehicle.of_run(SE2)
+    states = {name: np.zeros((len(bodies), count)) for name, count in flown.states(SE2).items()}
+    for k in range(INSTANTS):
+        now = Errors(*(np.stack(parts) for parts in zip(*(e.of(k) for e in errors), strict=True)))
+        Q, V = (np.stack([each[part][k] for each in bodies]) for part in range(2))
+        states = states | flown.after_measuring(SE2, Q, V, now, states)
+        yield states
+
+
+ERROR = [0.5, -1.0, 1.0]
+DEVIATIONS = {"velocity_std": [0.03, 0.04, 0.04]}  # of the turn, which has no sensor
+START = {"initial_error": ERROR, "initial_pose_std": 0.8}
+KP, KI = [1.0, 0.8, 0.6], [0.3, 0.2, 0.1]
+
+
+def started(kind, given, Q, Q_m):
+    """A plain filter as it is before what is measured at t = 0 corrects it, if that does."""
+    pose = Q @ plain.Algebra("SE2").exp(-np.array(ERROR)) if given else Q_m
+    if kind == "complementary":
+        between = [0.1, 0.3, 0.3]
+        return plain.GradientFilter("SE2", PERIOD, pose, np.array(KP), np.array(KI), between)
+    std, walk = np.array([0.03, 0.04, 0.04]) * np.sqrt([1, 2, 2]), np.array([0, 0.03, 0.03])
+    P = plain.covariance_of(3, 0.8 if given else [0.02, 0.05, 0.05], [0, 0.1, 0.1])
+    return FILTERS[kind]("SE2", PERIOD, std, walk, pose, np.zeros(3), P)
+
+
+def velocity(V_m, j, k):
+    """That of instant j, as far as it has arrived by instant k."""
+    known = min(j, max(k - 2, 0))
+    return np.concatenate([V_m[j, :1], V_m[known - known % 2, 1:]])
+
+
+def replayed(F, k, given, Q_m, V_m, arrives):
+    """Takes a plain filter to instant k, by what is known then.
+
+    Returns
+    -------
+    tuple
+        Coordinates and whitened residual of the fix of which nothing more can arrive.
+    """
+    found, R = ([], np.zeros(0)), np.diag([0.02, 0.05, 0.05]) ** 2
+    for j in range(k + 1):
+        if j:
+            F.predict((velocity(V_m, j, k) + velocity(V_m, j - 1, k)) / 2)
+        elif not given:
+            continue
+        there = j % 3 == 0 and arrives[j // 3] and (k >= j + 3 or j == 0)
+        measured, rows = F.pose.copy(), [0, 1, 2] if there else [0]
+        measured[:2, :2] = Q_m[j, :2, :2]
+        measured[:2, 2] = Q_m[j, :2, 2] if there else F.pose[:2, 2]
+        if isinstance(F, plain.GradientFilter):
+            F.correct(np.linalg.inv(F.pose) @ measured, rows)
+            continue
+        off = F.A.log(np.linalg.inv(F.pose) @ measured)
+        white = F.correct(off[rows], rows, R[np.ix_(rows, rows)])
+        if j == (k - 3 if j else k):
+            found = rows, white
+    return found
+
+
+@pytest.mark.parametrize(
+    ("kind", "estimator"),
+    [
+        ("invariant", Invariant(**DEVIATIONS)),
+        ("eqf", Eqf(**DEVIATIONS, **START)),
+        ("complementary", Complementary(KP, KI)),
+    ],
+    ids=["invariant", "eqf", "complementary"],
+)
+def test_each_part_counts_at_its_own_time(kind, estimator):
+    """However late its pose and its velocity arrive; until then, the last velocity stands in."""
+    bodies, given = [body(run) for run in range(2)], estimator.initial_error is not None
+    told = [sensed(run, *bodies[run]) for run in range(2)]
+    assert not all(arrives.all() for *_, arrives in told)
+    sums, last = np.zeros((2, 3)), np.zeros((2, 3))
+    for k, states in enumerate(states_of(given_vehicle(estimator), bodies)):
+        for run, (Q_m, V_m, b, arrives) in enumerate(told):
+            Q = bodies[run][0]
+            F = started(kind, given, Q[0], Q_m[0])
+            rows, white = replayed(F, k, given, Q_m, V_m, arrives)
+            found = {name.removeprefix("estimator_"): each[run] for name, each in states.items()}
+            close(SE2.unpack(found["pose"]), F.pose)
+            close(found["bias"], F.bias)
+            close(found["velocity"], velocity(V_m, k, k) - F.bias)
+            error = F.A.log(np.linalg.inv(F.pose) @ Q[k])
+            close(found["error"], np.concatenate([error, b[k] - F.bias]))
+            if kind != "complementary":
+                sums[run] += len(rows), white @ white, white @ last[run, rows]
+                last[run, rows] = white
+                close(found["innovations"], sums[run])
+                close(found["last_innovation"], last[run])
+                assert found["lost"] == 0

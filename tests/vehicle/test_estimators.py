@@ -8,6 +8,7 @@ from eqt_cli.closed_loop.estimates import length_unit
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError
+from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Status
 from eqt_cli.engines.walk import INDEFINITE
 from eqt_cli.experiment.horizon import remarks
@@ -17,9 +18,13 @@ from eqt_cli.groups import group_named
 from eqt_cli.groups.base import MatrixLieGroup
 from eqt_cli.program import traced
 from eqt_cli.program.decimals import evaluated
-from eqt_cli.vehicle.estimators.base import indefinite
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.estimators.base import indefinite, pivots
+from eqt_cli.vehicle.estimators.complementary import Complementary
 from eqt_cli.vehicle.estimators.invariant import Invariant
 from eqt_cli.vehicle.numbers import Normal
+from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sensors.noise import Noise
 
 FIXES = "[{kind: noise, std: 0.02, period: 0.2}]"
 MEASURED = "[{kind: noise, std: 0.01}, {kind: bias, value: 0.05}]"
@@ -69,6 +74,8 @@ solver: {{engine: {engine}}}
          "for SO2, got 2"),
         ({"estimator": "{kind: eqf, initial_pose_std: 1, initial_error: [1, 2]}"},
          "estimator.initial_error: expected 1 entries for SO2, got 2"),
+        ({"estimator": "{kind: eqf, initial_pose_std: 0}"}, "estimator.initial_pose_std: expected "
+         "deviations greater than 0 for the rotation, got 0"),
         ({"velocity": "[{kind: bias, value: 0.05}]"}, "estimator.velocity_std: sensors.velocity "
          "has no noise of the rotation, whose deviation is the default; give deviations greater "
          "than 0"),
@@ -79,6 +86,10 @@ solver: {{engine: {engine}}}
         ({"group": "SE2", "pose": ATTITUDE}, "estimator: the bias of the translation cannot be "
          "told: nothing measures the translation; add an entry for it to sensors.pose, or set "
          "initial_bias_std and bias_walk to 0 there"),
+        ({"group": "SE2", "pose": ATTITUDE, "velocity": "[{kind: noise, std: 0.1}, {kind: bias, "
+          "walk: 0.1}]"}, "estimator: the bias of the translation cannot be told: nothing measures "
+         "the translation; add an entry for it to sensors.pose, or set initial_bias_std and "
+         "bias_walk to 0 there"),
         ({"group": "SE2", "pose": ATTITUDE, "velocity": "[{kind: noise, std: 0.1}]"},
          "estimator.initial_pose_std: missing; nothing measures the translation, so that no fix "
          "says where its estimate starts"),
@@ -104,6 +115,61 @@ def test_what_cannot_be_estimated_is_refused(solved, options, said):
 )
 def test_runs_differ_where_the_start_of_the_estimate_is_drawn(options, varies):
     assert Invariant(**options).varies == varies
+
+
+def test_the_start_of_each_run_is_drawn_with_its_deviation():
+    G, std = group_named("SO3"), [0.1, 0.2, 0.3]
+    drawn = Invariant(initial_pose_std=std).of_run(G, np.random.default_rng(6))
+    normal = np.random.default_rng(6).standard_normal(3)
+    np.testing.assert_allclose(drawn.initial_error, std * normal, rtol=1e-14)
+    mean = Invariant(initial_pose_std=std).of_run(G, None)
+    np.testing.assert_array_equal(mean.initial_error, np.zeros(3))
+    given = Invariant(initial_pose_std=std, initial_error=0.7).of_run(G, np.random.default_rng(6))
+    np.testing.assert_array_equal(given.initial_error, [0.7] * 3)
+    assert Invariant().of_run(G, np.random.default_rng(6)).initial_error is None
+
+
+DEVIATIONS = "pose_std", "velocity_std", "bias_walk", "initial_pose_std", "initial_bias_std"
+
+
+@pytest.mark.parametrize("name", DEVIATIONS)
+def test_no_deviation_is_negative(noted, name):
+    said = "expected a standard deviation of at least 0, got -1"
+    assert noted(Invariant(**{name: -1.0}), group_named("SO3")) == [(name, said)]
+
+
+def settling(G, estimator, *sensors):
+    """What the filter says of its gains, for these sensors of the pose."""
+    problems, vehicle = Problems(), Vehicle(control=Sampling(0.1), pose_sensors=sensors)
+    estimator.check_sensors(vehicle.schedule(G), vehicle.deviations(G), problems)
+    return [problem.message for problem in problems]
+
+
+def test_gains_settle_by_the_rate_of_the_fixes_of_each_part():
+    """Without k_I, an error shrinks by 1 − T k_P from fix to fix, and the bias stays."""
+    G, slow = group_named("SE2"), Noise(0.1, of="translation", period=0.5)
+    both = Noise(0.1, of="rotation"), slow
+    assert settling(G, Complementary(kp=3.9, ki=0.0), *both) == []
+    assert settling(G, Complementary(kp=[19.0, 0.5, 3.9], ki=0.0), *both) == []
+    [said] = settling(G, Complementary(kp=[19.0, 0.5, 5.0], ki=0.0), *both)
+    assert said == (
+        "the estimate of the translation does not settle with fixes every 0.5 s: an error grows by "
+        "1.5 from one to the next; choose kp between 0 and 4 and a smaller ki"
+    )
+    assert settling(G, Complementary(kp=99.0, ki=0.0), slow)[0].startswith(
+        "the estimate of the translation"
+    )
+    # With T k_P = 1 a fix leaves no error of the pose, and 1 − T² k_I of that of the bias.
+    assert settling(G, Complementary(kp=2.0, ki=7.9), slow) == []
+    assert len(settling(G, Complementary(kp=2.0, ki=8.1), slow)) == 1
+
+
+def test_an_estimate_without_a_covariance_starts_without_one():
+    G = group_named("SE2")
+    start = Complementary().first(G, np.broadcast_to(np.eye(3), (2, 4, 3, 3)))
+    assert start.bias.shape == (2, 4, 3) and start.covariance.shape == (2, 4, 0, 0)
+    assert not start.bias.any()
+    assert (Complementary().kp, Complementary().ki) == (1.0, 0.3)
 
 
 def test_an_error_of_a_part_has_the_unit_of_its_velocity_times_a_second():
@@ -166,6 +232,21 @@ def test_definiteness_is_told_by_pivots():
     assert indefinite(worse).tolist() == [1.0] * 3
     assert indefinite(zero) == 0.0
     assert indefinite(-zero) == 1.0
+
+
+def test_pivots_are_those_of_a_triangular_factor():
+    """Of LDLᵀ, whose row behind a pivot of 0 is 0; the columns of L there are those of I."""
+    random = np.random.default_rng(4)
+    L, D = np.tril(random.standard_normal((5, 5)), -1) + np.eye(5), [2.0, -0.5, 0.0, 3.0, 0.25]
+    L[:, 2] = np.eye(5)[2]
+    v = random.standard_normal(5)
+    for shape in ((), (2,), (2, 3)):
+        A = np.broadcast_to(L @ np.diag(D) @ L.T, (*shape, 5, 5))
+        found, y = pivots(A, np.broadcast_to(v, (*shape, 5)))
+        D_here, v_here = (np.broadcast_to(each, (*shape, 5)) for each in (D, v))
+        np.testing.assert_allclose(np.stack(found, axis=-1), D_here, atol=1e-13)
+        np.testing.assert_allclose(np.stack(y, axis=-1) @ L.T, v_here, atol=1e-13)
+        assert indefinite(A).shape == shape and indefinite(A).all()
 
 
 @pytest.mark.parametrize("engine", ["native", "solve_ivp"])

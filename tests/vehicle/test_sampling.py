@@ -339,7 +339,8 @@ def test_energy_balance_of_a_sampled_law_with_memory(solved, engine):
 
 
 @pytest.mark.parametrize(
-    ("written", "periods"), [("20 ms", 2), ("0.03 s", 3), ("40000us", 4), ("2*10 ms", 2), (5, 5)]
+    ("written", "periods"),
+    [("20 ms", 2), ("0.03 s", 3), ("40000us", 4), ("2*10 ms", 2), (5, 5), ("0 s", 0)],
 )
 def test_a_delay_may_be_a_time(written, periods):
     found = ControlSection.model_validate({"period": 0.01, "delay": written})
@@ -354,6 +355,12 @@ def test_a_delay_may_be_a_time(written, periods):
             "25 ms",
             "expected a whole number of periods of 10 ms, got 25 ms; write 20 ms or 30 ms",
         ),
+        (
+            0.01,
+            "27 ms",
+            "expected a whole number of periods of 10 ms, got 27 ms; write 20 ms or 30 ms",
+        ),
+        (1.0, "1.0e9 s", "expected from 0 to 1e+09 periods of 1 s, got 1e+09 s"),
         (0.01, "-10 ms", "expected from 0 to 1e+09 periods of 0.01 s, got -0.01 s"),
         (0.01, "1e300 s", "expected from 0 to 1e+09 periods of 0.01 s, got 1e+300 s"),
     ],

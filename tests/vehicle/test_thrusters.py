@@ -11,6 +11,7 @@ from scipy.optimize import lsq_linear
 
 from eqt_cli.api import load_experiment, verify
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.execution.executors import Executor
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.run_study import execute
@@ -203,6 +204,82 @@ def test_what_thrusts_come_to_is_the_solution_of_their_rate(derivative):
     np.testing.assert_allclose(derivative(lambda h: after(0.7 + h)), rate, atol=1e-10)
 
 
+@pytest.mark.parametrize("shape", [(), (2,), (2, 3)])
+def test_bounded_thrusts_that_lag_are_held_and_followed(shape):
+    """States are the thrusts that were solved for, and behind them those that lag."""
+    part = Thrusters(
+        matrix=[[1.0, 0.0], [0.0, 2.0], [0.0, 0.0]],
+        low=-1.0,
+        high=[2.0, 3.0],
+        time_constant=[0.5, 1.0],
+        allocation="bounded",
+    ).of_run(SE2, None)
+    x = np.broadcast_to([2.0, 0.5, 1.0, -0.5], (*shape, 4))
+    tau, t = np.broadcast_to([5.0, 4.0, 7.0], (*shape, 3)), np.full((*shape, 1), 0.5)
+
+    def same(found, expected):
+        np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-14)
+        assert found.shape == (*shape, len(expected))
+
+    assert part.states(SE2) == 4
+    same(part.thrust(SE2, tau, x), [1.0, -0.5])
+    same(part.output(SE2, tau, x), [1.0, -1.0, 0.0])
+    same(part.state_rate(SE2, tau, x), [0.0, 0.0, 2.0, 1.0])
+    same(part.after(SE2, tau, x, t), [2.0 - np.exp(-1.0), 0.5 - np.exp(-0.5)])
+    solved = part.solution(SE2, tau)
+    same(solved, [2.0, 2.0])
+    same(part.step(SE2, solved, x, 0.1), [2.0, 2.0, 1.0, -0.5])
+    for asked, there in (([2.0, 0.0], True), ([0.0, -1.0], True), ([1.9, 2.9], False)):
+        x = np.broadcast_to([*asked, 0.0, 0.0], (*shape, 4))
+        found = part.at_limit(SE2, tau, x)
+        assert found.shape == shape and (found == there).all()
+
+
+def test_thrusts_of_many_runs_have_the_limits_of_their_own():
+    part = Thrusters(
+        matrix=np.eye(3).tolist(), low=-1.0, high=Uniform([1.0, 2.0]), allocation="bounded"
+    )
+    runs = [part.of_run(SE2, np.random.default_rng(seed)) for seed in range(2)]
+    together = with_leaves(
+        runs[0], {path: np.stack([leaves(own)[path] for own in runs]) for path in leaves(runs[0])}
+    )
+    found = together.solution(SE2, np.full((2, 3), 9.0))
+    np.testing.assert_array_equal(found, [own.high for own in runs])
+
+
+@pytest.mark.parametrize("shape", [(), (2,), (2, 3)])
+def test_a_thrust_at_its_limit_is_not_beyond_it(shape):
+    part = Thrusters(matrix=np.eye(3).tolist(), low=[-1.0, -2.0, -3.0], high=2.0)
+    part, none = part.of_run(SE2, None), np.zeros((*shape, 0))
+    for command, beyond in (
+        ([-1.0, -2.0, 2.0], False),
+        ([-1.1, 0.0, 0.0], True),
+        ([0.0, 0.0, 2.1], True),
+    ):
+        found = part.at_limit(SE2, np.broadcast_to(command, (*shape, 3)), none)
+        assert found.shape == shape and (found == beyond).all()
+    assert Thrusters(matrix=np.eye(3).tolist()).at_limit(SE2, np.zeros(3), none) is None
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_thrusts_that_just_reach_their_limit_are_still_the_least(side):
+    """Others would give the same torque, with a larger sum of weight · thrust²."""
+    G, weights = group_named("SO2"), [1.0, 3.0, 5.0, 2.0]
+    free = Thrusters(matrix=[[1.0, 1.0, 1.0, 1.0]], weights=weights).of_run(G, None)
+    command = np.array([side * 0.7])
+    thrusts = free.thrust(G, command, command[:0])
+    reach = float(np.abs(thrusts).max())
+    part = Thrusters(
+        matrix=[[1.0, 1.0, 1.0, 1.0]],
+        weights=weights,
+        low=-reach,
+        high=reach,
+        allocation="bounded",
+    )
+    found = part.of_run(G, None).solution(G, command[None])
+    np.testing.assert_array_equal(found, thrusts[None])
+
+
 @pytest.mark.parametrize("size", [0.5, 3.0, 30.0])
 def test_bounded_thrusts_are_those_of_least_squares(size):
     part = Thrusters(
@@ -245,6 +322,9 @@ def test_numbers_of_thrusters_are_drawn_once_each_in_their_order():
 def test_thrusters_without_a_name_are_numbered_from_1():
     part = Thrusters(matrix=[[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
     assert part.thruster_names == ("thruster 1", "thruster 2")
+    assert Thrusters(matrix=[[1.0, 2.0]]).thruster_names == part.thruster_names
+    some = [Thruster([0.0, 0.0], [1.0, 0.0], name="bow"), Thruster([0.0, 0.0], [0.0, 1.0])]
+    assert Thrusters(thrusters=some).thruster_names == ("bow", "thruster 2")
 
 
 def test_a_vehicle_has_the_limits_and_the_solution_of_its_thrusters():
@@ -286,6 +366,16 @@ def test_directions_without_thrust_are_the_fewest_coordinates():
     assert len(unreachable(np.eye(6))) == 0
     along = np.array([[1.0], [-1.0], [1.0]])
     np.testing.assert_allclose(unreachable(along), [[1, 0, -1], [0, 1, 1]], atol=1e-15)
+    np.testing.assert_array_equal(unreachable(np.zeros((3, 2))), np.eye(3))
+    for B in np.random.default_rng(5).standard_normal((20, 6, 3)):
+        found = unreachable(B)  # in which the first coordinates stand for themselves
+        np.testing.assert_array_equal(found[:, :3], np.eye(3))
+        np.testing.assert_allclose(found @ B, 0, atol=1e-12 * np.abs(found).max())
+
+
+def test_what_is_almost_along_a_coordinate_is_along_it():
+    np.testing.assert_array_equal(unreachable(np.array([[1.0], [-1e-7]])), [[0, 1]])
+    np.testing.assert_array_equal(unreachable(np.array([[-1e-7], [1.0]])), [[1, 0]])
 
 
 def test_directions_without_thrust_are_said_by_their_coordinates():
@@ -293,6 +383,11 @@ def test_directions_without_thrust_are_said_by_their_coordinates():
     assert told == (
         "with rank 2 of 3 cannot push along ω + 0.25 vx − 0.5 vy; what a law asks for there is lost"
     )
+    [told] = Thrusters(matrix=[[1.0], [-1.0], [1.0]]).remarks(SE2)
+    assert told == (
+        "with rank 1 of 3 cannot push along ω − vy, vx + vy; what a law asks for there is lost"
+    )
+    assert not list(Thrusters(matrix=np.eye(3).tolist()).remarks(SE2))
 
 
 # Whole experiments.
@@ -467,6 +562,14 @@ BAD = [
     (
         "[{kind: thrusters, matrix: [[1, 0], [0], [1, 1]]}]",
         "actuators[0].matrix[1]: expected 2 numbers, as in row 1, got 1",
+    ),
+    (
+        "[{kind: thrusters, matrix: [[], [1], [1]]}]",
+        "actuators[0].matrix[0]: expected a number or more, got none",
+    ),
+    (
+        "[{kind: thrusters, matrix: [[1], [], [1]]}]",
+        "actuators[0].matrix[1]: expected a number or more, got none",
     ),
     (
         f"[{PART}, low: [-1, -1], high: 1}}]",

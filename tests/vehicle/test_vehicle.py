@@ -1,5 +1,7 @@
 """What the parts of a vehicle compute, in closed form; and what is said of wrong options."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from eqt_cli.config.source import read_config
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.expressions import parse
+from eqt_cli.core.leaves import leaves
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.build import build
@@ -16,21 +19,37 @@ from eqt_cli.mechanics.inertia import Inertia, PrescribedInertia
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.vehicle import Vehicle
-from eqt_cli.vehicle.actuators.base import against
+from eqt_cli.vehicle.actuators.base import Actuator, against
 from eqt_cli.vehicle.actuators.deadband import Deadband
 from eqt_cli.vehicle.actuators.lag import Lag
 from eqt_cli.vehicle.actuators.limit import Limit
 from eqt_cli.vehicle.actuators.momentum_limit import MomentumLimit
 from eqt_cli.vehicle.actuators.quantisation import Quantisation
 from eqt_cli.vehicle.actuators.rate_limit import RateLimit
+from eqt_cli.vehicle.actuators.thrusters import Thrusters
+from eqt_cli.vehicle.estimators.complementary import Complementary
+from eqt_cli.vehicle.estimators.invariant import Invariant
+from eqt_cli.vehicle.estimators.schedule import Schedule
+from eqt_cli.vehicle.forces.constant import ConstantForce
 from eqt_cli.vehicle.forces.drag import Drag
 from eqt_cli.vehicle.forces.gravity_gradient import GravityGradient
-from eqt_cli.vehicle.forces.gust import SINES, Gust
+from eqt_cli.vehicle.forces.gust import Gust
 from eqt_cli.vehicle.forces.restoring import Restoring
 from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, VaryingInertia
-from eqt_cli.vehicle.numbers import Normal, Uniform, drawn, is_drawn, lowest, mean_square
+from eqt_cli.vehicle.numbers import (
+    Distribution,
+    Normal,
+    Uniform,
+    check_limits,
+    check_numbers,
+    drawn,
+    is_drawn,
+    lowest,
+    mean_square,
+)
 from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors.bias import Bias
+from eqt_cli.vehicle.sensors.channels import Channel, Errors
 from eqt_cli.vehicle.sensors.noise import Noise
 
 SO3, SE3 = group_named("SO3"), group_named("SE3")
@@ -90,6 +109,12 @@ def test_a_spatial_force_acts_as_its_dual_adjoint():
     np.testing.assert_allclose(acting(drag, SE3, Q, V), expected, atol=10 * ROUNDING)
 
 
+def test_a_push_in_space_acts_on_a_body_at_rest():
+    Q, push = SE3.exp(np.array([0.3, -0.2, 0.5, 1.0, 2.0, -1.0])), [0.1, -0.2, 0.3, 1.0, 2.0, 3.0]
+    found = acting(ConstantForce(push, frame="spatial"), SE3, Q, np.zeros(6))
+    np.testing.assert_allclose(found, SE3.Ad_star(Q, np.array(push)), atol=ROUNDING)
+
+
 def test_weight_and_buoyancy_right_a_body_whose_mass_is_low():
     force = Restoring(weight=10.0, buoyancy=12.0, centre_of_mass=[0.0, 0.0, -0.1])
     angle = 0.2
@@ -115,7 +140,7 @@ def test_weight_and_buoyancy_are_the_slope_of_their_energy(derivative):
     np.testing.assert_allclose(found, np.negative(slope), atol=1e-9)  # energies of 10 J
 
 
-@pytest.mark.parametrize(("up", "down"), [(None, [0, 0, -1]), ([0.0, 3.0, 4.0], [0, -0.6, -0.8])])
+@pytest.mark.parametrize(("up", "down"), [(None, [0, 0, -1]), ([0, 3, 4], [0, -0.6, -0.8])])
 def test_weight_alone_pulls_at_the_origin(up, down):
     found = acting(Restoring(weight=10.0, up=up), SE3, np.eye(4)[None], np.zeros((1, 6)))[0]
     np.testing.assert_allclose(found, [0, 0, 0, *np.multiply(10, down)], atol=ROUNDING)
@@ -138,7 +163,16 @@ def test_gusts_have_the_variance_that_is_asked_for():
     V = np.zeros((len(times), 3))
     found = gust.in_body(SO3, times, np.broadcast_to(np.eye(3), (len(times), 3, 3)), V)
     np.testing.assert_allclose(found.std(axis=0), 0.3, rtol=0.02)
-    assert gust.phase.shape == (SINES, 3)
+    assert gust.phase.shape == (12, 3)
+    start = gust.in_body(SO3, 0.0, np.eye(3), np.zeros(3))
+    np.testing.assert_allclose(start, gust.amplitude * np.sin(gust.phase).sum(axis=0), rtol=1e-12)
+
+
+def test_sines_of_a_gust_are_amid_equal_parts_of_its_spectrum():
+    """Below ω lies the share (2/π) atan(ωT) of the variance."""
+    gust = Gust(std=0.3, time_constant=2.0).of_run(SO3, None)
+    shares = 2 / np.pi * np.arctan(2.0 * gust.frequency[:, 0])
+    np.testing.assert_allclose(shares, (np.arange(12) + 0.5) / 12, rtol=0, atol=ROUNDING)
 
 
 def test_phases_of_gusts_are_any():
@@ -168,6 +202,15 @@ def test_a_limit_is_reached_by_more_than_it():
     np.testing.assert_array_equal(most, np.broadcast_to([1.0, 2.0, 3.0], (3, 3)))
     sizes, most = whole.most(SO3, np.zeros(1), command[:1])  # in the longest axis
     assert (sizes.item(), most.item()) == (pytest.approx(3 * np.sqrt(3)), 3.0)
+
+
+def test_limits_along_the_axes_are_the_narrowest_of_all_actuators():
+    """The limit of a norm, and what has no limit, have none along an axis."""
+    parts = Limit([1.0, 2.0, 3.0]), Lag(0.5), Limit(low=-1.5, high=[0.5, 2.5, 1.0])
+    whole = Limit(1.0, norm=True)
+    low, high = Vehicle(actuators=(*parts, whole)).of_run(SO3).torque_limits(SO3)
+    np.testing.assert_array_equal([low, high], [[-1.0, -1.5, -1.5], [0.5, 2.0, 1.0]])
+    assert Vehicle(actuators=(whole, Lag(0.5))).of_run(SO3).torque_limits(SO3) is None
 
 
 def test_a_limit_of_the_norm_counts_in_units_of_the_limits():
@@ -202,6 +245,14 @@ def test_a_deadband_swallows_what_is_small_and_nothing_of_the_rest():
     found = part.of_run(SO3, None).output(SO3, command, none)
     np.testing.assert_array_equal(found, [[0, -0.4, 0], [0, 0.41, 1.5], [3.0, -7.0, 0]])
     assert part.sampled
+
+
+def test_wheels_are_judged_by_the_integral_of_the_torque():
+    limit = MomentumLimit(momentum=[1.0, 2.0, 3.0]).of_run(SO3, None)
+    times, torque = np.array([0.0, 0.5, 0.75]), np.array([[0, 0, 0], [1, -1, 4], [3, -1, 0.0]])
+    sizes, most = limit.most(SO3, times, torque)
+    np.testing.assert_array_equal(sizes, [[0.25, 0.25, 1.0], [0.75, 0.5, 1.5]])
+    np.testing.assert_array_equal(np.broadcast_to(most, (3,)), [1, 2, 3])
 
 
 def test_wheels_take_up_what_they_can():
@@ -240,6 +291,28 @@ def test_gravity_gradient_turns_bodies_in_space_only(noted):
     for name in ("SE2", "SE23", "SO3*SO2"):
         G = group_named(name)
         assert ("", f"gravity_gradient needs group SO3 or SE3, got {G.name}") in noted(force, G)
+        assert ("", f"restoring needs group SE3, got {G.name}") in noted(Restoring(1.0), G)
+    assert noted(force, SO3) == noted(force, SE3) == noted(Restoring(1.0), SE3) == []
+
+
+@pytest.mark.parametrize(
+    ("force", "place", "said"),
+    [
+        (Restoring(1.0, frame="spatial"), "frame", "restoring fixes the frame of each of its "
+         "numbers; remove this key"),
+        (Restoring(1.0, up=[0.0, 0.0, 0.0]), "up", "expected a direction, got a vector of zeros"),
+        (Restoring(1.0, up=[0.0, 1.0]), "up", "expected 3 numbers, got 2"),
+        (Restoring(1.0, centre_of_mass=[0.0] * 4), "centre_of_mass", "expected 3 numbers, got 4"),
+        (GravityGradient(0.3, 1.0, frame="spatial"), "frame", "gravity_gradient computes its own "
+         "frame; remove this key"),
+        (GravityGradient(0.3, [1.0, 2.0]), "inertia", "expected 3 diagonal entries for SE3, got 2"),
+        (Drag(linear=[1.0, 2.0]), "linear", "expected 6 diagonal entries for SE3, got 2"),
+        (Drag(current=[0.0, "sin(", 0.0]), "current[1]", "'sin(': expected a number, a name or '(' "
+         "at column 5, but the expression ends"),
+    ],
+)  # fmt: skip
+def test_a_force_says_what_does_not_fit_it(noted, force, place, said):
+    assert noted(force, SE3) == [(place, said)]
 
 
 def test_gravity_pulls_no_torque_from_a_body_that_is_in_line_with_it():
@@ -291,6 +364,94 @@ def test_a_normal_distribution_may_have_no_spread(mean, positive, expected):
     assert [(problem.path, problem.message) for problem in problems] == expected
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (Uniform([1.0]), "uniform: expected two numbers, the lowest and the highest, got 1"),
+        (Uniform([1.0, 2.0, 3.0]), "uniform: expected two numbers, the lowest and the highest, "
+         "got 3"),
+        (Uniform([2.0, 1.0]), "uniform: expected the smaller number first, got [2, 1]"),
+        (Normal([1.0]), "normal: expected two numbers, the mean and the standard deviation, got 1"),
+        (Normal([1.0, -0.5]), "normal: expected a standard deviation of at least 0, got -0.5"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("positive", [False, True])
+def test_a_distribution_without_its_two_numbers_is_told(wrong, said, positive):
+    problems = Problems()
+    wrong.check(problems, positive)
+    assert [f"{problem.path}: {problem.message}" for problem in problems] == [said]
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (0.5, None),
+        (0.0, "expected a number greater than 0, got 0"),
+        (Uniform([0.5, 0.5]), None),  # one number is a range
+        (Uniform([0.0, 2.0]), "expected numbers greater than 0, got 0"),
+        (Uniform([-1.0, 2.0]), "expected numbers greater than 0, got -1"),
+        (Normal([0.5, 3.0]), None),
+        (Normal([-0.5, 3.0]), "expected a mean greater than 0, got -0.5"),
+    ],
+)
+def test_where_numbers_must_be_positive_so_must_a_distribution(number, said):
+    for value, place in ((number, ""), ([1.0, number], "[1]")):
+        problems, free = Problems(), Problems()
+        check_numbers(value, problems, positive=True)
+        check_numbers(value, free)
+        own = f".{'uniform' if isinstance(number, Uniform) else 'normal'}"
+        at = f"{place}{own if isinstance(number, Uniform | Normal) else ''}".removeprefix(".")
+        expected = [] if said is None else [(at, said)]
+        assert [(problem.path, problem.message) for problem in problems] == expected
+        assert not list(free)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (None, None, None),
+        (-1.0, 1.0, None),
+        (-1.0, None, "high: missing; give both limits, low and high"),
+        (None, 1.0, "low: missing; give both limits, low and high"),
+        ([-1.0, 0.5], [0.5, 1.0], None),
+        ([-1.0, 0.5], 0.5, "low[1]: expected a number less than high, 0.5, got 0.5"),
+        (0.5, [1.0, 0.0], "low: expected a number less than high, 0, got 0.5"),
+        ([2.0], 1.0, "low: expected a number less than high, 1, got 2"),
+        (Normal([0.0, 9.0]), Uniform([0.0, 1.0]), None),  # their means are 0 and 0.5
+        (Uniform([1.0, 0.0]), 2.0, "low.uniform: expected the smaller number first, got [1, 0]"),
+        (0.0, Uniform([3.0, 2.0]), "high.uniform: expected the smaller number first, got [3, 2]"),
+    ],
+)
+def test_limits_leave_a_range_along_each_axis(low, high, said):
+    problems = Problems()
+    check_limits(low, high, problems)
+    assert [f"{problem.path}: {problem.message}" for problem in problems] == [said] * bool(said)
+
+
+class Listed(Distribution):
+    """Draws these numbers, one after the other."""
+
+    mean, variance = 1.0, 0.0
+
+    def __init__(self, *numbers):
+        object.__setattr__(self, "numbers", iter(numbers))
+
+    def draw(self, random):
+        return next(self.numbers)
+
+    def check(self, problems, positive):
+        pass
+
+
+def test_numbers_that_will_not_do_are_drawn_anew():
+    random = np.random.default_rng(1)
+    assert drawn(Listed(-2.0, 0.0, 0.5), random, positive=True) == 0.5
+    assert drawn(Listed(-2.0, 0.5), random) == -2.0
+    assert RelativeInertia(Listed(-1.5, -1.0, -0.5, 0.5)).of_run(SO3, random).relative == -0.5
+    matrix = ConstantInertia([1.0, 2.0, Listed(-1.0, 0.0, 0.5, 2.0)]).of_run(SO3, random).matrix
+    np.testing.assert_array_equal(matrix, np.diag([1.0, 2.0, 0.5]))
+
+
 def test_only_what_remembers_has_states():
     plain = Limit(1.0), Deadband(0.1), Quantisation(0.1)
     assert Vehicle(actuators=(*plain, Lag(0.5), RateLimit(2.0))).states(SO3) == {
@@ -304,6 +465,129 @@ def test_a_held_command_goes_to_the_first_actuator_that_moves():
     assert Vehicle(actuators=(limit, lag, limit), control=clock).first_moving is lag
     assert Vehicle(actuators=(limit,), control=clock).first_moving is None
     assert Vehicle(actuators=(limit, lag)).first_moving is None  # nothing is held
+    assert (lag.has_closed_form, limit.has_closed_form) == (True, False)
+
+
+@pytest.mark.parametrize("shape", [(), (2,), (2, 3)])
+def test_the_first_actuator_that_moves_is_followed_from_a_held_command(shape):
+    """Behind a limit, whose output is held, or itself the first, and with many runs at once."""
+    lag, moved, clock = Lag(0.5), np.full((*shape, 3), 0.25), Sampling(0.1, delay=1)
+    queue = np.broadcast_to([4.0, -4.0, 0.5, 9.0, 9.0, 9.0], (*shape, 6))
+    held = np.broadcast_to([1.0, -1.0, 0.5], (*shape, 3))
+    for actuators, name, command in (
+        ((Limit(1.0), lag), "actuators_1", held),
+        ((lag, Limit(1.0)), "actuators_0", queue[..., :3]),
+    ):
+        vehicle = Vehicle(actuators=actuators, control=clock).of_run(SO3)
+        states = {"commands": queue, "held": held, name: moved}
+        later = states | {name: moved + 1.0}
+        found = vehicle.first_moving_after(SO3, states, later, np.full((*shape, 1), 0.5))
+        np.testing.assert_allclose(found[0], command + (moved - command) / np.e, atol=ROUNDING)
+        np.testing.assert_array_equal(found[1], moved + 1.0)
+
+
+class Stateless(Actuator):
+    """Adds all of its states to a command."""
+
+    limits = True
+
+    def output(self, G, command, x):
+        return command + x.sum(axis=-1, keepdims=True)
+
+
+def test_an_actuator_without_states_is_handed_none():
+    vehicle, command = Vehicle(actuators=(Stateless(), Stateless())), np.array([1.0, 2.0, 3.0])
+    torque, rates = vehicle.passed(SO3, command, {})
+    np.testing.assert_array_equal(torque, command)
+    assert not rates and not vehicle.at_limit(SO3, command, {})
+    assert vehicle.thrust(SO3, command, {}).shape == Stateless().thrust(SO3, command, {}).shape
+    assert vehicle.thrust(SO3, command, {}).shape == (0,)
+    clocked = dataclasses.replace(vehicle, control=Sampling(0.1))
+    states = {name: np.zeros(count) for name, count in clocked.states(SO3).items()}
+    found = clocked.after_instant(SO3, command, states)
+    np.testing.assert_array_equal(found["held"], command)
+    assert clocked.thrust(SO3, command, states).shape == (0,)
+    wheels = Thrusters(matrix=np.eye(3).tolist())
+    behind = Vehicle(actuators=(Stateless(), wheels)).of_run(SO3)
+    np.testing.assert_array_equal(behind.thrust(SO3, command, {}), command)
+
+
+@pytest.mark.parametrize("shape", [(), (2,), (2, 3)])
+@pytest.mark.parametrize("control", [None, Sampling(0.1, delay=1)])
+def test_a_vehicle_is_at_a_limit_where_any_actuator_is(shape, control):
+    """What reaches the second one is what the first one lets through."""
+    parts = Limit([1.0, 9.0, 9.0]), Limit([2.0, 5.0, 9.0]), Deadband(0.1)
+    vehicle = Vehicle(actuators=parts, control=control).of_run(SO3)
+    assert vehicle.limits and not Vehicle(actuators=parts[2:]).limits
+    for command, at in (([3.0, 0.0, 0.0], True), ([0.0, 6.0, 0.0], True), ([0.5, 4.0, 8.0], False)):
+        given = np.broadcast_to(command, (*shape, 3))
+        queue = np.concatenate([given, 0.0 * given], axis=-1)
+        states = {} if control is None else {"commands": queue}
+        found = vehicle.at_limit(SO3, given if control is None else 0.0 * given, states)
+        assert found.shape == shape and (found == at).all()
+
+
+def test_a_vehicle_without_parts_is_ideal():
+    bare, clocked = Vehicle(), Vehicle(control=Sampling(0.1))
+    assert bare.is_ideal and not bare.varies and not bare.measures
+    assert not bare.estimates and not bare.knows_covariance
+    assert bare == bare.of_run(SO3)  # which remembers how it was configured
+    assert not clocked.is_ideal and clocked.departures == "sampled control"
+    assert clocked.control == Sampling(0.1, delay=0)
+
+
+def test_a_vehicle_knows_what_it_measures_and_estimates():
+    for sensed in (Vehicle(pose_sensors=(Noise(0.1),)), Vehicle(velocity_sensors=(Noise(0.1),))):
+        assert sensed.measures
+    filtered, plain = Vehicle(estimator=Invariant()), Vehicle(estimator=Complementary())
+    assert filtered.estimates and filtered.knows_covariance and not filtered.is_ideal
+    assert plain.estimates and not plain.knows_covariance
+    assert filtered.estimator_lengths(SO3) == {}  # nothing is told without a clock
+
+
+def test_runs_differ_where_a_part_has_numbers_to_draw():
+    differing = Vehicle(actuators=(Limit(Uniform([1.0, 2.0])),), control=Sampling(0.1))
+    assert differing.varies and differing.of_run(SO3).varies
+    assert not Vehicle(actuators=(Limit(1.0),), control=Sampling(0.1)).varies
+    assert Gust(0.1, 2.0).varies and not VaryingInertia(VARYING).varies
+
+
+@pytest.mark.parametrize(
+    ("part", "hidden"),
+    [
+        (Quantisation, ["up", "down"]),
+        (Thrusters, ["inverse", "scale"]),
+        (Gust, ["amplitude", "frequency", "phase"]),
+        (Drag, ["expressions"]),
+        (ConstantInertia, ["inverse"]),
+    ],
+)
+def test_what_a_part_computes_of_its_options_is_no_option(part, hidden):
+    for name in hidden:
+        with pytest.raises(TypeError, match=name):
+            part(**{name: 1.0})
+
+
+def test_options_that_all_sensors_share_have_names():
+    """A number without a name is the first of the own ones."""
+    assert (Noise(0.1, 0.2).std, Noise(0.1, 0.2).density) == (0.1, 0.2)
+    with pytest.raises(TypeError):
+        Noise(0.1, 0.2, "rotation")
+
+
+def test_only_numbers_of_a_run_are_leaves():
+    """Words and switches are not."""
+    assert set(leaves(Limit(1.0).of_run(SO3, None))) == {"low", "high"}
+    assert set(leaves(Drag(linear=1.0, frame="spatial").of_run(SO3, None))) == {
+        "linear",
+        "quadratic",
+    }
+
+
+def test_drag_is_none_unless_told():
+    V = np.array([[0.3, -2.0, 1.0]])
+    for drag, expected in ((Drag(linear=2.0), -2.0 * V), (Drag(quadratic=2.0), -2.0 * V * abs(V))):
+        np.testing.assert_allclose(acting(drag, SO3, np.eye(3)[None], V), expected, atol=ROUNDING)
 
 
 def test_sensors_err_by_nothing_unless_told():
@@ -313,6 +597,56 @@ def test_sensors_err_by_nothing_unless_told():
     assert not walk[0].any() and walk[1:].all()
     np.testing.assert_array_equal(value.errors(SO3, 5, 0.1, random(0)), [[1.0, 2.0, 3.0]] * 5)
     assert not Noise(density=0.0).errors(SO3, 5, 0.1, random(0)).any()
+    assert not Noise(0.1).lost(50, random(0)).any()
+
+
+def test_a_value_may_have_any_sign_and_a_deviation_may_not(noted):
+    assert noted(Bias(value=[-1.0, 0.0, 1.0]), SO3) == noted(Noise(0.0), SO3) == []
+    negative = "expected a standard deviation of at least 0, got -1"
+    assert noted(Bias(walk=-1.0), SO3) == [("walk", negative)]
+    assert noted(Noise(density=-1.0), SO3) == [("density", negative)]
+    assert noted(Noise(0.1, 0.1), SO3) == [("", "expected std or density, got both")]
+    assert noted(Noise([0.1, 0.1]), SO3) == [("std", "expected 3 entries for SO3, got 2")]
+
+
+def test_what_is_told_of_errors_is_what_the_sensors_say():
+    """Variances add up; a density counts at the rate of its own part, and a bias of poses not."""
+    G = group_named("SE2")
+    vehicle = Vehicle(
+        control=Sampling(0.1),
+        pose_sensors=(
+            Noise(0.3),
+            Noise(density=[0.2, 0.4], of="translation", period=0.4),
+            Bias(value=7.0),
+        ),
+        velocity_sensors=(
+            Noise(0.05, of="rotation"),
+            Bias(value=[3.0, Uniform([-3.0, 3.0])], walk=0.3, of="translation"),
+            Bias(value=Normal([3.0, 2.0]), walk=[0.1, 0.4, 0.0]),
+        ),
+    )
+    pose, velocity, bias, walk = vehicle.deviations(G)
+    np.testing.assert_allclose(pose**2, [0.09, 0.09 + 0.1, 0.09 + 0.4], rtol=1e-12)
+    np.testing.assert_array_equal(velocity, [0.05, 0.0, 0.0])
+    np.testing.assert_allclose(bias**2, [13.0, 9.0 + 13.0, 3.0 + 13.0], rtol=1e-12)
+    np.testing.assert_allclose(walk, [0.1, 0.5, 0.3], rtol=1e-12)
+
+
+def test_errors_may_be_without_a_bias_that_is_estimated():
+    parts = np.zeros((2, 5, 3, 3)), np.ones((2, 5, 3)), np.zeros((2, 5, 0))
+    errors = Errors(*parts)
+    assert errors.bias.shape == (0,) and len(errors.of_runs) == 3
+    assert [part.shape for part in errors.of(1, 4)] == [(3, 3), (3,), (0,), (0,)]
+    clocked = Vehicle(control=Sampling(0.1), velocity_sensors=(Bias(value=0.1),))
+    random_of = lambda place: np.random.default_rng(1)  # noqa: E731 shorter than a function
+    assert clocked.measurement_errors(SO3, 5, random_of).bias.shape == (5, 0)
+
+
+def test_a_channel_holds_nothing_unless_told():
+    [part] = SO3.parts
+    channel = Channel("velocity", part, (3,))
+    assert (channel.every, channel.delay, channel.holds, channel.states) == (1, 0, False, 0)
+    assert Schedule(SO3, [], 0.1).depth == 0
 
 
 @pytest.mark.parametrize(
@@ -326,6 +660,11 @@ def test_sensors_err_by_nothing_unless_told():
             "centre_of_mass[1].uniform",
         ),
         (Restoring(1.0, up=[0.0, 1.0, Uniform([2.0, 1.0])]), "up[2].uniform"),
+        (Restoring(Uniform([2.0, 1.0])), "weight.uniform"),
+        (Restoring(1.0, buoyancy=Uniform([2.0, 1.0])), "buoyancy.uniform"),
+        (Drag(linear=[0.0] * 5 + [Uniform([2.0, 1.0])]), "linear[5].uniform"),
+        (Drag(current=["sin(t)", 0.0, Uniform([2.0, 1.0])]), "current[2].uniform"),
+        (GravityGradient(Uniform([2.0, 1.0]), 1.0), "rate.uniform"),
         (GravityGradient(1.0, [1.0, Uniform([2.0, 1.0]), 1.0]), "inertia[1].uniform"),
     ],
     ids=lambda value: value if isinstance(value, str) else type(value).__name__,
@@ -416,6 +755,11 @@ def test_numbers_that_must_be_positive_are_drawn_until_they_are():
         (
             "actuators: [{kind: limit, limit: -1}]",
             "actuators[0].limit: expected a number greater than 0, got -1",
+        ),
+        (
+            "actuators: [{kind: limit, limit: true}]",
+            "actuators[0].limit: expected a number, {uniform: [least, greatest]} or "
+            "{normal: [mean, std]}, got true",
         ),
         (
             "actuators: [{kind: lag, time_constant: [1, 2]}]",

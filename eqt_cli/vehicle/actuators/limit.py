@@ -66,11 +66,8 @@ class Limit(Actuator):
         """Return the limits along the axes; None for a limit of the norm."""
         if self.norm:
             return None
-        ends = (
-            (-np.inf if self.low is None else self.low),
-            (np.inf if self.high is None else self.high),
-        )
-        low, high = (np.broadcast_to(np.asarray(end, float), G.dimension) for end in ends)
+        ends: Any = (self.low, self.high)
+        low, high = (np.broadcast_to(end, G.dimension) for end in ends)
         return low, high
 
     def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
@@ -78,7 +75,7 @@ class Limit(Actuator):
         if not self.norm:
             return against(torque, self.low, self.high)
         limit: Any = self.limit
-        largest = limit.max(axis=-1, keepdims=True)
+        largest = limit.max()
         return norm(torque / limit)[..., None] * largest, largest
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:

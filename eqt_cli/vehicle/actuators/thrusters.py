@@ -272,9 +272,12 @@ class Thrusters(Actuator):
                 f"expected {G.dimension} rows for {G.name}, in the order {order}, got {len(rows)}"
             )
         for index, row in enumerate(rows):
-            if not row or len(row) != len(rows[0]):
-                expected = f"{len(rows[0])} numbers, as in row 1" if rows[0] else "a number or more"
-                problems.at(index).add(f"expected {expected}, got {len(row)}")
+            if not row:
+                problems.at(index).add("expected a number or more, got none")
+            elif len(row) != len(rows[0] or row):
+                problems.at(index).add(
+                    f"expected {len(rows[0])} numbers, as in row 1, got {len(row)}"
+                )
 
     def _check_places(self, G: MatrixLieGroup, problems: Problems) -> None:
         if not (isinstance(G, EuclideanGroup) and G.rotations and len(G.columns) == 1):
@@ -325,11 +328,14 @@ def unreachable(B: Array) -> Array:
 
 
 def _in_words(direction: Array, names: Sequence[str]) -> str:
-    """Return a direction in the names of the coordinates: ``vx``, ``ωy − 0.5 vx``."""
+    """Return a direction in the names of the coordinates: ``vx``, ``ωy − 0.5 vx``.
+
+    Its first number that is not 0 is 1.
+    """
     words = ""
     for number, name in zip(direction.tolist(), names, strict=True):
         if number:
-            sign = ("−" if number < 0 else "") if not words else (" − " if number < 0 else " + ")
+            sign = (" − " if number < 0 else " + ") if words else ""
             size = "" if abs(abs(number) - 1) < SMALLEST else f"{abs(number):.3g} "
             words += f"{sign}{size}{name}"
     return words

@@ -42,8 +42,7 @@ class Bias(Sensor):
     def bias_deviation(self, G: MatrixLieGroup) -> tuple[Array, Array]:
         """Return the root mean square of `value`, and `walk`, ``(n,)`` each."""
         values = self.value if isinstance(self.value, list) else [self.value]
-        mean_squares = [mean_square(value) for value in values]
-        size = self.entries(mean_squares if len(values) > 1 else mean_squares[0], G)
+        size = self.entries([mean_square(value) for value in values], G)
         return np.sqrt(size), self.entries(drawn(self.walk, None), G)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
