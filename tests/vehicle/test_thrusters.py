@@ -19,6 +19,7 @@ from eqt_cli.experiment.horizon import remarks
 from eqt_cli.groups import group_named
 from eqt_cli.results.result import open_result
 from eqt_cli.vehicle.actuators.limit import Limit
+from eqt_cli.vehicle.actuators.rate_limit import RateLimit
 from eqt_cli.vehicle.actuators.thrusters import Thruster, Thrusters, unreachable
 from eqt_cli.vehicle.forces.drag import Drag
 from eqt_cli.vehicle.numbers import Normal, Uniform
@@ -221,7 +222,7 @@ def test_bounded_thrusts_that_lag_are_held_and_followed(shape):
         np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-14)
         assert found.shape == (*shape, len(expected))
 
-    assert part.states(SE2) == 4
+    assert part.states(SE2) == 4 and part.has_closed_form
     same(part.thrust(SE2, tau, x), [1.0, -0.5])
     same(part.output(SE2, tau, x), [1.0, -1.0, 0.0])
     same(part.state_rate(SE2, tau, x), [0.0, 0.0, 2.0, 1.0])
@@ -333,13 +334,20 @@ def test_a_vehicle_has_the_limits_and_the_solution_of_its_thrusters():
     G = group_named("SO3")
     assert Vehicle(actuators=(all_axes,)).of_run(G).thrust_limits is None
     assert Vehicle(actuators=(free,)).of_run(G).thrust_limits is None
-    vehicle = Vehicle(actuators=(all_axes, limited), control=Sampling(period=0.1)).of_run(G)
+    rate = RateLimit(rate=20.0)  # 2 in a period
+    vehicle = Vehicle(actuators=(rate, all_axes, limited), control=Sampling(period=0.1)).of_run(G)
+    assert vehicle.solves == 3
     low, high = vehicle.thrust_limits
     np.testing.assert_array_equal([low, high], [[-1.0] * 3, [2.0] * 3])
     asked = np.array([[3.0, -3.0, 0.5]])
     states = {name: np.zeros((1, length)) for name, length in vehicle.states(G).items()}
     found = vehicle.solution(G, asked, states)
     np.testing.assert_allclose(found, [[1.5, -1.0, 0.5]], atol=1e-12)
+    after = vehicle.after_instant(G, asked, states)
+    np.testing.assert_allclose(after["actuators_2"], found, atol=1e-12)
+    after = vehicle.after_instant(G, asked, states, solved=0.5 * found)  # by an engine
+    np.testing.assert_array_equal(after["actuators_2"], 0.5 * found)
+    np.testing.assert_array_equal(after["actuators_0"], [[2.0, -2.0, 0.5]])
 
 
 def test_a_run_that_is_lost_has_no_thrust():

@@ -650,6 +650,27 @@ def test_a_channel_holds_nothing_unless_told():
 
 
 @pytest.mark.parametrize(
+    ("timing", "every", "delay", "holds"),
+    [
+        ({}, 1, 0, False),
+        ({"delay": 0, "dropout": 0.0}, 1, 0, False),
+        ({"period": 0.1}, 1, 0, True),
+        ({"period": 0.3}, 3, 0, True),
+        ({"delay": 2}, 1, 2, True),
+        ({"dropout": 0.2}, 1, 0, True),
+    ],
+)
+def test_a_measurement_is_held_where_it_is_slow_late_or_lost(timing, every, delay, holds):
+    sensors = Noise(0.1, of="translation"), Bias(value=0.1, of="translation", **timing)
+    vehicle = Vehicle(control=Sampling(0.1), velocity_sensors=sensors)
+    [channel] = vehicle.channels(SE3)  # nothing measures the rotation
+    found = channel.name, channel.every, channel.delay, channel.holds
+    assert found == ("measured_velocity_translation", every, delay, holds)
+    assert vehicle.holding(SE3) == [channel] * holds
+    assert (channel.loses is None) == (not timing.get("dropout"))
+
+
+@pytest.mark.parametrize(
     ("part", "place"),
     [
         (Bias(value=Uniform([2.0, 1.0])), "value.uniform"),
