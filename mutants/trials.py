@@ -268,11 +268,18 @@ def _functions() -> dict[tuple[str, str], list[FunctionType]]:
 
 
 def _plant(mutant: Mutant, functions: dict[tuple[str, str], list[FunctionType]]) -> bool:
-    """Whether the code can be exchanged: not where the fault takes away a variable from outside."""
+    """Whether the code can be exchanged.
+
+    It cannot where the fault takes away a variable from outside, nor where it is in the default of
+    an argument, which is no part of the code.
+    """
     file = str(ROOT / mutant.path)
     code = _code_of(compile(mutated(ROOT, mutant), file, "exec"), mutant.function)
     found = functions[mutant.path, mutant.function]
-    if any(each.__code__.co_freevars != code.co_freevars for each in found):
+    # Code that has run is no longer equal to itself as it was read.
+    text = (ROOT / mutant.path).read_text(encoding="utf-8")
+    unchanged = code == _code_of(compile(text, file, "exec"), mutant.function)
+    if unchanged or any(each.__code__.co_freevars != code.co_freevars for each in found):
         return False
     for function in found:
         function.__code__ = code
