@@ -360,6 +360,11 @@ def test_a_delay_may_be_a_time(written, periods):
             "27 ms",
             "expected a whole number of periods of 10 ms, got 27 ms; write 20 ms or 30 ms",
         ),
+        (
+            1.0,
+            "1.5e-9 s",
+            "expected a whole number of periods of 1000 ms, got 1.5e-06 ms; write 0 ms or 1000 ms",
+        ),
         (1.0, "1.0e9 s", "expected from 0 to 1e+09 periods of 1 s, got 1e+09 s"),
         (0.01, "-10 ms", "expected from 0 to 1e+09 periods of 0.01 s, got -0.01 s"),
         (0.01, "1e300 s", "expected from 0 to 1e+09 periods of 0.01 s, got 1e+300 s"),
