@@ -170,6 +170,7 @@ def test_an_estimator_takes_any_leading_axes(estimator_class, make):
         return states
 
     flat = estimates(slice(None), (6,))
+    assert {name: values.shape[-1] for name, values in flat.items()} == lengths
     alone, table = estimates(4, ()), estimates(slice(None), (2, 3))
     for name, values in flat.items():
         assert alone[name].shape == values[4].shape
