@@ -519,7 +519,7 @@ def test_a_vehicle_is_at_a_limit_where_any_actuator_is(shape, control):
     parts = Limit([1.0, 9.0, 9.0]), Limit([2.0, 5.0, 9.0]), Deadband(0.1)
     vehicle = Vehicle(actuators=parts, control=control).of_run(SO3)
     assert vehicle.limits and not Vehicle(actuators=parts[2:]).limits
-    for command, at in (([3.0, 0.0, 0.0], True), ([0.0, 6.0, 0.0], True), ([0.5, 4.0, 8.0], False)):
+    for command, at in (([1.5, 0.0, 0.0], True), ([0.0, 6.0, 0.0], True), ([0.5, 4.0, 8.0], False)):
         given = np.broadcast_to(command, (*shape, 3))
         queue = np.concatenate([given, 0.0 * given], axis=-1)
         states = {} if control is None else {"commands": queue}
