@@ -91,9 +91,7 @@ def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> N
     check_count(value, G.dimension, G.name, problems, deviations=True)
 
 
-def check_count(
-    value: Numbers, count: int, of: str, problems: Problems, deviations: bool = False
-) -> None:
+def check_count(value: Numbers, count: int, of: str, problems: Problems, deviations: bool) -> None:
     """Note invalid distributions, negative `deviations`, or a number of entries other than `count`.
 
     `of` says in messages what the entries belong to.
