@@ -61,7 +61,7 @@ def _units(header: str) -> Iterator[str]:
         lines.append(line)
         comment = ("/*" in line or comment) and "*/" not in line.rpartition("/*")[2]
         code = re.sub(r"/\*.*?\*/", "", line).rstrip()
-        if comment or (not code and not conditions):
+        if comment:
             continue
         if found := _CONDITION.match(line):
             conditions += {"if": 1, "ifdef": 1, "ifndef": 1, "endif": -1}.get(found[1], 0)

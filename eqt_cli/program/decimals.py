@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import operator
 from collections.abc import Callable, Mapping
 from decimal import Context, Decimal, localcontext
 from typing import Any
@@ -17,7 +17,8 @@ DIGITS = 60
 def evaluated(program: Program, inputs: Mapping[str, Array]) -> dict[str, list[Decimal]]:
     """Return the outputs of a program for doubles, entry by entry; NaN where undefined.
 
-    Values that no `select` chooses may be undefined.
+    Values that no `select` chooses may be undefined: no condition is trapped, so that they are NaN
+    or infinite, and no comparison with NaN holds.
     """
     values: list[Any] = []
     with localcontext(Context(prec=DIGITS, traps=[], Emin=-(10**6), Emax=10**6)):
@@ -32,10 +33,6 @@ def evaluated(program: Program, inputs: Mapping[str, Array]) -> dict[str, list[D
         return {
             output.name: [+values[entry] for entry in output.entries] for output in program.outputs
         }
-
-
-def _less(a: Decimal, b: Decimal) -> bool:
-    return not (a.is_nan() or b.is_nan()) and a < b
 
 
 def _pi() -> Decimal:
@@ -53,8 +50,6 @@ def _arctangent(x: Decimal) -> Decimal:
 
 
 def _atan(x: Decimal) -> Decimal:
-    if x.is_nan() or not x:
-        return x
     if x.is_infinite():
         return (_pi() / 2).copy_sign(x)
     for _ in range(3):  # atan x = 2 atan(x / (1 + sqrt(1 + x^2)))
@@ -64,8 +59,6 @@ def _atan(x: Decimal) -> Decimal:
 
 def _turned(x: Decimal) -> tuple[Decimal, Decimal]:
     """Return sine and cosine."""
-    if not x.is_finite():
-        return Decimal("nan"), Decimal("nan")
     turn = 2 * _pi()
     x = x - (x / turn).to_integral_value() * turn
     sine = cosine = Decimal(0)
@@ -81,8 +74,6 @@ def _turned(x: Decimal) -> tuple[Decimal, Decimal]:
 
 
 def _asin(x: Decimal) -> Decimal:
-    if abs(x) == 1:
-        return (_pi() / 2).copy_sign(x)
     return _atan(x / (1 - x * x).sqrt())
 
 
@@ -104,19 +95,15 @@ def _asinh(x: Decimal) -> Decimal:
     return (abs(x) + (x * x + 1).sqrt()).ln().copy_sign(x)
 
 
-def _pow(x: Decimal, y: Decimal) -> Decimal:
-    return Decimal(math.nan) if x < 0 and y % 1 else x**y
-
-
 _OPERATIONS: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
     "subtract": lambda a, b: a - b,
     "multiply": lambda a, b: a * b,
     "divide": lambda a, b: a / b,
     "negative": lambda a: -a,
-    "pow": _pow,
+    "pow": operator.pow,
     "select": lambda holds, a, b: a if holds else b,
-    **dict.fromkeys(COMPARISONS, _less),
+    **dict.fromkeys(COMPARISONS, operator.lt),
     "abs": abs,
     "sqrt": lambda x: x.sqrt(),
     "exp": lambda x: x.exp(),

@@ -13,8 +13,10 @@ from eqt_cli.program import COMPARISONS, Constant, Input, Operation, traced
 from eqt_cli.program.c_code import c_function
 from eqt_cli.program.c_names import c_name, distinct
 from eqt_cli.program.chain import Chain
+from eqt_cli.program.fusing import fused
 
 NUMPY = {
+    "fma": lambda a, b, c: a * b + c,
     "negative": np.negative,
     "pow": np.power,
     "select": lambda holds, a, b: a if holds else b,
@@ -46,8 +48,11 @@ def program_of(function, length=4):
 
 def operations(function):
     """The names of the operations of a function, in their order."""
-    values = program_of(function).values
-    return [value.name for value in values if isinstance(value, Operation)]
+    return names(program_of(function))
+
+
+def names(program):
+    return [value.name for value in program.values if isinstance(value, Operation)]
 
 
 def everything(x):
@@ -116,10 +121,18 @@ def test_a_program_rounds_as_its_function_does(seed):
         "a sign and a number": (lambda x: -(2.0 * x[0]), ["multiply"]),
         "numbers alone": (lambda x: x[0] * ((x[1] * 0 + 3.0) / 7.0 - 3.0 / 7.0), []),
         "a product with a power of 2": (lambda x: x[0] / 4.0 + x[0] * 0.25, ["multiply", "add"]),
+        "and with its negative": (
+            lambda x: x[0] / -4.0 + x[1] + x[0] * -0.25,
+            ["multiply"] + ["add"] * 2,
+        ),
         "a quotient that overflows": (lambda x: x[0] / 2.0**-1074, ["divide"]),
         "what nothing needs": (lambda x: [x[0] * x[1], x[2]][1], []),
         "equal choices": (lambda x: where(less(x[0], x[1]), x[2], x[2]), []),
         "a comparison of numbers": (lambda x: where(less(x[0] * 0, 1.0), x[2], x[3]), []),
+        "a comparison of equal numbers": (
+            lambda x: where(less(x[0] * 0 + 1.0, 1.0), x[2] * x[3], x[3]),
+            [],
+        ),
         "whole powers": (lambda x: x[0] ** 5 + x[0] ** 4, ["multiply"] * 3 + ["add"]),
         "negative powers": (lambda x: x[0] ** -2, ["multiply", "divide"]),
         "half powers": (lambda x: x[0] ** 0.5 + x[1] ** 0, ["sqrt", "add"]),
@@ -162,6 +175,20 @@ def test_what_belongs_together_stands_together():
         for place in range(len(values))
     ]
     assert max(kept) <= 6  # log₂ 32, and one
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x: x[0] * x[1] * x[2] * x[3] + arrays.sin(x[2]),
+        lambda x: arrays.sin(x[2]) + x[0] * x[1] * x[2] * x[3],
+        lambda x: where(less(x[1], x[0]), x[0] * x[1] * x[2] * x[3], arrays.sin(x[2]))[()],
+    ],
+    ids=["first in a sum", "last in a sum", "in a choice"],
+)
+def test_the_longest_chain_is_computed_first(function):
+    """So that the result of a shorter one does not wait for it."""
+    assert operations(function)[:3] == ["multiply"] * 3
 
 
 def test_a_comparison_of_symbols_has_no_truth_value():
@@ -207,6 +234,63 @@ def test_numbers_in_c_are_exact(in_c):
     program = program_of(lambda x: np.array([*numbers, x[0]], dtype=object))
     found = in_c(program, x=np.full(4, -0.0))["y"]
     np.testing.assert_array_equal(found.view(np.int64), np.array([*numbers, -0.0]).view(np.int64))
+
+
+def test_zeros_of_either_sign_are_two_numbers_and_nan_is_one():
+    numbers = [0.0, -0.0, np.nan, -np.nan, float("nan"), 0.0]
+    program = program_of(lambda x: np.array(numbers, dtype=object))
+    assert len(program.values) == 3
+    found = evaluated(program, x=np.zeros(4))["y"]
+    np.testing.assert_array_equal(found, numbers)
+    np.testing.assert_array_equal(np.signbit(found[[0, 1, 5]]), [False, True, False])
+
+
+@pytest.mark.parametrize(
+    ("function", "expected"),
+    {
+        "a product and a number": (lambda x: x[0] * x[1] + x[2], ["fma"]),
+        "less a number": (lambda x: x[0] * x[1] - x[2], ["negative", "fma"]),
+        "a number less a product": (lambda x: x[2] - x[0] * x[1], ["negative", "fma"]),
+        "two products": (lambda x: x[0] * x[1] + x[2] * x[3], ["multiply", "fma"]),
+        "their difference": (
+            lambda x: x[0] * x[1] - x[2] * x[3],
+            ["multiply", "negative", "fma"],
+        ),
+        "a product for two sums": (
+            lambda x: [x[0] * x[1] + x[2], x[0] * x[1] - x[3]],
+            ["multiply", "add", "subtract"],
+        ),
+        "a product that is returned": (
+            lambda x: [x[0] * x[1], x[0] * x[1] + x[2]],
+            ["multiply", "add"],
+        ),
+        "no product": (lambda x: x[0] / x[1] + (x[2] - x[3]), ["divide", "subtract", "add"]),
+        "no sum": (lambda x: x[0] * x[1] / x[2], ["multiply", "divide"]),
+        "a sum of sums": (lambda x: x[0] * x[1] + x[2] * x[3] + x[0], ["multiply", "fma", "add"]),
+    }.values(),
+)
+def test_products_are_fused_with_sums(function, expected):
+    program = program_of(function)
+    found = fused(program)
+    assert sorted(names(found)) == sorted(expected)
+    x = np.array([3.0, -5.0, 8.0, 2.0])  # nothing rounds, so that both are exact
+    np.testing.assert_array_equal(evaluated(found, x=x)["y"], evaluated(program, x=x)["y"])
+
+
+@pytest.mark.parametrize(
+    ("function", "kept"),
+    [
+        (lambda x: x[0] * x[1] + x[2] * x[3] * x[3], {2, 3}),
+        (lambda x: x[2] * x[3] * x[3] - x[0] * x[1], {2, 3}),
+        (lambda x: x[0] * x[1] * x[1] + x[2] * x[3], {0, 1}),
+    ],
+)
+def test_of_two_products_in_a_sum_the_one_that_is_computed_first_is_kept(function, kept):
+    """The longer chain comes first; so the other one is known last."""
+    values = fused(program_of(function)).values
+    products = [value for value in values if getattr(value, "name", "") == "multiply"]
+    used = {values[operand] for product in products for operand in product.operands}
+    assert {value.number for value in used if isinstance(value, Input)} == kept
 
 
 def test_names_that_are_none_in_c():

@@ -39,6 +39,7 @@ NUMBERS = {
     "simpson": lambda over, x: over.simpson(x * x),
     "mean": lambda over, x: over.mean(x),
     "closing mean": lambda over, x: over.closing_mean(x, 0.4),
+    "every other": lambda over, x: over.weighted(np.arange(len(over.times)) % 2.0, x),
     "largest": lambda over, x: over.largest(x),
     "smallest": lambda over, x: over.smallest(x),
     "final": lambda over, x: over.final(x),
@@ -75,19 +76,27 @@ def test_a_metric_is_the_same_both_ways(name, values):
     np.testing.assert_array_equal(one_by_one(times, values, of), expected)
 
 
+def test_a_window_between_two_samples_cannot_be_found_one_by_one():
+    with pytest.raises(TraceError, match="a window ends between two samples"):
+        Running(np.linspace(0, 10, 11), Memory(np.zeros(9), np.zeros(9))).within(
+            Window(0.0, 3.3).cut, []
+        )
+
+
 @pytest.mark.parametrize(
-    ("window", "of", "why"),
+    "of",
     [
-        (Window(0.0, 3.3), NUMBERS["mean"], "a window ends between two samples"),
-        (Window(0.0, 3.0), NUMBERS["largest"], "only sums are taken over a window"),
+        *(
+            lambda over, x, name=name: getattr(over, name)(x)
+            for name in ("largest", "smallest", "initial", "final", "before")
+        ),
+        NUMBERS["latest"],
     ],
 )
-def test_what_cannot_be_found_one_by_one(window, of, why):
-    memory, times, value = Memory(np.zeros(9), np.zeros(9)), np.linspace(0, 10, 11), np.ones(1)
-
-    def measure():
-        over, (values,) = Running(times, memory).within(window.cut, [value])
-        return of(over, values)
-
-    with pytest.raises(TraceError, match=why):
-        measure()
+def test_only_sums_over_a_window_are_found_one_by_one(of):
+    memory = Memory(np.zeros(9), np.zeros(9))
+    over, (values,) = Running(np.linspace(0, 10, 11), memory).within(
+        Window(0.0, 3.0).cut, [np.ones(1)]
+    )
+    with pytest.raises(TraceError, match="only sums are taken over a window"):
+        of(over, values)
