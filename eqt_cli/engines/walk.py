@@ -135,11 +135,12 @@ def _note(solution: Solution, problem: Problem, run: int, span: Span, failure: F
     states = solution.states[run]
     states[span.first + span.later :] = np.nan
     states[problem.times > failure.t] = np.nan
-    known = int(np.isfinite(states).all(axis=1).argmin())
-    states[known:] = np.nan
+    lost = np.logical_or.accumulate(~np.isfinite(states).all(axis=1))
+    states[lost] = np.nan
     at = f"t = {failure.t:.6g} s"
     if np.isnan(failure.t):
-        at = f"after t = {problem.times[max(known, 1) - 1]:.6g} s"
+        known = problem.times[~lost]
+        at = f"after t = {known[-1] if len(known) else problem.times[0]:.6g} s"
     solution.status[run] = failure.status
     solution.messages[run] = f"{at}: {failure.reason}"
 

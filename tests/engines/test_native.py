@@ -10,6 +10,7 @@ import sys
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ import eqt_cli
 from eqt_cli.engines import native, traced_loop
 from eqt_cli.engines.native import compiler, library
 from eqt_cli.engines.native.source import evaluation, integration
+from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.taylor import Taylor
 from eqt_cli.execution.batches import batches
 from eqt_cli.execution.compute_part import compute_part, shared_reference
@@ -144,6 +146,53 @@ def test_threads_and_groups_change_no_bit(batch, expected, monkeypatch):
     for size in (1, 2, 3):
         monkeypatch.setattr(native, "GROUP_RUNS", size)
         assert solved(batch, workers=1 + size % 2) == expected
+
+
+@pytest.mark.parametrize(
+    ("runs", "spans", "threads", "sizes"),
+    [
+        (600, 1, 1, [200, 200, 200]),
+        (600, 1, 2, [150, 150, 150, 150]),
+        (600, 2, 2, [300, 300]),
+        (5, 1, 2, [3, 2]),
+        (5, 3, 1, [5]),
+        (1, 1, 4, [1]),
+        (256, 1, 1, [256]),
+    ],
+)
+def test_groups_are_of_256_runs_at_most_and_as_many_for_each_thread(runs, spans, threads, sizes):
+    problem = SimpleNamespace(runs=runs)
+    groups = native.Native().groups(problem, [None] * spans, threads)
+    assert [len(group) for group in groups] == sizes
+    np.testing.assert_array_equal(np.concatenate(groups), np.arange(runs))
+
+
+@pytest.mark.parametrize(
+    ("samples", "spans", "threads", "sizes"),
+    [
+        (2000, 1, 1, [41, 41, 18]),
+        (2000, 1, 2, [82, 18]),
+        (2000, 2, 1, [100]),
+        (200_000, 1, 30, [30, 30, 30, 10]),
+    ],
+)
+def test_a_block_fills_16_mebibytes_for_each_thread(samples, spans, threads, sizes):
+    """41 runs and a bit of 2,000 samples of 25 numbers; of more samples, one."""
+    problem = SimpleNamespace(
+        runs=100,
+        spans=[None] * spans,
+        times=np.zeros(samples),
+        loop=SimpleNamespace(state_length=25),
+    )
+    blocks = native.Native().blocks(problem, threads)
+    assert [len(block) for block in blocks] == sizes
+    np.testing.assert_array_equal(np.concatenate(blocks), np.arange(100))
+
+
+def test_work_for_stability_is_that_of_dop853():
+    rates = np.array([[-50.0, -1.0], [-70.0, -2.0]])
+    expected = SolveIvp().work_for_stability(rates, 3.0) / 12  # its stages
+    assert native.Native().work_for_stability(rates, 3.0) == pytest.approx(expected)
 
 
 def test_groups_need_not_be_neighbours(batch, expected, monkeypatch):

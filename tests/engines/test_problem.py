@@ -7,9 +7,10 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.engines import Engine, Problem, Status
-from eqt_cli.engines.integrator import Integrator
+from eqt_cli.engines import Engine, Problem, Status, engines
+from eqt_cli.engines.integrator import Failure, Integrator
 from eqt_cli.engines.problem import Solution, Span, _nearest
+from eqt_cli.engines.walk import _note, _Reached
 
 
 @pytest.mark.parametrize(
@@ -24,11 +25,16 @@ from eqt_cli.engines.problem import Solution, Span, _nearest
         (1.0 - 2e-16, 1.0),
         (0.31, 0.31),
         (2.0, 2.0),
+        (0.6 + 1.5e-12, 0.6 + 1.5e-12),
+        (0.6 - 1.5e-12, 0.6 - 1.5e-12),
+        (-1e6 + 5e-7, -1e6),
+        (-1e6 - 5e-7, -1e6),
+        (-1e6 + 2e-6, -1e6 + 2e-6),
     ],
 )
 def test_instants_are_sample_times_but_for_rounding(instant, found):
     """So that no step of rounding's size lies between the two."""
-    times = np.array([0.0, 0.3, 0.6, 1.0])
+    times = np.array([-1e6, 0.0, 0.3, 0.6, 1.0])
     assert _nearest(np.array([instant]), times).tolist() == [found]
 
 
@@ -62,6 +68,31 @@ class Asked(Engine):
 
     def tightened(self, factor):
         return self
+
+
+def test_an_engine_that_says_nothing_else_calls_laws_in_one_thread():
+    engine = Asked()
+    assert engine.calls_laws
+    assert not engine.threads
+    assert not engine.estimates_errors
+    assert engine.work_for_stability(np.array([[-1e3]]), 1.0) == 0
+    assert [engine.runs_at_once(most) for most in (0, 1, 7)] == [1, 1, 7]
+
+
+def test_what_engines_say_of_themselves():
+    """The ranks, all different, say which one checks the runs of another."""
+    known = {name: engines.get(name) for name in ("solve_ivp", "taylor", "native")}
+    ranks = [engine.cross_check_rank for engine in known.values()]
+    assert ranks == sorted(set(ranks))
+    said = {
+        name: (engine.estimates_errors, engine.threads, not engine.calls_laws)
+        for name, engine in known.items()
+    }
+    assert said == {
+        "solve_ivp": (False, False, False),
+        "taylor": (True, True, True),
+        "native": (True, True, True),
+    }
 
 
 @pytest.mark.parametrize("times", [[2.0, 12.0], [2.0, 3.0, 12.0]])
@@ -110,3 +141,56 @@ def test_a_span_can_end_at_its_last_sample_before_a_time(t, later, stop):
 def test_times_at_an_end_where_the_field_changes_are_inside():
     span = Span(0.0, 1.0, (0.0, np.nextafter(1.0, 0.0)), np.array([0.0, 1.0]), 1, 0, True)
     assert [span.inside(t) for t in (0.0, 0.5, 1.0)] == [0.0, 0.5, np.nextafter(1.0, 0.0)]
+
+
+# Ends and progress of runs ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("t", "blown", "first", "known", "message"),
+    [
+        (2.0, 9, 1, 3, "t = 12 s: step limit"),
+        (2.5, 9, 1, 3, "t = 12.5 s: step limit"),
+        (4.0, 9, 1, 5, "t = 14 s: step limit"),
+        (3.5, 1, 1, 1, "t = 13.5 s: step limit"),
+        (np.nan, 3, 1, 3, "after t = 12 s: step limit"),
+        (np.nan, 9, -2, 2, "after t = 11 s: step limit"),
+        (np.nan, 0, 1, 0, "after t = 10 s: step limit"),
+        (0.0, 0, 1, 0, "t = 10 s: step limit"),
+    ],
+    ids=[
+        "at a sample",
+        "between two",
+        "at the last sample",
+        "not finite before",
+        "at an unknown time",
+        "before the span ends",
+        "from the start",
+        "at the start",
+    ],
+)
+def test_a_run_that_fails_has_no_sample_behind_its_failure(t, blown, first, known, message):
+    """Nor behind the first one that is not finite, nor behind the span in which it has failed."""
+    times = np.linspace(10.0, 14.0, 5)
+    problem = Problem(None, np.zeros((3, 2)), times)
+    states = np.ones((3, 5, 2))
+    states[1, blown : blown + 1, 1] = np.inf
+    solution = Solution(states, np.zeros(3, dtype=int), np.zeros(3), [""] * 3)
+    span = Span(10.0, 14.0, (10.0, 14.0), times, first, 4, True)
+    _note(solution, problem, 1, span, Failure(Status.STEP_LIMIT, "step limit", 10.0 + t))
+    assert np.isnan(states[1, known:]).all()
+    assert (states[1, :known] == 1).all()
+    assert (states[[0, 2]] == 1).all()
+    assert solution.messages == ["", message, ""]
+    assert solution.status.tolist() == [0, Status.STEP_LIMIT, 0]
+
+
+def test_progress_is_reported_in_runs_from_one_fiftieth_on():
+    reports = []
+    reached = _Reached(SimpleNamespace(times=np.array([2.0, 5.0, 10.0])), 4, reports.append)
+    for t in (2.1, 4.0, 4.1, 6.0):
+        reached(t)
+    assert reports == [1.0, 1.0]
+    reached.finish()
+    reached.finish()
+    assert reports == [1.0, 1.0, 2.0]

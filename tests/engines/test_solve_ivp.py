@@ -18,7 +18,7 @@ from eqt_cli.controllers.eqt import EqT
 from eqt_cli.controllers.family import Family
 from eqt_cli.core.leaves import with_leaves
 from eqt_cli.engines import Problem, Status
-from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp
+from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp, _jacobian_options
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
@@ -174,6 +174,34 @@ def test_only_explicit_methods_take_steps_for_their_stability(method):
     work = SolveIvp(method=method).work_for_stability(np.array([[-1000.0]]), 1.0)
     assert (work > 1000) == (method in ("DOP853", "RK45", "RK23"))
     assert work > 1000 or work == 0
+
+
+@pytest.mark.parametrize(("method", "stages", "limit"), [("RK45", 6, 3.307), ("RK23", 3, 2.513)])
+def test_steps_for_stability_count_an_evaluation_for_each_stage(method, stages, limit):
+    """Limits on the real axis: Hairer and Wanner (1996), Section IV.2."""
+    work = SolveIvp(method=method).work_for_stability(np.array([[-1000.0]]), 2.0)
+    assert work == pytest.approx(stages * 2000 / limit, rel=0.02)
+
+
+def test_implicit_methods_know_that_runs_are_independent():
+    for method in METHODS:
+        assert _jacobian_options(method, 1, 4) == {}
+    assert _jacobian_options("RK45", 3, 4) == {}
+    assert _jacobian_options("LSODA", 3, 4) == {"lband": 3, "uband": 3}
+    for method in ("Radau", "BDF"):
+        sparsity = _jacobian_options(method, 3, 4)["jac_sparsity"].toarray()
+        np.testing.assert_array_equal(sparsity, np.kron(np.eye(3), np.ones((4, 4))))
+
+
+class Broken(Controller):
+    def torque(self, s):
+        raise ZeroDivisionError
+
+
+def test_a_rehearsal_raises_what_a_law_raises_and_bears_a_fast_motion():
+    with pytest.raises(ZeroDivisionError):
+        SolveIvp().rehearse(paper_problem(runs=2, duration=1.0, controller=Broken()))
+    SolveIvp(max_steps=3).rehearse(paper_problem(runs=2, duration=1.0))
 
 
 def test_runs_at_once_are_whole_blocks():

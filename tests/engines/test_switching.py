@@ -5,6 +5,7 @@ the exact solutions, where there are any, are the judges, and otherwise solve_iv
 cut so fine that every step is far shorter than what happens between two kinks.
 """
 
+import dataclasses
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import ClassVar
@@ -30,12 +31,13 @@ from eqt_cli.core.expressions import parse
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.native import STEP_SHARE, Native
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.engines.taylor import Taylor
+from eqt_cli.engines.taylor import Taylor, knots
 from eqt_cli.engines.taylor.switching import (
     AT_ONCE,
     FACTOR,
     MOST_RETURNS,
     NUMBERS,
+    SCALE,
     SIDE,
     WIDTH,
     Switchboard,
@@ -356,30 +358,33 @@ def test_comparison_without_a_finite_series_is_a_failure_where_it_matters():
 
 
 class Compared:
-    """Stands for the compiled comparison of one a per lane with 0."""
+    """Stands for the compiled comparisons, two of them: of a with b, and of 1 with 0."""
 
     nparams = 0
 
-    def __init__(self, a):
-        self.a = a
+    def __init__(self, a, b):
+        self.a, self.b = a, b
 
     def __call__(self, state, pars, time):
-        return np.array([self.a, 0.0 * self.a])
+        ones = np.ones_like(self.a)
+        return np.array([self.a, ones, self.b, 0 * ones])
 
 
-def lanes_with(*a):
-    """The board of one comparison, and an integrator with these a, whose sides were a ≥ 0."""
-    pars = np.ones((NUMBERS, len(a)))
+def lanes_with(*a, b=0.0):
+    """The board of two comparisons, and an integrator with these a, whose sides were a ≥ b."""
+    pars = np.ones((2 * NUMBERS, len(a)))
     integrator = SimpleNamespace(
         pars=pars, state=pars, time=pars[0], last_h=0 * pars[0], batch_size=len(a)
     )
-    return Switchboard(0, np.array([True]), Compared(np.array(a))), integrator
+    a = np.array(a)
+    return Switchboard(0, np.array([True, True]), Compared(a, np.full_like(a, b))), integrator
 
 
 def test_only_a_lane_that_has_passed_its_width_changes_its_side():
-    board, integrator = lanes_with(-1.5 * WIDTH, -0.5 * WIDTH, -WIDTH, 1.0)
+    board, integrator = lanes_with(-0.5 * WIDTH, -1.5 * WIDTH, -0.5 * WIDTH, -WIDTH, 1.0)
     assert board.check(integrator)
-    assert integrator.pars[SIDE].tolist() == [-1, 1, 1, 1]
+    assert integrator.pars[SIDE].tolist() == [1, -1, 1, 1, 1]
+    assert (integrator.pars[NUMBERS + SIDE] == 1).all()
 
 
 def test_a_side_far_behind_its_width_was_missed():
@@ -387,6 +392,13 @@ def test_a_side_far_behind_its_width_was_missed():
     assert not board.check(integrator)
     assert not board.is_right(integrator)
     assert integrator.pars[SIDE].tolist() == [1, 1]
+
+
+def test_a_side_at_twice_its_width_was_not_missed():
+    board, integrator = lanes_with(-2 * WIDTH)
+    assert not board.is_right(integrator)
+    assert board.check(integrator)
+    assert integrator.pars[SIDE].tolist() == [-1]
 
 
 def test_so_many_returns_at_once_are_a_sliding_mode():
@@ -398,9 +410,94 @@ def test_so_many_returns_at_once_are_a_sliding_mode():
     integrator.last_h[1] = 2 * AT_ONCE
     assert board.cross(integrator, 0, 1)
     assert integrator.pars[FACTOR].tolist() == [1, 2]
+    assert (integrator.pars[NUMBERS + FACTOR] == 1).all()
+
+
+def test_a_crossing_changes_the_side_in_its_lane_only():
+    board, integrator = lanes_with(-1.0, -1.0, -1.0)
+    board.cross(integrator, 0, 1)
+    assert integrator.pars[SIDE].tolist() == [1, -1, 1]
+    board.cross(integrator, 0, 2)
+    assert integrator.pars[SIDE].tolist() == [1, -1, -1]
 
 
 def test_sides_within_their_width_are_right():
-    board, integrator = lanes_with(1.0, -0.5 * WIDTH)
+    board, integrator = lanes_with(1.0, -0.5 * WIDTH, -WIDTH)
     assert board.is_right(integrator)
     assert board.check(integrator)
+
+
+def test_a_side_that_changes_without_an_event_is_not_judged():
+    board, integrator = lanes_with(-1.0)
+    board = dataclasses.replace(board, steady=np.array([False, True]))
+    assert board.is_right(integrator)
+    assert board.check(integrator)
+    assert dataclasses.replace(board, steady=np.array([False, False])).is_right(integrator)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "side", "scale"),
+    [
+        (-5.0, -4.0, -1, 4.0),
+        (6.0, 7.0, -1, 6.0),
+        (7.0, -6.0, 1, 6.0),
+        (0.5, 0.5, 1, 1.0),
+        (np.inf, np.inf, 1, 1.0),
+    ],
+)
+def test_sides_and_scales_at_the_start(a, b, side, scale):
+    """The scale is the smaller of |a| and |b|, but for 1 at least, and every width is single."""
+    board, integrator = lanes_with(a, b=b)
+    integrator.pars[:] = 17.0
+    board.start(integrator)
+    assert integrator.pars[[SIDE, FACTOR, SCALE], 0].tolist() == [side, 1.0, scale]
+
+
+def test_a_crossing_counts_in_units_of_its_scale():
+    board, integrator = lanes_with(-5e3 * WIDTH, b=0.0)
+    integrator.pars[SCALE] = 1e4
+    assert board.is_right(integrator)
+    integrator.pars[SCALE] = 4e3
+    assert not board.is_right(integrator)
+
+
+def test_at_a_knot_the_numbers_and_the_side_change_in_one_lane():
+    """Its parameters are those of the comparisons behind the held numbers and the knot."""
+    board, integrator = lanes_with(-1.0, -1.0, -1.0)
+    held = np.array([[7.0] * 3, [8.0] * 3, [0.25] * 3])  # two numbers, and the time of the knot
+    integrator.pars = np.concatenate([[[5.0] * 3], held, integrator.pars])
+    board = dataclasses.replace(board, first=4)
+    known = knots.pieces.set({0.25: np.array([1.0, 2.0, 0.5])})
+    try:
+        assert knots.NextPiece(3, board)(integrator, 1, 1)
+        assert knots.NextPiece(3, None)(integrator, 1, 2)
+    finally:
+        knots.pieces.reset(known)
+    assert integrator.pars[:4].tolist() == [[5, 5, 5], [7, 1, 1], [8, 2, 2], [0.25, 0.5, 0.5]]
+    assert integrator.pars[4 + SIDE].tolist() == [1, -1, 1]
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "at", "passed"),
+    [
+        (0.0, 2.0, [0.5, 1.0], [0.5, 1.0]),
+        (0.0, 2.0, [-1.0, 0.0, 1e-13, 2 - 1e-13, 2.0, 3.0], []),
+        (0.0, 0.5, [1.5e-12, 0.5 - 1.5e-12], [1.5e-12, 0.5 - 1.5e-12]),
+        (-2e6, -1e6, [-1.5e6, -1e6 - 5e-7], [-1.5e6]),
+    ],
+    ids=["inside", "at the ends", "short", "long ago"],
+)
+def test_knots_inside_the_horizon_are_passed(start, stop, at, passed):
+    """Each piece knows the time of the next knot; behind the last one, it is never reached."""
+    loop = SimpleNamespace(
+        vehicle=SimpleNamespace(control=None),
+        holds=True,
+        breaks=np.empty(0),
+        knots=np.array(at),
+        holding=lambda times: SimpleNamespace(held_leaves={"speed": 3.0 * times}),
+    )
+    found = knots.held_from(Problem(loop, np.zeros((1, 1)), np.array([start, stop])))
+    assert list(found) == [start, *passed]
+    assert [row[0] for row in found.values()] == [3.0 * t for t in found]
+    assert [row[1] for row in found.values()][:-1] == passed
+    assert list(found.values())[-1][1] >= stop + 1

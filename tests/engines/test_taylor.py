@@ -28,7 +28,7 @@ from eqt_cli.core.arrays import FUNCTIONS, clip
 from eqt_cli.core.errors import TraceError
 from eqt_cli.core.expressions import parse
 from eqt_cli.core.leaves import with_leaves
-from eqt_cli.engines import Problem, Status, taylor, traced_loop
+from eqt_cli.engines import Problem, Status, stability, taylor, traced_loop
 from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.taylor import EPSILON, SMALLEST_TOL, Taylor, integrator, library
@@ -566,6 +566,13 @@ def test_message_of_a_law_that_cannot_be_traced(law):
     assert trace_error(law()) == message
 
 
+@pytest.mark.parametrize("engine", [Taylor(), Native()], ids=lambda each: each.name)
+def test_a_rehearsal_says_that_a_law_cannot_be_traced(engine):
+    with pytest.raises(TraceError, match="a symbol has no truth value"):
+        engine.rehearse(problem_of(loop_of(Condition()), runs=1))
+    engine.rehearse(problem_of(loop_of(EqT()), runs=1))
+
+
 def test_message_names_the_line():
     with pytest.raises(TraceError, match=r"at test_taylor\.py:(\d+): ") as caught:
         Taylor().solve(problem_of(loop_of(Sine()), runs=1))
@@ -723,6 +730,7 @@ def test_a_step_limit_that_a_period_has_used_up_ends_the_next():
     steps = int(Taylor().solve(problem_of(loop, 1, duration=0.5, samples=2)).steps[0])
     solution = Taylor(max_steps=steps).solve(problem_of(loop, 1, samples=3))
     assert solution.messages == [f"t = 0.5 s: step limit: {steps} steps (solver.max_steps)"]
+    assert solution.steps.tolist() == [steps]
 
 
 # Options ------------------------------------------------------------------------------------------
@@ -738,6 +746,14 @@ def test_tightened_tolerance():
     assert engine.step_tolerance == pytest.approx(1e-9)
     assert (engine.rtol, engine.max_steps) == (1e-7, 9)
     assert Taylor(tol=1e-15).tightened(1e-3).step_tolerance == EPSILON
+
+
+@pytest.mark.parametrize(("tol", "order"), [(0.9, 2), (0.1, 3), (1e-10, 13), (1e-15, 19)])
+def test_work_for_stability_is_that_of_polynomials_of_heyokas_order(tol, order):
+    """heyoka's order is the least whole number from 1 − ½ ln(tol) on, and 2 at least."""
+    rates = np.array([[-50.0, -1.0], [-70.0, -2.0]])
+    work = Taylor(tol=tol).work_for_stability(rates, 3.0)
+    assert work == stability.steps(stability.taylor(order), rates, 3.0)
 
 
 def test_smallest_tolerance_can_still_be_tightened():
@@ -779,9 +795,9 @@ def test_code_follows_the_size_of_the_work(runs, length, code):
 
 
 def test_a_block_fills_4_mebibytes_with_whole_batches_of_lanes():
-    """Ten runs and a bit of 2,000 samples of 25 numbers; of more samples, one batch."""
+    """16 runs of 1,310 samples of 25 numbers, and a bit; of more samples, one batch."""
     lanes = library.heyoka_module().recommended_simd_size()
-    for samples, fitting in ((2000, 10), (200_000, 0)):
+    for samples, fitting in ((1310, 16), (2000, 10), (200_000, 0)):
         problem = paper_problem(runs=23, samples=samples)
         blocks = Taylor(code="full").blocks(problem)
         size = max(fitting // lanes * lanes, lanes)

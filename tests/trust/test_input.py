@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -384,6 +385,58 @@ def test_the_next_process_knows_of_a_crash(tmp_path, monkeypatch):
     assert reports[:2] == [[], [""]]
     ((said,),) = reports[2:]
     assert said.startswith("Fatal Python error: Illegal instruction")
+
+
+@pytest.mark.parametrize("made", [False, True])
+def test_a_process_leaves_an_empty_report_as_long_as_it_runs(tmp_path, monkeypatch, made):
+    """A crash would be written into it; at its end it is removed."""
+    opened, ends, calls = [], [], []
+    reports = crash_reports.faulthandler
+    monkeypatch.setattr(reports, "is_enabled", lambda: False)
+    monkeypatch.setattr(reports, "enable", lambda report, **how: opened.append(report))
+    monkeypatch.setattr(reports, "disable", lambda: calls.append("disabled"))
+    monkeypatch.setattr(crash_reports.atexit, "register", lambda *call: ends.append(call))
+    folder = tmp_path / "caches" / "eqt"
+    if made:
+        folder.mkdir(parents=True)
+    crash_reports.watch(folder)
+    ((end, *given),), (report,) = ends, opened
+    report.close()
+    assert [path.name for path in folder.iterdir()] == [Path(report.name).name]
+    assert Path(report.name).name.startswith(f"crash-{os.getpid()}-")
+    end(*given)
+    assert calls == ["disabled"]
+    assert list(folder.iterdir()) == []
+
+
+def test_the_report_of_another_users_process_stays(compiled, watch, monkeypatch):
+    def refused(process, signal):
+        raise PermissionError
+
+    monkeypatch.setattr(crash_reports.os, "kill", refused)
+    (compiled / "crash-1-ab.txt").touch()
+    watch(compiled)
+    assert (compiled / "crash-1-ab.txt").exists()
+
+
+def test_a_report_stays_where_no_process_can_be_asked_for(compiled, watch, monkeypatch):
+    """On Windows, os.kill ends a process."""
+    monkeypatch.setattr(crash_reports, "os", SimpleNamespace(name="nt"))
+    (compiled / f"crash-{2**22 + 1}-ab.txt").touch()
+    watch(compiled)
+    assert (compiled / f"crash-{2**22 + 1}-ab.txt").exists()
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_other_errors_are_not_taken_for_damage(compiled, watch, monkeypatch, watched):
+    if watched:
+        watch(compiled)
+    else:
+        monkeypatch.setattr(crash_reports, "_folder", None)
+    text = "tol must be positive" if watched else "no object file can be added"
+    with pytest.raises(ValueError, match=text), crash_reports.damage_told():
+        raise ValueError(text)
+    assert (compiled / "cache.db").exists()
 
 
 def test_what_llvm_refuses_is_removed(compiled, watch):
