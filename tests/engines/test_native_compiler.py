@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -157,6 +158,65 @@ def test_a_result_can_tell_version_flags_and_processor(on_path, without_zig):
     )
 
 
+def test_an_unknown_compiler_is_known_by_its_version(on_path, without_zig):
+    on_path("cc", "echo '#define __VERSION__ \"9.1 beta\"'")
+    assert compiler.compiler().version == "C compiler 9.1"
+
+
+def test_on_windows_a_command_may_have_backslashes_and_quotes(monkeypatch):
+    monkeypatch.setattr(compiler, "WINDOWS", True)
+    monkeypatch.setenv("CC", '"C:\\Program Files\\cc.exe" -m64')
+    assert compiler.commands() == [("C:\\Program Files\\cc.exe", "-m64")]
+
+
+def test_a_compiler_that_is_named_is_not_missing(on_path, without_zig, monkeypatch):
+    monkeypatch.setenv("CC", "mine")
+    assert compiler.missing() is None
+
+
+def test_the_files_of_a_compiler_are_its_program_and_those_of_the_package(
+    on_path, tmp_path, monkeypatch
+):
+    (program,) = on_path("python")
+    package = tmp_path / "ziglang"
+    package.mkdir()
+    for name in ("zig", "zig.h", "lib"):
+        (package / name).touch()
+    spec = SimpleNamespace(origin=str(package / "__init__.py"))
+    monkeypatch.setattr(compiler, "find_spec", lambda name: spec)
+    found = list(compiler._files(("python", "-m", "ziglang", "cc")))
+    assert found == [Path(program).resolve(), package / "zig", package / "zig.h"]
+    assert list(compiler._files(("python", "-m", "cc"))) == [Path(program).resolve()]
+
+
+CPUINFO = """\
+processor\t: 0
+model name\t: one with a name that is somewhat longer than others
+cpu MHz\t\t: 2400.1
+flags\t\t: avx fma
+
+processor\t: 1
+model name\t: another
+"""
+
+
+def test_a_processor_is_the_first_one_without_what_varies(monkeypatch, tmp_path):
+    told = tmp_path / "cpuinfo"
+    told.write_text(CPUINFO)
+    monkeypatch.setattr(compiler, "Path", lambda name: told)
+    assert compiler._processor() == [CPUINFO.splitlines()[1], CPUINFO.splitlines()[3]]
+    told.unlink()
+    assert compiler._processor() == []
+
+
+def test_where_the_processor_is_unknown_a_compiler_is_asked_each_time(cc, monkeypatch):
+    monkeypatch.setattr(compiler, "_processor", list)
+    compiler.compiler()
+    forget()
+    compiler.compiler()
+    assert cc() == (0, 2)
+
+
 # What it says where it cannot ---------------------------------------------------------------------
 
 
@@ -184,6 +244,40 @@ def test_what_a_compiler_complains_of_is_told_in_lines(on_path, without_zig):
         "x: error: bad option",
         CHOOSE,
     ]
+
+
+@pytest.mark.parametrize(
+    ("script", "lines"),
+    [
+        ("echo 'error: told in the wrong place'; exit 1", ["error: told in the wrong place"]),
+        ("echo '#define __GNUC__ 12'; echo 'error: half' >&2; exit 1", ["error: half"]),
+        ("echo 'nothing known'", ["nothing known"]),
+    ],
+)
+def test_a_compiler_that_fails_or_tells_nothing_is_refused(on_path, without_zig, script, lines):
+    (path,) = on_path("cc", script)
+    with pytest.raises(EqtError) as raised:
+        compiler.compiler()
+    first, *told, last = str(raised.value).splitlines()
+    assert (first, told, last) == (f"the C compiler {path} does not work", lines, CHOOSE)
+
+
+def test_five_lines_are_told_the_first_with_errors_or_else_the_last():
+    lines = [f"line {k}" for k in range(9)]
+    assert compiler._told("\n".join(lines)) == lines[4:]
+    errors = [f"error {k}" for k in range(9)]
+    assert compiler._told("\n".join([*lines, *errors])) == errors[:5]
+
+
+@pytest.mark.parametrize("made", [True, False])
+def test_what_a_compiler_makes_counts_only_where_it_succeeds(on_path, without_zig, made):
+    """One fails behind its file, the other makes none."""
+    ending = "echo half > $2; exit 1" if made else "exit 0"
+    script = f"""case "$*" in *-dM*) echo '#define __GNUC__ 12'; exit;; esac
+        while [ "$1" != -o ]; do shift; done; {ending}"""
+    (path,) = on_path("cc", script)
+    with pytest.raises(EqtError, match=f"the C compiler {path} cannot compile a law"):
+        compiler.library(SOURCE)
 
 
 def test_a_compiler_that_rounds_otherwise_is_refused(cc, monkeypatch):
@@ -227,6 +321,32 @@ def test_a_compiler_that_hangs_is_ended_with_what_it_started(on_path, without_zi
         f"the C compiler {path} did not end within 0.2 s: {path} -march=native -dM -E -x c -; "
         "set the variable CC to another C compiler, or use engine solve_ivp"
     )
+
+
+def test_what_a_compiler_leaves_behind_is_ended_too(on_path, without_zig, tmp_path, monkeypatch):
+    monkeypatch.setattr(compiler, "SECONDS", 0.3)
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    on_path("cc", f"/bin/sh -c 'exec 3>{pipe}; exec /bin/sleep 20' & exit 1")
+    with pytest.raises(EqtError, match=r"did not end within 0\.3 s"):
+        compiler.compiler()
+    for _ in range(100):
+        try:
+            assert os.read(reading, 1) == b""  # nobody can write to it any more
+            break
+        except BlockingIOError:
+            threading.Event().wait(0.02)
+    else:
+        pytest.fail("a process that the compiler has started lives")
+    os.close(reading)
+
+
+def test_on_windows_a_compiler_itself_is_ended(monkeypatch):
+    monkeypatch.setattr(compiler, "WINDOWS", True)
+    ended = []
+    compiler._end(SimpleNamespace(kill=lambda: ended.append("process")))
+    assert ended == ["process"]
 
 
 def test_without_a_folder_for_temporary_files_it_says_so(cc, monkeypatch):
@@ -357,6 +477,16 @@ def test_a_relative_folder_for_caches_is_not_used(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", "here")
     monkeypatch.setattr(Path, "home", lambda: tmp_path / "home")
     assert cache.own_cache().folder == tmp_path / "home" / ".cache" / "eqt" / "native"
+
+
+@pytest.mark.parametrize("chosen", [True, False])
+def test_on_windows_the_cache_is_among_the_users_local_data(monkeypatch, tmp_path, chosen):
+    folder = tmp_path / ("chosen" if chosen else "home/AppData/Local")
+    environment = {"LOCALAPPDATA": str(folder)} if chosen else {}
+    monkeypatch.setattr(cache, "os", SimpleNamespace(name="nt", environ=environment))
+    monkeypatch.setattr(cache.Path, "home", lambda: tmp_path / "home")
+    assert cache.own_cache().folder == folder / "eqt" / "native"
+    assert (folder / "eqt" / "native").is_dir()
 
 
 def test_a_full_disk_keeps_nothing_and_stops_nothing(cc, monkeypatch):

@@ -32,9 +32,11 @@ from eqt_cli.engines import Problem, Status, stability, taylor, traced_loop
 from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.taylor import EPSILON, SMALLEST_TOL, Taylor, integrator, library
+from eqt_cli.engines.taylor.evaluation import AT_ONCE, compiled_function
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
 from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.program import traced
 from eqt_cli.references import references
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.references.log import LogReference
@@ -820,6 +822,27 @@ def test_a_block_fills_4_mebibytes_with_whole_batches_of_lanes():
 def test_blocks_are_cut_of_large_works_that_need_not_wait(code, reference, cut):
     problem = problem_of(loop_of(EqT(), reference=reference), runs=23, samples=2000)
     assert (len(Taylor(code=code).blocks(problem)) > 1) == cut
+
+
+def test_a_compiled_function_takes_its_numbers_from_everywhere():
+    """More samples than are evaluated at once, of runs that share one of two parameters."""
+
+    def function(given):
+        state, (t,), (held,) = given["state"], given["time"], given["held"]
+        first, second = given["parameters"]
+        return {"one": np.array([t * state[0] + held]), "more": first * state[1:] + second}
+
+    program = traced(function, {"state": 6, "time": 1, "parameters": 2, "held": 1})
+    runs, samples, random = 3, AT_ONCE // 2 - 3, np.random.default_rng(3)
+    rows = [random.normal(size=(runs, samples, length)) for length in (1, 2, 3)]
+    times, held = random.normal(size=samples), random.normal(size=(samples, 1))
+    parameters = np.column_stack([random.normal(size=runs), np.full(runs, 0.7)])
+    found = compiled_function(program, 0).at_samples(times, rows, parameters, held)
+    state = np.concatenate(rows, axis=-1)
+    one = times[:, None] * state[..., :1] + held
+    more = parameters[:, 0, None, None] * state[..., 1:] + 0.7
+    np.testing.assert_allclose(found["one"], one, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(found["more"], more, rtol=0, atol=1e-14)
 
 
 def test_message_where_heyoka_is_missing(monkeypatch):
