@@ -49,7 +49,7 @@ def _inverse_step(coefficients: Array, rates: Array) -> float:
     """Return 1/h of the longest stable step h, 1/s."""
     sizes = np.abs(rates)
     large = rates[sizes > sizes.max() / 10]  # r is 2 to 7 in all directions but along the axis
-    if not sizes.max() or not len(large):
+    if not len(large):
         return 0.0
     distances = np.arange(RESOLUTION, REACH, RESOLUTION)
     z = distances[:, None] * large / np.abs(large)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.engines import Engine, Problem, Status, engines
-from eqt_cli.engines.integrator import Failure, Integrator
+from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.problem import Solution, Span, _nearest
-from eqt_cli.engines.walk import _note, _Reached
+from eqt_cli.engines.walk import _note, _Reached, walked
 
 
 @pytest.mark.parametrize(
@@ -194,3 +194,68 @@ def test_progress_is_reported_in_runs_from_one_fiftieth_on():
     reached.finish()
     reached.finish()
     assert reports == [1.0, 1.0, 2.0]
+
+
+class Counting(Integrator):
+    """States grow by 1 in every span, which takes a run 2, 3, 4, … steps; some of them fail."""
+
+    failed: ClassVar[dict] = {}
+
+    def begin(self, runs):
+        pass
+
+    def hold(self, span):
+        pass
+
+    def advance(self, span, states):
+        steps = 2 + self.runs
+        failed = {
+            place: failure if len(self.runs) == 1 else asked
+            for place, run in enumerate(self.runs.tolist())
+            for asked, failure in [self.failed.get((run, span.start), (0, 0))]
+            if failure
+        }
+        samples = np.repeat(states[:, None] + 1, span.later, axis=1)
+        return SpanResult(states + 1, samples, steps, failed)
+
+
+def counted(failed, groups, threads=1):
+    """The solution of four runs through two spans, with a sample at each end and within."""
+    loop = SimpleNamespace(moving_length=1, vehicle=SimpleNamespace(control=None))
+    problem = Problem(loop, np.zeros((4, 1)), np.array([0.0, 0.5, 1.0, 2.0]))
+    integrator = Counting(problem)
+    integrator.failed = failed
+    reports = []
+    spans = problem.spans_between(np.array([1.0]))
+    solution = walked(integrator, spans, [np.array(g) for g in groups], reports.append, threads)
+    assert sum(reports) == 4
+    return solution
+
+
+LATE = Failure(Status.STEP_LIMIT, "step limit", 1.5)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize("groups", [[[0, 1, 2, 3]], [[0, 2], [1, 3]], [[0, 1], [2, 3]]])
+@pytest.mark.parametrize("alone", [False, True])
+def test_steps_and_samples_of_a_run_end_with_it(groups, threads, alone):
+    """Run 1 fails in the first span, and run 2 in the second: known there, or only alone."""
+    early = Failure(Status.NON_FINITE, "not finite", 0.2)
+    failed = {
+        (1, 0.0): (None if alone else early, early),
+        (2, 1.0): (None if alone else LATE, LATE),
+    }
+    solution = counted(failed, groups, threads)
+    nan = np.nan
+    np.testing.assert_array_equal(
+        solution.states[..., 0], [[0, 1, 1, 2], [0, nan, nan, nan], [0, 1, 1, nan], [0, 1, 1, 2]]
+    )
+    assert solution.steps.tolist() == [4, 3, 8, 10]
+    assert solution.status.tolist() == [0, Status.NON_FINITE, Status.STEP_LIMIT, 0]
+    assert solution.messages == ["", "t = 0.2 s: not finite", "t = 1.5 s: step limit", ""]
+
+
+@pytest.mark.parametrize("groups", [[[0, 1, 2, 3]], [[0], [1], [2], [3]]])
+def test_runs_that_all_fail_are_not_carried_on(groups):
+    failed = {(run, 0.0): (LATE, LATE) for run in range(4)}
+    assert counted(failed, groups).steps.tolist() == [2, 3, 4, 5]

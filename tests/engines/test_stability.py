@@ -36,7 +36,7 @@ def test_the_fastest_of_several_instants_does_not_count_for_all():
 
 
 def test_what_grows_or_rests_asks_for_no_step():
-    for rates in ([5.0, 0.0], [0.5], [0.5 + 3j, 0.5 - 3j]):
+    for rates in ([5.0, 0.0], [0.5], [0.5 + 3j, 0.5 - 3j], [0.0], [3j, -3j]):
         assert stability.steps(LIMITS["RK4"][0], np.array([rates]), 1.0) == 0
 
 
@@ -44,3 +44,9 @@ def test_limit_of_an_oscillation_that_hardly_decays():
     """2√2 on the imaginary axis, where |R(iy)|² = 1 − y⁶/72 + y⁸/576 (ibid.)."""
     steps = stability.steps(LIMITS["RK4"][0], np.array([[-1e-12 + 10j, -1e-12 - 10j]]), 7.0)
     assert steps == pytest.approx(70 / np.sqrt(8), rel=2 * stability.RESOLUTION)
+
+
+def test_a_method_that_is_always_stable_takes_steps_of_forty_time_constants():
+    """R = ½ everywhere: farther than that nobody looks."""
+    steps = stability.steps(np.array([0.5]), np.array([[-80.0, -1.0]]), 3.0)
+    assert steps == pytest.approx(6, rel=4e-4)

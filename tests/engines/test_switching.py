@@ -396,6 +396,7 @@ def test_a_side_far_behind_its_width_was_missed():
 
 def test_a_side_at_twice_its_width_was_not_missed():
     board, integrator = lanes_with(-2 * WIDTH)
+    board = dataclasses.replace(board, steady=np.array([True, False]))
     assert not board.is_right(integrator)
     assert board.check(integrator)
     assert integrator.pars[SIDE].tolist() == [-1]
