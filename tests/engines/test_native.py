@@ -189,6 +189,19 @@ def test_a_block_fills_16_mebibytes_for_each_thread(samples, spans, threads, siz
     np.testing.assert_array_equal(np.concatenate(blocks), np.arange(100))
 
 
+@pytest.mark.parametrize(("rtol", "got"), [(1e-13, "1e-13"), (1.0, "1")])
+def test_message_of_a_tolerance_that_doubles_cannot_meet(rtol, got, noted):
+    message = f"expected a number from 2.22e-13 to 1, got {got}"
+    assert noted(native.Native(rtol=rtol)) == [("rtol", message)]
+    assert noted(native.Native(rtol=native.SMALLEST_RTOL)) == []
+
+
+def test_tightened_tolerances():
+    engine = native.Native(rtol=1e-6, atol=1e-8, max_steps=7).tightened(0.01)
+    assert (engine.rtol, engine.atol) == (pytest.approx(1e-8), pytest.approx(1e-10))
+    assert engine.max_steps == 7
+
+
 def test_work_for_stability_is_that_of_dop853():
     rates = np.array([[-50.0, -1.0], [-70.0, -2.0]])
     expected = SolveIvp().work_for_stability(rates, 3.0) / 12  # its stages

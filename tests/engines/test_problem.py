@@ -108,8 +108,47 @@ def test_a_billionth_of_the_horizon_is_rehearsed(times):
 )
 def test_control_instants_are_multiples_of_the_period_before_the_end(start, stop, period, instants):
     loop = SimpleNamespace(vehicle=SimpleNamespace(control=SimpleNamespace(period=period)))
-    problem = Problem(loop, np.zeros((1, 1)), np.array([start, stop]))
+    times = np.array([start, (start + stop) / 2, stop])
+    problem = Problem(loop, np.zeros((1, 1)), times)
     assert problem.control_instants == instants
+
+
+def test_a_horizon_is_cut_at_instants_and_samples_belong_to_the_span_behind_them():
+    """A field that changes at an end is evaluated inside the span."""
+    loop = SimpleNamespace(vehicle=SimpleNamespace(control=None))
+    problem = Problem(loop, np.zeros((1, 1)), np.array([0.0, 0.5, 1.0, 1.2, 2.0]))
+    one, two, three = problem.spans_between(np.array([-1.0, 0.0, 0.5, 1.5, 2.0, 3.0]))
+    assert [(span.start, span.stop) for span in (one, two, three)] == [
+        (0, 0.5),
+        (0.5, 1.5),
+        (1.5, 2),
+    ]
+    assert [span.grid.tolist() for span in (one, two, three)] == [
+        [0.0, 0.5],
+        [0.5, 1.0, 1.2, 1.5],
+        [1.5, 2.0],
+    ]
+    assert [(span.first, span.later) for span in (one, two, three)] == [(1, 0), (2, 2), (4, 1)]
+    assert [span.sampled_start for span in (one, two, three)] == [True, True, False]
+    assert [span.within for span in (one, two, three)] == [
+        (0.0, np.nextafter(0.5, 0)),
+        (np.nextafter(0.5, 1), np.nextafter(1.5, 0)),
+        (np.nextafter(1.5, 2), 2.0),
+    ]
+    assert [span.tick for span in (one, two, three)] == [None] * 3
+
+
+def test_spans_know_the_control_instant_that_they_begin_with():
+    loop = SimpleNamespace(vehicle=SimpleNamespace(control=SimpleNamespace(period=0.8)))
+    problem = Problem(loop, np.zeros((1, 1)), np.array([0.5, 1.6, 2.0]))
+    spans = problem.spans_between(np.array([1.0]))
+    assert [(span.start, span.tick) for span in spans] == [
+        (0.5, None),
+        (0.8, 1),
+        (1.0, None),
+        (1.6, 2),
+    ]
+    assert problem.control_instants == 2
 
 
 def test_numbers_of_ends_of_runs_never_change():

@@ -54,6 +54,8 @@ def check(field, runs=RUNS):
         lambda t, y: y[:, [1, 0]],
         lambda t, y: np.broadcast_to(t, y.shape) * y.reshape(-1)[:1],
         lambda t, y: np.concatenate([y[:, 1:], y[:, :1]], axis=-1),
+        lambda t, y: (y @ MATRIX[0])[:, None] * y,
+        lambda t, y: (MATRIX[0] @ y.T)[:, None] * y,
     ],
 )
 def test_a_recording_equals_the_field(field, runs):
@@ -120,7 +122,11 @@ def selecting(t, y):
     return y * len(y[y > 0])
 
 
-@pytest.mark.parametrize("field", [branching, looking, filling, selecting])
+def rounding(t, y):
+    return np.add(y, t, dtype=np.float32) + 0 * y
+
+
+@pytest.mark.parametrize("field", [branching, looking, filling, selecting, rounding])
 def test_what_cannot_be_recorded_is_evaluated_as_it_is_written(field):
     with pytest.raises(Exception):  # noqa: B017, PT011  # whatever the field makes of no array
         Recording(field, 0.3, states(0))
@@ -219,3 +225,15 @@ def test_a_recording_may_differ_from_its_field_by_rounding(sign):
     found = sign * np.array([3.0, 0.5, 0.0])
     assert _agree(found + np.array([0.0, 0.0, 1e-10]), found)
     assert not _agree(found + np.array([0.0, 0.0, 1e-9]), found)
+    assert not _agree(found + np.array([0.0, 1e-9, 0.0]), found)
+    small = 1e-3 * found
+    assert _agree(small + np.array([0.0, 0.0, 1e-13]), small)
+    assert not _agree(small + np.array([0.0, 0.0, 1e-12]), small)
+
+
+def test_a_recording_agrees_where_both_are_not_numbers():
+    one, other = np.array([np.nan, 1.0, np.inf]), np.array([np.nan, 1.0, -np.inf])
+    assert _agree(one, one.copy())
+    assert not _agree(one, other)
+    assert not _agree(one, np.ones(3))
+    assert _agree(one[:1], one[:1])
