@@ -11,6 +11,7 @@ from eqt_cli.engines import Engine, Problem, Status, engines
 from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.problem import Solution, Span, _nearest
 from eqt_cli.engines.walk import _note, _Reached, walked
+from eqt_cli.vehicle.sensors.channels import Errors
 
 
 @pytest.mark.parametrize(
@@ -104,7 +105,14 @@ def test_a_billionth_of_the_horizon_is_rehearsed(times):
 
 @pytest.mark.parametrize(
     ("start", "stop", "period", "instants"),
-    [(0.0, 10.0, 2.0, 5), (3.0, 10.0, 2.0, 3), (4.0, 9.0, 2.0, 3), (-3.0, 3.0, 2.0, 3)],
+    [
+        (0.0, 10.0, 2.0, 5),
+        (3.0, 10.0, 2.0, 3),
+        (4.0, 9.0, 2.0, 3),
+        (-3.0, 3.0, 2.0, 3),
+        (0.0, 10.0, 0.5, 20),
+        (3.0, 10.0, 0.5, 14),
+    ],
 )
 def test_control_instants_are_multiples_of_the_period_before_the_end(start, stop, period, instants):
     loop = SimpleNamespace(vehicle=SimpleNamespace(control=SimpleNamespace(period=period)))
@@ -182,6 +190,66 @@ def test_times_at_an_end_where_the_field_changes_are_inside():
     assert [span.inside(t) for t in (0.0, 0.5, 1.0)] == [0.0, 0.5, np.nextafter(1.0, 0.0)]
 
 
+# Runs of several problems -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Moving:
+    """Stands for a loop with one number."""
+
+    speed: float = 2.0
+
+
+def errors_of(*runs):
+    """Errors at two instants, which tell the run and the instant."""
+    velocity = np.array(runs)[:, None, None] + np.array([0.0, 0.25])[:, None]
+    shape = (len(runs), 2)
+    return Errors(np.zeros((*shape, 1, 1)), velocity, np.empty((*shape, 0)))
+
+
+TIMES = np.array([0.0, 1.0])
+
+
+@pytest.mark.parametrize("measured", [False, True])
+def test_runs_of_several_problems_are_those_of_one(measured):
+    one = Problem(Moving(), np.zeros((2, 1)), TIMES, errors=errors_of(1, 2) if measured else None)
+    varying = {"speed": np.array([[5.0]])}
+    other = Problem(
+        Moving(3.0), np.ones((1, 1)), TIMES, varying, errors_of(3) if measured else None
+    )
+    both = Problem.joined([one, other])
+    assert both.states.ravel().tolist() == [0, 0, 1]
+    assert both.varying["speed"].ravel().tolist() == [2, 2, 5]
+    assert both.times is TIMES
+    assert (both.errors is not None) == measured
+    chosen = both.select(np.array([2, 0]))
+    assert chosen.states.ravel().tolist() == [1, 0]
+    assert chosen.varying["speed"].ravel().tolist() == [5, 2]
+    if measured:
+        assert both.errors.velocity[:, 0, 0].tolist() == [1, 2, 3]
+        assert chosen.errors_at(1).velocity.ravel().tolist() == [3.25, 1.25]
+        assert chosen.errors_at(0, slice(1, 2)).velocity.ravel().tolist() == [1]
+    else:
+        assert chosen.errors is None
+        assert chosen.errors_at(0) is None
+
+
+def test_a_single_problem_can_be_joined():
+    alone = Problem.joined([Problem(Moving(4.0), np.ones((2, 1)), TIMES)])
+    assert alone.runs == 2
+    assert alone.varying["speed"].ravel().tolist() == [4, 4]
+
+
+def test_numbers_of_runs_have_an_axis_for_samples():
+    problem = Problem(Moving(), np.zeros((3, 1)), TIMES)
+    assert problem.batched_loop() is problem.loop
+    varying = {"speed": np.array([1.0, 2.0, 3.0])[:, None]}
+    problem = Problem(problem.loop, problem.states, TIMES, varying)
+    assert problem.batched_loop().speed.shape == (3, 1)
+    assert problem.batched_loop(extra_axes=1).speed.shape == (3, 1, 1)
+    assert problem.batched_loop(extra_axes=2).speed.shape == (3, 1, 1, 1)
+
+
 # Ends and progress of runs ------------------------------------------------------------------------
 
 
@@ -251,7 +319,7 @@ class Counting(Integrator):
         failed = {
             place: failure if len(self.runs) == 1 else asked
             for place, run in enumerate(self.runs.tolist())
-            for asked, failure in [self.failed.get((run, span.start), (0, 0))]
+            for asked, failure in [self.failed.get((run, span.start), (None, None))]
             if failure
         }
         samples = np.repeat(states[:, None] + 1, span.later, axis=1)
@@ -298,3 +366,8 @@ def test_steps_and_samples_of_a_run_end_with_it(groups, threads, alone):
 def test_runs_that_all_fail_are_not_carried_on(groups):
     failed = {(run, 0.0): (LATE, LATE) for run in range(4)}
     assert counted(failed, groups).steps.tolist() == [2, 3, 4, 5]
+
+
+def test_an_error_in_a_thread_is_raised():
+    with pytest.raises(TypeError):
+        counted({(3, 0.0): 1}, [[0, 1], [2, 3]], threads=2)
