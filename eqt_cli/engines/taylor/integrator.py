@@ -208,7 +208,7 @@ class Batches(Integrator):
                 self._failed.add(batch.start)
                 failed |= dict.fromkeys(range(batch.start, min(batch.stop, runs)), None)
                 if runs == 1:
-                    failed[0] = self._failure(span, bad, samples)
+                    failed[0] = self._failure(bad)
         joined = found[0] if len(found) == 1 else np.concatenate(found, axis=2)
         return SpanResult(
             lanes[:, :runs].T,
@@ -217,7 +217,7 @@ class Batches(Integrator):
             failed,
         )
 
-    def _failure(self, span: Span, end: Any, samples: Array) -> Failure:
+    def _failure(self, end: Any) -> Failure:
         """Return how and when the run in all lanes has ended."""
         outcomes, integrator = heyoka_module().taylor_outcome, self._batch.heyoka
         t = float(integrator.time[0])
@@ -228,7 +228,6 @@ class Batches(Integrator):
             return Failure(t=t)
         if end == outcomes.cb_stop:
             t -= float(integrator.last_h[0])  # the last step went wrong
-            samples[span.grid[1 : 1 + span.later] > t] = np.nan
             reason = "a comparison in the law has no finite series here; try engine solve_ivp"
             return Failure(Status.SOLVER_FAILED, reason, t)
         reason = "the law switches back and forth without end; smooth it, as with tanh"
