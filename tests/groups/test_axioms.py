@@ -4,6 +4,10 @@ The samples hold rotations near 0 and near π, translations within ±2 per coord
 within ±1. Each tolerance is at least five times the largest error seen in 1000 samples per group.
 """
 
+from fractions import Fraction
+from itertools import permutations, product
+from math import factorial
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -18,6 +22,7 @@ from eqt_cli.groups.angles import (
     distance_of_turn,
     inverse_jacobian_terms,
     ratio_to_sine,
+    stumpff,
     turn_of_distance,
 )
 from eqt_cli.groups.product import ProductGroup
@@ -97,6 +102,13 @@ def test_parts_and_names_cover_every_axis_once(G):
     axes = [axis for part in G.parts for axis in range(G.dimension)[part.axes]]
     assert axes == list(range(G.dimension))
     assert len(G.axis_names) == len(set(G.axis_names)) == G.dimension
+
+
+def test_a_part_that_does_not_turn_has_an_entry_for_every_axis(G):
+    for part in G.parts:
+        rows, columns = (len(range(G.size)[entries]) for entries in part.entries)
+        assert rows * columns == (rows**2 if part.turns else len(range(G.dimension)[part.axes]))
+        assert max(entries.stop for entries in part.entries) <= G.size
 
 
 @EXAMPLES
@@ -401,10 +413,11 @@ def test_one_element_acts_on_a_batch(samples, data):
     assert_equal(G.ad_star(first_vector, V)[(*one,)], G.ad_star(first_vector, first_vector))
 
 
-@EXAMPLES
+@settings(max_examples=3)  # objects are slow
 @given(data=st.data())
-def test_operators_take_object_arrays(samples, data):
+def test_operators_take_batches_and_object_arrays(samples, data):
     G, Q, (V, U) = samples.G, samples.pose(data), samples.vectors(data, 2)
+    one = (0,) * len(samples.shape)
     operators = [
         (G.inverse, Q),
         (G.hat, V),
@@ -416,11 +429,19 @@ def test_operators_take_object_arrays(samples, data):
         (G.Ad_star, Q, V),
         (G.pack, Q),
         (G.unpack, G.pack(Q)),
+        (G.exp, V),
+        (G.log, Q),
+        (G.log_force, V, U),
+        (G.jacobian, V),
+        (G.cayley, V),
+        (G.gram_rate, Q, V),
+        (G.drift, Q),
     ]
     for operator, *arguments in operators:
-        result = operator(*(argument.astype(object) for argument in arguments))
-        assert result.dtype == object
-        assert_equal(result.astype(float), operator(*arguments))
+        result = operator(*arguments)
+        assert_equal(result[one], operator(*(argument[one] for argument in arguments)))
+        of_objects = operator(*(argument.astype(object) for argument in arguments))
+        assert_equal(np.asarray(of_objects, dtype=float), result, CLOSED_FORMS)
 
 
 # The conventions of the paper and of the configuration --------------------------------------------
@@ -519,6 +540,16 @@ def test_terms_of_the_inverse_jacobian_are_those_of_the_cotangent(angle):
     assert slope == pytest.approx(expected, abs=1e-14 / square**2)
 
 
+@pytest.mark.parametrize("square", [0.0, 1e-3, 0.9, 1.0, 1.9, 9.8, 40.0])
+def test_the_functions_of_an_exponential_are_their_series(square):
+    """c_k = Σ (−θ²)ⁿ/(2n + k)!, in exact fractions; their differences lose two digits."""
+    found = stumpff(np.array([square]))
+    assert len(found) == 6
+    for k, c in enumerate(found):
+        terms = (Fraction(-square) ** n / factorial(2 * n + k) for n in range(40))
+        assert c == pytest.approx([float(sum(terms))], rel=0, abs=2e-14 / factorial(k))
+
+
 @pytest.mark.parametrize("G", dict.fromkeys(ALL), ids=lambda G: G.name)
 def test_a_covector_of_the_logarithm_has_the_power_of_its_rate(G, derivative):
     """⟨f, V⟩ = ⟨p, d/dt log(Q exp(tV))⟩."""
@@ -530,6 +561,44 @@ def test_a_covector_of_the_logarithm_has_the_power_of_its_rate(G, derivative):
 @pytest.mark.parametrize("angle", [0.1, 1.0, 1.5])
 def test_the_ratio_to_the_sine_is_found_from_the_cosine(angle):
     assert ratio_to_sine(np.cos(angle)) == pytest.approx(angle / np.sin(angle), rel=1e-14)
+
+
+NEARLY_AXES = [
+    np.array(signs) * sizes
+    for sizes in permutations([1.0, 1e-3, 1e-7])
+    for signs in product([1.0, -1.0], repeat=3)
+]
+"""Directions near every axis of space, leaning to either side."""
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-7, 1.0, np.pi / 2, 2.0, 2.2, 3.0, np.pi - 1e-7])
+def test_a_half_turn_is_twice_a_unit_quaternion(angle):
+    """cos(θ/2) and 2 sin(θ/2) times the axis, whichever entry of the quaternion is the largest."""
+    G, vectors = group_named("SO3"), np.array([*NEARLY_AXES, [1.0, 1.0, 1.0], [-1.0, 1.0, 0.5]])
+    axes = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    found, twice = G.half_turn(G.exp(angle * axes))
+    assert_equal(found, np.cos(angle / 2), 1e-15)
+    assert_equal(twice, 2 * np.sin(angle / 2) * axes, 2e-15)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-7, 1.0, 2.0, 2.2, np.pi - 1e-7])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_half_turn_of_the_plane_is_twice_a_sine(angle, sign):
+    G = group_named("SE2")
+    found, twice = G.half_turn(G.exp(np.array([sign * angle, 1.0, 2.0])))
+    assert_equal(found, np.cos(angle / 2), 1e-15)
+    assert_equal(twice, [2 * np.sin(sign * angle / 2)], 2e-15)
+
+
+@pytest.mark.parametrize("name", ["SO2", "SO3"])
+def test_quarter_turns_and_half_turns_are_exact(name):
+    """Of whole numbers, as a user writes them."""
+    G = group_named(name)
+    quarter, half = G.identity.copy(), G.identity.copy()
+    quarter[:2, :2], half[:2, :2] = [[0, -1], [1, 0]], [[-1, 0], [0, -1]]
+    for R, angle in ((quarter, np.pi / 2), (half, np.pi)):
+        np.testing.assert_allclose(G.log(R)[-1:], [angle], rtol=1e-15)
+        assert not G.log(R)[:-1].any()
 
 
 def test_a_product_has_64_axes_at_most():
