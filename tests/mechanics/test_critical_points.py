@@ -29,8 +29,9 @@ def test_equal_eigenvalues_on_SO3_are_morse_bott():
     assert summary("SO3", np.eye(3)) == expected
 
 
-def test_distinct_eigenvalues_on_SO3_have_four_points_of_every_index():
-    assert summary("SO3", np.diag([1.0, 2.0, 3.0])) == [
+@pytest.mark.parametrize("size", [1.0, 1e-12])
+def test_distinct_eigenvalues_on_SO3_have_four_points_of_every_index(size):
+    assert summary("SO3", size * np.diag([1.0, 2.0, 3.0])) == [
         ("identity", 0, 0),
         ("half-turn about (1, 0, 0)", 3, 0),
         ("half-turn about (0, 1, 0)", 2, 0),
@@ -72,9 +73,16 @@ def test_vectors_have_the_identity_only():
 
 
 def test_products_combine_the_points_of_their_factors():
-    weight = np.diag([1.0, 2.0, 3.0, 1.0, 1.0])
-    indices = [index for _, index, _ in summary("SO3*SO2", weight)]
-    assert indices == [0, 1, 3, 4, 2, 3, 1, 2]
+    weight = np.diag([1.0, 1.0, 3.0, 1.0, 1.0])
+    circle = "half-turns about every axis normal to (0, 0, 1)"
+    assert summary("SO3*SO2", weight) == [
+        ("identity × identity", 0, 0),
+        ("identity × half-turn", 1, 0),
+        (f"{circle} × identity", 2, 1),
+        (f"{circle} × half-turn", 3, 1),
+        ("half-turn about (0, 0, 1) × identity", 1, 0),
+        ("half-turn about (0, 0, 1) × half-turn", 2, 0),
+    ]
 
 
 def test_a_group_of_unknown_structure_has_no_known_points():
@@ -181,6 +189,19 @@ def test_distance_to_a_manifold_is_the_least_over_its_axes(eigenvalues, coupled)
     assert found == pytest.approx(least, abs=1e-3)
 
 
+@pytest.mark.parametrize("eigenvalues", [[1.0, 1.0, 1.0], [1.0, 1.0, 3.0]])
+@pytest.mark.parametrize("coupling", [0.0, 0.5])
+def test_distance_to_a_manifold_is_zero_on_it(eigenvalues, coupling):
+    """Whatever the axis, and not the root of a negative number by rounding."""
+    G, B = group_named("SE3"), coupling * np.array([[1.0], [-2.0], [0.5]])
+    K = np.block([[np.diag(eigenvalues) + B @ B.T / 2, B], [B.T, np.array([[2.0]])]])
+    axes = np.stack([[np.cos(a), np.sin(a), 0.0] for a in np.linspace(0.0, 3.0, 20)])
+    R = 2 * axes[:, :, None] * axes[:, None, :] - np.eye(3)
+    Q = G.assemble(R, (np.eye(3) - R) @ B / 2)
+    # The root of the rounding of numbers of order 10.
+    np.testing.assert_allclose(distance_to_unstable(G, K, Q), 0.0, atol=1e-6)
+
+
 def test_distance_in_a_product_adds_the_squares_of_its_blocks():
     G = group_named("SO3*SO2")
     K = np.eye(5)
@@ -236,6 +257,7 @@ def test_potential_falls_from_the_unstable_points_only(G):
 def test_an_axis_is_named_with_its_largest_entry_positive(sign):
     """Eigenvectors come with either sign."""
     assert _direction(sign * np.array([-0.8, 0.6, 0.0])) == "(0.8, -0.6, 0)"
+    assert _direction(sign * np.array([1.0, 2.0, 2.0]) / 3) == "(0.333, 0.667, 0.667)"
 
 
 @pytest.mark.parametrize("weights", [[1.0, 2.0, 3.0], [3.0, 1.0, 2.0]])

@@ -148,12 +148,13 @@ def test_waypoints_begin_and_end_with_their_first_and_last():
     assert reference("waypoints", G).ends(G) == (KNOTS[0], KNOTS[-1])
 
 
-def test_a_spline_is_found_in_either_direction():
+def test_a_spline_is_found_in_either_direction_and_size():
     """The steps of Newton's method are small against the velocities, whatever their sign."""
     G, times = group_named("R3"), np.array([0.0, 1.0, 2.5, 4.0])
     along = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 5.0], [3.5, 7.0, 8.0], [6.0, 9.0, 9.5]])
-    there, back = (spline(G, times, G.exp(sign * along)) for sign in (1, -1))
+    there, back, tiny = (spline(G, times, G.exp(size * along)) for size in (1, -1, 1e-20))
     assert back.numbers == pytest.approx(-there.numbers, abs=1e-12)
+    assert tiny.numbers == pytest.approx(1e-20 * there.numbers, rel=1e-9, abs=1e-40)
 
 
 def test_in_a_vector_space_one_iteration_finds_the_spline(monkeypatch):
@@ -217,6 +218,15 @@ def test_a_span_that_begins_a_rounding_early_takes_the_piece_that_begins(G):
     for knot in KNOTS[1:-1]:
         assert found.held(G, np.nextafter(knot, 0)).since == knot
         assert found.held(G, knot - 1e-6).since < knot
+
+
+@pytest.mark.parametrize("start", [-1e6, 1e6])
+def test_so_it_does_far_from_0(start):
+    """Where the rounding of a time is 1e-10 s."""
+    G, times = group_named("R1"), start + np.array([0.0, 1.0, 2.0])
+    pieces = spline(G, times, G.exp(np.array([[0.0], [1.0], [4.0]])))
+    since, _ = pieces.at(np.array([np.nextafter(times[1], -np.inf), times[1] - 1e-4]))
+    assert since.tolist() == times[[1, 0]].tolist()
 
 
 # In the loop --------------------------------------------------------------------------------------
