@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import component
 from eqt_cli.ensemble.initial import draw_initial_states
+from eqt_cli.ensemble.listed import ListedPoses, ListedVelocities
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.ensemble.spread import Spread
@@ -186,11 +187,17 @@ def test_draws_are_errors_to_the_desired_state(G):
     [
         (pose_distribution("exp_normal", std=[1.0, 1.0]), "SO3", ["std"]),
         (pose_distribution("exp_normal", std=-1.0), "SO3", ["std"]),
+        (pose_distribution("exp_normal", std=0.0), "SO3", []),
+        (pose_distribution("exp_normal", std=[0.0, 1.0, 1.0]), "SO3", []),
         (pose_distribution("fixed", coordinates=[1.0]), "SO3", ["coordinates"]),
         (pose_distribution("euler"), "SE2", ["kind"]),
         (pose_distribution("euler", sequence="ZYZ"), "SO3", []),
         (pose_distribution("euler", low=1.0, high=1.0), "SO3", []),
         (pose_distribution("euler", sequence="ZZX"), "SO3", ["sequence"]),
+        (pose_distribution("euler", sequence="ZXX"), "SO3", ["sequence"]),
+        (pose_distribution("euler", sequence="ZYA"), "SO3", ["sequence"]),
+        (pose_distribution("euler", sequence="ZYXZ"), "SO3", ["sequence"]),
+        (pose_distribution("euler", sequence="zyx"), "SO3", []),
         (pose_distribution("euler", sequence="Zyx"), "SO3", ["sequence"]),
         (pose_distribution("euler", sequence="ZY"), "SO3", ["sequence"]),
         (pose_distribution("euler", low=1.0, high=-1.0), "SO3", ["low"]),
@@ -198,6 +205,9 @@ def test_draws_are_errors_to_the_desired_state(G):
         (pose_distribution("haar", position=Spread(1.0)), "SO3", ["position"]),
         (pose_distribution("haar", velocity=Spread(1.0)), "SE3", ["velocity"]),
         (pose_distribution("haar", position=Spread([1.0])), "SE3", ["position.std"]),
+        (pose_distribution("angle", angle=[1.0, 1.0]), "SO3", []),
+        (pose_distribution("angle", angle=[1.0, 2.0, 3.0]), "SO3", ["angle"]),
+        (pose_distribution("angle", angle=0.0), "SO3", []),
         (velocity_distribution("normal", std=[1.0]), "SO3", ["std"]),
         (velocity_distribution("normal", std=[1.0, -1.0, 1.0]), "SO3", ["std"]),
         (velocity_distribution("fixed", coordinates=[1.0]), "SO3", ["coordinates"]),
@@ -310,6 +320,23 @@ def test_fixed_distributions_are_no_error_by_default(G):
     Q, V = draw(G, pose_distribution("fixed"), velocity_distribution("fixed"), runs=range(3))
     assert (Q == G.identity).all()
     assert not V.any()
+
+
+def test_a_speed_is_0_by_default():
+    _, V = draw(group_named("SE3"), pose_distribution("fixed"), velocity_distribution("speed"))
+    assert not V.any()
+
+
+def test_listed_states_are_those_of_their_runs():
+    """Whoever draws without a run gets the first."""
+    G, random = group_named("SO2"), generator(SEED, Stream.INITIAL_STATE, 0)
+    turns = np.array([[0.1], [0.2], [0.3]])
+    poses, velocities = ListedPoses(G.exp(turns)), ListedVelocities(-turns)
+    Q, V = draw(G, poses, velocities, runs=[2, 0])
+    assert (Q == G.exp(turns[[2, 0]])).all()
+    assert (V == -turns[[2, 0]]).all()
+    assert (poses.place(G, poses.draw(G, random)[None]) == G.exp(turns[:1])).all()
+    assert velocities.draw(G, random).tolist() == [-0.1]
 
 
 def test_exp_normal_is_drawn_around_its_centre():
@@ -427,6 +454,24 @@ def test_a_speed_of_the_translation_is_in_its_part_of_the_velocity():
                 ("speed", "expected a number of at least 0, got -1"),
                 ("translation.speed", "expected a number of at least 0, got -1"),
                 ("translation", "SO3 has no translations; remove this key"),
+            ],
+        ),
+        (
+            "SE3*R3",
+            velocity_distribution,
+            {"translation": Speed(1.0)},
+            [("translation", "SE3*R3 has 2 translations; use fixed or normal")],
+        ),
+        (
+            "SE3",
+            velocity_distribution,
+            {"axis": [0.0, 1.0], "translation": Speed(1.0, axis=[1.0])},
+            [
+                ("axis", "expected random, or a list of 3 that are not all 0, got [0.0, 1.0]"),
+                (
+                    "translation.axis",
+                    "expected random, or a list of 3 that are not all 0, got [1.0]",
+                ),
             ],
         ),
     ],

@@ -272,10 +272,104 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
             "expected a number, a text, a list of numbers or one mapping, got [{b: 2}]; give each "
             "list a name: sweep: [{cases: {NAME: {KEY: VALUE}, …}}]",
         ),
+        *(
+            (
+                [{"random": {"points": 4, "axes": {"a": {**bounds, "integer": True}}}}],
+                (0, "random", "axes", "a", "low"),
+                "expected whole numbers as low and high, since integer is true",
+            )
+            for bounds in ({"low": 1, "high": 2.5}, {"low": 0.5, "high": 2})
+        ),
+        (
+            [{"random": {"points": 4, "axes": {"a": {"low": 1, "high": 1}}}}],
+            (0, "random", "axes", "a", "high"),
+            "expected more than 1, the value of low, got 1",
+        ),
+        (
+            [{"grid": {"a": {"low": 0, "high": 1, "points": "3"}}}],
+            (0, "grid", "a", "points"),
+            "expected a whole number, got '3'",
+        ),
+        (
+            [{"random": {"points": 4, "axes": {"a": {"low": 1, "high": 3, "integer": "yes"}}}}],
+            (0, "random", "axes", "a", "integer"),
+            "expected true or false, got 'yes'",
+        ),
+        (
+            [{"random": {"points": 4, "axes": {"a": {"values": []}}}}],
+            (0, "random", "axes", "a", "values"),
+            "expected at least 1 entry, got []",
+        ),
+        *(
+            ([{name: section}], (0, name, *place), "expected at least 1 entry, got {}")
+            for name, section, place in (
+                ("grid", {}, ()),
+                ("cases", {}, ()),
+                ("random", {"points": 4, "axes": {}}, ("axes",)),
+            )
+        ),
+        *(
+            (
+                [{"cases": {name: {}}}],
+                (0, "cases", name),
+                f"expected a name of 1 to 40 printable characters, got {name!r}",
+            )
+            for name in (41 * "x", "a\nb", " ")
+        ),
+        (
+            [{"cases": {"one": {"": 1}}}],
+            (0, "cases", "one", ""),
+            "expected a key of the configuration, got ''",
+        ),
+        ([{"concat": []}], (0, "concat"), "expected a list of blocks, got []"),
+        ([{"concat": {}}], (0, "concat"), "expected a list of blocks, got {}"),
+        *(
+            (
+                [block],
+                (0,),
+                "expected one design, such as {grid: {…}}, and one only; known: cases, concat, "
+                "grid, lhs, random, sobol, zip",
+            )
+            for block in ("x", {}, {"grid": {"a": [1]}, "zip": {"b": [1]}})
+        ),
+        (
+            [{"grid": {"a": [2, 1, 1.0]}}],
+            (0, "grid", "a", 2),
+            "1.0 is listed twice; give each value once",
+        ),
+        (
+            [{"grid": {"a": ["x", True, True]}}],
+            (0, "grid", "a", 2),
+            "True is listed twice; give each value once",
+        ),
+        (
+            [{"grid": {"a": {"low": 0, "high": 1, "points": 10**6}, "b": [*range(11)]}}],
+            (0, "grid"),
+            "has 11,000,000 points; expected at most 10,000,000",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_at_its_place(blocks, path, message):
     assert notes(*blocks) == [(dotted(path), message)]
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        {"grid": {"a": [1, True, "1"]}},  # three values, and not one three times
+        {"cases": {40 * "x": {}}},
+        {"grid": {"a": {"low": 0, "high": 1, "points": 10**6}, "b": [*range(10)]}},
+        {"random": {"points": 4, "axes": {"a": {"low": 1, "high": 2, "integer": True}}}},
+    ],
+)
+def test_what_is_just_right_is_accepted(block):
+    assert len(sweep(block)) > 0
+
+
+@pytest.mark.parametrize("kind", ["random", "lhs", "sobol"])
+def test_a_seed_is_0_unless_told(kind):
+    options = {"points": 4, "axes": {"a": {"low": 0, "high": 1}}}
+    assert points(sweep({kind: options})) == points(sweep({kind: {**options, "seed": 0}}))
 
 
 @pytest.mark.parametrize("scale", ["linear", "log"])
@@ -309,3 +403,10 @@ def test_an_editor_is_told_that_a_logarithm_takes_positive_numbers(axis):
     for low, problems in ((0.0, Problems()), (1e-3, Problems())):
         axis(low=low, high=1.0, scale="log", **options).check(problems)
         assert bool(problems) == (low == 0.0)
+
+
+def test_an_editor_is_told_that_whole_numbers_have_whole_bounds():
+    [_, narrower] = TypeAdapter(DrawnRange).json_schema()["allOf"]
+    assert narrower["if"] == {"properties": {"integer": {"const": True}}, "required": ["integer"]}
+    whole = {"type": ["integer", "string"]}  # a text is an expression
+    assert narrower["then"] == {"properties": {"low": whole, "high": whole}}
