@@ -110,3 +110,44 @@ def test_a_law_with_a_name_of_its_own_has_no_title_of_another():
         "Titled",
         "Titled",
     )
+
+
+def test_defaults_of_the_laws_are_those_of_their_documentation():
+    """Where a configuration says nothing, they decide every number of a run."""
+    expected = {
+        "family": {"gyroscopic": 1.0, "transport": 1.0, "connection": 0.0, "quadratic": 0.0},
+        "goodarzi2013": {"ki": 0.2, "c2": 0.5, "bound": None},
+        "maithripala2006": {"damping_rate": 0.5},
+        "slotine_li": {"slope": 0.5},
+        "sliding": {"slope": 0.5, "gain": 0.5, "layer": 0.5},
+        "stabilising": {"feedforward": True},
+    }
+    for name, options in expected.items():
+        law = controllers.get(name)()
+        assert {option: getattr(law, option) for option in options} == options
+
+
+@pytest.mark.parametrize("name", [law.name for law in controllers.all() if law.tasks])
+def test_gains_are_matched_where_small_errors_meet_them(name):
+    """Where −∂τ/∂x is the Hessian of Υ and −∂τ/∂V is K_d, before a target at rest."""
+    G, rest, h = group_named("SO3"), np.zeros(3), 1e-6
+    inertia = Inertia(np.diag([1.0, 2.0, 4.0]), np.diag([1.0, 0.5, 0.25]))
+    K, K_d = np.diag([1.0, 2.0, 4.0]), np.diag([0.7, 0.3, 0.4])
+    law = controllers.get(name)()
+
+    def torque(x, V):
+        memory = {key: np.zeros(length) for key, length in law.memory(G).items()}
+        Q, P = G.exp(x), inertia.momentum(V)
+        return law.torque(
+            Tracking(G, inertia, Gains(K, K_d), 0.0, Q, P, np.eye(3), rest, rest, memory)
+        )
+
+    steps = h * np.eye(3)
+    stiffness = [(torque(-d, rest) - torque(d, rest)) / (2 * h) for d in steps]
+    damping = [(torque(rest, -d) - torque(rest, d)) / (2 * h) for d in steps]
+    found = np.allclose(stiffness, np.diag([6.0, 5.0, 3.0]), rtol=0, atol=1e-6)
+    found = found and np.allclose(damping, K_d, rtol=0, atol=1e-6)
+    if name == "goodarzi2013":  # its integral is the error, too, and makes it stiffer
+        assert found and law.matched is False
+    else:
+        assert found is law.matched

@@ -257,12 +257,14 @@ def test_members_of_one_frame_are_solved_together():
     assert law("eqt").structure == law("gt").structure != law("lee2012").structure
 
 
-def test_quaternions_are_for_rotations_of_space():
+@pytest.mark.parametrize("name", ["SO2", "SE2", "SE3", "R3"])
+def test_quaternions_are_for_rotations_of_space(name):
     problems = Problems()
-    law("quaternion").check(group_named("SE3"), problems)
+    law("quaternion").check(group_named(name), problems)
     (problem,) = problems
-    expected = "quaternion is a law for SO3 only; this experiment has group SE3"
+    expected = f"quaternion is a law for SO3 only; this experiment has group {name}"
     assert problem.message == expected
+    assert fits("quaternion", group_named("SO3"))
 
 
 @pytest.mark.parametrize("name", [name for name in NINE if name != "quaternion"])

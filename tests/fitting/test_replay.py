@@ -72,6 +72,15 @@ def test_the_wrench_between_rows(hold, expected, loop_on_so3):
     np.testing.assert_array_equal(loop.knots, [0.0, 0.5, 1.0])
 
 
+@pytest.mark.parametrize("start", [-1e6, 0.0, 1e6])
+def test_a_step_that_begins_a_rounding_early_takes_the_row_that_begins(start, loop_on_so3):
+    """Engines take the time of a row for the one that it is but for rounding."""
+    text = rows(*((start + t, 0, 0, 0, 1, wrench, 0, 0) for t, wrench in ((0, 1), (1, 3), (2, 2))))
+    law = Replay(file="a.csv").with_files({"a.csv": text})
+    early = np.array([np.nextafter(start + 1, -np.inf), start + 1 - 1e-4, start - 1])
+    np.testing.assert_array_equal(torque(loop_on_so3(law), early), [3, 1, 1])
+
+
 def torque(loop, t):
     states = np.zeros((*np.shape(t), loop.state_length))
     return loop.torque(loop.tracking(t, states))[..., 0]

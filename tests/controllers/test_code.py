@@ -1,0 +1,132 @@
+"""A law in C, before any compiler reads it: what it claims, and what is noted of its options."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from eqt_cli.controllers import controllers
+from eqt_cli.controllers.code import Code
+from eqt_cli.core.errors import InputError
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.tracking import Gains, Tracking
+
+G = group_named("SO3")
+GAINS = Gains(np.eye(3), np.diag([1.0, 2.0, 3.0]))
+VALUES = ("feedforward_torque", "lyapunov", "velocity_error", "dissipation", "memory_rate")
+"""Methods of a state."""
+
+
+@pytest.fixture
+def state():
+    Q, Qd = G.exp(np.array([[0.3, -0.2, 0.5], [0.1, 0.4, -0.3]]))
+    P, Pd, tau_d, integral = np.random.default_rng(0).standard_normal((4, 3))
+    inertia = Inertia(np.diag([1.0, 2.0, 4.0]), np.diag([1.0, 0.5, 0.25]))
+    return Tracking(G, inertia, GAINS, 0.0, Q, P, Qd, Pd, tau_d, {"integral": integral})
+
+
+def notes(**options):
+    problems, law = Problems(), Code(**{"file": "mine.c", **options})
+    law.check(G, problems)
+    return law, [(problem.path, problem.message) for problem in problems]
+
+
+@pytest.mark.parametrize("name", ["eqt", "goodarzi2013", "logarithmic"])
+def test_it_claims_what_the_law_claims_that_it_is(name, state):
+    (code, noted), law = notes(as_=name), controllers.get(name)()
+    assert noted == []
+    for claim in ("energy", "theorem", "matched", "claims_decrease"):
+        assert getattr(code, claim) == getattr(law, claim)
+    assert code.formula == law
+    assert code.claims(G, GAINS) is law.claims(G, GAINS)
+    for value in VALUES:
+        np.testing.assert_equal(getattr(code, value)(state), getattr(law, value)(state))
+    np.testing.assert_equal(code.memory_gradient(state), law.memory_gradient(state))
+
+
+def test_without_a_law_it_claims_nothing(state):
+    code, noted = notes()
+    assert noted == []
+    assert (code.energy, code.theorem) == ("½⟨P̃, Ṽ⟩ + Υ(Q_E)", "")
+    assert (code.matched, code.claims_decrease, code.formula) == (None, None, None)
+    assert code.claims(G, GAINS) is None
+    assert code.feedforward_torque(state) is None
+    assert code.dissipation(state) is None
+    assert code.memory_gradient(state) is None
+    assert code.memory_rate(state) == {}
+    assert code.lyapunov(state) == state.lyapunov
+    np.testing.assert_array_equal(code.velocity_error(state), state.V_tilde)
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"memory_": ["a", "b"]}, []),
+        ({"memory_": ["a", "a"]}, [("memory", "expected different names, got ['a', 'a']")]),
+        ({"memory_": ["a", "2b"]}, [("memory[1]", "expected a name in C, got '2b'")]),
+        ({"numbers": {"k": 1.0, "k-d": 2.0}}, [("numbers.k-d", "expected a name in C, got 'k-d'")]),
+        ({"function": "my_torque"}, []),
+        ({"function": "torque"}, [("function", "expected a name X_torque, got 'torque'")]),
+        ({"file": "my law.c", "function": "my_torque"}, []),
+        (
+            {"file": "my law.c"},
+            [("file", "my law.c gives no name in C; name the function with the key `function`")],
+        ),
+        (
+            {"as_": {"kind": "code", "file": "a.c"}},
+            [("as", "expected a law of eqt or of a plugin, got code")],
+        ),
+    ],
+)
+def test_what_is_noted_of_its_options(options, expected):
+    assert notes(**options)[1] == expected
+
+
+@pytest.mark.parametrize(
+    ("options", "prefix"),
+    [({}, "mine"), ({"file": "laws/lee.v2.c"}, "lee.v2"), ({"function": "my_torque"}, "my")],
+)
+def test_the_name_of_its_functions(options, prefix):
+    code = Code(**{"file": "mine.c", **options}).code
+    assert code.prefix == prefix
+
+
+def compiled(**lengths):
+    """What stands for a compiled function before it is called."""
+    return SimpleNamespace(lengths=lengths)
+
+
+def test_the_memory_has_the_length_of_that_of_the_law():
+    code, _ = notes(as_="goodarzi2013")
+    running = code.running(compiled(ei=3), G)
+    assert running.memory(G) == {"integral": 3}
+    assert running.formula is code.formula
+    with pytest.raises(InputError) as caught:
+        code.running(compiled(ei=1, more=1), G)
+    assert str(caught.value) == (
+        "mine_memory in mine.c has 2 numbers that are named in `memory`, and goodarzi2013 keeps 3: "
+        "integral (3)"
+    )
+
+
+def test_memory_of_its_own_has_the_names_of_its_fields():
+    code, _ = notes(file="laws/mine.c")
+    running = code.running(compiled(a=1, b=2), G)
+    assert running.memory(G) == {"a": 1, "b": 2}
+    assert running.function == "mine_torque"
+
+
+def test_numbers_are_counted_in_their_order():
+    law = Code(file="mine.c", numbers={"k": 1.0, "J": [1.0, 2.0, 3.0], "c": [4.0]})
+    assert law.code.numbers == (("k", 1), ("J", 3), ("c", 1))
+    assert law.values.tolist() == [1.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_laws_that_differ_in_numbers_only_have_one_structure():
+    one = Code(file="mine.c", numbers={"k": 1.0})
+    assert one.structure == Code(file="mine.c", numbers={"k": 2.0}).structure
+    for change in ({"file": "other.c"}, {"numbers": {"c": 1.0}}, {"real": "float"}):
+        assert dataclasses.replace(one, **change).structure != one.structure
