@@ -218,6 +218,65 @@ def test_options_that_do_not_fit_are_reported(distribution, group, options):
     assert [option for option, _ in problems] == options
 
 
+@pytest.mark.parametrize(
+    ("name", "options", "group", "expected"),
+    [
+        (
+            "haar",
+            {"position": Spread(1.0)},
+            "SO3",
+            (
+                "position",
+                "SO3 has no position column, since it has no translations; remove this key",
+            ),
+        ),
+        (
+            "haar",
+            {"velocity": Spread(1.0)},
+            "SE3",
+            ("velocity", "SE3 has no velocity column, only position; remove this key"),
+        ),
+        ("haar", {}, "R3", ("kind", "haar needs a group with rotations; for R3 use exp_normal")),
+        (
+            "haar",
+            {},
+            "SO3*R3",
+            (
+                "kind",
+                "haar needs a group with rotations; for SO3*R3 use exp_normal, or a list of 2, one "
+                "per factor",
+            ),
+        ),
+        (
+            "euler",
+            {},
+            "SE2",
+            ("kind", "euler needs rotations in three dimensions; for SE2 use haar or exp_normal"),
+        ),
+        (
+            "euler",
+            {"low": 1.0, "high": -1.0},
+            "SO3",
+            ("low", "expected at most -1, the value of high, got 1"),
+        ),
+        (
+            "exp_normal",
+            {"std": [1.0, 2.0]},
+            "SO3",
+            ("std", "expected a number or a list of 3, got a list of 2"),
+        ),
+        (
+            "exp_normal",
+            {"std": [1.0, -2.0, 3.0]},
+            "SO3",
+            ("std", "expected a standard deviation of at least 0, got -2"),
+        ),
+    ],
+)
+def test_what_is_said_of_options_that_do_not_fit(name, options, group, expected):
+    assert wrong_options(pose_distribution(name, **options), group_named(group)) == [expected]
+
+
 def test_a_spread_is_one_or_numbers():
     """Without a word, deviations are 1; `true` is no number."""
     lengths = Spread().draw(4, generator(SEED, Stream.INITIAL_STATE, 0))

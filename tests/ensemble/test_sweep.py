@@ -342,6 +342,11 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
             (0, "grid", "a", 2),
             "True is listed twice; give each value once",
         ),
+        (  # nothing is counted of a design with an error
+            [{"grid": {"a": [1, 1], "b": {"low": 0, "high": 1, "points": 10**7}}}],
+            (0, "grid", "a", 1),
+            "1 is listed twice; give each value once",
+        ),
         (
             [{"grid": {"a": {"low": 0, "high": 1, "points": 10**6}, "b": [*range(11)]}}],
             (0, "grid"),

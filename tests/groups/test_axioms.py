@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eqt_cli.core.arrays import apply_matrix, dot, transpose
-from eqt_cli.core.errors import ComponentError
+from eqt_cli.core.errors import ComponentError, TraceError
 from eqt_cli.groups import Part, group_named, groups
 from eqt_cli.groups.angles import (
     FARTHEST,
@@ -25,6 +25,7 @@ from eqt_cli.groups.angles import (
     stumpff,
     turn_of_distance,
 )
+from eqt_cli.groups.base import MatrixLieGroup
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.groups.so3 import SO3
 
@@ -521,6 +522,71 @@ def test_a_product_is_of_unknown_class_where_a_factor_is(other, compact, class_k
 def test_a_turn_and_its_distance_undo_each_other(angle):
     found = turn_of_distance(np.array([distance_of_turn(angle), FARTHEST * (1 + 1e-15)]))
     assert found == pytest.approx([angle, np.pi], rel=1e-12)  # rounding may go beyond a half-turn
+
+
+def test_the_series_of_a_jacobian_is_exact_up_to_its_bound():
+    """About e_z, where ‖ad_x‖ is θ = 4: sin θ / θ and (1 − cos θ) / θ in the plane."""
+    turn = 4.0
+    a, b = np.sin(turn) / turn, (1 - np.cos(turn)) / turn
+    found = MatrixLieGroup.jacobian(group_named("SO3"), np.array([0.0, 0.0, turn]))
+    assert_equal(found, [[a, -b, 0], [b, a, 0], [0, 0, 1]], 1e-14)
+
+
+def test_symbols_need_a_motion_along_an_element_of_their_own():
+    """Whether the element or the way along it is a symbol."""
+    G, one = group_named("SO3"), np.ones(3)
+    for numbers, angles in ((one.astype(object), one), (one, one.astype(object))):
+        with pytest.raises(TraceError, match="group 'SO3' has no method `exp_along`"):
+            MatrixLieGroup.exp_along(G, numbers, angles)
+
+
+TURN, PLACE = ("1", "rad/s", "N m"), ("m", "m/s", "N")
+
+
+@pytest.mark.parametrize(
+    ("name", "axes", "parts"),
+    [
+        ("SO2", "ω", [("rotation", 0, 1, 0, 0, TURN)]),
+        ("SE2", "ω vx vy", [("rotation", 0, 1, 0, 0, TURN), ("translation", 1, 3, 0, 2, PLACE)]),
+        (
+            "SE23",
+            "ωx ωy ωz ax ay az vx vy vz",
+            [
+                ("rotation", 0, 3, 0, 0, TURN),
+                ("velocity", 3, 6, 0, 3, ("m/s", "m/s^2", "N s")),
+                ("position", 6, 9, 0, 4, PLACE),
+            ],
+        ),
+        ("R2", "v1 v2", [("translation", 0, 2, 0, 2, PLACE)]),
+        (
+            "SE3*SO2",
+            "ωx₁ ωy₁ ωz₁ vx₁ vy₁ vz₁ ω₂",
+            [
+                ("rotation_1", 0, 3, 0, 0, TURN),
+                ("translation_1", 3, 6, 0, 3, PLACE),
+                ("rotation_2", 6, 7, 4, 4, TURN),
+            ],
+        ),
+    ],
+)
+def test_names_axes_entries_and_units_of_the_parts(name, axes, parts):
+    """Tables, figures and files are written by them."""
+    G = group_named(name)
+    assert " ".join(G.axis_names) == axes
+    found = [
+        (part.name, part.axes.start, part.axes.stop, *(e.start for e in part.entries), units)
+        for part in G.parts
+        for units in [(part.pose_unit, part.velocity_unit, part.force_unit)]
+    ]
+    assert found == parts
+
+
+@pytest.mark.parametrize(
+    ("name", "translation"),
+    [("SO3", None), ("SE3", "translation"), ("SE23", "position"), ("SE3*R3", None)],
+)
+def test_the_translation_of_a_group_is_the_only_one(name, translation):
+    assert getattr(group_named(name).translation, "name", None) == translation
 
 
 def test_velocities_have_the_unit_of_their_part_per_second():

@@ -6,7 +6,12 @@ import pytest
 from eqt_cli.core.arrays import frobenius
 from eqt_cli.groups import group_named
 from eqt_cli.groups.base import MatrixLieGroup
-from eqt_cli.mechanics.critical_points import _direction, critical_sets, distance_to_unstable
+from eqt_cli.mechanics.critical_points import (
+    CriticalSet,
+    _direction,
+    critical_sets,
+    distance_to_unstable,
+)
 from eqt_cli.mechanics.navigation import gradient, hessian_at_identity, potential
 
 # Hundreds of last places of numbers of order 10.
@@ -226,6 +231,16 @@ def test_distance_is_zero_at_the_points_and_positive_at_the_identity(G):
         assert distance_to_unstable(G, K, G.identity) > 1.0
     else:
         assert np.isnan(distance_to_unstable(G, K, G.identity))
+
+
+def test_a_manifold_without_an_offset_has_no_translations():
+    Q = group_named("SO3").exp(np.random.default_rng(0).standard_normal((6, 3)))
+    for axes in (np.eye(3), np.eye(3)[:, :2]):
+        of_none, of_zero = (
+            CriticalSet("", axes.shape[1] - 1, np.eye(3), np.zeros(3), axes, offset)
+            for offset in (None, np.zeros((3, 0)))
+        )
+        np.testing.assert_array_equal(of_none.squared_distance(Q), of_zero.squared_distance(Q))
 
 
 def test_weights_may_differ_from_run_to_run():

@@ -73,6 +73,16 @@ def test_weights_are_within_their_bounds(curve, deviation, relative):
     assert weight == pytest.approx(expected, rel=1e-6 if deviation else 1e-3)
 
 
+@pytest.mark.parametrize(("extreme", "beyond"), [(1e-12, 0.6), (1e3, 1.5)])
+def test_a_deviation_just_beyond_the_bounds_of_the_weight(extreme, beyond):
+    """It is that of the extreme weight, as one far beyond."""
+    G = group_named("R1")
+    far = smoothed(G, TIMES, places(G, CURVE[:, :1]), [extreme])
+    near = smoothed(G, TIMES, places(G, CURVE[:, :1]), [beyond * far.residuals[0]])
+    assert near.weights == pytest.approx(far.weights, rel=1e-12)
+    assert near.residuals == pytest.approx(far.residuals, rel=1e-9)
+
+
 def test_on_a_group_the_residuals_are_those_of_the_second_derivatives():
     """log(Q_i⁻¹P_i) is λQu with Ru = Qᵀy of the smooth poses, Q and R as in Reinsch (1967)."""
     G, random = group_named("SO3"), np.random.default_rng(5)

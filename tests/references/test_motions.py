@@ -10,6 +10,7 @@ from scipy.linalg import expm
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import frobenius, norm
+from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, engines
 from eqt_cli.groups import group_named
@@ -163,6 +164,47 @@ def test_in_a_vector_space_one_iteration_finds_the_spline(monkeypatch):
     G, times = group_named("R1"), np.array([0.0, 1.0, 2.0, 4.0])
     pieces = spline(G, times, G.exp(np.array([[0.0], [1.0], [4.0], [2.0]])))
     assert len(pieces.starts) == 3
+
+
+def jumps(G, times, pieces):
+    """The largest jump of pose, velocity and acceleration where pieces meet, and these."""
+    inner = times[1:-1]
+    before, after = (
+        pieces.piece(*pieces.at(inner + side)).motion(G, inner) for side in (-1e-6, 1e-6)
+    )
+    found = [np.abs(one - other).max() for one, other in zip(before, after, strict=True)]
+    return np.array(found), np.array([np.abs(part).max() for part in after])
+
+
+@pytest.mark.parametrize(
+    ("any_turns", "bound"),
+    [
+        (False, 1e-12),
+        (True, 1e-8),  # poses so far apart that rounding ends Newton's method early
+    ],
+)
+def test_a_spline_is_found_up_to_rounding(any_turns, bound):
+    G, times = group_named("SO3"), np.arange(8.0)
+    random = np.random.default_rng(0)
+    if any_turns:
+        poses = G.exp(random.uniform(-3.1, 3.1, (8, 3)))
+    else:
+        steps = G.exp(random.standard_normal((8, 3)))
+        poses = np.array([reduce(np.matmul, steps[: k + 1]) for k in range(8)])
+    pieces = spline(G, times, poses)
+    found, sizes = jumps(G, times, pieces)
+    assert (found < bound * sizes).all()
+    Q, _, _ = pieces.motion(G, times)
+    np.testing.assert_allclose(Q, poses, rtol=0, atol=1e-12)
+
+
+def test_poses_that_no_smooth_motion_is_found_through():
+    G, random = group_named("SO3"), np.random.default_rng(0)
+    times = np.cumsum(np.random.default_rng(0).uniform(0.01, 3, 6))
+    with pytest.raises(InputError) as raised:
+        spline(G, times, G.exp(random.uniform(-3.1, 3.1, (6, 3))))
+    expected = "no smooth motion was found through these poses; give more where they turn"
+    assert str(raised.value) == expected
 
 
 def test_waypoints_in_a_vector_space_are_the_natural_cubic_spline():

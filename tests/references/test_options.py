@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import InputError
+from eqt_cli.core.expressions import formula
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import group_named
-from eqt_cli.logs.mapping import LogMapping
+from eqt_cli.logs.mapping import LogMapping, TimeMapping
+from eqt_cli.references.constant import ConstantReference
 from eqt_cli.references.path import PathFactor, PathReference
+from eqt_cli.references.rates import RatesReference
 from eqt_cli.references.slew import SlewReference
+from eqt_cli.references.torque import TorqueReference
 from eqt_cli.references.waypoints import Waypoint, WaypointsReference
 
 G = group_named("SO3")
@@ -73,11 +77,29 @@ def test_each_waypoint_is_looked_at():
     assert time == ("points[1].t", "expected a time after 2 s, got 2 s")
 
 
-def test_times_are_within_bounds():
-    far = [Waypoint(-1e12, "identity"), Waypoint(1.0, "identity")]
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        ([-1e12, 1.0], "expected times from -1e+09 to 1e+09 s, got -1e+12 s"),
+        ([-1e9, 5e9], "expected times from -1e+09 to 1e+09 s, got 5e+09 s"),
+        ([0.0, 1e9 + 0.5], "expected times from -1e+09 to 1e+09 s, got 1e+09 s"),
+        (
+            [0.0, 1.0, 1.0 + 5e-10],
+            "expected at least 1e-09 s between two waypoints, got 5e-10 s after 1 s",
+        ),
+    ],
+)
+def test_times_are_within_bounds(times, message):
+    found = WaypointsReference([Waypoint(t, "identity") for t in times])
+    assert notes(found) == [("points", message)]
     with pytest.raises(InputError) as raised:
-        WaypointsReference(far).pieces(G)
-    assert str(raised.value) == "expected times from -1e+09 to 1e+09 s, got -1e+12 s"
+        found.pieces(G)
+    assert str(raised.value) == message
+
+
+@pytest.mark.parametrize("times", [[-1e9, 1e9], [0.0, 1e-9]])
+def test_times_may_be_at_their_bounds(times):
+    assert notes(WaypointsReference([Waypoint(t, "identity") for t in times])) == []
 
 
 def test_what_is_wrong_in_a_file_is_noted_at_its_name():
@@ -95,6 +117,11 @@ def test_what_is_odd_in_a_file_is_a_remark():
 def test_a_mapping_is_of_a_file_and_fits_it():
     assert notes(WaypointsReference(POINTS, mapping=LogMapping())) == [
         ("mapping", "describes a `file`, which is not given; remove this key")
+    ]
+    upside_down = LogMapping(time=TimeMapping(begin=2.0, end=1.0))
+    assert notes(WaypointsReference(POINTS, mapping=upside_down)) == [
+        ("mapping", "describes a `file`, which is not given; remove this key"),
+        ("mapping.time.end", "expected a time after 2 s, got 1 s"),
     ]
     mapping = LogMapping(units={"t": "m"})
     found = WaypointsReference(file="plan.csv", mapping=mapping).with_files({"plan.csv": TEXT})
@@ -195,3 +222,66 @@ def test_smoothing_takes_five_waypoints():
     assert notes(WaypointsReference(POINTS, smoothing="auto")) == [
         ("points", "expected at least 5 waypoints to smooth, got 2")
     ]
+
+
+NO_POSE = (
+    "expected identity, a 3×3 matrix or {rotvec: …} for SO3 (quaternion, euler or matrix may "
+    "replace rotvec), got 'nowhere'"
+)
+
+
+@pytest.mark.parametrize(
+    ("reference", "expected"),
+    [
+        (TorqueReference(["1", "2", "t"]), []),
+        (
+            TorqueReference(["1", "cos(t", "t"]),
+            [("torque[1]", "'cos(t': the '(' at column 4 is never closed")],
+        ),
+        (RatesReference(["1"]), [("rates", "expected 3 expressions for SO3, got 1")]),
+        (
+            RatesReference(["1", "2", "3", "4"]),
+            [("rates", "expected 3 expressions for SO3, got 4")],
+        ),
+        (
+            ConstantReference(pose="nowhere", velocity=[1.0, 2.0]),
+            [("pose", NO_POSE), ("velocity", "expected 3 entries for SO3, got 2")],
+        ),
+        (
+            PathReference([], pose="nowhere"),
+            [
+                ("pose", NO_POSE),
+                ("factors", "expected at least one factor, such as [{axis: wz, by: 0.1*t}]"),
+            ],
+        ),
+        (
+            PathReference([PathFactor([1.0], "t")]),
+            [("factors[0].axis", "expected 3 entries for SO3, got 1")],
+        ),
+        (
+            PathReference([PathFactor("wq", "t")]),
+            [("factors[0].axis", "expected wx, wy, wz or a list of 3 numbers for SO3, got 'wq'")],
+        ),
+    ],
+)
+def test_what_is_noted_of_the_options_of_a_reference(reference, expected):
+    assert notes(reference) == expected
+
+
+def test_a_constant_reference_rests_unless_told():
+    Q, V, _ = ConstantReference().motion(G, np.array([0.0, 3.0]))
+    np.testing.assert_array_equal(Q, [np.eye(3)] * 2)
+    assert not V.any()
+
+
+def test_a_constant_reference_needs_a_pose():
+    with pytest.raises(InputError) as raised:
+        ConstantReference(pose="nowhere").pieces(G)
+    assert str(raised.value) == "expected a pose of SO3, got nowhere"
+
+
+def test_other_functions_of_time_leave_a_reference_as_it_is():
+    one, t = TorqueReference(["1", "2", "t"]), 0.5
+    other = one.with_functions(lambda: formula("7"))
+    assert other.at(t).tolist() == [7.0, 7.0, 7.0]
+    assert one.at(t).tolist() == [1.0, 2.0, 0.5]
