@@ -6,10 +6,12 @@ times σ/√N from what it estimates, which another seed would exceed once in 16
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import component
+from eqt_cli.ensemble.factor_poses import FactorPoses
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.listed import ListedPoses, ListedVelocities
 from eqt_cli.ensemble.poses import pose_distributions
@@ -248,6 +250,22 @@ def test_options_that_do_not_fit_are_reported(distribution, group, options):
             ),
         ),
         (
+            "angle",
+            {"axis": [1.0]},
+            "R3",
+            ("kind", "angle needs a group with rotations; for R3 use exp_normal"),
+        ),
+        (
+            "angle",
+            {},
+            "SO3*R3",
+            (
+                "kind",
+                "angle needs a group with rotations; for SO3*R3 use exp_normal, or a list of 2, "
+                "one per factor",
+            ),
+        ),
+        (
             "euler",
             {},
             "SE2",
@@ -381,9 +399,42 @@ def test_fixed_distributions_are_no_error_by_default(G):
     assert not V.any()
 
 
+def test_defaults_of_distributions_are_those_of_their_documentation():
+    """Where a configuration says nothing, they decide every initial state."""
+    expected = {
+        "angle": {"angle": np.pi, "axis": "random"},
+        "euler": {"sequence": "ZYX", "low": -np.pi, "high": np.pi},
+        "exp_normal": {"std": 1.0, "centre": None},
+        "fixed": {"coordinates": None},
+        "haar": {"position": None, "velocity": None},
+    }
+    for name, options in expected.items():
+        poses = pose_distribution(name)
+        assert {option: getattr(poses, option) for option in options} == options
+    assert velocity_distribution("normal").std == 1.0
+
+
 def test_a_speed_is_0_by_default():
     _, V = draw(group_named("SE3"), pose_distribution("fixed"), velocity_distribution("speed"))
     assert not V.any()
+
+
+def test_factors_of_a_product_are_drawn_one_after_the_other():
+    """From one stream, each by its own distribution."""
+    G = group_named("SE3*R2*SO2")
+    each = (
+        pose_distribution("haar", position=Spread([1.0, 2.0, 3.0])),
+        pose_distribution("exp_normal", std=[4.0, 5.0]),
+        pose_distribution("angle", angle=[1.0, 2.0]),
+    )
+    Q, _ = draw(G, FactorPoses(each), runs=range(3))
+    for run, pose in enumerate(Q):
+        random = generator(SEED, Stream.INITIAL_STATE, run)
+        blocks = [
+            one.place(factor, one.draw(factor, random)[None])[0]
+            for one, factor in zip(each, G.factors, strict=True)
+        ]
+        np.testing.assert_array_equal(pose, block_diag(*blocks))
 
 
 def test_listed_states_are_those_of_their_runs():
@@ -520,6 +571,17 @@ def test_a_speed_of_the_translation_is_in_its_part_of_the_velocity():
             velocity_distribution,
             {"translation": Speed(1.0)},
             [("translation", "SE3*R3 has 2 translations; use fixed or normal")],
+        ),
+        (
+            "SE2",
+            velocity_distribution,
+            {"axis": [-1.0], "translation": Speed([1.0, 2.0], axis=[1.0])},
+            [
+                (
+                    "translation.axis",
+                    "expected random, or a list of 2 that are not all 0, got [1.0]",
+                )
+            ],
         ),
         (
             "SE3",

@@ -77,6 +77,16 @@ def test_concat_adds():
     assert points(found) == [{"a": 1, "b": 3}, {"a": 2, "b": 3}, {"a": 5, "b": 4}]
     assert found.place(1, "a") == (0, "concat", 0, "grid", "a", 1)
     assert found.place(2, "b") == (0, "concat", 1, 0, "grid", "b", 0)
+    assert found.sets == found.always == ("a", "b")
+
+
+def test_what_parts_that_are_added_always_change():
+    parts = [{"cases": {"x": {"a": 1, "b": 1}, "y": {"a": 2}}}, {"cases": {"z": {"a": 3, "c": 1}}}]
+    found = sweep({"concat": parts})
+    assert [found.point(k)["case"] for k in range(3)] == ["x", "y", "z"]
+    settings = [{"a": 1, "b": 1}, {"a": 2}, {"a": 3, "c": 1}]
+    assert [found.settings(k) for k in range(3)] == settings
+    assert (found.sets, found.always) == (("a", "b", "c"), ("a",))
 
 
 def test_concat_of_parts_of_different_lengths():
@@ -285,6 +295,14 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
             (0, "random", "axes", "a", "high"),
             "expected more than 1, the value of low, got 1",
         ),
+        *(
+            (
+                [{name: {"a": {"low": 1, "high": 0, "points": 2}}}],
+                (0, name, "a", "high"),
+                "expected more than 1, the value of low, got 0",
+            )
+            for name in ("grid", "zip")
+        ),
         (
             [{"grid": {"a": {"low": 0, "high": 1, "points": "3"}}}],
             (0, "grid", "a", "points"),
@@ -361,6 +379,8 @@ def test_what_is_wrong_is_said_at_its_place(blocks, path, message):
 @pytest.mark.parametrize(
     "block",
     [
+        {"zip": {"a": [1, 2]}},
+        {"grid": {"a": [[1, 2], [3, 4], {"kind": "b"}]}},
         {"grid": {"a": [1, True, "1"]}},  # three values, and not one three times
         {"cases": {40 * "x": {}}},
         {"grid": {"a": {"low": 0, "high": 1, "points": 10**6}, "b": [*range(10)]}},
