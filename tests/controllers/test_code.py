@@ -1,14 +1,13 @@
 """A law in C, before any compiler reads it: what it claims, and what is noted of its options."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from eqt_cli.controllers import controllers
 from eqt_cli.controllers.code import Code
-from eqt_cli.core.errors import InputError
+from eqt_cli.core.errors import InputError, TraceError
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
@@ -94,18 +93,91 @@ def test_the_name_of_its_functions(options, prefix):
     assert code.prefix == prefix
 
 
-def compiled(**lengths):
-    """What stands for a compiled function before it is called."""
-    return SimpleNamespace(lengths=lengths)
+class Compiled:
+    """What stands for a compiled function: it notes what it is called with."""
+
+    def __init__(self, **lengths):
+        self.lengths = lengths
+
+    def torque(self, numbers, period, memory, inputs):
+        self.given = numbers, period, memory, inputs
+        return inputs[:, 10:13], memory + 1.0  # the velocity as the torque
+
+    def started(self, numbers, period, inputs):
+        self.given = numbers, period, inputs
+        first = np.arange(float(sum(self.lengths.values())))
+        return np.broadcast_to(first, (len(inputs), len(first)))
+
+
+@pytest.fixture
+def many(state):
+    """States with two batch axes."""
+    random = np.random.default_rng(1)
+    V, Vd, tau_d = random.standard_normal((3, 2, 4, 3))
+    Q, Qd = G.exp(random.standard_normal((2, 2, 4, 3)))
+    P, Pd = state.inertia.momentum(V), state.inertia.momentum(Vd)
+    changes = {"Q": Q, "P": P, "Qd": Qd, "Pd": Pd, "tau_d": tau_d, "memory": {}}
+    return dataclasses.replace(state, t=np.linspace(0.0, 1.0, 4), **changes)
+
+
+def test_it_is_called_with_a_row_for_every_state(many):
+    """t, Q, V, Q_d, V_d and V̇_d, the poses row by row; without a period, that is 0."""
+    function = Compiled(a=1, b=2)
+    law = Code(file="mine.c", numbers={"k": 7.0, "J": [1.0, 2.0]}).running(function, G)
+    torque = law.torque(many)
+    assert torque.shape == (2, 4, 3)
+    np.testing.assert_allclose(torque, many.V, rtol=1e-15)
+    numbers, period, memory, inputs = function.given
+    assert numbers.tolist() == 8 * [[7.0, 1.0, 2.0]]
+    assert (period, memory.shape, inputs.shape) == (0.0, (8, 3), (8, 28))
+    expected = [
+        np.r_[many.t[k], many.Q[i, k].ravel(), many.V[i, k], many.Qd[i, k].ravel(), many.Vd[i, k]]
+        for i in range(2)
+        for k in range(4)
+    ]
+    np.testing.assert_array_equal(inputs[:, :25], expected)
+    np.testing.assert_array_equal(inputs[:, 25:], many.Vd_dot.reshape(8, 3))
+
+
+def test_its_memory_goes_on_by_its_names(many):
+    function = Compiled(a=1, b=2)
+    law = Code(file="mine.c").running(function, G)
+    start = law.initial_memory(many)
+    assert function.given[1] == 0.0
+    assert {name: part.shape for name, part in start.items()} == {"a": (2, 4, 1), "b": (2, 4, 2)}
+    assert start["b"][1, 3].tolist() == [1.0, 2.0]
+    _, memory = law.answer(dataclasses.replace(many, memory=start), 0.02)
+    assert function.given[1] == 0.02
+    assert function.given[2].tolist() == 8 * [[0.0, 1.0, 2.0]]
+    assert (memory["a"][1, 3].tolist(), memory["b"][0, 0].tolist()) == ([1.0], [2.0, 3.0])
+
+
+def test_without_memory_there_is_none(many):
+    law = Code(file="mine.c").running(Compiled(), G)
+    assert law.initial_memory(many) == {}
+    assert law.answer(many, 0.02)[1] == {}
+
+
+def test_code_is_not_compiled_into_a_loop(many):
+    law = Code(file="mine.c").running(Compiled(), G)
+    with pytest.raises(TraceError) as caught:
+        law.torque(dataclasses.replace(many, Qd=many.Qd.astype(object)))
+    assert str(caught.value).startswith("mine.c is code, which is called and not compiled")
+
+
+@pytest.mark.parametrize("name", ["values", "claimed", "called"])
+def test_what_is_found_out_later_is_no_option(name):
+    with pytest.raises(TypeError, match=f"unexpected keyword argument '{name}'"):
+        Code(file="mine.c", **{name: None})
 
 
 def test_the_memory_has_the_length_of_that_of_the_law():
     code, _ = notes(as_="goodarzi2013")
-    running = code.running(compiled(ei=3), G)
+    running = code.running(Compiled(ei=3), G)
     assert running.memory(G) == {"integral": 3}
     assert running.formula is code.formula
     with pytest.raises(InputError) as caught:
-        code.running(compiled(ei=1, more=1), G)
+        code.running(Compiled(ei=1, more=1), G)
     assert str(caught.value) == (
         "mine_memory in mine.c has 2 numbers that are named in `memory`, and goodarzi2013 keeps 3: "
         "integral (3)"
@@ -114,7 +186,7 @@ def test_the_memory_has_the_length_of_that_of_the_law():
 
 def test_memory_of_its_own_has_the_names_of_its_fields():
     code, _ = notes(file="laws/mine.c")
-    running = code.running(compiled(a=1, b=2), G)
+    running = code.running(Compiled(a=1, b=2), G)
     assert running.memory(G) == {"a": 1, "b": 2}
     assert running.function == "mine_torque"
 
