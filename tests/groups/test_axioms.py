@@ -168,6 +168,8 @@ def test_violation_measures_what_is_no_element(name):
     n = G.space
     reflection = np.diag([-1.0] + [1.0] * (G.size - 1))
     assert G.violation(reflection) == 2.0
+    singular = np.diag([0.0] + [1.0] * (G.size - 1))
+    assert G.violation(singular) == 1.0  # RᵀR − I has the only entry −1
     stretched = G.identity.copy()
     stretched[:n, :n] *= 2  # RᵀR − I = 3 I
     assert G.violation(stretched) == pytest.approx(3 * np.sqrt(n), rel=1e-15)
@@ -587,6 +589,26 @@ def test_names_axes_entries_and_units_of_the_parts(name, axes, parts):
 )
 def test_the_translation_of_a_group_is_the_only_one(name, translation):
     assert getattr(group_named(name).translation, "name", None) == translation
+
+
+@pytest.mark.parametrize("name", ["SO2", "SO3"])
+@pytest.mark.parametrize("angle", [0.0, 1e-3, 2.0, np.pi])
+def test_the_distance_of_a_turn_is_that_of_its_matrix(name, angle):
+    G = group_named(name)
+    R = G.exp(angle * np.eye(G.dimension)[-1])
+    assert distance_of_turn(angle) == pytest.approx(np.linalg.norm(G.identity - R), rel=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_frame_of_a_turn_about_an_axis_of_space_has_no_other_entries(sign, axis):
+    """Zeros cost nothing once compiled."""
+    G, V = group_named("SE3"), np.array([0.0, 0.0, 0.0, 1.0, 2.0, 3.0])
+    V[axis] = 0.7 * sign
+    frame, numbers, rates = G.screw(V)
+    assert np.isin(frame, [-1.0, 0.0, 1.0]).all()
+    assert np.linalg.det(frame) == 1.0
+    assert_equal(G.Ad(frame, G.along(numbers, rates)), V)
 
 
 def test_velocities_have_the_unit_of_their_part_per_second():

@@ -252,6 +252,14 @@ def test_weights_may_differ_from_run_to_run():
         np.testing.assert_array_equal(found[k], distance_to_unstable(G, K, Q[k]))
 
 
+def test_where_there_are_no_unstable_points_every_run_has_no_distance():
+    found = distance_to_unstable(
+        group_named("R3"), np.eye(4), np.broadcast_to(np.eye(4), (2, 5, 4, 4))
+    )
+    assert found.shape == (2, 5)
+    assert np.isnan(found).all()
+
+
 def test_runs_that_failed_have_no_distance():
     G = group_named("SO3")
     Q = np.stack([np.full((3, 3), np.nan), np.eye(3)])
@@ -301,8 +309,13 @@ def test_the_distance_to_half_turns_about_axes_in_a_turned_plane():
     ("weights", "nullities"), [([1, 1, 1], [0, 2]), ([1, 1, 3], [0, 1, 0]), ([1, 2, 3], [0] * 4)]
 )
 def test_the_nullity_counts_what_neither_rises_nor_falls(weights, nullities):
-    found = critical_sets(group_named("SO3"), np.diag(weights).astype(float))
+    G = group_named("SO3")
+    found = critical_sets(G, np.diag(weights).astype(float))
     assert sorted(each.nullity for each in found) == sorted(nullities)
+    for turn in G.exp(np.random.default_rng(0).standard_normal((5, 3))):  # zeros but for rounding
+        turned = critical_sets(G, turn @ np.diag(weights) @ turn.T)
+        assert [each.nullity for each in turned] == [each.nullity for each in found]
+        assert [each.index for each in turned] == [each.index for each in found]
 
 
 def test_equal_eigenvalues_are_told_by_their_size_also_where_the_largest_is_negative():

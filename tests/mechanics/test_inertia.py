@@ -134,6 +134,20 @@ def test_inverse_leaves_its_argument_alone():
     np.testing.assert_array_equal(A, INITIAL)
 
 
+def test_other_functions_of_time_are_asked_for_once_each():
+    """Of a matrix that is symmetric one for each pair of axes."""
+
+    def numbered():
+        count = iter(range(100))
+        return lambda: parse(str(next(count)))
+
+    found = FACTORED.with_functions(numbered()).factor_at(0.0)
+    np.testing.assert_array_equal(found, [[0, 1, 2], [3, 4, 5], [6, 7, 8]])
+    found = PRESCRIBED.with_functions(numbered()).matrix_at(0.0)
+    np.testing.assert_array_equal(found, [[0, 1, 3], [1, 2, 4], [3, 4, 5]])
+    assert CONSTANT.with_functions(numbered()) is CONSTANT
+
+
 # What of the compensation is determined -----------------------------------------------------------
 
 

@@ -285,3 +285,11 @@ def test_other_functions_of_time_leave_a_reference_as_it_is():
     other = one.with_functions(lambda: formula("7"))
     assert other.at(t).tolist() == [7.0, 7.0, 7.0]
     assert one.at(t).tolist() == [1.0, 2.0, 0.5]
+
+
+def test_a_reference_without_a_file_is_given_at_all_times():
+    torque = TorqueReference(["1", "2", "t"])
+    assert torque.ends(G) == (-np.inf, np.inf)
+    assert (torque.gaps(G), torque.files, torque.instants(G).shape) == ([], {}, (0,))
+    assert torque.held(G, 0.5) is None
+    assert torque.with_files({"a.csv": TEXT}) is torque
