@@ -277,6 +277,8 @@ def test_quaternion_claims_nothing_for_uneven_stiffness():
     G, claims = group_named("SO3"), law("quaternion").claims
     assert claims(G, Gains(even, even)) is True
     assert claims(G, Gains(uneven, even)) is None
+    assert claims(G, Gains(1e-8 * uneven, even)) is None
+    assert claims(G, Gains(1e8 * np.diag([1.0, 1.0, 1 + 1e-14]), even)) is True  # but for rounding
 
 
 # Near an error angle of π -------------------------------------------------------------------------
