@@ -175,13 +175,17 @@ def loop_with() -> Any:
 
 
 def states_of(loop: ClosedLoop, batch: tuple[int, ...], seed: int = 3) -> np.ndarray:
-    """Random flat states; the reference rests where the law is for a resting one."""
+    """Random flat states, with memory; the reference rests where the law is for a resting one."""
     G, random = loop.group, np.random.default_rng(seed)
     Q, Qd = (G.exp(random.standard_normal((*batch, G.dimension))) for _ in range(2))
     V, Vd = random.standard_normal((2, *batch, G.dimension))
     if "track" not in loop.controller.tasks:
         Vd = 0 * Vd
-    return loop.initial_state(Q, V, Qd, Vd)
+    found = loop.initial_state(Q, V, Qd, Vd)
+    for name, where in loop.layout.slices.items():
+        if name.startswith("controller."):
+            found[..., where] = random.standard_normal(found[..., where].shape)
+    return found
 
 
 @pytest.fixture
