@@ -67,6 +67,33 @@ def test_dissipation_is_the_rate_at_which_l_falls(loop, states):
     np.testing.assert_allclose(-(after - before) / (2 * h), dissipation, rtol=0, atol=DIFFERENCES)
 
 
+def test_an_additional_torque_raises_l_by_its_power(loop, states):
+    """At the rate ⟨δ, y⟩ of the velocity error y."""
+    y, t, h = states(loop, (4,)), 0.3, 1e-4
+    added = np.zeros_like(y)
+    added[..., loop.layout.slices["momentum"]] = np.random.default_rng(5).standard_normal(
+        (4, loop.group.dimension)
+    )
+    after, before = (loop.lyapunov(loop.tracking(t, y + d * added)) for d in (h, -h))
+    error = loop.controller.velocity_error(loop.tracking(t, y))
+    power = (added[..., loop.layout.slices["momentum"]] * error).sum(axis=-1)
+    np.testing.assert_allclose((after - before) / (2 * h), power, rtol=0, atol=DIFFERENCES)
+
+
+def test_the_gradient_of_l_by_the_memory(loop, states):
+    y, t, h = states(loop, (4,)), 0.3, 1e-4
+    s = loop.tracking(t, y)
+    gradient = loop.controller.memory_gradient(s)
+    if not s.memory or gradient is None:
+        pytest.skip("the law keeps nothing, or does not say how L depends on it")
+    for name, slope in gradient.items():
+        moved = np.zeros_like(y)
+        moved[..., loop.layout.slices[f"controller.{name}"]] = direction = np.full_like(slope, 0.7)
+        after, before = (loop.lyapunov(loop.tracking(t, y + d * moved)) for d in (h, -h))
+        expected = (slope * direction).sum(axis=-1)
+        np.testing.assert_allclose((after - before) / (2 * h), expected, rtol=0, atol=DIFFERENCES)
+
+
 def test_symbols_give_the_same_as_floats(loop, states, symbols):
     to, back = symbols
     y = states(loop, (2,))

@@ -127,6 +127,25 @@ def test_defaults_of_the_laws_are_those_of_their_documentation():
         assert {option: getattr(law, option) for option in options} == options
 
 
+@pytest.mark.parametrize(
+    ("name", "weights", "frames"),
+    [
+        ("eqt", (1.0, 1.0, 0.0, 0.0), ("spatial", "spatial")),
+        ("gt", (0.5, 0.5, 0.5, 0.0), ("spatial", "body")),
+        ("nog", (0.0, 1.0, 0.0, 0.0), ("spatial", "spatial")),
+        ("asym", (1.0, 0.5, 0.5, 0.0), ("spatial", "spatial")),
+        ("lee2010", (1.0, 1.0, 0.0, 1.0), ("body", "body")),
+        ("lee2012", (0.0, 0.0, 1.0, 0.0), ("body", "body")),
+        ("bullo_murray", (0.5, 0.5, 0.5, 0.0), ("body", "body")),
+    ],
+)
+def test_weights_and_frames_of_the_named_members(name, weights, frames):
+    """(g, c, n, q), and the frames of the error and of the damping."""
+    law = controllers.get(name)()
+    found = law.gyroscopic, law.transport, law.connection, law.quadratic
+    assert (found, (law.error, law.damping)) == (weights, frames)
+
+
 @pytest.mark.parametrize("name", [law.name for law in controllers.all() if law.tasks])
 def test_gains_are_matched_where_small_errors_meet_them(name):
     """Where −∂τ/∂x is the Hessian of Υ and −∂τ/∂V is K_d, before a target at rest."""
@@ -151,3 +170,25 @@ def test_gains_are_matched_where_small_errors_meet_them(name):
         assert found and law.matched is False
     else:
         assert found is law.matched
+
+
+def test_a_law_with_a_torque_of_its_own_makes_no_claim_of_another():
+    class Other(Family):
+        name = "other"
+
+        def torque(self, s):
+            return 2 * super().torque(s)
+
+    class Claiming(Other):
+        name, matched, claims_decrease = "claiming", False, True
+
+        def torque(self, s):
+            return super().torque(s)
+
+    other = Other()
+    assert (other.claims_decrease, other.matched) == (None, None)
+    assert other.dissipation(None) is None
+    assert other.feedforward_torque(None) is None
+    assert (Claiming().claims_decrease, Claiming().matched) == (True, False)
+    with pytest.raises(TypeError):
+        type("Misspelt", (Family,), {}, titel="Mine")
