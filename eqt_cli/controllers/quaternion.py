@@ -44,7 +44,6 @@ class Quaternion(CancellingLaw):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups other than the rotations of space."""
-        super().check(G, problems)
         if not (G.compact and G.dimension == G.size == 3):
             problems.add(f"{self.name} is a law for SO3 only; this experiment has group {G.name}")
 
