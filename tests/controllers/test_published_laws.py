@@ -19,7 +19,8 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.taylor import Taylor
-from eqt_cli.groups import group_named
+from eqt_cli.groups import MatrixLieGroup, group_named
+from eqt_cli.groups.so3 import SO3
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references.constant import ConstantReference
@@ -270,6 +271,20 @@ def test_quaternions_are_for_rotations_of_space(name):
 @pytest.mark.parametrize("name", [name for name in NINE if name != "quaternion"])
 def test_laws_are_for_every_group(G, name):
     assert fits(name, G)
+
+
+class WithoutDerivative(SO3):
+    """As a group of a plugin may be."""
+
+    name = "without"
+    log_force = MatrixLieGroup.log_force
+
+
+def test_logarithms_need_a_derivative():
+    problems = Problems()
+    law("logarithmic").check(WithoutDerivative(), problems)
+    (problem,) = problems
+    assert problem.message == "group 'without' has no derivative of the logarithm"
 
 
 def test_quaternion_claims_nothing_for_uneven_stiffness():
