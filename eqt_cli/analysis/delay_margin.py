@@ -18,6 +18,9 @@ NEAR_A_POLE = np.array([-30, -10, -3, -1, -0.3, 0.0, 0.3, 1, 3, 10, 30])
 SLOWEST = 1e-4
 """Lowest searched frequency, as a share of the slowest pole that is not at the origin."""
 
+AT_ORIGIN = 1e-8
+"""Poles slower than this share of the fastest one are at the origin, but for rounding."""
+
 BISECTIONS = 45
 """Number of bisections of a frequency interval, down to rounding."""
 
@@ -79,7 +82,7 @@ def delay_margin(loop: CutLoop) -> float:
         if not _is_stable(loop, periods):  # a crossing was missed
             first = next(n for n in range(known, periods + 1) if not _is_stable(loop, n))
             return (first - 1) * loop.period
-        known = periods + 1
+        known = int(np.floor(delay / loop.period + SAME)) + 1  # at the crossing, rounding decides
         if not _is_stable(loop, known):
             return periods * loop.period
     return np.inf
@@ -119,7 +122,7 @@ def _frequencies(loop: CutLoop) -> Array:
     else:  # |G| ≤ |B| |C| / (ω − |A|)
         highest = 2 * (_size(loop.A) + _size(loop.B) * _size(loop.C))
     sizes = np.abs(poles)
-    lowest = SLOWEST * min(sizes[sizes > SLOWEST * sizes.max()], default=highest)
+    lowest = SLOWEST * min(sizes[sizes > AT_ORIGIN * sizes.max()], default=highest)
     count = int(PER_DECADE * np.log10(highest / lowest)) + 2
     near = np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * NEAR_A_POLE
     found = np.concatenate([np.geomspace(lowest, highest, count), near.ravel()])

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 import eqt_cli
+from eqt_cli.analysis import delay_margin as searched
 from eqt_cli.analysis.delay_margin import CutLoop, delay_margin
 from eqt_cli.analysis.margins import LawMargins
 from eqt_cli.closed_loop.linearised import Linearised, linearised
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import ConfigError
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.experiment.experiment import Experiment
@@ -28,6 +30,10 @@ WHEEL = {
 }
 J, STIFFNESS, DAMPING = 0.4, 2.0, 0.8
 """Of the wheel: Υ = 2(1 − cos θ)."""
+
+CROSSOVER = np.sqrt(np.roots([J**2, -(DAMPING**2), -(STIFFNESS**2)]).max())
+MARGIN = np.arctan2(DAMPING * CROSSOVER, STIFFNESS) / CROSSOVER
+"""|2 + 0.8iω| = 0.4ω²; the phase of (2 + 0.8iω) / (0.4ω²), over ω."""
 
 LATE = {
     "group": "SO3",
@@ -53,19 +59,15 @@ def of(config: Mapping[str, Any], **changes: Any) -> LawMargins:
 
 
 def test_the_delay_margin_of_a_wheel_is_the_phase_margin_over_the_crossover() -> None:
-    # |2 + 0.8iω| = 0.4ω²; the phase of (2 + 0.8iω) / (0.4ω²) is the margin.
-    square = np.roots([J**2, -(DAMPING**2), -(STIFFNESS**2)]).max()
-    crossover = np.sqrt(square)
-    margin = np.arctan2(DAMPING * crossover, STIFFNESS) / crossover
     law = of(WHEEL)
     assert law.growth.eigenvalue.real == pytest.approx(-1.0, rel=1e-9)
     assert abs(law.growth.eigenvalue.imag) == pytest.approx(2.0, rel=1e-9)
-    assert law.delay == pytest.approx(margin, rel=1e-9)
-    assert (law.delay_periods, law.is_indicative) == (None, False)
-    sampled = of(WHEEL, control={"period": margin / 100})
+    assert law.delay == pytest.approx(MARGIN, rel=1e-9)
+    assert (law.delay_periods, law.is_indicative, law.is_unstable) == (None, False, False)
+    sampled = of(WHEEL, control={"period": MARGIN / 100})
     # The hold is a delay of half a period: 99.5 periods are left, of which 99 are whole.
     assert sampled.delay_periods == 99
-    assert sampled.delay == pytest.approx(margin, rel=0.01 + 1e-9)
+    assert sampled.delay == pytest.approx(MARGIN, rel=0.01 + 1e-9)
 
 
 def test_the_delay_margin_of_a_body_that_turns_is_that_of_its_sampled_loop() -> None:
@@ -81,12 +83,15 @@ def test_the_delay_margin_of_a_body_that_turns_is_that_of_its_sampled_loop() -> 
     assert not sampled.is_indicative
 
 
-def test_the_gain_margin_of_a_wheel_with_lag_is_that_of_routh_and_hurwitz() -> None:
-    T = 0.25  # TJs³ + Js² + ds + k is stable for d > Tk
+@pytest.mark.parametrize("factor", [1.6, 100.0, 133.0])
+def test_the_gain_margin_of_a_wheel_with_lag_is_that_of_routh_and_hurwitz(factor: float) -> None:
+    """Up to a factor of 128, beyond which there is none."""
+    T = DAMPING / (factor * STIFFNESS)  # TJs³ + Js² + ds + k is stable for d > Tk
     law = of(WHEEL, actuators=[{"kind": "lag", "time_constant": T}])
-    assert law.gains["kp"].upper == pytest.approx(DAMPING / (T * STIFFNESS), rel=1e-4)
+    is_shown = factor < 128
+    assert law.gains["kp"].upper == (pytest.approx(factor, rel=1e-4) if is_shown else None)
     assert law.gains["kp"].lower is None
-    assert law.gains["kd"].lower == pytest.approx(T * STIFFNESS / DAMPING, rel=1e-4)
+    assert law.gains["kd"].lower == (pytest.approx(1 / factor, rel=1e-4) if is_shown else None)
     both = law.gains["both"]
     assert (law.gains["kd"].upper, both.lower, both.upper) == (None, None, None)
 
@@ -258,3 +263,139 @@ def test_a_loop_that_no_delay_makes_unstable_has_an_infinite_margin() -> None:
     A, B = np.array([[-1.0]]), np.array([[1.0]])
     assert delay_margin(CutLoop(A, B, np.array([[-0.9]]), None)) == np.inf
     assert delay_margin(CutLoop(0.5 * B, B, np.array([[-0.4]]), 1.0)) == np.inf
+
+
+@pytest.mark.parametrize(("b", "k"), [(1e-2, 1e3), (1e3, 1e-3)])
+def test_the_delay_margin_of_an_integrator_is_a_quarter_turn(b: float, k: float) -> None:
+    """−bk/(iω) is e^(iπ/2) at ω = bk, however far the other poles of the loop are away."""
+    A, B, C = np.diag([0.0, -1e6]), np.array([[b], [0.0]]), np.array([[-k, 0.0]])
+    margin = np.pi / 2 / (b * k)
+    assert delay_margin(CutLoop(A, B, C, None)) == pytest.approx(margin, rel=1e-9)
+    assert delay_margin(CutLoop(A[:1, :1], B[:1], C[:, :1], None)) == pytest.approx(margin)
+
+
+def test_the_delay_margin_of_several_commands_is_the_least_of_theirs() -> None:
+    """Of −1/s and −(0.1 + 0.2s)/s², in coordinates that mix their states and commands.
+
+    The second has less phase where the first one crosses, but does not cross there.
+    """
+    square = np.roots([1.0, -(0.2**2), -(0.1**2)]).max()
+    crossover = np.sqrt(square)
+    margins = [np.pi / 2, np.arctan2(0.2 * crossover, 0.1) / crossover]
+    A = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+    B = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
+    C = -np.array([[1.0, 0.0, 0.0], [0.0, 0.1, 0.2]])
+    S = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, -1.0], [1.0, 0.0, 1.0]])
+    U = np.array([[2.0, 1.0], [1.0, 1.0]])
+    inverse, back = np.linalg.inv(S), np.linalg.inv(U)
+    mixed = CutLoop(S @ A @ inverse, S @ B @ back, U @ C @ inverse, None)
+    assert delay_margin(mixed) == pytest.approx(min(margins), rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.97, 1.02])
+def test_a_mode_that_hardly_reaches_the_gain_1_is_found(share: float) -> None:
+    """Its gain is share / √(1 + x²), with x in units of its decay rate from its frequency."""
+    d, w = 0.01, 50.0
+    A, B = np.array([[-d, w], [-w, -d]]), np.array([[1.0], [0.0]])
+    margin = delay_margin(CutLoop(A, B, np.array([[-2 * d * share, 0.0]]), None))
+    x = np.sqrt(max(share**2 - 1, 0.0))
+    if share < 1:
+        assert margin == np.inf
+    else:  # the phase of −1/(1 + ix), to the order of d/w
+        assert margin == pytest.approx((np.pi - np.arctan(x)) / w, rel=1e-3)
+
+
+def sampled(period: float, stiffness: float, damping: float) -> CutLoop:
+    """A mass under a spring and a damper, whose force is held for a period."""
+    A, B = np.array([[1.0, period], [0.0, 1.0]]), np.array([[period**2 / 2], [period]])
+    return CutLoop(A, B, -np.array([[stiffness, damping]]), period)
+
+
+def periods_by_roots(loop: CutLoop) -> int:
+    """The most periods for which all roots of zⁿ det(z − A) = C adj(z − A) B are within 1.
+
+    The right-hand side is what det(z − A − BC) lacks of det(z − A).
+    """
+    opened = np.poly(loop.A)
+    gain = opened - np.poly(loop.A + loop.B @ loop.C)
+    for periods in range(500):
+        whole = np.append(opened, np.zeros(periods))
+        whole[-len(gain) :] -= gain
+        if np.abs(np.roots(whole)).max() > 1:
+            return periods - 1
+    raise AssertionError("a loop is always stable")
+
+
+def resonant(angle: float, coupling: float) -> CutLoop:
+    """An integrator, and a mode that turns by an angle and loses a thousandth in every period."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    A = np.block([[np.eye(1), np.zeros((1, 2))], [np.zeros((2, 1)), 0.999 * turn]])
+    return CutLoop(A, np.array([[1.0], [0.0], [1.0]]), -np.array([[0.02, coupling, 0.0]]), 0.01)
+
+
+@pytest.mark.parametrize(
+    ("loop", "periods"),
+    [
+        (sampled(1.0, 0.5, 1.0), 0),
+        (sampled(1e-3, 1e4, 150.0), 6),
+        (sampled(40.0, 2e-6, 3e-3), 10),
+        (resonant(0.3, 0.0025), 2),
+        (resonant(0.6, -0.0025), 5),
+        (resonant(0.6, 0.0), 78),
+    ],
+)
+def test_the_delay_margin_of_a_sampled_loop_is_that_of_its_polynomial(
+    loop: CutLoop, periods: int
+) -> None:
+    assert periods_by_roots(loop) == periods
+    assert delay_margin(loop) == pytest.approx(periods * loop.period)
+
+
+def test_a_crossing_that_the_search_misses_is_seen_by_the_eigenvalues(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of frequencies around the crossing of the integrator, at 2 rad/s, without the mode's."""
+    monkeypatch.setattr(searched, "_frequencies", lambda _: np.array([0.5, 4.0]))
+    loop = resonant(0.335, 0.0025)
+    assert periods_by_roots(loop) == 1
+    assert delay_margin(loop) == pytest.approx(0.01)
+
+
+def test_a_delay_of_whole_periods_to_the_edge_of_stability_is_not_within_the_margin() -> None:
+    """x' = x − x ends at once; x'' = x' − x neither grows nor decays, however it is rounded."""
+    one = np.array([[1.0]])
+    assert delay_margin(CutLoop(one, one, -one, 0.5)) == 0.0
+
+
+def test_the_delay_margin_is_that_of_the_slow_loop_beside_a_fast_lag() -> None:
+    """A lag of T takes T from it, but for T³."""
+    T = 3e-5
+    law = of(WHEEL, actuators=[{"kind": "lag", "time_constant": T}])
+    assert law.delay == pytest.approx(MARGIN - T, rel=1e-3 * T)
+
+
+def test_a_sampled_gain_is_that_of_its_difference_equation() -> None:
+    """Y/U of x⁺ = x/2 + u, y = 3x at z = e^(iωT), and 3/(s − ½) of ẋ = x/2 + u at s = iω."""
+    A, one, T = np.array([[0.5]]), np.array([[1.0]]), 0.1
+    w = np.array([0.3, 2.0, 7.0])
+    gain = CutLoop(A, one, 3 * one, T).gain(w)
+    np.testing.assert_allclose(gain[:, 0, 0], 3 / (np.exp(1j * w * T) - 0.5), rtol=1e-13)
+    gain = CutLoop(A, one, 3 * one, None).gain(w)
+    np.testing.assert_allclose(gain[:, 0, 0], 3 / (1j * w - 0.5), rtol=1e-13)
+
+
+def test_a_loop_that_is_unstable_without_delay_has_no_margins() -> None:
+    law = of(WHEEL, control={"period": 3.0})
+    assert (law.is_unstable, law.delay, law.delay_periods, law.gains) == (True, None, None, {})
+    assert law.size == abs(law.growth.eigenvalue) > 1
+
+
+def test_every_law_counts(told: Any) -> None:
+    eqt_cli.margins({**WHEEL, "controllers": ["eqt", "gt", "sliding"]})
+    assert ("laws", 3) in told.steps
+    assert told.total("laws") == 3
+
+
+def test_a_reference_that_is_not_finite_has_no_margins() -> None:
+    with pytest.raises(ConfigError, match=r"reference: has no finite real value at about"):
+        of(WHEEL, reference={"kind": "rates", "rates": ["sqrt(1 - t)"]})
