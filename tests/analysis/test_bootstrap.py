@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from eqt_cli.analysis.comparison import bootstrap
-from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
+from eqt_cli.analysis.comparison.bootstrap import Resampling, intervals_of_means
 from eqt_cli.analysis.comparison.runs_needed import POWER, runs_to_decide, runs_without_exception
 
 
@@ -94,8 +94,13 @@ def test_columns_with_missing_values_have_the_interval_of_what_is_left():
 
 
 def test_no_interval_from_too_few_values():
-    found = intervals(skewed(FEWEST - 1, 1))
-    assert np.isfinite(found.mean[0]) and np.isnan([found.low[0], found.high[0]]).all()
+    """Of two columns with 4 and 5 of 8 values, the second one has an interval."""
+    columns = skewed(8, 2)
+    columns[:4, 0] = columns[5:, 1] = np.nan
+    found = intervals(columns)
+    assert np.isfinite(found.mean).all()
+    assert np.isnan([found.low[0], found.high[0]]).all()
+    assert found.low[1] < found.mean[1] < found.high[1]
 
 
 def test_no_mean_without_values():
@@ -117,7 +122,7 @@ def test_intervals_depend_on_nothing_but_data_and_seed():
 def test_many_runs_get_fewer_resamples(monkeypatch):
     monkeypatch.setattr(bootstrap, "MOST_DRAWS", 200_000)
     assert intervals(skewed(100, 1)).resamples == 2000
-    assert intervals(skewed(1000, 1)).resamples == bootstrap.FEWEST_RESAMPLES
+    assert intervals(skewed(1000, 1)).resamples == 999
     monkeypatch.setattr(bootstrap, "MOST_DRAWS", 2000)
     assert intervals(skewed(1, 1)).resamples == 2000
 
@@ -144,9 +149,47 @@ def test_no_number_of_runs_decides_about_next_to_nothing(effect):
     assert runs_to_decide(effect, 0.95) is None
 
 
+def test_a_billion_runs_are_the_most_that_are_told():
+    least = sum(stats.norm.ppf([0.975, POWER])) / np.sqrt(1e9)
+    assert runs_to_decide(least * (1 - 1e-10), 0.95) is None
+    assert runs_to_decide(least * (1 + 1e-10), 0.95) == pytest.approx(1e9, abs=3)
+
+
 def test_runs_without_exception_for_95_percent():
     # 0.95^58 = 0.051, 0.95^59 = 0.0485
     assert runs_without_exception(0.95) == 59
+
+
+@pytest.mark.parametrize(
+    ("drawn", "below"),
+    [
+        # 20 of 100 resamples are below the mean, and half of 30 that are equal to it.
+        (np.r_[np.linspace(-2, -0.1, 20), np.zeros(30), np.linspace(0.1, 5, 50)], 0.35),
+        # None is below it, which counts as half a one, or all are, which counts as all but half.
+        (np.linspace(1, 2, 5), 0.1),
+        (np.linspace(-2, -1, 5), 0.9),
+        # What holds no value at all is left out.
+        (np.r_[-np.ones(10), np.full(20, np.nan), np.linspace(0, 9, 70)], 0.105),
+    ],
+)
+@pytest.mark.parametrize("confidence", [0.3, 0.9])
+def test_the_share_of_resamples_below_the_mean_shifts_an_interval(
+    monkeypatch, drawn, below, confidence
+):
+    """Efron (1987) without acceleration: both ends are moved by 2z of the share, here of a mean
+    of 0 of values that lie symmetrically.
+    """
+    monkeypatch.setattr(bootstrap, "_resampled_means", lambda *_: drawn[:, None])
+    found = intervals(np.array([[-1.0], [1.0]] * 5), confidence)
+    t = np.sqrt(10 / 9) * stats.t.ppf((1 + confidence) / 2, 9)
+    levels = stats.norm.cdf(2 * stats.norm.ppf(below) + np.array([-t, t]))
+    assert (found.low[0], found.high[0]) == pytest.approx(np.nanquantile(drawn, levels), rel=1e-9)
+
+
+def test_progress_counts_every_resample(told):
+    intervals(skewed(9, 1), resamples=1500)
+    assert ("resamples", 1500) in told.steps
+    assert told.total("resamples") == 1500
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -160,7 +203,8 @@ def test_a_single_resample_is_the_whole_interval(seed):
 def test_what_is_drawn_at_once_does_not_matter(monkeypatch):
     columns = skewed(30, 2)
     whole = intervals(columns, resamples=1000)
-    monkeypatch.setattr(bootstrap, "_CHUNK", 30 * 64)
-    parts = intervals(columns, resamples=1000)
-    assert parts.low == pytest.approx(whole.low, rel=1e-12)
-    assert parts.high == pytest.approx(whole.high, rel=1e-12)
+    for at_once in (30 * 64, 10):
+        monkeypatch.setattr(bootstrap, "_CHUNK", at_once)
+        parts = intervals(columns, resamples=1000)
+        assert parts.low == pytest.approx(whole.low, rel=1e-12)
+        assert parts.high == pytest.approx(whole.high, rel=1e-12)

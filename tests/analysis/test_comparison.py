@@ -1,12 +1,17 @@
 """Comparisons of controllers on results whose numbers are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from eqt_cli.analysis.comparison import Window, compare
 from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.claims import AtMost
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.records import records
+from eqt_cli.analysis.comparison.verdicts import judge_at_most, judge_less
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.over_time import Samples
 from eqt_cli.results.metrics import decay_rate, largest_rise
@@ -109,9 +114,34 @@ def test_a_failed_run_takes_its_pair_along(make_result):
     comparison = compare(results, metrics=["mean_torque"])
     pair = only(comparison.pairs)
     assert (pair.pairs, pair.failed, pair.undefined) == (6, 2, 0)
-    assert [level.runs for level in comparison.levels] == [7, 7]
+    assert [(x.runs, x.failed, x.undefined) for x in comparison.levels] == [(7, 1, 0), (7, 1, 0)]
     assert comparison.failed == {"a": 1, "b": 1}
     assert pair.difference == -1.0
+
+
+def test_a_run_without_a_value_is_undefined_and_not_failed(make_result):
+    efforts = [[1.0, np.nan, np.nan, 4.0, 5.0], [2.0, 3.0, np.nan, 4.5, np.nan]]
+    results = make_result(["a", "b"], metrics={"effort": efforts}, status=[[0] * 5, [0] * 4 + [1]])
+    comparison = compare(results, metrics=["effort"])
+    assert [(x.runs, x.failed, x.undefined) for x in comparison.levels] == [(3, 0, 2), (3, 1, 1)]
+    pair = only(comparison.pairs)
+    assert (pair.pairs, pair.failed, pair.undefined) == (2, 1, 2)
+    assert (pair.mean_first, pair.mean_second) == (2.5, 3.25)
+
+
+def test_shares_are_compared_on_the_runs_that_neither_law_has_failed(make_result):
+    """Of four pairs, one has settled under the first law only; p is ½ from either side."""
+    settled = [[1.0, 1.0, 0.0, 0.0, 1.0, 1.0], [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]]
+    status = [[0, 0, 0, 0, 0, 1], [0, 0, 0, 0, 1, 0]]
+    results = make_result(["a", "b"], metrics={"settled": settled}, status=status)
+    comparison = compare(results, metrics=["settled"])
+    pair = only(comparison.pairs)
+    assert (pair.pairs, pair.difference, pair.p_value) == (4, 0.25, 1.0)
+    assert [level.mean for level in comparison.levels] == [3 / 5, 1 / 5]
+    assert pair.low < 0.25 < pair.high
+    # Beside a mean, which has no such test.
+    beside = compare(make_result(["a", "b"], metrics={"effort": settled}), metrics=["effort"])
+    assert only(beside.pairs).p_value is None
 
 
 def test_runs_that_never_settle_count_as_the_horizon(make_result):
@@ -342,10 +372,15 @@ def test_largest_rise_is_above_any_earlier_value():
 
 
 def test_differences_that_solvers_cannot_tell_are_none():
-    first = np.array([1.0, 1.0, -2.0, 0.0])
-    second = np.array([1 + 1e-7, 1 + 1e-5, -2 - 1e-6, 0.0])
-    expected = [0.0, -1e-5, 0.0, 0.0]
+    first = np.array([1.0, 1.0, -2.0, 0.0, 0.0])
+    second = np.array([1 + 1e-7, 1 + 1e-5, -2 - 1e-6, 0.0, -1e-9])
+    expected = [0.0, -1e-5, 0.0, 0.0, 1e-9]
     assert resolved_differences(first, second) == pytest.approx(expected, rel=1e-6, abs=0)
+    # Relative to the larger one, whichever that is, and whatever its sign.
+    edge = 1 + 1.0000005e-6
+    for sign in (1.0, -1.0):
+        one, other = np.array([sign, sign * edge]), np.array([sign * edge, sign])
+        assert not resolved_differences(one, other).any()
 
 
 @pytest.mark.parametrize(("unit", "claimed"), [("1", ["mean_pose_error"]), ("m", [])])
@@ -359,45 +394,127 @@ def test_claims_about_attitude_are_tested_on_errors_that_are_rotations(make_resu
     assert found == claimed
 
 
-def test_the_horizon_is_from_the_first_sample_to_the_last(torques):
-    assert compare(torques, metrics=["mean_torque"]).horizon == 20.0
+def test_the_horizon_is_from_the_first_sample_to_the_last(make_result):
+    make_result.times = np.linspace(3.0, 23.0, 41)
+    torques = make_result.constant([1.0] * 6, [2.0] * 6)
+    results = make_result(["a", "b"], {"torque_norm": torques, "lyapunov": torques})
+    assert compare(results, metrics=["mean_torque"]).horizon == 20.0
 
 
-def test_a_swapped_pair_has_its_interval_swapped(torques):
-    pair = only(compare(torques, metrics=["mean_torque"]).pairs)
-    swapped = pair.swapped()
-    assert (swapped.first, swapped.second) == ("gt", "eqt")
-    assert (swapped.low, swapped.high) == (-pair.high, -pair.low)
-    assert (swapped.difference, swapped.cohen_d) == (-pair.difference, -pair.cohen_d)
-    assert (swapped.mean_first, swapped.mean_second) == (pair.mean_second, pair.mean_first)
-    assert swapped.first_better == 0.0
-    assert swapped.swapped() == pair
+def test_a_comparison_of_some_laws_is_about_these_only(make_result):
+    levels = [[k + 1.0] * 4 for k in range(3)]
+    status = [[0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1]]
+    results = make_result(["a", "b", "c"], metrics={"effort": levels}, status=status)
+    results.not_matched = ["b", "c"]
+    some = compare(results, metrics=["effort"], labels=["c", "a"])
+    assert some.labels == list(some.titles) == list(some.kinds) == ["a", "c"]
+    assert some.failed == {"a": 0, "c": 2}
+    assert some.not_matched == ["c"]
+    assert [(level.controller, level.mean) for level in some.levels] == [("a", 1.0), ("c", 3.0)]
+    assert [(pair.first, pair.second, pair.pairs) for pair in some.pairs] == [("a", "c", 2)]
+    whole = compare(results, metrics=["effort"])
+    assert (whole.labels, whole.not_matched) == (["a", "b", "c"], ["b", "c"])
+    assert len(whole.pairs) == 3
 
 
-def test_a_claim_says_which_of_its_controllers_are_not_there(make_result):
-    values = make_result.constant(NOISE**2 + 1, NOISE**2 + 2)
-    results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
-    absent = [(judgement.says[:8], judgement.absent) for judgement in compare(results).judgements]
-    assert absent == [
-        ("All four", ("nog", "asym")),
-        ("All four", ("nog", "asym")),
-        ("the EqT ", ()),
+def test_a_comparison_is_usually_at_95_percent_of_9999_resamples(torques):
+    found = compare(torques, metrics=["mean_torque"])
+    assert (found.confidence, found.resamples, found.seed) == (0.95, 9999, 0)
+    assert only(found.pairs).low == only(compare(torques, metrics=["mean_torque"]).pairs).low
+
+
+def test_a_window_is_cut_where_the_runs_end_and_says_so(torques):
+    windows = [Window(0, 30), Window(5), Window(0, 20), Window(1.5, 20.5)]
+    found = compare(torques, metrics=["mean_torque"], windows=windows)
+    assert found.missing == [
+        "Window 0:30 is cut to 0:20, since the runs last 20 s.",
+        "Window 1.5:20.5 is cut to 1.5:20, since the runs last 20 s.",
     ]
 
 
+def test_windows_do_not_apply_to_several_numbers_of_whole_runs(make_result):
+    metrics = {"settling_time": [[1.0] * 6], "early_torque": [[2.0] * 6]}
+    torques = make_result.constant([3.0] * 6)
+    results = make_result(["a"], {"torque_norm": torques, "lyapunov": torques}, metrics)
+    names = ["settling_time", "mean_torque", "early_torque"]
+    found = compare(results, metrics=names, windows=[Window(5, 10)])
+    assert found.missing[0] == (
+        "Windows do not apply to settling_time, early_torque, which have windows of their own."
+    )
+    assert [(x.measured.quantity.name, x.mean) for x in found.levels] == [
+        ("settling_time", 1.0),
+        ("mean_torque", 3.0),
+        ("early_torque", 2.0),
+    ]
+    assert compare(results, metrics=names).missing == []
+
+
+def test_windows_without_metrics_are_taken_of_the_usual_ones_that_they_fit(make_result):
+    torques, metrics = make_result.constant([3.0] * 6), {"mean_pose_error": [[0.5] * 6]}
+    results = make_result(["a"], {"torque_norm": torques, "lyapunov": torques}, metrics)
+    found = compare(results, windows=[Window(5, 10), Window(0, 20)])
+    shown = [(level.measured.quantity.name, str(level.measured.window)) for level in found.levels]
+    assert ("mean_torque", "5:10") in shown and ("mean_torque", "0:20") in shown
+    assert ("mean_pose_error", "0:20") in shown and ("mean_pose_error", "5:10") not in shown
+
+
 @pytest.mark.parametrize(
-    ("how", "message"),
+    ("ends", "verdict"),
     [
-        (Resampling(confidence=0.0), "confidence 0: expected a number between 0 and 1, as 0.95"),
-        (Resampling(confidence=1.0), "confidence 1: expected a number between 0 and 1, as 0.95"),
-        (Resampling(resamples=0), "resamples 0: expected at least 1"),
+        ((-1.0, -0.5), "supported"),
+        ((-1.0, 0.0), "undecided"),
+        ((-1.0, 1.0), "undecided"),
+        ((0.0, 0.0), "undecided"),
+        ((0.0, 1.0), "not supported"),
+        ((0.5, 1.0), "not supported"),
+        ((np.nan, np.nan), "undecided"),
     ],
 )
-def test_resampling_that_gives_no_interval(torques, how, message):
-    with pytest.raises(EqtError) as caught:
-        compare(torques, metrics=["mean_torque"], how=how)
-    assert str(caught.value) == message
+def test_less_is_an_interval_below_0(torques, ends, verdict):
+    pair = only(compare(torques, metrics=["mean_torque"]).pairs)
+    judged = judge_less("source", "words", replace(pair, low=ends[0], high=ends[1]))
+    assert judged.verdict == verdict
+    assert (judged.runs_to_decide, judged.held, judged.runs) == (pair.runs_to_decide, 0, 0)
 
 
-def test_one_resample_is_allowed(torques):
-    assert compare(torques, metrics=["mean_torque"], how=Resampling(resamples=1)).resamples == 1
+def test_a_claim_about_every_run_is_held_at_its_bound(make_result):
+    """The share of runs is at least 0.05^(1/n) if all n hold it; Clopper and Pearson, one-sided."""
+    measured = np.array([[0.5] * 60, [0.5] * 59 + [0.6], [0.6] * 60, [np.nan] + [0.1] * 59])
+    results = make_result(list("abcd"), metrics={"effort": measured})
+    per_run = results.per_run(results.quantity("effort"))
+    row = AtMost("a", "effort", 0.5, "it is small")
+    found = [judge_at_most("source", "words", row, per_run, k, "a", 0.95) for k in range(4)]
+    assert [(x.verdict, x.held, x.runs) for x in found] == [
+        ("supported", 60, 60),
+        ("not supported", 59, 60),
+        ("not supported", 0, 60),
+        ("supported", 59, 59),
+    ]
+    exact = binomtest(59, 60).proportion_ci(0.9, method="exact").low
+    expected = [0.05 ** (1 / 60), exact, 0.0, 0.05 ** (1 / 59)]
+    assert [x.low for x in found] == pytest.approx(expected, rel=1e-9)
+    assert {x.runs_to_decide for x in found} == {59}
+
+
+def test_what_is_claimed_of_runs_that_have_not_settled_is_only_seen(make_result):
+    low, high = NOISE**2 + 1, NOISE**2 + 2
+
+    def judged(eqt, gt, torques=(low, high), status=None):
+        values = make_result.constant(*torques)
+        signals = {"torque_norm": values, "lyapunov": values}
+        metrics = {"settled": np.array([eqt, gt], float)}
+        results = make_result(["eqt", "gt"], signals, metrics, status=status)
+        found = only(j for j in compare(results, how=Resampling(resamples=99)).judgements if j.pair)
+        return found.verdict, [(law.controller, law.count, law.runs) for law in found.settled]
+
+    every, late = np.ones(RUNS), np.arange(RUNS) > 0
+    assert judged(every, every) == ("supported", [("eqt", 40, 40), ("gt", 40, 40)])
+    seen = "seen, not all settled"
+    assert judged(every, late) == (seen, [("eqt", 40, 40), ("gt", 39, 40)])
+    assert judged(late, every) == (seen, [("eqt", 39, 40), ("gt", 40, 40)])
+    against = judged(late, late, (high, low))
+    assert against == ("not supported", [("eqt", 39, 40), ("gt", 39, 40)])
+    failed = np.zeros((2, RUNS))
+    failed[1, 0] = 1  # a run that fails is not one that does not settle
+    whole = judged(every, late, status=failed)
+    assert whole == ("supported", [("eqt", 40, 40), ("gt", 39, 39)])
