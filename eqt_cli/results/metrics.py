@@ -121,7 +121,7 @@ def decay_rate(over: OverTime, lyapunov: Array) -> Array:
     its initial value count.
     """
     start, times = over.initial(lyapunov), over.times
-    usable = np.cumprod(lyapunov > SMALLEST_RATIO * start, axis=-1).astype(bool) & (start > 0)
+    usable = np.cumprod(lyapunov > SMALLEST_RATIO * start, axis=-1).astype(bool)
     logs = np.log(np.where(usable, lyapunov, 1.0))
     count = usable.sum(axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):

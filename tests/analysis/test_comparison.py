@@ -129,6 +129,46 @@ def test_a_run_without_a_value_is_undefined_and_not_failed(make_result):
     assert (pair.mean_first, pair.mean_second) == (2.5, 3.25)
 
 
+def test_the_spread_of_runs_and_of_their_differences(make_result):
+    """Of 2, 4, 9 and 3, 3, 3 runs; the differences are −1, 1 and 6."""
+    efforts = [[2.0, 4.0, 9.0], [3.0, 3.0, 3.0]]
+    comparison = compare(make_result(["a", "b"], metrics={"effort": efforts}), metrics=["effort"])
+    found = [(level.median, level.standard_deviation) for level in comparison.levels]
+    assert found == [(4.0, pytest.approx(np.sqrt(13))), (3.0, 0.0)]
+    pair = only(comparison.pairs)
+    assert pair.cohen_d == pytest.approx(2 / np.sqrt(13))
+    assert (pair.relative, pair.first_better) == (pytest.approx(2 / 3), pytest.approx(1 / 3))
+    assert np.isnan(replace(pair, mean_second=0.0).relative)
+
+
+def test_one_run_has_no_spread_and_none_has_no_mean(make_result):
+    efforts = [[2.0, np.nan], [np.nan, np.nan]]
+    comparison = compare(make_result(["a", "b"], metrics={"effort": efforts}), metrics=["effort"])
+    one, none = comparison.levels
+    assert (one.mean, one.median) == (2.0, 2.0)
+    assert np.isnan([one.standard_deviation, none.mean, none.median]).all()
+    pair = only(comparison.pairs)
+    assert np.isnan([pair.difference, pair.mean_first, pair.first_better, pair.cohen_d]).all()
+
+
+@pytest.mark.parametrize(("runs", "runs_needed"), [(4, None), (5, 10)])
+def test_five_pairs_are_enough_to_say_how_many_would_decide(make_result, runs, runs_needed):
+    """(1.96 + 0.84)²/d² + 1.96²/2 runs; the differences 0, 2, 0, 2 and 1 have d = 1."""
+    first = np.array([0.0, 2.0, 0.0, 2.0, 1.0])[:runs] + np.arange(runs)
+    second = np.arange(runs, dtype=float)
+    results = make_result(["a", "b"], metrics={"effort": [first, second]})
+    assert only(compare(results, metrics=["effort"]).pairs).runs_to_decide == runs_needed
+
+
+def test_trajectories_of_a_single_run_are_told(make_result):
+    one = make_result.constant([1.0])
+    results = make_result(
+        ["a"], {"torque_norm": one, "lyapunov": one}, {"effort": [[9.0] * 8]}, stored=1
+    )
+    [said] = compare(results, metrics=["effort"]).missing
+    assert said.startswith("Trajectories are stored of the first 1 of 8 runs")
+
+
 def test_shares_are_compared_on_the_runs_that_neither_law_has_failed(make_result):
     """Of four pairs, one has settled under the first law only; p is ½ from either side."""
     settled = [[1.0, 1.0, 0.0, 0.0, 1.0, 1.0], [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]]

@@ -6,14 +6,18 @@ import numpy as np
 import pytest
 
 from eqt_cli.closed_loop import ClosedLoop, ErrorSystem, StateLayout
+from eqt_cli.closed_loop.law_program import law_program
 from eqt_cli.controllers.eqt import EqT
+from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
 from eqt_cli.engines import Problem, engines
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.program.decimals import evaluated
 from eqt_cli.references.torque import TorqueReference
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.forces.constant import ConstantForce
+from eqt_cli.vehicle.sampling import Sampling
 
 RTOL = 1e-9
 
@@ -117,3 +121,33 @@ def test_memory_is_integrated(engine, kind):
     simpson = h / 3 * (s.V_tilde[:, :-2:2] + 4 * s.V_tilde[:, 1:-1:2] + s.V_tilde[:, 2::2])
     expected = simpson.sum(axis=1)
     np.testing.assert_allclose(s.memory["integral"][:, -1], expected, rtol=0, atol=1e-6)
+
+
+@dataclass(frozen=True)
+class Counting(Remembering):
+    """A clock that begins one later than that of before, which there is none of."""
+
+    def initial_memory(self, s):
+        return {"clock": s.memory["clock"] + 1.0}
+
+
+def test_a_memory_begins_as_if_it_had_been_0():
+    loop = loop_with(Counting())
+    np.testing.assert_array_equal(start(loop)[:, -1], 1.0)
+    program = law_program(loop).start
+    for before in (0.0, 3.0):
+        given = {group: np.full(size, before) for group, size in program.inputs}
+        found = evaluated(program, given)
+        assert [float(each) for each in found["memory_clock"]] == [1.0]
+        assert [float(each) for each in found["memory_integral"]] == [0.0] * 3
+
+
+@pytest.mark.parametrize(("control", "period"), [(None, 0.0), (Sampling(period=0.25), 0.25)])
+def test_the_numbers_of_a_law_end_with_the_period(control, period):
+    loop = replace(loop_with(Goodarzi2013(ki=0.3, c2=0.5)), vehicle=Vehicle(control=control))
+    program = law_program(loop)
+    values = program.values(loop)
+    assert list(values) == [entry.name for entry in program.numbers]
+    assert list(values)[-1] == "period"
+    assert (values["period"], values["ki"], values["c2"]) == (period, 0.3, 0.5)
+    assert (values["kp"].shape, values["inertia"].shape) == ((3, 3), (3, 3))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.signals import SIGNALS, compute
+from eqt_cli.closed_loop.signals import SIGNALS, at_state, compute
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import dot
@@ -25,6 +25,9 @@ from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.references.torque import TorqueReference
 from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.actuators.lag import Lag
+from eqt_cli.vehicle.actuators.limit import Limit
+from eqt_cli.vehicle.forces.constant import ConstantForce
 from eqt_cli.vehicle.sampling import Sampling
 
 RTOL = 1e-6
@@ -279,6 +282,7 @@ def test_signals_are_the_norms_they_are_named_after(G):
     parts = {f"{norm}_{part.name}" for norm in norms for part in G.parts}
     names = {signal.name for signal in here} - {"thrust"}  # of a vehicle that has thrusters
     assert set(found) == names | parts | {"energy_balance"}
+    assert {values.shape[:2] for values in found.values()} == {(RUNS, len(TIMES))}
     tau = loop.controller.torque(s)
     error = np.eye(G.size) - s.Q @ np.linalg.inv(s.Qd)
     expected = {
@@ -340,3 +344,112 @@ def test_what_L_loses_at_an_instant_is_work():
     L = [loop.lyapunov(loop.tracking(0.0, state)) for state in (before, after)]
     assert L[1] != pytest.approx(L[0])
     assert loop.work(after) - loop.work(before) == pytest.approx(L[0] - L[1])
+
+
+@pytest.mark.parametrize("control", [None, Sampling(period=0.2)])
+@pytest.mark.parametrize("law", ["eqt", "goodarzi2013"])
+def test_work_is_what_L_loses_under_a_force_that_the_law_does_not_know(law, control):
+    """Along the vector field, by a difference; a memory stands still between instants."""
+    loop = dataclasses.replace(
+        closed_loop(group_named("SE3"), controllers.get(law)(), ConstantReference()),
+        vehicle=Vehicle(control=control, forces=(ConstantForce([0.3, -0.2, 0.5, 0.1, 0.7, -0.4]),)),
+    )
+    state = initial_states(loop)
+    if control is not None:
+        state = loop.after_instant(0.0, state)
+    if loop.controller.memory(loop.group):
+        state[..., loop.layout.slices["controller.integral"]] = [0.2, -0.1, 0.4, 0.3, -0.6, 0.5]
+    rates, h = loop.vector_field(0.0, state), 1e-5
+    L = [loop.lyapunov(loop.tracking(0.0, state + k * h * rates)) for k in (1, -1)]
+    assert (L[1] - L[0]) / (2 * h) == pytest.approx(loop.work(rates), rel=1e-6)
+    memory = loop.memory(rates)
+    assert all(values.any() == (control is None) for values in memory.values())
+
+
+@pytest.mark.parametrize("control", [None, Sampling(period=0.2)])
+def test_without_a_gradient_of_its_memory_a_law_knows_its_dissipation_only_while_it_moves(control):
+    class Forgetful(controllers.get("goodarzi2013")):
+        def memory_gradient(self, s):
+            return None
+
+    loop = closed_loop(group_named("SO3"), Forgetful())
+    loop = dataclasses.replace(loop, vehicle=Vehicle(control=control))
+    s = loop.tracking(0.0, initial_states(loop))
+    assert (loop.dissipation(s) is None) == (control is not None)
+
+
+def test_a_decrease_is_claimed_of_ideal_vehicles_only():
+    loop = closed_loop(group_named("SO3"), controllers.get("eqt")())
+    assert loop.claims_decrease is True
+    pushed = Vehicle(forces=(ConstantForce([0.1, 0.0, 0.0]),))
+    assert dataclasses.replace(loop, vehicle=pushed).claims_decrease is None
+
+
+def test_a_loop_in_continuous_time_has_no_instants():
+    loop = closed_loop(group_named("SO3"), controllers.get("eqt")())
+    assert (loop.instants.size, loop.knots.size, loop.breaks.size) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("batched", range(4))
+def test_any_of_the_initial_values_may_be_one_for_all_runs(batched):
+    """A flat state has the runs of whichever has them."""
+    loop = closed_loop(group_named("SE2"), controllers.get("goodarzi2013")())
+    G, random = loop.group, np.random.default_rng(7)
+    given = [G.exp(np.ones(3)), np.arange(3.0), G.exp(-np.ones(3)), -np.arange(3.0)]
+    values = random.standard_normal((5, 3))
+    given[batched] = values if batched % 2 else G.exp(values)
+    states = loop.initial_state(*given)
+    assert states.shape == (5, loop.state_length)
+    for run, state in enumerate(states):
+        alone = [each[run] if k == batched else each for k, each in enumerate(given)]
+        np.testing.assert_allclose(state, loop.initial_state(*alone), rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("group", ["R1", "SE2"])
+def test_signals_of_an_estimate_are_not_a_number_where_there_is_none(group):
+    """In the shapes that they have elsewhere, if they are asked for; else they are left out."""
+    loop = closed_loop(group_named(group), controllers.get("eqt")())
+    m, d = loop.group.dimension, loop.group.size
+    states = initial_states(loop)[:, None]
+    s, work = loop.tracking(0.0, states), loop.work(states)
+    usual = dict(at_state(loop, s, work))
+    only = {signal.name: signal for signal in SIGNALS if signal.only_there}
+    assert not set(usual) & set(only)
+    shapes = {("row", "col"): (d, d), ("axis",): (m,), (): ()}
+    found = dict(at_state(loop, s, work, set(only)))
+    assert set(found) == set(usual) | set(only)
+    for name, signal in only.items():
+        assert found[name].shape == (RUNS, 1, *shapes[signal.dims])
+        assert np.isnan(found[name]).all()
+    some = dict(at_state(loop, s, work, {"nees", "bias_error"}))
+    assert set(some) == set(usual) | {"nees", "bias_error"}
+
+
+def test_what_is_stored_of_a_vehicle():
+    lag, limit = Lag(time_constant=0.1), Limit(limit=1.0)
+    vehicles = {
+        "ideal": Vehicle(),
+        "sampled": Vehicle(control=Sampling(period=0.1)),
+        "late": Vehicle(actuators=(lag,)),
+        "limited": Vehicle(actuators=(limit,)),
+    }
+    always = {signal.name for signal in SIGNALS if signal.stored_of(vehicles["ideal"])}
+    more = {
+        name: {signal.name for signal in SIGNALS if signal.stored_of(vehicle)} - always
+        for name, vehicle in vehicles.items()
+    }
+    assert always == {
+        "pose",
+        "velocity",
+        "torque",
+        "pose_error",
+        "velocity_error",
+        "torque_norm",
+        "lyapunov",
+    }
+    assert more == {
+        "ideal": set(),
+        "sampled": {"command"},
+        "late": {"command"},
+        "limited": {"command", "at_limit"},
+    }

@@ -198,6 +198,32 @@ def test_energy_residuals_of_either_sign_count():
     assert measured("energy_residual", signals) == pytest.approx([0.005])
 
 
+@pytest.mark.parametrize(("freedom", "limit"), [(1, 3.841459), (3, 7.814728), (18, 28.869299)])
+def test_a_sample_is_within_the_ellipsoid_below_the_limit_of_its_degrees_of_freedom(freedom, limit):
+    """The 95 % limits of χ², of a table; without a degree of freedom, nothing is within."""
+    square = np.array([[limit - 1e-5, limit + 1e-5, limit - 1e-5, 0.0]])
+    count = np.array([[freedom, freedom, freedom, 0.0]])
+    signals = {"nees": square, "nees_dof": count}
+    assert measured("ellipsoid_share", signals, times=np.arange(4.0)) == [0.5]
+    signals = {"nees": np.array([[np.nan, 0.0]]), "nees_dof": np.array([[1.0, 1.0]])}
+    assert np.isnan(measured("ellipsoid_share", signals, times=np.arange(2.0))).all()
+
+
+def test_a_rate_is_that_of_each_run():
+    """Of three runs; the samples of the second count up to its fall only, the third has none."""
+    lyapunov = np.stack([np.exp(-2 * TIMES), np.exp(-0.6 * TIMES), 0 * TIMES])
+    lyapunov[1, 21:] = 0.0
+    lyapunov[1, 30:] = 5.0
+    found = measured("decay_rate", {"lyapunov": lyapunov})
+    assert found == pytest.approx([1.0, 0.3, np.nan], rel=1e-9, nan_ok=True)
+
+
+@pytest.mark.parametrize("name", ["mean_attitude_error", "final_attitude_error"])
+def test_an_angle_is_in_degrees(name):
+    """‖I − R‖_F of a quarter turn is 2."""
+    assert measured(name, {"pose_error": 2 + 0 * RAMP}) == pytest.approx([90.0], rel=1e-12)
+
+
 def test_words_say_what_closing_is():
     assert QUANTITIES["closing_torque"].long_name == (
         "root mean square of ||tau|| over the last quarter of the time"

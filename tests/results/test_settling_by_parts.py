@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import ConfigError
+from eqt_cli.core.over_time import Samples
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.settling import settling_error
+from eqt_cli.results.metrics import ESTIMATE_SETTLING, SETTLING, by_thresholds_of_parts
+from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import open_result
 
 THRESHOLDS = {"rotation": np.radians(30), "translation": 0.4}
@@ -26,6 +29,27 @@ def test_the_largest_error_of_a_part_counts_in_units_of_its_threshold():
     expected = np.sin(np.radians(15)) / np.sin(np.radians(5))
     assert settling_error(G, Q, Qd, narrow) == pytest.approx(expected, rel=1e-12)
     assert settling_error(G, Q, Qd, {"translation": 0.3}) == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "signal", "words"),
+    [
+        ("settling_time", SETTLING, "last time the largest error of a part leaves"),
+        (
+            "estimate_settling_time",
+            ESTIMATE_SETTLING,
+            "last time the largest error of a part of the estimate leaves",
+        ),
+    ],
+)
+def test_a_run_has_settled_where_no_part_is_above_its_threshold(name, signal, words):
+    row = by_thresholds_of_parts(QUANTITIES[name], THRESHOLDS)
+    assert (row.signals, row.settings) == ((signal,), {})
+    assert row.long_name == f"{words} its settling threshold"
+    assert row.attributes["threshold_translation"] == 0.4
+    error = np.array([[2.0, 0.5, 1.0, 0.9], [2.0, 0.5, 1.0, 1.1]])
+    found = row.measure(Samples(np.arange(4.0)), {signal: error}, row.window)
+    assert found == pytest.approx([2 / 3, np.nan], nan_ok=True)
 
 
 @pytest.fixture

@@ -39,14 +39,19 @@ def test_parse_refuses_what_is_empty(text):
         Window.parse(text)
 
 
-def test_window_ends_with_the_runs():
-    assert Window(5, 50).within(TIMES) == Window(5, 10)
+@pytest.mark.parametrize("begin", [0.0, 3.0])
+def test_window_ends_with_the_runs(begin):
+    assert Window(5, 50).within(begin + TIMES) == Window(5, 10)
+    assert Window(5, 9.5).within(begin + TIMES) == Window(5, 9.5)
 
 
-def test_window_after_the_end():
+@pytest.mark.parametrize("start", [10, 12])
+def test_window_after_the_end(start):
     with pytest.raises(EqtError) as caught:
-        Window(12, 15).within(TIMES)
-    assert str(caught.value) == ("window '12:15' begins after the end of the runs; they last 10 s")
+        Window(start, 15).within(3.0 + TIMES)
+    assert str(caught.value) == (
+        f"window '{start}:15' begins after the end of the runs; they last 10 s"
+    )
 
 
 @pytest.mark.parametrize(
@@ -66,10 +71,36 @@ def test_curves_are_straight_between_samples_only():
 
 
 def test_cut_keeps_samples_as_they_are():
+    """Nothing of what lies outside comes in, nor of one sample into the next."""
     values = np.random.default_rng(1).normal(size=(2, 11, 3))
+    values[:, [0, 1, 4, 6]] = np.nan
     times, cut = Window(2, 5).cut(TIMES, values)
     assert np.array_equal(times, [2, 3, 4, 5])
-    assert np.array_equal(cut, values[:, 2:6])
+    assert np.array_equal(cut, values[:, 2:6], equal_nan=True)
+
+
+@pytest.mark.parametrize("start", [2 - 1e-9, 2 + 1e-9])
+@pytest.mark.parametrize("stop", [5 - 1e-9, 5 + 1e-9])
+def test_ends_that_are_samples_up_to_rounding_are_these_samples(start, stop):
+    times, cut = Window(start, stop).cut(TIMES, TIMES[None])
+    assert times.tolist() == cut[0].tolist() == [2, 3, 4, 5]
+    # What rounding is depends on how long the runs are, and not on when they begin.
+    times, _ = Window(2 + 1e-7, 5).cut(1e4 + TIMES, TIMES[None])
+    assert times[0] == 10002.0000001
+
+
+def test_ends_are_relative_to_the_first_sample():
+    times, cut = Window(2, 4.5).cut(3.0 + TIMES, TIMES[None] ** 2)
+    assert times.tolist() == [5.0, 6.0, 7.0, 7.5]
+    assert cut.tolist() == [[4.0, 9.0, 16.0, 20.5]]
+
+
+def test_a_window_between_two_samples_has_the_line_between_them():
+    """x = t² from 0 to 1, from 4 to 9 and from 81 to 100 s."""
+    for start, first, last in ((0.25, 0.25, 0.75), (2.25, 5.25, 7.75), (9.25, 85.75, 95.25)):
+        times, cut = Window(start, start + 0.5).cut(TIMES, TIMES[None] ** 2)
+        assert times.tolist() == [start, start + 0.5]
+        assert cut.tolist() == [[first, last]]
 
 
 @pytest.mark.parametrize("window", [Window(3.0), Window(3.0, 50.0)])

@@ -78,3 +78,17 @@ def test_closing_rms_of_a_ramp():
     times = np.linspace(0.0, 2.0, 201)
     found = closing_rms(Samples(times), times[None], share=0.5)
     np.testing.assert_allclose(found, np.sqrt(7 / 3 + 0.01**2 / 6), rtol=1e-12)
+
+
+def test_words_say_the_windows():
+    early = ROWS["early_torque"].with_choices({"window_s": 2.5})
+    assert (early.long_name, early.plain) == (
+        "mean ||tau|| over the first 2.5 s",
+        "mean ‖τ‖, first 2.5 s",
+    )
+    closing = ROWS["closing_pose_error"].with_choices({"share_of_time": 0.1})
+    assert closing.long_name == ("root mean square of ||I - Q_E||_F over the last 10 % of the time")
+    assert closing.plain.endswith(", last 10 %")
+    usual = ROWS["closing_pose_error"]
+    assert usual.long_name.endswith("over the last quarter of the time")
+    assert usual.plain == "closing rms of ‖I − Q_E‖"
