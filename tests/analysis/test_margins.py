@@ -12,7 +12,7 @@ import pytest
 import eqt_cli
 from eqt_cli.analysis import delay_margin as searched
 from eqt_cli.analysis.delay_margin import CutLoop, delay_margin
-from eqt_cli.analysis.margins import LawMargins
+from eqt_cli.analysis.margins import LARGEST_FACTOR, LawMargins
 from eqt_cli.closed_loop.linearised import Linearised, linearised
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ConfigError
@@ -88,7 +88,7 @@ def test_the_gain_margin_of_a_wheel_with_lag_is_that_of_routh_and_hurwitz(factor
     """Up to a factor of 128, beyond which there is none."""
     T = DAMPING / (factor * STIFFNESS)  # TJs³ + Js² + ds + k is stable for d > Tk
     law = of(WHEEL, actuators=[{"kind": "lag", "time_constant": T}])
-    is_shown = factor < 128
+    is_shown = factor < LARGEST_FACTOR == 128
     assert law.gains["kp"].upper == (pytest.approx(factor, rel=1e-4) if is_shown else None)
     assert law.gains["kp"].lower is None
     assert law.gains["kd"].lower == (pytest.approx(1 / factor, rel=1e-4) if is_shown else None)
