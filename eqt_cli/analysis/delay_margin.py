@@ -27,6 +27,13 @@ BISECTIONS = 45
 SAME = 1e-7
 """Tolerance for equal moduli and for whole numbers of periods."""
 
+TRIED = 20
+"""Numbers of periods that are all tried. With so few, a root may leave and enter again between two
+of them, and leave at a later one."""
+
+ROUNDING = 1e-12
+"""Distance of eigenvalues from the edge of stability within which rounding decides the side."""
+
 
 class CutLoop(NamedTuple):
     """An open loop ẋ = A x + B u, y = C x, or its map over one period; u = y closes the loop.
@@ -74,7 +81,9 @@ def delay_margin(loop: CutLoop) -> float:
     found = sorted(_delays(loop))
     if loop.period is None:
         return found[0] if found else np.inf
-    known = 0
+    for known in range(1, TRIED + 1):
+        if not _is_stable(loop, known):
+            return (known - 1) * loop.period
     for delay in found:
         periods = int(np.ceil(delay / loop.period - SAME)) - 1
         if periods < known:
@@ -89,7 +98,7 @@ def delay_margin(loop: CutLoop) -> float:
 
 
 def _is_stable(loop: CutLoop, periods: int) -> bool:
-    return bool(np.abs(np.linalg.eigvals(loop.delayed(periods))).max() <= 1.0)
+    return bool(np.abs(np.linalg.eigvals(loop.delayed(periods))).max() <= 1.0 - ROUNDING)
 
 
 def _delays(loop: CutLoop) -> Iterator[float]:

@@ -191,7 +191,9 @@ def test_runs_decay_inside_of_the_gain_margins_and_grow_outside() -> None:
 def test_further_delay_is_what_the_queue_of_the_loop_makes_of_it() -> None:
     _, once = loop_of(LATE)
     _, thrice = loop_of(LATE, control={"period": 0.5, "delay": 3})
-    later = CutLoop(once.A[0], once.B[0], once.C[0], once.period).delayed(2)
+    cut = CutLoop(once.A[0], once.B[0], once.C[0], once.period)
+    np.testing.assert_array_equal(cut.delayed(0), once.closed[0])
+    later = cut.delayed(2)
     expected = by_size(thrice.eigenvalues[0])
     np.testing.assert_allclose(by_size(np.linalg.eigvals(later)), expected, atol=1e-6)
 
@@ -333,9 +335,16 @@ def resonant(angle: float, coupling: float) -> CutLoop:
     return CutLoop(A, np.array([[1.0], [0.0], [1.0]]), -np.array([[0.02, coupling, 0.0]]), 0.01)
 
 
+def mode_alone(angle: float, share: float) -> CutLoop:
+    """The mode alone, with a gain of about this share of 1 at its frequency."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return CutLoop(0.999 * turn, np.array([[1.0], [0.0]]), -np.array([[0.002 * share, 0.0]]), 0.01)
+
+
 @pytest.mark.parametrize(
     ("loop", "periods"),
     [
+        (mode_alone(2.6, 1.02), 4),
         (sampled(1.0, 0.5, 1.0), 0),
         (sampled(1e-3, 1e4, 150.0), 6),
         (sampled(40.0, 2e-6, 3e-3), 10),
@@ -356,6 +365,7 @@ def test_a_crossing_that_the_search_misses_is_seen_by_the_eigenvalues(
 ) -> None:
     """Of frequencies around the crossing of the integrator, at 2 rad/s, without the mode's."""
     monkeypatch.setattr(searched, "_frequencies", lambda _: np.array([0.5, 4.0]))
+    monkeypatch.setattr(searched, "TRIED", 1)
     loop = resonant(0.335, 0.0025)
     assert periods_by_roots(loop) == 1
     assert delay_margin(loop) == pytest.approx(0.01)
@@ -399,3 +409,24 @@ def test_every_law_counts(told: Any) -> None:
 def test_a_reference_that_is_not_finite_has_no_margins() -> None:
     with pytest.raises(ConfigError, match=r"reference: has no finite real value at about"):
         of(WHEEL, reference={"kind": "rates", "rates": ["sqrt(1 - t)"]})
+
+
+def test_the_delay_margin_of_any_sampled_loop_is_the_first_period_that_makes_it_unstable() -> None:
+    """Also where a root has left and entered again between two periods, and leaves for good later.
+
+    Loops of up to four states and two commands, some of them at the edge of stability.
+    """
+    random, finite = np.random.default_rng(1), 0
+    for _ in range(80):
+        n, m = random.integers(1, 5), random.integers(1, 3)
+        A = random.normal(size=(n, n))
+        A *= random.choice([0.5, 0.9, 0.99, 1.0]) / np.abs(np.linalg.eigvals(A)).max()
+        B = random.normal(size=(n, m))
+        C = random.choice([0.02, 0.1, 0.3, 1.0]) * random.normal(size=(m, n))
+        loop = CutLoop(A, B, C, 0.5)
+        sizes = (np.abs(np.linalg.eigvals(loop.delayed(k))).max() for k in range(20))
+        first = next((k for k, size in enumerate(sizes) if size > 1 + 1e-9), 20)
+        if first > 0:  # else it is unstable without delay
+            assert delay_margin(loop) == pytest.approx(0.5 * (first - 1)) or first == 20
+            finite += first < 20
+    assert finite > 10

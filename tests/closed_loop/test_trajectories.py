@@ -193,6 +193,7 @@ def test_constant_reference_keeps_its_velocity(G):
     assert "desired_pose" not in loop.layout.lengths
     s = loop.tracking(TIMES, trajectories(loop))
     assert_constant(s.Vd)
+    assert (s.Qd.shape, s.Pd.shape, s.Vd.shape) == (s.Q.shape, s.P.shape, s.V.shape)
     expected = np.broadcast_to(G.exp(TIMES[:, None] * V), s.Qd.shape)
     np.testing.assert_allclose(s.Qd, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())
 

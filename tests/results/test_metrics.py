@@ -264,3 +264,14 @@ def test_result_files_hold_these_numbers():
         "settling_time",
         "energy_residual",
     ]
+
+
+def test_what_is_known_of_numbers_besides_their_values():
+    def those(of):
+        return {quantity.name for quantity in QUANTITIES.values() if of(quantity)}
+
+    assert those(lambda row: row.censored) == {"settling_time", "estimate_settling_time"}
+    assert those(lambda row: row.counts) == {"settled"}
+    assert those(lambda row: row.of_turns) == {"mean_attitude_error", "final_attitude_error"}
+    assert those(lambda row: row.better == "higher") == {"decay_rate", "settled"}
+    assert those(lambda row: row.told_by) == {"settled"}
