@@ -558,3 +558,8 @@ def test_what_is_claimed_of_runs_that_have_not_settled_is_only_seen(make_result)
     failed[1, 0] = 1  # a run that fails is not one that does not settle
     whole = judged(every, late, status=failed)
     assert whole == ("supported", [("eqt", 40, 40), ("gt", 39, 39)])
+
+
+def test_the_claim_about_the_first_5_seconds_is_judged_over_these(torques):
+    found = compare(torques, how=Resampling(resamples=99)).judgements
+    assert [str(each.pair.measured.window) for each in found if each.pair] == ["0:5"]
