@@ -28,8 +28,8 @@ SAME = 1e-7
 """Tolerance for equal moduli and for whole numbers of periods."""
 
 TRIED = 20
-"""Numbers of periods that are all tried. With so few, a root may leave and enter again between two
-of them, and leave at a later one."""
+"""Numbers of periods that are all tried. A root may cross the boundary twice between two of them;
+then crossings alone do not say which number is the first unstable one."""
 
 ROUNDING = 1e-12
 """Distance of eigenvalues from the edge of stability within which rounding decides the side."""
@@ -76,7 +76,8 @@ def delay_margin(loop: CutLoop) -> float:
     documentation page on margins derives this.
 
     For a sampled loop the margin is the largest whole number of periods with which the loop is
-    stable. The eigenvalues with this number and with the next one are computed to confirm it.
+    stable: each of the first `TRIED` numbers is tried; beyond these, the numbers on both sides of
+    every crossing.
     """
     found = sorted(_delays(loop))
     if loop.period is None:
