@@ -202,7 +202,7 @@ class ClosedLoop:
     @property
     def held_leaves(self) -> dict[str, Array]:
         """The leaves that are held, by path."""
-        return {path: number for path, number in leaves(self).items() if path.startswith("held_")}
+        return leaves(self, self.given_over_time)
 
     # Flat states.
 

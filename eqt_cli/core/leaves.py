@@ -9,7 +9,8 @@ leading axis of runs, or by symbols.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,15 +23,17 @@ STRUCTURE = {"is_structure": True}
 """The metadata of a field without leaves."""
 
 
-def leaves(component: Any) -> dict[str, Array]:
-    """Return the numbers of a component by path, in the order of fields; floats as ``(1,)``."""
-    numbers: dict[str, Array] = {}
+def leaves(component: Any, fields: Iterable[str] | None = None) -> dict[str, Array]:
+    """Return the numbers of a component by path, in the order of fields; floats as ``(1,)``.
 
-    def note(path: str, number: Array | float) -> None:
-        numbers[path] = np.atleast_1d(number) if isinstance(number, float) else number
-
-    _mapped(component, note)
-    return numbers
+    `fields` are all of them, or the ones to look into.
+    """
+    names = _with_numbers(component) if fields is None else fields
+    return {
+        path: np.atleast_1d(number) if isinstance(number, float) else number
+        for name in names
+        for path, number in _numbers(getattr(component, name), name)
+    }
 
 
 def with_leaves(component: T, values: Mapping[str, Array]) -> T:
@@ -71,6 +74,19 @@ def structure(component: Any) -> Hashable:
     )
 
 
+def _numbers(value: Any, path: str) -> Iterator[tuple[str, Any]]:
+    """Yield the leaves in the value of a field, with their paths."""
+    if isinstance(value, float | np.ndarray):
+        if np.size(value):
+            yield path, value
+    elif _is_component(value):
+        for name in _with_numbers(value):
+            yield from _numbers(getattr(value, name), f"{path}.{name}")
+    elif isinstance(value, tuple):
+        for k, entry in enumerate(value):
+            yield from _numbers(entry, f"{path}[{k}]")
+
+
 def _mapped(component: T, new: Callable[[str, Any], Any], prefix: str = "") -> T:
     """Return the component with each leaf replaced by `new` of its path and its number."""
 
@@ -83,14 +99,9 @@ def _mapped(component: T, new: Callable[[str, Any], Any], prefix: str = "") -> T
             return tuple(mapped(entry, f"{path}[{k}]") for k, entry in enumerate(value))
         return value
 
-    return with_fields(
-        component,
-        **{
-            field.name: mapped(getattr(component, field.name), prefix + field.name)
-            for field in _fields(component)
-            if not field.metadata.get("is_structure")
-        },
-    )
+    names = _with_numbers(component)
+    values = {name: mapped(getattr(component, name), prefix + name) for name in names}
+    return with_fields(component, **values)
 
 
 def _structure(field: dataclasses.Field[Any], value: Any) -> Hashable:
@@ -103,6 +114,17 @@ def _structure(field: dataclasses.Field[Any], value: Any) -> Hashable:
     if isinstance(value, tuple):
         return tuple(_structure(field, entry) for entry in value)
     return repr(value)
+
+
+def _with_numbers(component: Any) -> tuple[str, ...]:
+    """Return the names of the fields of a component that may hold leaves."""
+    return _names(component.__class__)
+
+
+@cache
+def _names(kind: type) -> tuple[str, ...]:
+    fields = dataclasses.fields(kind)
+    return tuple(field.name for field in fields if not field.metadata.get("is_structure"))
 
 
 def _fields(component: Any) -> tuple[dataclasses.Field[Any], ...]:
