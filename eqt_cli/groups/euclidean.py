@@ -208,7 +208,7 @@ class EuclideanGroup(MatrixLieGroup):
         Q = np.zeros_like(V, shape=(*V.shape[:-1], self.size, self.size))
         Q[...] = self.identity
         if self.rotations:
-            square = stack([dot(c, c)])[..., None]
+            square = stack([dot(c, c)])[..., None]  # without batch axes, a symbol is no array
             c_hat = (c @ self._generators.reshape(self.rotations, -1)).reshape(*c.shape[:-1], n, n)
             even = np.eye(n) * (1 - square)
             if n == 3:
