@@ -13,7 +13,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper figures figures-check sheets test test-all test-lowest faults fuzz mutants oracles bench check format reference docs clean
+.PHONY: help paper wheel figures figures-check sheets test test-all test-lowest faults fuzz mutants oracles bench check format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -49,10 +49,8 @@ fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results 
 	EQT_FUZZ=full $(BIN)/python -m pytest -n auto --dist worksteal tests/fuzz $(ARGS)
 
 oracles: $(VENV)/.stamp-dev ## compare the mechanics with MuJoCo and Pinocchio, which it installs
-	$(BIN)/$(PIP) install --editable '.[oracle]'
-	$(BIN)/python -m pytest tests/analysis/test_oracles.py $(ARGS)
-	$(BIN)/eqt verify configs/paper.yaml --runs 1 --oracle mujoco --oracle pinocchio
-	$(BIN)/eqt verify configs/se3.yaml --runs 1 --oracle mujoco --oracle pinocchio
+	$(BIN)/$(PIP) install --group oracles
+	$(BIN)/python -m pytest tests/mechanics/test_oracles.py $(ARGS)
 
 # Goes on where it was stopped; ARGS='--seed 2 --count 100', or '--only metrics --again'
 mutants: $(VENV)/.stamp-dev ## plant small faults in the mathematical core; its tests must tell 95 % of 300
@@ -83,6 +81,14 @@ docs: $(VENV)/.stamp-docs ## build the documentation, in build/docs
 	$(BIN)/python docs/reference/generate.py --check
 	$(BIN)/python -m sphinx --quiet -E -W --keep-going --nitpicky -d build/doctrees docs build/docs
 	@echo "build/docs/index.html"
+
+# ARGS='--constraint tests/lowest.txt' tries the oldest supported versions.
+wheel: $(VENV)/.stamp-base ## build dist/ and run the commands from the wheel alone, without extras and network
+	$(BIN)/$(PIP) install --group release
+	rm -rf dist
+	$(BIN)/python -m build --quiet --outdir dist
+	$(BIN)/python -m twine check --strict dist/*
+	PYTHON=$(BIN)/python tests/from_the_wheel.sh dist/*.whl $(ARGS)
 
 clean: ## remove caches and builds; .venv and results stay
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
@@ -119,13 +125,10 @@ fi
 @$(1)/bin/$(PIP) install 'pip>=25.1'
 endef
 
-# Without a heyoka wheel for this platform and Python, eqt is complete with the solve_ivp engine.
 $(VENV)/.stamp-base: pyproject.toml
 	$(call venv,$(VENV),$(PYTHONS))
 	@echo "Installing eqt into $(VENV)"
-	@$(BIN)/$(PIP) install --only-binary heyoka --editable '.[taylor,xarray]' \
-		|| { echo "The taylor extra cannot be installed here; trying without it" >&2; \
-		     $(BIN)/$(PIP) install --editable '.[xarray]'; }
+	@$(BIN)/$(PIP) install --editable '.[xarray]'
 	@touch $@
 
 $(VENV)/.stamp-dev: $(VENV)/.stamp-base
@@ -141,5 +144,5 @@ $(VENV)/.stamp-docs: $(VENV)/.stamp-base
 $(LOWEST)/.stamp: pyproject.toml tests/lowest.txt
 	$(call venv,$(LOWEST),$(or $(PYTHON),python3.11))
 	@echo "Installing the oldest supported versions into $(LOWEST)"
-	@$(LOWEST)/bin/$(PIP) install --constraint tests/lowest.txt --group test --editable '.[all,native]'
+	@$(LOWEST)/bin/$(PIP) install --constraint tests/lowest.txt --group test --editable '.[all]'
 	@touch $@

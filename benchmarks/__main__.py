@@ -29,7 +29,7 @@ def main() -> None:
     options = _options()
     # The first compilation is to be measured, not what an earlier run has left on the disk.
     with tempfile.TemporaryDirectory() as cache:
-        os.environ["HEYOKA_CACHE_DIR"] = os.environ["XDG_CACHE_HOME"] = cache
+        os.environ["XDG_CACHE_HOME"] = cache
         for results in _stages(options):
             _write(results, options.out)
     print((options.out / "bench.md").read_text(encoding="utf-8"))
@@ -52,9 +52,6 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
     return parser.parse_args()
-
-
-# Everything that may import heyoka is imported below, after the choice of its cache.
 
 
 def _stages(options: argparse.Namespace) -> Iterator[Results]:
@@ -169,7 +166,7 @@ def _command(options: argparse.Namespace, results: Results) -> Iterator[None]:
 def _profile(options: argparse.Namespace, results: Results) -> Iterator[None]:
     from benchmarks.profile import profile
 
-    for engine in ("taylor", "solve_ivp"):
+    for engine in ("native", "solve_ivp"):
         results.profiles.append(profile(engine))
         _say(f"profile of {engine}: {sum(results.profiles[-1].seconds.values()):.2f} s")
     yield

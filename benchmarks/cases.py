@@ -11,7 +11,7 @@ import numpy as np
 from eqt_cli.config.source import read_config
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.engines import Problem, Solution
-from eqt_cli.engines.taylor import EPSILON, Taylor
+from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
@@ -100,9 +100,9 @@ def load(name: str, runs: int | None = None, overrides: Sequence[str] = ()) -> C
 
 
 def exact(case: Case) -> Motion:
-    """The Taylor engine at a tolerance of 2.2e-16, the smallest of doubles."""
-    engine = Taylor(tol=EPSILON)
-    return case.motion([engine.solve(each, 2) for each in case.problems])
+    """Blocks of one run by `solve_ivp` at its smallest tolerance; no contender has its steps."""
+    engine = SolveIvp(rtol=SMALLEST_RTOL, atol=1e-3 * SMALLEST_RTOL, block=1)
+    return case.motion([engine.solve(each) for each in case.problems])
 
 
 def errors(found: Motion, reference: Motion) -> Array:

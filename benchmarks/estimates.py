@@ -19,7 +19,7 @@ CASES = ("satellite_estimated", "se3_bluerov2_estimated")
 """On SO(3) and SE(3)."""
 
 LAW = "lee2010"
-RUNS = {"native": 32, "taylor": 8, "solve_ivp": 32}
+RUNS = {"native": 32, "solve_ivp": 32}
 """Runs by which each engine is timed."""
 
 NONE = "none"

@@ -11,19 +11,15 @@ from matplotlib.figure import Figure
 
 from benchmarks.table import TITLES, Results
 from eqt_cli.plots import save
+from eqt_cli.plots.drawing.curve_labels import name_points
 from eqt_cli.plots.drawing.labels import in_words
 from eqt_cli.plots.drawing.layout import add_legend, freeze
-from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.style import WIDTHS, house_style, ink, line_style
 
 CASE = "paper"
 """The runs of which the figure of rates tells."""
 
-SAME = {
-    "eqt taylor, full code": "eqt taylor",
-    "eqt native": "eqt native",
-    "eqt blocks (default)": "eqt solve_ivp",
-}
+SAME = {"eqt native": "eqt native", "eqt blocks (default)": "eqt solve_ivp"}
 """The contenders that the sampled loops call otherwise; no other of eqt's is in the figure."""
 
 

@@ -9,7 +9,6 @@ from benchmarks.process import spent
 
 SIZES = {
     "native": (100, 1_000, 10_000, 100_000, 1_000_000),
-    "taylor": (100, 1_000, 10_000, 100_000),
     "solve_ivp": (100, 1_000),  # linear by then; 1e5 runs would take some ten minutes
 }
 

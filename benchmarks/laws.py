@@ -1,4 +1,4 @@
-"""What each law costs the Taylor engine: CPU time per run and state, all laws measured in turn."""
+"""What each law costs the engine `native`: CPU time per run and state, measured in turn."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks import cases
-from eqt_cli.engines.taylor import Taylor, trace
+from eqt_cli.engines.native import Native
+from eqt_cli.engines.native.source import with_kept_comparisons
+from eqt_cli.engines.traced_loop import trace
 
 CASE = "reviewers"
 """The configuration with the laws of other papers beside the paper's own."""
@@ -52,7 +54,7 @@ def laws(runs: int | None, repeats: int) -> list[LawTime]:
     case = cases.load(CASE, runs)
     own = set(cases.load("paper", 1).experiment.loops)
     loops = case.experiment.loops
-    engine = Taylor().sized(case.size, max(loop.state_length for loop in loops.values()))
+    engine = Native()
     least, steps = dict.fromkeys(loops, np.inf), dict.fromkeys(loops, 0.0)
     for _ in range(repeats + 1):  # the first compiles
         for law, problem in zip(loops, case.problems, strict=True):
@@ -66,7 +68,7 @@ def laws(runs: int | None, repeats: int) -> list[LawTime]:
             of_the_paper=law in own,
             runs=problem.runs,
             states=loops[law].state_length,
-            comparisons=len(trace(loops[law]).compared),
+            comparisons=with_kept_comparisons(trace(loops[law]).field)[1],
             steps=steps[law],
             cpu=least[law],
         )

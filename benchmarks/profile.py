@@ -28,13 +28,13 @@ STAGES = {
     "importlib:import_module": START,
     "eqt_cli.config.source:read_config": "reading the configuration",
     "eqt_cli.experiment.read_study:study": "building the experiment",
-    "eqt_cli.engines.taylor:programs": COMPILING,
-    "eqt_cli.engines.taylor:sampled": COMPILING,
-    "eqt_cli.engines.taylor:compiled_function": COMPILING,
-    "heyoka:taylor_adaptive_batch": COMPILING,
-    "heyoka:cfunc": COMPILING,
+    "eqt_cli.engines.native:programs": COMPILING,
+    "eqt_cli.engines.native:sampled": COMPILING,
+    "eqt_cli.engines.native:running": COMPILING,
+    "eqt_cli.engines.native.library:integration": COMPILING,
+    "eqt_cli.engines.native.library:evaluation": COMPILING,
     "eqt_cli.execution.compute_part:measured": "signals and metrics",
-    "eqt_cli.execution.part_task:PartTask._save": "writing the parts",
+    "eqt_cli.execution.compute_part:PartTask._save": "writing the parts",
 }
 """What is watched, beside the engines and what eqt times itself."""
 
@@ -117,9 +117,9 @@ class StopWatch:
             except (ImportError, AttributeError):
                 self.missing.append(place)
         self.watch_engines()
-        from eqt_cli.execution import pack, run_study, wall_time
+        from eqt_cli.execution import pack, provenance, run_study
 
-        own = wall_time.timed
+        own = provenance.timed
 
         @contextmanager
         def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
@@ -151,7 +151,7 @@ def profile(engine: str) -> Profile:
     """The second of two processes."""
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "benchmarks.profile", engine, folder]
-        environment = os.environ | AS_INSTALLED | {"HEYOKA_CACHE_DIR": f"{folder}/cache"}
+        environment = os.environ | AS_INSTALLED | {"XDG_CACHE_HOME": f"{folder}/cache"}
         for _ in range(2):
             done = subprocess.run(
                 command, stdout=subprocess.PIPE, text=True, check=True, env=environment

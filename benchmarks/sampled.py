@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from importlib.util import find_spec
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.cases import Case, Motion, errors, load
+from benchmarks.contenders.mujoco_body import MuJoCo, RigidBody
 from benchmarks.contenders.plain_loop import body, literal, starts
 from benchmarks.measure import fastest
-from eqt_cli.analysis.oracles import MuJoCo
-from eqt_cli.analysis.oracles.base import RigidBody
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Engine
 from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.engines.taylor import Taylor
 
 PERIODS = (0.1, 0.01)
 """s: a law at 10 Hz and at 100 Hz."""
@@ -59,27 +58,26 @@ class Sampled:
 
 def missing() -> dict[str, str]:
     """What is not installed, and how to install it."""
-    return {} if MuJoCo.is_installed() else {MuJoCo.title: MuJoCo.remedy}
+    return {} if _has_mujoco() else {"MuJoCo": "install it with pip install mujoco"}
+
+
+def _has_mujoco() -> bool:
+    return find_spec("mujoco") is not None
 
 
 def sampled(repeats: int = 3) -> Iterator[Sampled]:
-    """Every way at every period that is installed, the taylor engine first."""
+    """Every way at every period that is installed, the engine native first."""
     for period in PERIODS:
         case = load("paper", overrides=[f"control.period={period}"])
         runs = np.arange(len(case.Q))
         ways: list[tuple[str, Array, Callable[[Array], Motion]]] = [
             ("eqt solve_ivp", runs[:BLOCK], _by(case, SolveIvp(rtol=RTOL, atol=1e-3 * RTOL))),
-            (
-                "plain solve_ivp loop",
-                runs[:1],
-                partial(_plainly, case, period),
-            ),
+            ("plain solve_ivp loop", runs[:1], partial(_plainly, case, period)),
         ]
-        for engine in (Native(), Taylor(code="full")):
-            if engine.unavailable() is None:
-                engine.solve(case.problems[0].select(slice(0, 1)))  # compiles
-                ways.insert(0, (f"eqt {engine.name}", runs, _by(case, engine)))
-        if MuJoCo.is_installed():
+        if Native.unavailable() is None:
+            Native().solve(case.problems[0].select(slice(0, 1)))  # compiles
+            ways.insert(0, ("eqt native", runs, _by(case, Native())))
+        if _has_mujoco():
             stepped = partial(_stepped, case, period, _references(case, period))
             ways.append((f"MuJoCo, steps of {1000 * STEP:g} ms", runs[:1], stepped))
         first: Motion | None = None
@@ -159,9 +157,7 @@ def _stepped(case: Case, period: float, references: Array, runs: Array) -> Motio
     equations, numbers, times = literal(case), body(case), _grid(case, period)
     interval = times[1]
     instant, sample = (round(each / interval) for each in (period, case.times[1] - case.times[0]))
-    plant = RigidBody.of(case.experiment.group, numbers[0])
-    assert plant is not None
-    simulator = MuJoCo(plant)
+    simulator = MuJoCo(RigidBody.of(numbers[0]))
     Q = np.empty((len(case.experiment.loops), len(runs), len(case.times), 3, 3))
     V = np.empty(Q.shape[:-1])
     for number, law in enumerate(case.experiment.loops):

@@ -67,7 +67,7 @@ def as_markdown(results: Results) -> str:
         parts += [f"## {TITLES.get(case, case)}", _headlines(results, case)]
         parts += [f"With a largest error of at most {ACCURATE:g}:", _equal_error(results, case)]
     if results.laws:
-        parts += ["## The laws of other papers, taylor", _laws(results.laws)]
+        parts += ["## The laws of other papers, native", _laws(results.laws)]
     if results.sampled:
         parts += ["## A sampled law, the paper's runs, one thread", _sampled(results.sampled)]
     if results.estimates:
@@ -92,8 +92,8 @@ def _preface(results: Results) -> str:
         f"{' to '.join(f'{load:.1f}' for load in results.load)}.",
         "Written by `make bench`; all numbers are in bench.json.",
         "Times are wall times of the integration alone, the least of several, with compilation "
-        "apart. Errors are max over the samples of max(‖ΔQ‖_F, ‖ΔV‖) for each run, against the "
-        "Taylor engine at a tolerance of 2.2e-16.",
+        "apart. Errors are max over the samples of max(‖ΔQ‖_F, ‖ΔV‖) for each run, against "
+        "solve_ivp, run by run at its smallest tolerance, 2.2e-14.",
     ]
     lines += [f"Not measured: {name}: {reason}." for name, reason in results.skipped.items()]
     return "\n\n".join(lines)

@@ -88,21 +88,19 @@ def commands(
 def _plan(many: Sequence[int]) -> Iterator[tuple[str, list[str], int]]:
     """Names, arguments, and how many of the paper's runs they integrate."""
     paper = ["run", "configs/paper.yaml", "--engine"]
-    yield "run se3 by taylor", ["run", "configs/se3.yaml", "--engine", "taylor"], 0
+    yield "run se3 by native", ["run", "configs/se3.yaml", "--engine", "native"], 0
     few = ["--set", f"ensemble.runs={FLIGHTS}", "--set", "time.duration=10"]
-    for engine in ("solve_ivp", "native", "taylor"):
+    for engine in ("solve_ivp", "native"):
         thrusters = ["run", "configs/se3_bluerov2_thrusters.yaml", "--engine", engine, *few]
         yield f"run {FLIGHTS} runs of each law with eight thrusters by {engine}", thrusters, 0
     yield "run paper by solve_ivp", [*paper, "solve_ivp"], PAPER
     yield "run paper by native", [*paper, "native"], PAPER
-    yield "run paper by taylor", [*paper, "taylor"], PAPER
     for command in ("show", "compare", "plot", "report"):  # of the result of the last
         yield f"{command} paper", [command], 0
     for runs in many:
         settings = ["--set", f"ensemble.runs={runs // 4}", "--set", "store.trajectories=none"]
-        for engine in ("native", "taylor"):
-            name = f"run paper by {engine}, {runs:,} runs, metrics only"
-            yield name, [*paper, engine, *settings], runs
+        name = f"run paper by native, {runs:,} runs, metrics only"
+        yield name, [*paper, "native", *settings], runs
 
 
 def _in_turn(
@@ -128,7 +126,7 @@ def _once(arguments: Sequence[str], tree: Path, folder: Path) -> Spent:
         shutil.rmtree(result, ignore_errors=True)
         where = ["--quiet", "--out"]
     command, cache = ["-m", "eqt_cli", *arguments, *where, str(result)], str(folder / "cache")
-    return spent(command, tree, {"HEYOKA_CACHE_DIR": cache, "XDG_CACHE_HOME": cache})
+    return spent(command, tree, {"XDG_CACHE_HOME": cache})
 
 
 def _best(every: list[Spent]) -> Spent:

@@ -17,7 +17,7 @@ class Saturated(EqT):
     limit: Positive = 2.0
 
     def torque(self, s: Tracking) -> Array:
-        """limit · tanh(τ / limit); with eqt's own functions, so that engine taylor compiles it."""
+        """limit · tanh(τ / limit); with eqt's own functions, so that engine native compiles it."""
         return self.limit * tanh(super().torque(s) / self.limit)
 
     def dissipation(self, s: Tracking) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.util
+import gc
 import json
+import math
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
@@ -27,14 +29,15 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from eqt_cli.cli import main
+from eqt_cli.cli.shared import progress
 from eqt_cli.config.source import read_config
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array, transpose
-from eqt_cli.core.errors import EqtWarning
+from eqt_cli.core.errors import EqtWarning, Problems
 from eqt_cli.core.interruptions import ASKED_BY
-from eqt_cli.core.problems import Problems
 from eqt_cli.core.reporting import Reporter, reporting
 from eqt_cli.engines.native import cache as native_cache
+from eqt_cli.execution.executors import auto
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
@@ -43,8 +46,7 @@ from eqt_cli.groups import MatrixLieGroup, group_named, groups
 from eqt_cli.program import Program
 from eqt_cli.program.c_code import FUNCTIONS_HEADER, LANES_HEADER, c_function
 from eqt_cli.results.result import open_result
-from eqt_cli.store.table import Table, Variable
-from eqt_cli.store.writer import write
+from eqt_cli.store.writer import Table, Variable, write
 
 pytest_plugins = ["pytester"]
 
@@ -52,37 +54,64 @@ pytest_plugins = ["pytester"]
 os.environ.pop("COLUMNS", None)
 
 # A deadline would time the machine, which runs tests side by side, and not the code. Samples are
-# the same in every run, so that a change is judged by what it changes; the nightly run draws new
-# ones.
+# the same in every run, so that a change is judged by what it changes, and 25 of them are enough;
+# the nightly run draws new ones, and more.
+RANDOM = os.environ.get("EQT_SAMPLES") == "random"
 settings.register_profile(
-    "eqt", deadline=None, derandomize=os.environ.get("EQT_SAMPLES") != "random"
+    "eqt", deadline=None, derandomize=not RANDOM, max_examples=100 if RANDOM else 25
 )
 settings.load_profile("eqt")
 
-# What a test takes is judged where a bound is given: see processor_time.py.
-_spec = importlib.util.spec_from_file_location(
-    "processor_time", Path(__file__).with_name("processor_time.py")
-)
-processor_time = importlib.util.module_from_spec(_spec)
-sys.modules["processor_time"] = processor_time
-_spec.loader.exec_module(processor_time)
+
+class ProcessorTime:
+    """A test that takes more than so many s of the processor fails, unless it is marked as slow.
+
+    Its children that have ended count, and its fixtures do not.
+    """
+
+    def __init__(self, most: float) -> None:
+        self.most = most
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> Iterator[None]:
+        start = sum(os.times()[:4])
+        yield
+        seconds = sum(os.times()[:4]) - start
+        if seconds > self.most and not item.get_closest_marker("slow"):
+            pytest.fail(
+                f"takes {seconds:.1f} s of the processor; expected at most {self.most:g} s. Let it "
+                'do less, or mark it @pytest.mark.slow("why it must be")',
+                pytrace=False,
+            )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    most = float(os.environ.get("EQT_MOST_CPU") or 0)
-    if most:
-        judge = processor_time.ProcessorTime(most)
-        config.pluginmanager.register(judge)
-        processor_time.judges.append(judge)
-        judge.watch_compilers()
-        processor_time.load_everything()
+    if most := float(os.environ.get("EQT_MOST_CPU") or 0):
+        config.pluginmanager.register(ProcessorTime(most))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    if silent := processor_time.unexplained(items):
+    silent = [
+        item.nodeid
+        for item in items
+        for mark in item.iter_markers("slow")
+        if len(mark.args) != 1 or not str(mark.args[0]).strip() or mark.kwargs
+    ]
+    if silent:
         raise pytest.UsageError(
             'expected a reason, @pytest.mark.slow("why it must be"), of ' + ", ".join(silent)
         )
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """To look for garbage among ten thousand tests takes a fifth of the time to collect them."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 # typer builds the tree of commands anew for every call, for 0.1 s; these tests make thousands.
@@ -93,10 +122,14 @@ for number in ASKED_BY:
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, signal.SIG_DFL)
 
+# What is printed must not depend on how fast this machine is.
+progress.SHOW_AFTER = threading.TIMEOUT_MAX
+
+# By the clock, a small experiment on a busy machine is worth processes of its own; here it is not.
+auto.WORTH_STARTING = auto.WORTH_LEAVING_THREADS = math.inf
+
 # The tests compile more laws than a user keeps. What was forgotten would be compiled in every run.
 native_cache.KEPT = 5000
-if _kept := native_cache.own_cache():
-    os.environ.setdefault("HEYOKA_CACHE_DIR", str(_kept.folder.with_name("tests")))
 
 # Near 0, around the switch from series to closed forms, and near π.
 ANGLES = [0.0, 1e-12, 1e-9, 1e-6, 1.1e-3, 0.1, np.pi - 1e-3, np.pi - 1e-6, np.pi - 1e-9]
@@ -417,6 +450,17 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     return made
 
 
+@pytest.fixture(scope="session")
+def default_result(made_once: Callable[..., Path]) -> Path:
+    """The folder of a run of `LINES`."""
+
+    def make(folder: Path) -> None:
+        (folder / "c.yaml").write_text(configuration(), encoding="utf-8")
+        execute(study(read_config(folder / "c.yaml", ())), folder / "out")
+
+    return made_once("a run of the experiment", make) / "out"
+
+
 PAPER = Path(__file__).parents[1] / "configs" / "paper.yaml"
 ROUGH = ["--quiet", "--set=solver.rtol=1e-6", "--set=solver.cross_check=0"]
 
@@ -438,16 +482,19 @@ def swept_result(invoke: Callable[..., Called], made_once: Callable[..., Path]) 
     return made_once("swept", lambda folder: sweep(folder / "result")) / "result"
 
 
-UNARRANGED = ("eqt_cli.plots.base.freeze", lambda drawing: drawing.set_layout_engine("none"))
+def leave_unarranged(patch: pytest.MonkeyPatch) -> None:
+    """Leave out the search for places of panels, which is most of the time that a figure takes."""
+    patch.setattr("eqt_cli.plots.base.freeze", lambda drawing: drawing.set_layout_engine("none"))
+    patch.setattr("eqt_cli.plots.drawing.curve_labels.arrange", lambda drawing: None)
 
 
 @pytest.fixture
 def unarranged(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are drawn without finding places for their panels: most of the time that they take.
+    """Figures whose panels have no places of their own.
 
     For tests of what is drawn, and not of where; plots/test_figures.py looks at all of them.
     """
-    monkeypatch.setattr(*UNARRANGED)
+    leave_unarranged(monkeypatch)
 
 
 @pytest.fixture(scope="session")
@@ -457,7 +504,7 @@ def page_of(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Ca
     def written(result: Path) -> Path:
         def write(folder: Path) -> None:
             with pytest.MonkeyPatch.context() as patched:
-                patched.setattr(*UNARRANGED)
+                leave_unarranged(patched)
                 invoke("report", result, "--out", folder / "report.html")
 
         return made_once(f"page of {result.parent.name}", write) / "report.html"

@@ -36,7 +36,7 @@ from eqt_cli.experiment.build import build
 BLOCK = re.compile(r"^(?P<fence>`{3,})(?P<head>[^\n]*)\n(?P<body>.*?)^(?P=fence)$", re.M | re.S)
 CAPTION = re.compile(r"^:caption: (\S+)\n+", re.M)
 PROGRESS = re.compile(r"^\d+/\d+ .*(?: left|: done in [^\n]*)\n", re.M)
-EXTRAS = ("xarray", "heyoka", "mujoco", "pinocchio")
+EXTRAS = ("xarray", "mujoco", "pinocchio")
 SMALL = ["--set=ensemble.runs=2", "--set=solver.cross_check=0"]
 COARSE = ["--set=solver.rtol=1e-6", "--set=solver.error_estimate=false"]
 FEW = [

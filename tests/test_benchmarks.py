@@ -72,7 +72,6 @@ def test_a_stage_is_not_counted_for_the_one_that_begins_it(monkeypatch):
 
 @pytest.mark.slow("imports everything in an interpreter of its own")
 def test_every_stage_is_still_where_it_is_watched():
-    pytest.importorskip("heyoka")
     code = (
         "from benchmarks.profile import StopWatch as S; w = S(); w.watch_stages(); print(w.missing)"
     )

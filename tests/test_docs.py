@@ -2,19 +2,17 @@
 
 import ast
 import importlib.util
-import math
 import re
 import shutil
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
 
 import pytest
 import yaml
 
-from eqt_cli.execution.executors import auto
+from eqt_cli.engines.native import Native
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -63,19 +61,16 @@ def test_commands_and_configurations_are_accepted(page, folder, monkeypatch):
 )
 @pytest.mark.usefixtures("unarranged")
 def test_commands_and_snippets(page, folder, monkeypatch):
-    # Where the machine is busy, even small experiments would start processes.
-    monkeypatch.setattr(auto, "WORTH_STARTING", math.inf)
-    monkeypatch.setattr(auto, "WORTH_LEAVING_THREADS", math.inf)
     monkeypatch.chdir(folder)
     with docs_runner.without_plugins():
         docs_runner.carry_out(_text(page))
 
 
 @pytest.mark.slow("computes the 800 runs of the paper")
-@pytest.mark.skipif(find_spec("heyoka") is None, reason="800 runs take seconds with taylor only")
+@pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler")
 def test_table_of_the_first_tutorial(folder):
     """Its digits do not depend on the engine; the energy residuals, in the last column, do."""
-    command = [sys.executable, "-m", "eqt_cli", "run", "configs/paper.yaml", "--engine", "taylor"]
+    command = [sys.executable, "-m", "eqt_cli", "run", "configs/paper.yaml", "--engine", "native"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder)
     shown = _rows((DOCS / "tutorials" / "paper.md").read_text(encoding="utf-8"))
     assert len(shown) == 4

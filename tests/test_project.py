@@ -1,5 +1,6 @@
 """The project around the code: what the wheel holds, and descriptions that must agree."""
 
+import json
 import re
 import subprocess
 import sys
@@ -46,6 +47,25 @@ def test_wheel_and_citation_carry_the_package_version(wheel):
     assert {metadata["Version"], citation["version"]} == {eqt_cli.__version__}
 
 
+def test_workflows_name_every_action_by_its_commit():
+    for path in (ROOT / ".github" / "workflows").glob("*.yml"):
+        actions = re.findall(r"uses: (\S+)( #.*)?$", path.read_text(encoding="utf-8"), re.MULTILINE)
+        for action, version in actions:
+            assert re.fullmatch(r"[\w/-]+@[0-9a-f]{40}", action), f"{path.name}: {action}"
+            assert re.fullmatch(r" # v\d+\.\d+\.\d+", version), f"{path.name}: {action}"
+        text = path.read_text(encoding="utf-8")
+        assert text.count("actions/checkout@") == text.count("persist-credentials: false"), (
+            path.name
+        )
+
+
+def test_zenodo_and_citation_describe_the_same_program():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    zenodo = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
+    for ours, theirs in (("title", "title"), ("license", "license"), ("type", "upload_type")):
+        assert citation[ours] == zenodo[theirs]
+
+
 def test_citation_names_the_paper():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     paper = citation["preferred-citation"]
@@ -74,7 +94,6 @@ def test_lower_bounds_are_the_versions_that_test_lowest_installs():
             extras["dask"],
             extras["logs"],
             extras["native"],
-            extras["taylor"],
             extras["xarray"],
             project["dependency-groups"]["test"],
         )

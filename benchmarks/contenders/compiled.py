@@ -1,17 +1,15 @@
-"""eqt's compiled engines: the same laws, as heyoka and as a C compiler make them."""
+"""eqt's compiled engine: the same laws, as a C compiler makes them."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 from benchmarks.cases import Case, Motion
 from benchmarks.contenders.base import Contender, Solve
 from eqt_cli.engines import Engine, Problem, Solution
 from eqt_cli.engines.native import STEP_SHARE, Native
-from eqt_cli.engines.taylor import Taylor
 
 
 @dataclass(frozen=True)
@@ -53,19 +51,9 @@ class Compiled(Contender):
         return case.motion(solution)
 
 
-def taylor(code: Literal["full", "compact"]) -> Callable[[float], Engine]:
-    """heyoka's Taylor method with one kind of generated code."""
-    return lambda tolerance: Taylor(tol=tolerance, code=code)
-
-
 def native(tolerance: float) -> Engine:
     """DOP853 in C."""
     return Native(rtol=tolerance / STEP_SHARE, atol=tolerance / STEP_SHARE)
 
 
-TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
-CONTENDERS = [
-    Compiled("eqt taylor, full code", TOLERANCES, 1e-10, taylor("full")),
-    Compiled("eqt taylor, compact code", TOLERANCES, 1e-10, taylor("compact")),
-    Compiled("eqt native", (1e-6, 1e-8, 1e-10, 1e-11, 6e-13, 1e-14), 6e-13, native),
-]
+CONTENDERS = [Compiled("eqt native", (1e-6, 1e-8, 1e-10, 1e-11, 6e-13, 1e-14), 6e-13, native)]

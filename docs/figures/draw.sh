@@ -37,11 +37,11 @@ numbers() {
 		figures+=(--figure "$1")
 		shift
 	done
-	if [ "$task" = draw ]; then
-		"$eqt" plot "$result" "${figures[@]}" "$@" --format json --out "$place/numbers/$name" --quiet
-	else
-		"$eqt" plot "$result" "${figures[@]}" "$@" --check "$place/numbers/$name" || status=$?
-	fi
+	local kept=$place/numbers/$name found=$built/numbers/$name
+	[ "$task" = check ] || found=$kept
+	rm -rf "$built/numbers/$name"
+	"$eqt" plot "$result" "${figures[@]}" "$@" --format json --out "$found" --quiet
+	[ "$task" = draw ] || "$python" $place/compare.py "$found" "$kept" || status=$?
 }
 
 # numbers_of_paper: those of every figure that the paper's experiment has; of single runs, a few runs
@@ -110,16 +110,16 @@ paper() {
 	fi
 }
 
-paper_by_taylor() {
+paper_by_native() {
 	if [ "$task" = check ]; then
-		experiment paper_by_taylor configs/paper.yaml --engine taylor
+		experiment paper_by_native configs/paper.yaml --engine native
 		name=paper numbers_of_paper
 	fi
 }
 
 # shipped NAME: what a shipped experiment shows of itself.
 shipped() {
-	experiment "$1" "configs/$1.yaml" --engine taylor
+	experiment "$1" "configs/$1.yaml" --engine native
 	numbers paper
 	picture "$1" paper --option log=true --width page
 }
@@ -130,7 +130,6 @@ se23() { shipped se23; }
 satellite_panels() { shipped satellite_panels; }
 
 se3_bluerov2_thrusters() {
-	# At 3,000 control instants a run, native takes a tenth of the time of taylor.
 	experiment se3_bluerov2_thrusters configs/se3_bluerov2_thrusters.yaml --engine native \
 		--set solver.error_estimate=false --set solver.cross_check=0
 	numbers paper
@@ -145,7 +144,7 @@ se3_bluerov2_estimated() {
 }
 
 satellite_folding() {
-	experiment satellite_folding configs/satellite_panels.yaml --engine taylor --set 'inertia={
+	experiment satellite_folding configs/satellite_panels.yaml --engine native --set 'inertia={
 		initial: [[24.0, 0, 1.2], [0, 4.0, 0], [1.2, 0, 28.0]],
 		factor: [["1 - tanh(t/3)**2/2", 0, 0], [0, 1, 0], [0, 0, "1 - tanh(t/3)**2/2"]]}'
 	numbers paper
@@ -153,13 +152,13 @@ satellite_folding() {
 }
 
 attitude_distinct() {
-	experiment attitude_distinct configs/attitude_distinct.yaml --engine taylor
+	experiment attitude_distinct configs/attitude_distinct.yaml --engine native
 	numbers paper
 	picture attitude_distinct runs
 }
 
 attitude_manifold() { # near the manifold of half-turns
-	experiment attitude_manifold configs/paper.yaml --engine taylor \
+	experiment attitude_manifold configs/paper.yaml --engine native \
 		--set "initial.pose={kind: exp_normal, centre: [pi, 0, 0], std: 1e-3}" \
 		--set initial.velocity=fixed --set ensemble.runs=100 --set ensemble.seed=3 \
 		--set time.duration=40 --set time.samples=801
@@ -168,19 +167,19 @@ attitude_manifold() { # near the manifold of half-turns
 }
 
 sweep_lag() {
-	sweep sweep_lag configs/sweep_lag.yaml --engine taylor
+	sweep sweep_lag configs/sweep_lag.yaml --engine native
 	numbers envelope
 	picture sweep_lag envelope
 }
 
 sweep_region() {
-	sweep sweep_region configs/sweep_region.yaml --engine taylor
+	sweep sweep_region configs/sweep_region.yaml --engine native
 	numbers region
 	picture sweep_region region --width page
 }
 
 satellite_wheels() {
-	experiment satellite_wheels configs/satellite_wheels.yaml --engine taylor --set ensemble.runs=2
+	experiment satellite_wheels configs/satellite_wheels.yaml --engine native --set ensemble.runs=2
 	numbers commands --option run=1
 	picture commands commands --option run=1
 }
@@ -199,7 +198,7 @@ satellite_breaks() {
 }
 
 sweep_family() {
-	sweep sweep_family configs/sweep_family.yaml --engine taylor
+	sweep sweep_family configs/sweep_family.yaml --engine native
 	numbers sweep
 	picture sweep_family sweep
 }
@@ -217,12 +216,12 @@ if [ $# = 1 ]; then # printed as a whole, since another is computed beside it
 fi
 # The longest first.
 all=(paper references)
-if "$python" -c 'import heyoka' 2>/dev/null; then
-	all=(se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_taylor references se3 se3_bluerov2 sweep_region
+if "$python" -c 'import sys; from eqt_cli.engines.native import Native as n; sys.exit(bool(n.unavailable()))'; then
+	all=(se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region
 		satellite_breaks se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
 		attitude_manifold sweep_lag satellite_wheels sweep_family)
 elif [ $# = 0 ]; then
-	echo "heyoka is not installed: the other experiments are left out"
+	echo "there is no C compiler: the other experiments are left out"
 fi
 [ $# = 0 ] && set -- "${all[@]}"
 printf '%s\n' "$@" | xargs -P 2 -n 1 "$BASH" docs/figures/draw.sh "$task"

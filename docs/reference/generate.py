@@ -146,8 +146,7 @@ def _help(entry: Any) -> str:
 @part
 def configuration() -> Iterator[str]:
     """Every key of a configuration, from its JSON schema."""
-    from eqt_cli.config.json_schema import json_schema
-    from eqt_cli.config.key_descriptions import default_of, described, value_of
+    from eqt_cli.config.json_schema import default_of, described, json_schema, value_of
 
     schema = json_schema()
     required = schema["required"]
@@ -166,13 +165,7 @@ def configuration() -> Iterator[str]:
 
 def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """The keys of a mapping, or of each mapping that an entry may be."""
-    from eqt_cli.config.key_descriptions import (
-        choices,
-        default_of,
-        dereferenced,
-        described,
-        value_of,
-    )
+    from eqt_cli.config.json_schema import choices, default_of, dereferenced, described, value_of
 
     for option in choices(entry, schema):
         if "properties" not in option:
@@ -196,7 +189,7 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
 
 def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """Which components an entry, or each of its items or members, may be."""
-    from eqt_cli.config.key_descriptions import choices, dereferenced
+    from eqt_cli.config.json_schema import choices, dereferenced
 
     inner = [
         entry,
@@ -238,9 +231,8 @@ def components(kind: str) -> Iterator[str]:
 
 
 def _option_table(component: type, schema: dict[str, Any]) -> Iterator[str]:
-    from eqt_cli.config.key_descriptions import default_of, value_of
-    from eqt_cli.core.component import option_of_field
-    from eqt_cli.core.registry import meanings
+    from eqt_cli.config.json_schema import default_of, value_of
+    from eqt_cli.core.registry import meanings, option_of_field
 
     said = {option_of_field(name): text for name, text in meanings(component).items()}
     rows = [
@@ -328,7 +320,7 @@ MEANINGS = {
     "titles": "how figures write each controller, JSON",
     "provenance": "versions, machine and times, JSON",
     "references": "the paper",
-    "cross_check_method": "engine that repeated some of the runs",
+    "cross_check_method": "method that repeated some of the runs, and in which part of time",
     "cross_check_runs": "how many runs of each controller it repeated",
     "cross_check_difference": "largest difference that it found",
     "cross_check_bound": "bound for this difference",

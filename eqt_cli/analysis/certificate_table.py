@@ -12,7 +12,6 @@ _KINDS = {
     "trajectory": "Trajectories, over the runs: error or change, tolerance",
     "hypothesis": "Hypotheses: what the theorems assume",
     "code": "Laws in C, against the laws that they claim to be: difference of torques, bound",
-    "oracle": "Foreign plants, other programs' rigid bodies: difference to eqt's, tolerance",
 }
 _HOLDS, _PROVED, _FAILS = Verdict.HOLDS, Verdict.PROVED, Verdict.FAILS
 _LEGEND = {
@@ -31,7 +30,7 @@ _LEGEND = {
 """Explanations of the verdicts, except for holds and FAILS."""
 
 _HEADER = ["statement", "what", "law", "measured", "bound", "verdict", "remark"]
-_SPARE = ("bound", "measured", "statement")
+_SPARE = ("statement",)  # a measured value means nothing without its bound
 
 _LISTED = (Verdict.UNCLAIMED, Verdict.NOT_COVERED)
 """Verdicts that do not concern the experiment; a brief table lists their rows in one note."""

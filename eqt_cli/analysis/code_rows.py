@@ -4,26 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, Verdict
-from eqt_cli.analysis.evidence.code_question import Question
-from eqt_cli.analysis.evidence.code_terms import explained, sum_of
+from eqt_cli.analysis.evidence.code_cascade import explained_cascade
+from eqt_cli.analysis.evidence.code_states import RARE, Search, States, Watched, drawn_states
+from eqt_cli.analysis.evidence.code_terms import Question, explained, sum_of
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.core.problems import Problems
+from eqt_cli.engines.native.trial import described
+from eqt_cli.mechanics.law_input import LawInput
 
-STATES = 200
-"""Number of random states."""
+ALONG_RUNS = 500
+"""Number of states of runs."""
 
 BOUNDED = 24
-"""Number of states at which the bound of rounding errors is computed, which takes long."""
+"""Least number of states at which the bound of rounding errors is computed, which takes long."""
+
+MOST_BOUNDED = 400
+"""Most of these; they are those with the largest differences relative to the torque."""
+
+SEARCHES = 3
+"""Times that outcomes are searched; others become reachable by those that were found."""
 
 ARRANGED = 8.0
 """Factor of the bound of eqt's formula, because the code may arrange the formula differently."""
@@ -33,6 +42,10 @@ MEMORY_ROUNDINGS = 1e3
 
 ROUNDOFF = {"double": UNIT, "float": 2.0**-24}
 """Relative rounding error of one operation."""
+
+
+OUTCOMES = {1: "true", 2: "false"}
+"""Outcomes of a decision."""
 
 
 @dataclass(frozen=True)
@@ -45,16 +58,104 @@ class Judged:
         Label of the law.
     loop
         The loop with the code.
-    random
-        Random states.
+    drawn
+        States drawn from strata.
     along
         States of runs; None if no run is good.
     """
 
     label: str
     loop: ClosedLoop
-    random: tuple[LawInput, dict[str, Array]]
-    along: tuple[LawInput, dict[str, Array]] | None
+    drawn: States
+    along: States | None
+    random: np.random.Generator
+
+    @property
+    def law(self) -> Any:
+        """The law in code."""
+        return self.loop.controller
+
+    def watched(self, states: States) -> Watched:
+        """Return torque and outcomes at states, from the code that keeps its outcomes."""
+        loop = self.loop
+        with np.errstate(all="ignore"):  # inputs may be not finite
+            s = states.inputs.tracking(loop.group, loop.inertia, loop.gains, states.memory)
+            return Watched(*self.law.watched(s, _period(loop)))
+
+    @cached_property
+    def is_watched(self) -> bool:
+        """Whether the outcomes are known: the code that keeps them computes the same torques."""
+        if self.law.decisions is None:
+            return False
+        torque, _ = self.loop.answer(*self.drawn, _period(self.loop))
+        found = self.watched(self.drawn)
+        return bool(found.outcomes.any()) and np.array_equal(torque, found.torque, equal_nan=True)
+
+    @cached_property
+    def states(self) -> States:
+        """The drawn states, and those that were searched for outcomes that are rare."""
+        states = self.drawn
+        if not self.is_watched:
+            return states
+        search = Search(self.loop, self.watched, self.random)
+        for _ in range(SEARCHES):
+            rare = self._rare(self.watched(states).outcomes)
+            found = [search.more(states, *each) for each in rare]
+            known = states.rows
+            states = States.joined([states, *found])
+            if states.rows == known:
+                break
+        return states
+
+    def _rare(self, outcomes: Array) -> list[tuple[int, int]]:
+        """Return the outcomes of decisions that fewer than `RARE` states have."""
+        return [
+            (place, side)
+            for place, decision in enumerate(self.law.decisions)
+            for side in (OUTCOMES if not decision.is_label else (1,))
+            if outcomes[:, place].any() and np.count_nonzero(outcomes[:, place] & side) < RARE
+        ]
+
+    @cached_property
+    def never(self) -> list[str]:
+        """What no state has reached, in words; inputs that are not finite count as states."""
+        if not self.is_watched:
+            return []
+        decisions, found = self.law.decisions, []
+        both = States.joined([self.states, self.states.of(slice(1)).not_finite()])
+        outcomes = self.watched(both).outcomes
+        had = list(zip(decisions, np.bitwise_or.reduce(outcomes).tolist(), strict=True))
+        entered = {each.function for each, outcome in had if outcome}
+        for decision, outcome in had:
+            where = f"{decision.place}: {decision.text}"
+            if decision.function not in entered and not decision.is_function:
+                continue
+            if not outcome:
+                found.append(f"{where} was never reached")
+            elif not decision.is_label:
+                missing = (word for side, word in OUTCOMES.items() if not outcome & side)
+                found += [f"{where} was never {word}" for word in missing]
+        return found
+
+    def where(self, states: States, wrong: Array) -> str:
+        """Describe the states at which something is wrong, by the decisions in the code."""
+        share = f"at {np.count_nonzero(wrong)} of {len(wrong)} states"
+        if not wrong.any() or wrong.mean() > 0.5:
+            return ""
+        if self.is_watched:
+            outcomes = self.watched(states).outcomes
+            found = [
+                (np.count_nonzero(seen & side), f"{decision.text} is {word} ({decision.place})")
+                for decision, seen in zip(self.law.decisions, outcomes.T, strict=True)
+                for side, word in OUTCOMES.items()
+                if (seen[wrong] & side).all()
+            ]
+            count, words = min(found, default=(len(wrong), ""))
+            if count <= 2 * np.count_nonzero(wrong):
+                return f"{share}, all of them where {words}"
+        first = states.of(np.flatnonzero(wrong)[:1])
+        row = first.inputs.rows(self.law.called.code.inputs)[0]
+        return f"{share}, for example at {described(self.law.called, row)}"
 
 
 def code_rows(
@@ -73,38 +174,23 @@ def code_rows(
     """
     if loop.controller.code is None:
         return []
-    drawn = random_states(loop, horizon, random)
+    drawn = drawn_states(loop, horizon, random)
     along = None if flown is None else _states_of_runs(loop, *flown, random)
-    found = Judged(label, loop, drawn, along)
+    found = Judged(label, loop, drawn, along, random)
     return [*_finite(found), *_repeatable(found), *_compared(found)]
-
-
-def random_states(
-    loop: ClosedLoop, horizon: float, random: np.random.Generator
-) -> tuple[LawInput, dict[str, Array]]:
-    """Draw random states and memory, with a moving reference."""
-    G, m = loop.group, loop.group.dimension
-    Q, Qd = G.exp(random.standard_normal((2, STATES, m)))
-    V, Vd, Vd_dot = random.standard_normal((3, STATES, m))
-    if loop.controller.formula is not None and loop.controller.formula.tasks == ("stabilise",):
-        Vd, Vd_dot = 0 * Vd, 0 * Vd_dot
-    t = random.uniform(0.0, horizon, STATES)
-    lengths = loop.controller.memory(G).items()
-    memory = {name: random.standard_normal((STATES, length)) for name, length in lengths}
-    return LawInput(t, Q, V, Qd, Vd, Vd_dot), memory
 
 
 def _states_of_runs(
     loop: ClosedLoop, times: Array, states: Array, random: np.random.Generator
-) -> tuple[LawInput, dict[str, Array]] | None:
+) -> States | None:
     """Draw states from runs."""
     runs, samples, _ = states.shape
     if not runs:
         return None
-    run, sample = random.integers(runs, size=STATES), random.integers(samples, size=STATES)
+    run, sample = random.integers(runs, size=ALONG_RUNS), random.integers(samples, size=ALONG_RUNS)
     flat = states[run, sample]
     t = times[sample]
-    return loop.told(t, flat), loop.memory(flat)
+    return States(loop.told(t, flat), dict(loop.memory(flat)))
 
 
 # Finite torques that depend only on the inputs ----------------------------------------------------
@@ -116,7 +202,8 @@ def _finite(judged: Judged) -> Iterator[Row]:
     m = G.dimension
     turned = np.concatenate([G.exp(np.pi * np.eye(m)), G.exp(np.zeros((1, m)))])
     rest, still = np.broadcast_to(G.identity, turned.shape), np.zeros((m + 1, m))
-    inputs = LawInput(np.zeros(m + 1), turned, still, rest, still, still)
+    flat = (None if part is None else 0 * part[: m + 1] for part in judged.drawn.inputs[6:])
+    inputs = LawInput(np.zeros(m + 1), turned, still, rest, still, still, *flat)
     memory = {name: np.zeros((m + 1, n)) for name, n in loop.controller.memory(G).items()}
     torque, _ = loop.answer(inputs, memory, _period(loop))
     bad = ~np.isfinite(torque).all(axis=1)
@@ -138,18 +225,39 @@ def _finite(judged: Judged) -> Iterator[Row]:
 
 
 def _repeatable(judged: Judged) -> Iterator[Row]:
-    """Check that equal inputs give equal torques, whatever was computed before."""
-    inputs, memory = judged.random
-    period = _period(judged.loop)
-    first, kept = judged.loop.answer(inputs, memory, period)
-    turned = LawInput(*(np.asarray(part)[::-1] for part in inputs))
-    backwards = {name: values[::-1] for name, values in memory.items()}
-    second, again = judged.loop.answer(turned, backwards, period)
+    """Check that the code keeps no state of its own, and depends on its inputs alone.
+
+    Whatever is static and can be written is named. What is not, such as memory without a value,
+    shows in torques that differ when the states are evaluated in another order, with something
+    else where the memory has no name.
+    """
+    period, states, loop = _period(judged.loop), judged.drawn, judged.loop
+    first, kept = loop.answer(*states, period)
+    filling = judged.law.running(replace(judged.law.called, fills=True), loop.group)
+    other = replace(loop, controller=filling)
+    second, again = other.answer(*states.of(slice(None, None, -1)), period)
     same = np.array_equal(first, second[::-1], equal_nan=True) and all(
         np.array_equal(kept[name], again[name][::-1], equal_nan=True) for name in kept
     )
-    words = [] if same else ["it keeps a state of its own, as static variables; put it into memory"]
-    verdict = Verdict.HOLDS if same else Verdict.FAILS
+    own, verdict, words = judged.law.called.own_state, Verdict.HOLDS, list[str]()
+    variables, functions = own or ([], [])
+    if variables:
+        words.append(
+            f"it keeps {', '.join(variables)} from call to call; put it into memory, or make it "
+            "const"
+        )
+    elif not same:
+        words.append(
+            "it reads what is neither input nor named memory, as a variable without a value"
+        )
+    elif own is None:
+        words.append("undecided: eqt cannot read the symbols that this compiler writes; install nm")
+        verdict = Verdict.UNDECIDED
+    elif functions:
+        words.append(f"undecided: it calls {', '.join(functions)}, which may keep a state")
+        verdict = Verdict.UNDECIDED
+    if variables or not same:
+        verdict = Verdict.FAILS
     yield _row(judged, "equal inputs give equal torques", verdict, words)
 
 
@@ -172,40 +280,105 @@ def _compared(judged: Judged) -> Iterator[Row]:
     code = loop.controller.code
     assert code is not None
     known = False
-    for place, states in (("at random states", judged.random), ("along runs", judged.along)):
+    for place, states in (("at random states", judged.states), ("along runs", judged.along)):
         if states is None:
             continue
-        inputs, memory = states
-        torque, kept = loop.answer(inputs, memory, _period(loop))
-        question = Question(formula, inputs, memory)
-        measured, bound, by_float = _worst(question, torque, code.real)
-        words = []
-        if not measured <= bound and not known:  # runs show less of a law than random states
-            words, known = _description(question, torque, code.real, by_float), True
+        torque, kept = loop.answer(*states, _period(loop))
+        question = Question(formula, *states)
+        found = _differences(question, torque, code.real)
+        words, verdict = [], Verdict.HOLDS
+        if found.wrong.any():
+            verdict = Verdict.FAILS
+            if not known:  # runs show less of a law than random states
+                words, known = _description(judged, states, question, torque, found), True
+        elif place == "at random states":
+            words = _reach(judged)
+            undecided = judged.never or not judged.is_watched
+            verdict = Verdict.UNDECIDED if undecided else Verdict.HOLDS
         name = f"torque of {law.title}, {code.real}, {place}"
-        verdict = Verdict.HOLDS if measured <= bound else Verdict.FAILS
-        yield _row(judged, name, verdict, words, measured, bound)
-        if memory and place == "at random states" and loop.vehicle.control is not None:
+        yield _row(judged, name, verdict, words, found.measured, found.bound)
+        if states.memory and place == "at random states" and loop.vehicle.control is not None:
             yield _memory_row(judged, question, kept, code.real)
+            yield _start_row(judged, question, code.real)
 
 
-def _worst(question: Question, torque: Array, real: str) -> tuple[float, float, bool]:
-    """The largest difference over its bound, that bound, and whether float would explain all."""
-    bound = ARRANGED * _rounding(question)
-    law = question.torque()[:BOUNDED]
-    difference = np.abs(torque[:BOUNDED] - law)
-    usable = np.isfinite(law) & np.isfinite(bound)
-    difference = np.where(np.isnan(difference), np.inf, difference)[usable]
-    limits = bound[usable] * (ROUNDOFF[real] / UNIT)
-    if not difference.size:
-        return 0.0, 0.0, False
+def _reach(judged: Judged) -> list[str]:
+    """Say how much of the code and of its inputs was looked at."""
+    count, drawn = judged.states.rows, judged.drawn.rows
+    words = [
+        f"{count} states; a fault at more than {300 / drawn:.2g} % of states like these would have "
+        "been seen (95 %)"
+    ]
+    if not judged.is_watched:
+        words.insert(
+            0, "undecided: this compiler cannot count which lines were run; use gcc or clang"
+        )
+    elif judged.never:
+        words = [f"undecided: {'; '.join(judged.never)}", *words]
+    else:
+        decided = sum(not each.is_label for each in judged.law.decisions)
+        words.append(f"all {decided} comparisons and conditions were both true and false")
+    return words
+
+
+@dataclass(frozen=True)
+class _Differences:
+    """Differences of torques to those of a law.
+
+    Attributes
+    ----------
+    wrong : (states,)
+        Whether a difference is larger than its bound.
+    measured, bound
+        The difference that is largest relative to its bound, and this bound.
+    by_float
+        Whether float would explain all of them.
+    """
+
+    wrong: Array
+    measured: float
+    bound: float
+    by_float: bool
+
+
+def _differences(question: Question, torque: Array, real: str) -> _Differences:
+    """Compare torques within the bounds of their rounding errors.
+
+    `BOUNDED` states have bounds of their own, and those whose difference is larger, relative to the
+    torque, than the least bound of these, which is the bound of all others.
+    """
+    law, worse = question.torque(), ROUNDOFF[real] / UNIT
+    difference = np.abs(torque - law)
+    difference = np.where(np.isnan(difference) & np.isfinite(law), np.inf, difference)
+    size = np.abs(law).max(axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):  # a torque that is exactly 0
-        place = int(np.where(difference == 0, 0.0, difference / limits).argmax())
-    coarse = bound[usable] / ARRANGED * (ROUNDOFF["float"] / UNIT)
-    return float(difference[place]), float(limits[place]), bool((difference <= coarse).all())
+        relative = np.nan_to_num(np.where(difference == 0, 0.0, difference / size))
+    some = np.arange(len(law)) < BOUNDED
+    own = ARRANGED * _rounding(question, some) * worse
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.nanmin(own / size[some], axis=0, initial=np.inf)  # of each entry
+    least = np.where(np.isfinite(least), least, 0.0)
+    bound = np.where(np.isfinite(size), least * size, np.nan) + 0.0 * law
+    bound[some] = own
+    others = np.flatnonzero(~some & (relative > least).any(axis=-1))
+    order = np.argsort(-relative[others].max(axis=-1), kind="stable")
+    others = others[order[:MOST_BOUNDED]]
+    bound[others] = ARRANGED * _rounding(question, others) * worse
+    usable = np.isfinite(law) & np.isfinite(bound)
+    if not usable.any():
+        return _Differences(np.zeros(len(law), dtype=bool), 0.0, 0.0, False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(usable & (difference > 0), difference / bound, 0.0)
+    place = np.unravel_index(ratio.argmax(), ratio.shape)
+    if not ratio.any():
+        place = np.unravel_index(usable.argmax(), ratio.shape)
+    wrong = np.any(usable & ~(difference <= bound), axis=-1)
+    coarse = bound / ARRANGED / worse * (ROUNDOFF["float"] / UNIT)
+    by_float = bool((difference <= coarse)[usable].all())
+    return _Differences(wrong, float(difference[place]), float(bound[place]), by_float)
 
 
-def _rounding(question: Question) -> Array:
+def _rounding(question: Question, where: Array) -> Array:
     """The bound of the rounding error of the law in doubles, with that of all it is given."""
     loop = question.loop
 
@@ -214,22 +387,30 @@ def _rounding(question: Question) -> Array:
         return lifted(values, UNIT * np.abs(values))
 
     bounded = with_leaves(loop, {path: given(values) for path, values in leaves(loop).items()})
-    inputs = LawInput(*(given(np.asarray(part)[:BOUNDED]) for part in question.inputs))
-    memory = {name: given(values[:BOUNDED]) for name, values in question.memory.items()}
+    inputs = question.inputs.each(lambda part: given(np.asarray(part)[where]))
+    memory = {name: given(values[where]) for name, values in question.memory.items()}
     s = inputs.tracking(loop.group, bounded.inertia, bounded.gains, memory)
     with np.errstate(all="ignore"):
         _, errors = value_of(bounded.controller.torque(s) + 0.0 * inputs.velocity)
-    return errors
+    return np.asarray(errors)
 
 
-def _description(question: Question, torque: Array, real: str, by_float: bool) -> list[str]:
+def _description(
+    judged: Judged, states: States, question: Question, torque: Array, found: _Differences
+) -> list[str]:
     """Describe the difference in words."""
+    code = judged.loop.controller.code
+    assert code is not None
     if not (np.isfinite(torque) & np.isfinite(question.torque())).all(axis=1).any():
         return [NO_NUMBER]
-    if by_float and real == "double":
+    if found.by_float and code.real == "double":
         return ["within the bound of float: constants or operations are float; make them double"]
-    other = _other_law(question, torque, real)
-    words = explained(question, torque, real).words
+    if where := judged.where(states, found.wrong):
+        return [where]
+    if question.loop.controller.commands_attitude:
+        return [explained_cascade(question, torque, code.real)]
+    other = _other_law(question, torque, code.real)
+    words = explained(question, torque, code.real).words
     return [f"it is {other}", words] if other else [words]
 
 
@@ -254,7 +435,7 @@ def _memory_row(judged: Judged, question: Question, kept: dict[str, Array], real
     """Check that the memory changes over a period as that of the law."""
     loop, period = question.loop, _period(judged.loop)
     s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
-    rates = loop.controller.memory_rate(s)
+    _, later = loop.controller.answer(s, period)
     inputs = question.inputs
     still = inputs._replace(
         velocity=0 * inputs.velocity,
@@ -266,10 +447,13 @@ def _memory_row(judged: Judged, question: Question, kept: dict[str, Array], real
     )
     words, worst, limit = [], 0.0, 0.0
     for name, z in question.memory.items():
-        went, expected = kept[name] - z, period * (rates[name] + 0.0 * z)
-        bound = ROUNDOFF[real] * MEMORY_ROUNDINGS * max(1.0, float(np.abs(z).max()))
-        found = float(np.abs(went - expected).max())
-        worst, limit = max(worst, found), max(limit, bound)
+        went, expected = kept[name] - z, later[name] - z
+        bounds = _memory_bounds(question, np.concatenate([z, later[name]], axis=-1), real)
+        differences = np.abs(went - expected).max(axis=-1)
+        place = int((differences / bounds).argmax())
+        found, bound = float(differences[place]), float(bounds[place])
+        if found * limit >= worst * bound:
+            worst, limit = found, bound
         if found <= bound:
             continue
         if np.abs(went).max() <= bound:
@@ -281,6 +465,34 @@ def _memory_row(judged: Judged, question: Question, kept: dict[str, Array], real
     verdict = Verdict.HOLDS if not words else Verdict.FAILS
     law = loop.controller.title
     return _row(judged, f"memory of {law} after a period", verdict, words, worst, limit)
+
+
+def _start_row(judged: Judged, question: Question, real: str) -> Row:
+    """Check that the memory begins as that of the law."""
+    loop, inputs = question.loop, question.inputs
+    s = inputs.tracking(loop.group, loop.inertia, loop.gains, question.forgetful)
+    begun, law = judged.law.initial_memory(s), loop.controller.initial_memory(s)
+    words, worst, limit = [], 0.0, 0.0
+    for name, z in question.memory.items():
+        expected = law.get(name, 0.0) + 0.0 * z
+        differences = np.abs(begun[name] - expected).max(axis=-1)
+        bounds = _memory_bounds(question, expected, real)
+        place = int((differences / bounds).argmax())
+        if differences[place] * limit >= worst * bounds[place]:
+            worst, limit = float(differences[place]), float(bounds[place])
+        if not (differences <= bounds).all():
+            there, here = (values[place].tolist() for values in (begun[name], expected))
+            words.append(f"{name} begins with {there}; the law's begins with {here}")
+    verdict = Verdict.HOLDS if not words else Verdict.FAILS
+    name = f"memory of {loop.controller.title} at the start of a run"
+    return _row(judged, name, verdict, words, worst, limit)
+
+
+def _memory_bounds(question: Question, z: Array, real: str) -> Array:
+    """Return what rounding may change of a memory at each state."""
+    parts = (*(part for part in question.inputs[1:] if part is not None), z)
+    sizes = [np.abs(part).reshape(len(z), -1).max(axis=-1, initial=1.0) for part in parts]
+    return ROUNDOFF[real] * MEMORY_ROUNDINGS * np.maximum.reduce(sizes)
 
 
 def _period(loop: ClosedLoop) -> float:

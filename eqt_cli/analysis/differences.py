@@ -16,7 +16,7 @@ import numpy as np
 
 from eqt_cli.config import yaml_source
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import KeyPath, dotted
+from eqt_cli.core.errors import KeyPath, dotted
 from eqt_cli.results.origin import KnownResult
 
 BLOCK_ENTRIES = 2**22

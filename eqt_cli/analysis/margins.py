@@ -2,23 +2,167 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.analysis.delay_margin import CutLoop, delay_margin
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.linearised import Linearised, linearised
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.error_origin import blamed
-from eqt_cli.core.errors import InputError
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import InputError, Problems
+from eqt_cli.core.registry import blamed
 from eqt_cli.core.reporting import reporter, step
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.horizon import along_reference, check_reference, reference_over_horizon
-from eqt_cli.experiment.local_stability import Along, Growth, growth, left_out, size_of
+from eqt_cli.experiment.local_stability import DERIVATIVE, Along, Growth, growth, left_out, size_of
+
+PER_DECADE = 60
+"""Frequencies per decade at which the gain is evaluated, besides those near poles."""
+
+NEAR_A_POLE = np.array([-30, -10, -3, -1, -0.3, 0.0, 0.3, 1, 3, 10, 30])
+"""Offsets from the frequency of a pole, in units of its decay rate, for more frequencies."""
+
+SLOWEST = 1e-4
+"""Lowest searched frequency, as a share of the slowest pole that is not at the origin."""
+
+AT_ORIGIN = 1e-8
+"""Poles slower than this share of the fastest one are at the origin, but for rounding."""
+
+BISECTIONS = 45
+"""Number of bisections of a frequency interval, down to rounding."""
+
+SAME = 1e-7
+"""Tolerance for equal moduli and for whole numbers of periods."""
+
+TRIED = 20
+"""Numbers of periods that are all tried. A root may cross the boundary twice between two of them;
+then crossings alone do not say which number is the first unstable one."""
+
+ROUNDING = 1e-12
+"""Distance of eigenvalues from the edge of stability within which rounding decides the side."""
+
+
+class CutLoop(NamedTuple):
+    """An open loop ẋ = A x + B u, y = C x, or its map over one period; u = y closes the loop.
+
+    Attributes
+    ----------
+    period
+        Period of a sampled loop, s; None for a continuous loop.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    period: float | None
+
+    def gain(self, frequency: Array) -> Array:
+        """Return G = C (p − A)⁻¹ B, p = iω, or e^(iωT) for a sampled loop, ``(k, m, m)``."""
+        p = 1j * frequency if self.period is None else np.exp(1j * frequency * self.period)
+        identity = np.eye(len(self.A))
+        return self.C @ np.linalg.solve(p[:, None, None] * identity - self.A, self.B)
+
+
+def delay_margin(loop: CutLoop) -> float:
+    """Return the smallest added delay that makes a stable loop unstable, s; infinite if none does.
+
+    A delay τ of the command puts a root at p = iω, or e^(iωT), if an eigenvalue λ of the gain G is
+    e^(iωτ), that is |λ| = 1 and τ = arg λ / ω. The margin is the smallest such τ over all
+    frequencies. For a single command it is the phase margin divided by the crossover frequency. The
+    documentation page on margins derives this.
+
+    For a sampled loop the margin is the largest whole number of periods with which the loop is
+    stable: each of the first `TRIED` numbers is tried; beyond these, the numbers on both sides of
+    every crossing.
+    """
+    found = sorted(_delays(loop))
+    if loop.period is None:
+        return found[0] if found else np.inf
+    phases = [(loop.A, loop.B, loop.C)]
+    for known in range(1, TRIED + 1):
+        if not is_stable(phases, known):
+            return (known - 1) * loop.period
+    for delay in found:
+        periods = int(np.ceil(delay / loop.period - SAME)) - 1
+        if periods < known:
+            continue
+        if not is_stable(phases, periods):  # a crossing was missed
+            first = next(n for n in range(known, periods + 1) if not is_stable(phases, n))
+            return (first - 1) * loop.period
+        known = int(np.floor(delay / loop.period + SAME)) + 1  # at the crossing, rounding decides
+        if not is_stable(phases, known):
+            return periods * loop.period
+    return np.inf
+
+
+def delayed(phases: Sequence[tuple[Array, Array, Array]], periods: int) -> Array:
+    """Return the map over a cycle of a sampled loop whose commands wait so many periods, 1 or more.
+
+    Parameters
+    ----------
+    phases
+        A, B and C of the map over each period of the cycle, ``(…, n, n)`` and so on.
+    """
+    A, B, _ = phases[0]
+    *_, n, m = B.shape
+    found = np.broadcast_to(np.eye(n + periods * m), (*A.shape[:-2], *2 * [n + periods * m]))
+    for A, B, C in phases:
+        x, queue = found[..., :n, :], found[..., n:, :]
+        found = np.concatenate([A @ x + B @ queue[..., :m, :], queue[..., m:, :], C @ x], axis=-2)
+    return found
+
+
+def is_stable(phases: Sequence[tuple[Array, Array, Array]], periods: int) -> bool:
+    """Whether such a loop is stable, at all times."""
+    return bool(np.abs(np.linalg.eigvals(delayed(phases, periods))).max() <= 1.0 - ROUNDING)
+
+
+def _delays(loop: CutLoop) -> Iterator[float]:
+    """Yield all delays that put a root on the stability boundary."""
+    frequencies = _frequencies(loop)
+    above = _moduli(loop, frequencies) > 1.0
+    index, place = np.nonzero(above[:-1] != above[1:])
+    low, high, before = frequencies[index], frequencies[index + 1], above[index, place]
+    for _ in range(BISECTIONS):
+        middle = np.sqrt(low * high)
+        is_low = (_moduli(loop, middle)[np.arange(len(place)), place] > 1.0) == before
+        low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
+    for crossing, values in zip(low, np.linalg.eigvals(loop.gain(low)), strict=True):
+        phases = np.angle(values[np.abs(np.abs(values) - 1.0) < SAME])
+        yield from (phases % (2 * np.pi) / crossing).tolist()
+
+
+def _moduli(loop: CutLoop, frequencies: Array) -> Array:
+    """Return the sorted moduli of the eigenvalues of the gain, ``(k, m)``."""
+    return np.sort(np.abs(np.linalg.eigvals(loop.gain(frequencies))), axis=-1)
+
+
+def _frequencies(loop: CutLoop) -> Array:
+    """Return frequencies from below the slowest pole to a gain below 1, dense near poles."""
+    closed = loop.A + loop.B @ loop.C
+    # Rounding moves an n-fold pole at 0, as that from a tilt to a position, by its n-th root.
+    sizes = np.abs(np.concatenate([loop.A, closed], axis=1)).max(axis=1, keepdims=True)
+    sure = np.abs(loop.A) > DERIVATIVE * sizes
+    poles = np.concatenate([np.linalg.eigvals(loop.A * sure), np.linalg.eigvals(closed)])
+    if loop.period is not None:
+        poles = np.log(poles[np.abs(poles) > 0].astype(complex)) / loop.period
+        highest = np.pi / loop.period
+    else:  # |G| ≤ |B| |C| / (ω − |A|)
+        highest = 2 * (_size(loop.A) + _size(loop.B) * _size(loop.C))
+    sizes = np.abs(poles)
+    lowest = SLOWEST * min(sizes[sizes > AT_ORIGIN * sizes.max()], default=highest)
+    count = int(PER_DECADE * np.log10(highest / lowest)) + 2
+    near = np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * NEAR_A_POLE
+    found = np.concatenate([np.geomspace(lowest, highest, count), near.ravel()])
+    return np.unique(found[(found >= lowest) & (found <= highest)])
+
+
+def _size(matrix: Array) -> float:
+    return float(np.linalg.norm(matrix, 2))
+
 
 LARGEST_FACTOR = 128.0
 """Largest factor by which gains are multiplied or divided."""
@@ -26,8 +170,12 @@ LARGEST_FACTOR = 128.0
 FACTOR_STEP = 2.0
 """Ratio of successive factors at which stability is tested."""
 
-GAINS = {"kp": ("kp",), "kd": ("kd",), "both": ("kp", "kd")}
-"""Gains that are multiplied together, by the name of the margin."""
+MOST_STATES = 300
+"""Largest number of states, with the commands that wait, of a loop whose delays are tried."""
+
+GAINS = {"kp": ("kp",), "kd": ("kd",), "both": ("kp", "kd"), "position": ("position",)}
+"""Gains that are multiplied together, by the name of the margin. Of a cascade, kp and kd are those
+of its attitude law."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +204,10 @@ class LawMargins:
         Growth of small errors at the worst time.
     size
         Real part of the largest eigenvalue, 1/s; for a sampled law its modulus.
-    is_indicative
+    changes
         Whether the linearised loop depends on time. Eigenvalues then prove nothing.
+    is_indicative
+        Whether it does, or what is left out could change whether the loop is stable.
     offset : (m,)
         Steady-state error ε with Q = Q_d exp(ε); 0 for a loop that depends on time.
     delay
@@ -66,6 +216,12 @@ class LawMargins:
         if the loop is unstable without added delay.
     delay_periods
         Delay margin of a sampled law in periods.
+    delay_is_least
+        Whether the loop is stable with this delay, and longer ones were not tried.
+    cycle
+        Time after which all sensors of a sampled law measure together again, s.
+    left_out
+        Places in the configuration of parts that the linear loop leaves out.
     gains
         Gain margins by the names in `GAINS`, for gains that the law uses; empty if the loop is
         unstable.
@@ -74,10 +230,14 @@ class LawMargins:
     label: str
     growth: Growth
     size: float
+    changes: bool
     is_indicative: bool
     offset: Array
     delay: float | None
     delay_periods: int | None
+    delay_is_least: bool
+    cycle: float | None
+    left_out: list[str]
     gains: dict[str, GainMargin]
 
     @property
@@ -98,14 +258,16 @@ class Margins:
         Margins of its laws, in their order.
     period
         Control period, s; None if the laws act continuously.
-    left_out
-        Places in the configuration of parts that the linear loops leave out.
     """
 
     experiment: Experiment
     laws: list[LawMargins]
     period: float | None
-    left_out: list[str]
+
+    @property
+    def left_out(self) -> list[str]:
+        """Places in the configuration of parts that the linear loops leave out."""
+        return list(dict.fromkeys(words for law in self.laws for words in law.left_out))
 
 
 @blamed()
@@ -134,49 +296,78 @@ def margins_of(experiment: Experiment) -> Margins:
     first = next(iter(experiment.loops.values()))
     control = first.vehicle.control
     period = None if control is None else control.period
-    return Margins(experiment, laws, period, list(left_out(first)))
+    return Margins(experiment, laws, period)
 
 
 def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
-    found = linearised(loop, *along)
+    found = linearised(loop, *along, with_estimator=True)
     if not np.isfinite(found.closed).all():
         raise InputError(
             f"the loop of '{label}' has no derivative where all errors are 0, for example because "
             "its law jumps there; leave this law out"
         )
-    largest = growth(found, along.times)
-    delay, gains = None, dict[str, GainMargin]()
+    largest, omitted = growth(found, along.times), list(left_out(loop, found))
+    delay, is_least, gains = None, False, dict[str, GainMargin]()
     if largest.is_stable:
-        cut = zip(found.A, found.B, found.C, strict=True)
-        delay = min(delay_margin(CutLoop(A, B, C, found.period)) for A, B, C in cut)
+        if len(found.phases) > 1:
+            delay, is_least = _delay_of_cycle(found)
+        else:
+            [cut] = found.phases
+            each = zip(cut.A, cut.B, cut.C, strict=True)
+            delay = min(delay_margin(CutLoop(A, B, C, found.period)) for A, B, C in each)
         gains = _gain_margins(found)
     periods = None
     if found.period is not None and delay is not None and np.isfinite(delay):
         periods = round(delay / found.period)
+    decided = largest.is_stable
+    doubts = (each.destabilises if decided else each.stabilises for each in omitted)
     return LawMargins(
         label,
         largest,
         size_of(largest, found),
         not found.is_constant,
+        not found.is_constant or (decided is not None and any(doubts)),
         found.offset[0],
         delay,
         periods,
+        is_least,
+        found.cycle,
+        [each.words for each in omitted],
         gains,
     )
+
+
+def _delay_of_cycle(loop: Linearised) -> tuple[float, bool]:
+    """Return the delay margin of a loop whose sensors are slower than its law, s.
+
+    Every number of periods is tried, above `TRIED` in steps of 5 %, and between the last stable and
+    the first unstable one all again. Whether longer delays were not tried comes with it.
+    """
+    assert loop.period is not None
+    _, n, m = loop.B.shape
+    most = max((MOST_STATES - n) // m, TRIED)
+    known = 0
+    while known < most:
+        tried = known + max(1, known // TRIED)
+        if not is_stable(loop.phases, tried):
+            first = next(k for k in range(known + 1, tried + 1) if not is_stable(loop.phases, k))
+            return (first - 1) * loop.period, False
+        known = tried
+    return known * loop.period, True
 
 
 def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
     """Return the margins of the gains that the law uses."""
     times, found = np.zeros(len(loop.A)), {}
     for which, names in GAINS.items():
+        if np.array_equal(loop.with_gains(dict.fromkeys(names, FACTOR_STEP)).closed, loop.closed):
+            continue
 
         def rate(factor: float, names: tuple[str, ...] = names) -> float:
             return growth(loop.with_gains(dict.fromkeys(names, factor)), times).rate
 
-        changed = loop.with_gains(dict.fromkeys(names, FACTOR_STEP))
-        if not np.array_equal(changed.closed, loop.closed):
-            ends = (_first_unstable(rate, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
-            found[which] = GainMargin(*ends)
+        ends = (_first_unstable(rate, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
+        found[which] = GainMargin(*ends)
     return found
 
 
@@ -190,6 +381,6 @@ def _first_unstable(rate: Callable[[float], float], step: float) -> float | None
     known, end = 0.0, np.log(step)
     while abs(end) <= np.log(LARGEST_FACTOR) * (1 + 1e-12):
         if not rate_at(end) <= 0.0:
-            return float(np.exp(brentq(rate_at, known, end, xtol=1e-5)))
+            return float(np.exp(brentq(rate_at, known, end, xtol=1e-12)))
         known, end = end, end + np.log(step)
     return None

@@ -51,6 +51,15 @@ class TextTable:
         blocks = [Block(block.title, list(map(those, block.rows))) for block in self.blocks]
         return replace(self, header=those(self.header), blocks=blocks)
 
+    def without(self, headings: Sequence[str]) -> "TextTable":
+        """Return the table without some columns, and without the notes that explain them."""
+        kept = [k for k, heading in enumerate(self.header) if heading not in headings]
+        return replace(self.of_columns(kept), notes=self.notes_without(headings))
+
+    def notes_without(self, headings: Sequence[str]) -> list[str]:
+        """Return the notes but those that explain one of these columns: ``d: mean over …``."""
+        return [note for note in self.notes if note.partition(":")[0] not in headings]
+
     def narrow(self, most: int) -> "list[TextTable]":
         """Return the table split into tables of at most so many columns.
 

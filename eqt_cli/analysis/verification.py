@@ -1,7 +1,7 @@
 """Checks the certificates of a configuration, by a few runs, or of a result, by its content."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,33 +10,35 @@ from threadpoolctl import threadpool_limits
 
 from eqt_cli.analysis.certificates import hypothesis_rows, identity_rows, trajectory_rows
 from eqt_cli.analysis.certificates.base import Row, Verdict
+from eqt_cli.analysis.certificates.vehicle import window_times
 from eqt_cli.analysis.code_rows import code_rows
-from eqt_cli.analysis.evidence.exact_states import ExactStates
-from eqt_cli.analysis.evidence.flight import VehicleRuns
-from eqt_cli.analysis.evidence.runs import Runs, Setting
-from eqt_cli.analysis.evidence.sample import sampled
-from eqt_cli.analysis.oracles import Oracle
-from eqt_cli.analysis.oracles.rows import oracle_rows
-from eqt_cli.closed_loop import ErrorSystem
+from eqt_cli.analysis.evidence.runs import Runs, Setting, VehicleRuns
+from eqt_cli.analysis.evidence.sample import ExactStates, Sample, sampled
+from eqt_cli.closed_loop.linearised import linearised
+from eqt_cli.controllers.cascade import Cascade
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array, norm
-from eqt_cli.core.error_origin import blamed
+from eqt_cli.core.registry import blamed
 from eqt_cli.core.reporting import RUNS_DONE, reporter, step
 from eqt_cli.engines import Solution
-from eqt_cli.ensemble.seeds import Stream, generator
+from eqt_cli.ensemble.spread import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.execution.compute_part import Desired, measured, shared_reference
 from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.experiment.horizon import along_reference, reference_over_horizon
+from eqt_cli.experiment.local_stability import growth, small_loops
 from eqt_cli.experiment.study import Study
-from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.settling import as_distance
+from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.results.result import Result
+from eqt_cli.vehicle import Vehicle
 
 RUNS = 20
 """Number of runs per controller that check a configuration, unless it has fewer."""
 
-ERROR_SYSTEM_RUNS = 3
-"""Number of runs per controller whose error system is integrated from its own dynamics."""
+FEW_RUNS = 3
+"""Number of runs per controller that are integrated again, for states that a result does not hold
+and for the nodes of the momentum balance."""
 
 JUDGED = ("energy_residual", "group_drift", "final_pose_error", "final_velocity_error")
 """Metrics of a result that certificates use."""
@@ -44,13 +46,7 @@ JUDGED = ("energy_residual", "group_drift", "final_pose_error", "final_velocity_
 SHOWN = ("lyapunov", "pose_error", "velocity_error")
 """Signals of a result that certificates use if it has them."""
 
-OF_ESTIMATE = (
-    "nees",
-    "nees_dof",
-    "innovations",
-    "innovation_square",
-    "innovation_correlation",
-)
+OF_ESTIMATE = ("nees", "nees_dof", "innovations", "innovation_square", "innovation_correlation")
 """Those of a law that reads the estimate of a filter with a covariance."""
 
 INTEGRATED = "runs integrated again"
@@ -84,23 +80,17 @@ class Verification:
 
 @blamed()
 def verify_experiment(
-    experiment: Experiment,
-    runs: int = RUNS,
-    workers: int = 1,
-    oracles: Sequence[type[Oracle]] = (),
-    exact: bool = False,
+    experiment: Experiment, runs: int = RUNS, workers: int = 1, exact: bool = False
 ) -> Verification:
     """Check every certificate, the trajectories on the first `runs` runs of each controller.
 
     Parameters
     ----------
-    oracles
-        Other programs whose rigid bodies eqt's is compared with.
     exact
         Whether identities are to be proved.
     """
     with threadpool_limits(1):
-        verifier = _Verifier(experiment, runs, workers, oracles, exact)
+        verifier = _Verifier(experiment, runs, workers, exact)
         desired = shared_reference(verifier.study)
         with step(RUNS_DONE, verifier.study.plans.total):
             found = [verifier.of_new_runs(label, desired) for label in experiment.loops]
@@ -109,12 +99,7 @@ def verify_experiment(
 
 @blamed()
 def verify_stored(
-    results: Result,
-    *,
-    trust_plugins: bool,
-    workers: int = 1,
-    oracles: Sequence[type[Oracle]] = (),
-    exact: bool = False,
+    results: Result, *, trust_plugins: bool, workers: int = 1, exact: bool = False
 ) -> Verification:
     """Check every certificate of the experiment, or the point, that a result holds.
 
@@ -128,8 +113,8 @@ def verify_stored(
     experiment = results.experiment(trust_plugins=trust_plugins)
     results.single("one experiment is verified")
     with threadpool_limits(1):
-        runs = min(ERROR_SYSTEM_RUNS, experiment.config.ensemble.runs)
-        verifier = _Verifier(experiment, runs, workers, oracles, exact)
+        runs = min(FEW_RUNS, experiment.config.ensemble.runs)
+        verifier = _Verifier(experiment, runs, workers, exact)
         if results.has("desired_pose"):
             desired = {name: results[name] for name in ("desired_pose", "desired_velocity")}
             for name, values in desired.items():
@@ -149,7 +134,6 @@ class _Verifier:
     experiment: Experiment
     runs: int
     workers: int
-    oracles: Sequence[type[Oracle]]
     exact: bool
     flown: dict[str, tuple[Array, Array]] = field(default_factory=dict)
     """Sample times and flat states of the good runs, by label."""
@@ -157,11 +141,7 @@ class _Verifier:
     @cached_property
     def study(self) -> Study:
         """The first runs of the experiment."""
-        config = self.experiment.config
-        runs = min(self.runs, config.ensemble.runs)
-        ensemble = config.ensemble.model_copy(update={"runs": runs})
-        few = replace(self.experiment, config=config.model_copy(update={"ensemble": ensemble}))
-        return Study(None, few)
+        return Study(None, self.experiment.of_runs(self.runs))
 
     def of_new_runs(self, label: str, reference: Desired) -> Runs:
         """The runs of the study."""
@@ -234,42 +214,41 @@ class _Verifier:
             times=found.get("time", batch.problem.times),
             **{"lyapunov": None, **kept},
             **{name: found[name][good] for name in JUDGED},
-            error_system=self._error_system(batch, solution),
             failed=int(np.count_nonzero(~good)),
             departures=batch.problem.loop.departures,
-            flight=self._flight(batch, solution),
+            vehicle=self._vehicle(batch, solution),
             energy=batch.problem.loop.controller.energy,
             theorem=batch.problem.loop.controller.theorem,
             estimate=estimate if self._of_estimate else None,
             desired_speed=float(np.nanmax(norm(reference["desired_velocity"]))),
+            rate=self._rate(label),
         )
 
-    def _flight(self, batch: Batch, solution: Solution) -> VehicleRuns | None:
+    def _rate(self, label: str) -> float | None:
+        """The rate at which small errors decay, 1/s; None if it is not known, or they grow."""
+        along = along_reference(self.experiment, reference_over_horizon(self.experiment))
+        loop = small_loops(self.experiment, along).get(label)
+        with np.errstate(all="ignore"):
+            found = None if loop is None else linearised(loop, *along)
+        if found is None or not np.isfinite(found.closed).all():
+            return None
+        rate = -growth(found, along.times).rate
+        return rate if rate > 0 else None
+
+    def _vehicle(self, batch: Batch, solution: Solution) -> VehicleRuns | None:
         """The good runs of a loop that is not ideal."""
         if batch.problem.loop.vehicle.is_ideal:
             return None
         good = np.flatnonzero(solution.status == 0)
         seed = self.experiment.config.ensemble.seed
-        return VehicleRuns(batch.problem.select(good), solution.states[good], seed, good)
-
-    def _error_system(self, batch: Batch, solution: Solution) -> float | None:
-        """The largest difference of E, integrated by itself, to that of the closed loop."""
-        chosen = np.flatnonzero(solution.status == 0)[:ERROR_SYSTEM_RUNS]
-        if not len(chosen):
-            return None
-        few, states = batch.problem.select(chosen), solution.states[chosen]
-        loop, times = few.batched_loop(extra_axes=1), few.times
-        system = ErrorSystem.of(few.loop)
-        start = ErrorSystem.of(few.batched_loop()).state_from(few.states, 0.0)
-        problem = replace(few, loop=system, states=start)
-        alone = batch.engine.solve(problem, self.workers)
-        s = loop.tracking(times, states)
-        expected = Semidirect(loop.group).error((s.Q, s.P), (s.Qd, s.Pd))
-        with np.errstate(all="ignore"):
-            return max(
-                float(np.abs(one - other).max() / max(1.0, np.abs(other).max()))
-                for one, other in zip(system.error(alone.states), expected, strict=True)
-            )
+        found = VehicleRuns(batch.problem.select(good), solution.states[good], seed, good)
+        few = np.arange(min(len(good), FEW_RUNS))
+        if not len(few):
+            return found
+        problem = replace(found.problem.select(few), times=window_times(found))
+        again = batch.engine.solve(problem, self.workers)
+        windows = VehicleRuns(problem, again.states, seed, good[few])
+        return replace(found, windows=windows)
 
     def verification(self, runs: list[Runs], desired: Desired) -> Verification:
         """All rows."""
@@ -282,7 +261,6 @@ class _Verifier:
             *identities_of(self.experiment, exact=self.exact),
             *trajectory_rows(runs),
             *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite], rigid)),
-            *self._of_oracles(),
             *self._of_code(),
         ]
         failed = sum(each.failed for each in runs)
@@ -296,11 +274,6 @@ class _Verifier:
             random = _random(self.experiment, index, Stream.CODE)
             yield from code_rows(label, loop, horizon, random, self.flown.get(label))
 
-    def _of_oracles(self) -> Iterator[Row]:
-        """Rows that compare the experiment with another program."""
-        for index, oracle in enumerate(self.oracles, start=len(self.experiment.loops) + 1):
-            yield from oracle_rows(oracle, self.experiment, _random(self.experiment, index))
-
 
 def identities_of(experiment: Experiment, *, exact: bool = False) -> list[Row]:
     """Check every identity of an experiment, which needs no runs.
@@ -312,11 +285,15 @@ def identities_of(experiment: Experiment, *, exact: bool = False) -> list[Row]:
     """
     horizon = float(experiment.times[-1])
     loops = {
-        label: replace(loop, controller=law)
+        label: replace(loop.inside, controller=law)
         for label, loop in experiment.loops.items()
-        if (law := loop.controller.formula) is not None
+        if (law := loop.inside.controller.formula) is not None
     }
-    any_loop = replace(next(iter(experiment.loops.values())), controller=EqT())
+    any_loop = next(iter(experiment.loops.values()))
+    if any_loop.inside is not any_loop:
+        G = any_loop.group
+        any_loop = replace(any_loop, gains=Gains(np.eye(G.size), np.eye(G.dimension)))
+    any_loop = replace(any_loop, controller=EqT())
     samples = []
     for index, (label, loop) in enumerate([("", any_loop), *loops.items()]):
         sample = sampled(label, loop, horizon, _random(experiment, index))
@@ -324,11 +301,19 @@ def identities_of(experiment: Experiment, *, exact: bool = False) -> list[Row]:
             random = _random(experiment, index, Stream.EXACT_STATES)
             sample = replace(sample, exact=ExactStates(label, loop, random))
         samples.append(sample)
-    return identity_rows(samples[0], samples[1:])
+    return identity_rows(samples[0], samples[1:], list(_cascades(experiment, horizon)))
+
+
+def _cascades(experiment: Experiment, horizon: float) -> Iterator[Sample]:
+    """Yield the cascades along the motion of their model."""
+    for index, (label, loop) in enumerate(experiment.loops.items(), start=1):
+        if isinstance(loop.controller, Cascade):
+            of_model = replace(loop, vehicle=Vehicle(forces=loop.controller.known))
+            yield sampled(label, of_model, horizon, _random(experiment, index))
 
 
 def _random(
     experiment: Experiment, index: int, stream: Stream = Stream.CERTIFICATES
 ) -> np.random.Generator:
-    """Return the generator of the states of a law or an oracle; 0 belongs to no law."""
+    """Return the generator of the states of a law; 0 belongs to no law."""
     return generator(experiment.config.ensemble.seed, stream, index)

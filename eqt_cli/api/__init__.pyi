@@ -1,6 +1,5 @@
 """The names of `eqt_cli.api` and the modules that define them."""
 
-from eqt_cli.api.animating import animate as animate
 from eqt_cli.api.checking_logs import check_log as check_log
 from eqt_cli.api.citing import cite as cite
 from eqt_cli.api.comparing import compare as compare
@@ -8,7 +7,7 @@ from eqt_cli.api.comparing import compare_measured as compare_measured
 from eqt_cli.api.comparing import compare_sweep as compare_sweep
 from eqt_cli.api.differing import diff as diff
 from eqt_cli.api.drawing import Shown as Shown
-from eqt_cli.api.drawing import check_figures as check_figures
+from eqt_cli.api.drawing import animate as animate
 from eqt_cli.api.drawing import plot as plot
 from eqt_cli.api.exporting import ExportedFiles as ExportedFiles
 from eqt_cli.api.exporting import export as export
@@ -16,9 +15,9 @@ from eqt_cli.api.fitting import fit as fit
 from eqt_cli.api.fitting import replay as replay
 from eqt_cli.api.linearising import margins as margins
 from eqt_cli.api.loading import Configuration as Configuration
+from eqt_cli.api.loading import ResultPath as ResultPath
 from eqt_cli.api.loading import load_experiment as load_experiment
 from eqt_cli.api.opening import open_results as open_results
-from eqt_cli.api.paths import ResultPath as ResultPath
 from eqt_cli.api.reporting import write_report as write_report
 from eqt_cli.api.running import StoredResult as StoredResult
 from eqt_cli.api.running import choose_executor as choose_executor

@@ -7,15 +7,14 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from eqt_cli.api.paths import path_from
+from eqt_cli.api.loading import path_from
 from eqt_cli.config import yaml_source
-from eqt_cli.core.errors import EqtError, InputError
+from eqt_cli.core.errors import EqtError, InputError, Problems
 from eqt_cli.core.files import text_of
-from eqt_cli.core.problems import Problems
-from eqt_cli.core.validation import validated
+from eqt_cli.core.option_types import validated
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.logs.check import LogCheck, check_text
-from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat, trajectory_format
+from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat, literal
 from eqt_cli.logs.recording import Recording, read_recording
 from eqt_cli.logs.ulog import recording_text
 
@@ -98,7 +97,7 @@ def _read(
     use: Callable[[str, str, TrajectoryFormat, LogMapping], Found],
 ) -> Found:
     """Read a file by its mapping, and note a problem of the mapping at its place."""
-    kind, file = trajectory_format(format), path_from("path", path)
+    kind, file = literal(TrajectoryFormat, "format", format), path_from("path", path)
     parsed, problems = _mapping(mapping)
     problems.raise_if_any()
     smaller = "cut it into parts, leave out columns, or keep every tenth row"

@@ -8,12 +8,12 @@ from typing import Any
 
 from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
-from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.intervals import Resampling
 from eqt_cli.analysis.comparison.maps import Map, compare_map
 from eqt_cli.analysis.measured.explained import Explanation, explained
 from eqt_cli.analysis.measured.run import measured_runs
 from eqt_cli.api.checking_logs import read_measured
-from eqt_cli.api.paths import ResultPath, path_from
+from eqt_cli.api.loading import ResultPath, path_from
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.tuning.folder import TUNE
@@ -27,6 +27,7 @@ def compare(
     controllers: Sequence[str] = (),
     without_start: bool = False,
     point: int | None = None,
+    units: Sequence[str] = (),
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
@@ -47,6 +48,8 @@ def compare(
         Whether to leave out the starting gains of a tuning.
     point
         Point of a sweep, counted from 0.
+    units
+        ``"mN m"`` for every quantity of this dimension, or ``"mean_torque=mN m"`` for one.
     confidence, resamples, seed
         Settings of the bootstrap.
 
@@ -71,7 +74,8 @@ def compare(
     if isinstance(windows, str | Window):
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
-    with open_result(path_from("result", result), point) as results:
+    with open_result(path_from("result", result), point) as opened:
+        results = opened.in_units(units)
         how = Resampling(confidence, resamples, seed)
         labels = chosen_labels(results, controllers, without_start=without_start)
         return compare_results(results, metrics=metrics, windows=parsed, labels=labels, how=how)
@@ -108,6 +112,7 @@ def compare_measured(
     run: int = 0,
     controllers: Sequence[str] = (),
     point: int | None = None,
+    units: Sequence[str] = (),
 ) -> list[Explanation]:
     """Compute how much of a measured tracking error the runs of a result explain.
 
@@ -124,6 +129,8 @@ def compare_measured(
         Labels of the controllers to compare with; all if empty.
     point
         Point of a sweep, counted from 0.
+    units
+        Units of quantities, as for `compare`.
 
     Returns
     -------
@@ -153,7 +160,8 @@ def compare_measured(
             raise opened.error(f"is on group '{opened.group_name}' of a plugin, which is not known")
         recording = read_measured(measured, opened.group, mapping, format)
         chosen = [opened.position_of(name) for name in controllers]
-        return [explained(one) for one in measured_runs(opened, recording, chosen, run)]
+        shown_in = opened.in_units(units).shown_in
+        return [explained(one, shown_in) for one in measured_runs(opened, recording, chosen, run)]
 
 
 def compare_sweep(
@@ -161,6 +169,7 @@ def compare_sweep(
     metrics: Sequence[str],
     *,
     controllers: Sequence[str] = (),
+    units: Sequence[str] = (),
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
@@ -175,7 +184,7 @@ def compare_sweep(
         Names of stored metrics; each gives a map.
     controllers
         Labels or titles of the controllers to compare; all if empty.
-    confidence, resamples, seed
+    units, confidence, resamples, seed
         As for `compare`.
 
     Returns
@@ -194,7 +203,8 @@ def compare_sweep(
     >>> map.labels
     ['eqt', 'gt']
     """
-    with open_result(path_from("result", result)) as results:
+    with open_result(path_from("result", result)) as opened:
+        results = opened.in_units(units)
         if not results.is_sweep:
             raise results.error("is a single experiment; compare its controllers with `compare`")
         how = Resampling(confidence, resamples, seed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eqt_cli.analysis.differences import Differences, differences
-from eqt_cli.api.paths import ResultPath, path_from
+from eqt_cli.api.loading import ResultPath, path_from
 from eqt_cli.results.result import open_result
 
 

@@ -1,4 +1,4 @@
-"""Draws figures of results and experiments, or checks the numbers behind them."""
+"""Draws figures of results and experiments, and animates runs."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eqt_cli.api.checking_logs import read_measured
-from eqt_cli.api.loading import experiment_at
-from eqt_cli.api.paths import ResultPath
-from eqt_cli.config.plugins import load_stored_plugins
+from eqt_cli.api.loading import ResultPath, experiment_at
+from eqt_cli.config.named_files import load_stored_plugins
 from eqt_cli.core.errors import EqtError, EqtWarning, suggestion
 from eqt_cli.core.files import YAML
+from eqt_cli.core.own_files import check_targets
 from eqt_cli.core.reporting import reporter, step
 from eqt_cli.execution.folder import FIGURES
 from eqt_cli.experiment.experiment import Experiment
@@ -23,7 +23,89 @@ from eqt_cli.results.result import Result, open_result, point_folder
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.certificates.base import Row
-    from eqt_cli.plots.kept_numbers import Check
+
+
+from eqt_cli.config.source import source_of
+from eqt_cli.core.errors import ComponentError, Remedy
+from eqt_cli.core.own_files import write_all
+
+
+def animate(
+    result: ResultPath,
+    run: int = 0,
+    controllers: Sequence[str] = (),
+    out: str | os.PathLike[str] | None = None,
+    *,
+    formats: Sequence[str] = ("gif", "html"),
+    seconds: float = 8.0,
+    point: int | None = None,
+    trust_plugins: bool = False,
+) -> list[Path]:
+    """Animate a run: the bodies in the frame of the reference, the error and the torque.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    run
+        Number of the run, counted from 0.
+    controllers
+        Labels of the controllers to show; all if empty.
+    out
+        Output folder. Default: ``figures`` in the result folder.
+    formats
+        ``gif``, or ``html`` for a page.
+    seconds
+        Duration of the GIF, s.
+    point
+        Point of a sweep, counted from 0.
+    trust_plugins
+        Whether to execute plugin sources that are stored in the result.
+
+    Returns
+    -------
+    list of Path
+        The written files, one per format.
+
+    Raises
+    ------
+    EqtError
+        If the result, the run or a controller does not exist, or the group has no body to show.
+
+    Examples
+    --------
+    >>> [file.name for file in eqt_cli.animate("results/paper", run=1, formats=["html"])]
+    ['run1.html']
+    """
+    from eqt_cli.plots.animation.gif import gif
+    from eqt_cli.plots.animation.motion import motion
+    from eqt_cli.report.animation import animation
+
+    contents = {}
+    with open_result(Path(result), point) as opened:
+        if trust_plugins:
+            load_stored_plugins(opened)
+        try:
+            motion(opened, run, controllers)  # checks first that the run can be shown
+        except ComponentError as error:
+            if trust_plugins or not source_of(opened).stored_plugins:
+                raise
+            text = f"{error}; the result holds plugins, which are executed only on request"
+            advice = "read them with `eqt show --plugins`, then add {}"
+            raise EqtError(text, Remedy(advice, "trust_plugins")) from error
+        within = Path(FIGURES) if point is None else point_folder(point)
+        home = opened.path.parent if out is None else Path(out)
+        folder = home / within if out is None else home
+        paths = {format: folder / f"run{run}.{format}" for format in formats}
+        check_targets(paths.values(), home)
+        for format, path in paths.items():
+            if format == "html":
+                contents[path] = animation(opened, run, controllers).encode()
+            else:
+                contents[path] = gif(opened, run, controllers, seconds=seconds)
+    write_all(contents, home)
+    return list(contents)
+
 
 Shown = ResultPath | Study
 """A result to draw, or an experiment, loaded or as a YAML file."""
@@ -47,6 +129,7 @@ def plot(
     log_format: str = "csv",
     trust_plugins: bool = False,
     workers: int = 1,
+    units: Sequence[str] = (),
 ) -> list[Path]:
     """Draw one or several figures of one or several results, and write them to files.
 
@@ -85,6 +168,8 @@ def plot(
         certificates that a figure shows.
     workers
         Number of cores to use for certificates.
+    units
+        Units of quantities, as for `compare`.
 
     Returns
     -------
@@ -101,13 +186,15 @@ def plot(
     >>> [file.name for file in eqt_cli.plot("results/paper", "torque", formats=["pdf", "svg"])]
     ['torque.pdf', 'torque.svg']
     """
-    from eqt_cli.plots.base import Alongside, OfCertificates
+    from eqt_cli.plots.base import Extras, OfCertificates
     from eqt_cli.plots.drawing.style import Style
     from eqt_cli.plots.figures import figures
     from eqt_cli.plots.render import DRAWN, caption_name, render
-    from eqt_cli.plots.save import check_targets
 
     with _opened(result, point) as opened:
+        if units and not any(isinstance(one, Result) for one in opened):
+            raise EqtError("--unit: is of results; a reference is drawn as it is written")
+        opened = [one.in_units(units) if isinstance(one, Result) else one for one in opened]
         _rename(opened, titles or {})
         first = opened[0]
         if trust_plugins:
@@ -149,64 +236,11 @@ def plot(
                     width,
                     given,
                     style=look,
-                    alongside=Alongside(rows, beside),
+                    extras=Extras(rows, beside),
                     caption=caption,
                 )
                 reporter().advance(1)
         return files
-
-
-def check_figures(
-    result: Shown | Sequence[Shown],
-    figures: Mapping[str, Mapping[str, Any]],
-    folder: str | os.PathLike[str],
-    *,
-    point: int | Sequence[int] | None = None,
-    measured: str | os.PathLike[str] | None = None,
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
-    log_format: str = "csv",
-) -> dict[str, Check]:
-    """Compare the numbers behind figures with those that `plot` wrote as ``json``.
-
-    Parameters
-    ----------
-    result, point, measured, mapping, log_format
-        As for `plot`.
-    figures
-        Names of the figures, with the options of each.
-    folder
-        Folder of the stored numbers.
-
-    Returns
-    -------
-    dict of str to Check
-        The differences, by figure.
-
-    Raises
-    ------
-    EqtError
-        If a result, figure, option or file does not exist.
-
-    Examples
-    --------
-    >>> files = eqt_cli.plot("results/paper", "torque", formats=["json"])
-    >>> checks = eqt_cli.check_figures("results/paper", {"torque": {}}, files[0].parent)
-    >>> checks["torque"].differences
-    []
-    """
-    from eqt_cli.plots.base import Alongside
-    from eqt_cli.plots.render import check
-
-    with _opened(result, point) as opened:
-        beside = (
-            None
-            if measured is None
-            else _recording(opened[0], figures, measured, mapping, log_format)
-        )
-        kept, alongside = Path(folder), Alongside(measured=beside)
-        return {
-            name: check(opened, name, kept, given, alongside) for name, given in figures.items()
-        }
 
 
 def _rename(shown: Sequence[Result | Experiment], titles: Mapping[str, str]) -> None:
@@ -234,9 +268,10 @@ def _recording(
     kind: str,
 ) -> Recording:
     """Read the recording of a figure, on the group of the result or experiment."""
-    from eqt_cli.plots.base import OfMeasured, figures
+    from eqt_cli.plots.base import figures
+    from eqt_cli.plots.figures.measured import MeasuredFigure
 
-    if not any(issubclass(figures.get(name), OfMeasured) for name in wanted):
+    if not any(issubclass(figures.get(name), MeasuredFigure) for name in wanted):
         raise EqtError("measured: no figure that is drawn shows a recording; 'measured' does")
     if shown.group is None:
         raise EqtError(f"measured: group '{shown.group_name}' of a plugin is not known here")

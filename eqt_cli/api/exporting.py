@@ -13,12 +13,11 @@ import numpy as np
 from eqt_cli.analysis.evidence.program_error import ARITHMETICS
 from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.own_files import check_targets, write_all
 from eqt_cli.experiment.study import Study
 from eqt_cli.exporting.files import files
-from eqt_cli.exporting.folder import check_folder, write_into
 from eqt_cli.exporting.laws import ExportedLaw, exported
-from eqt_cli.exporting.measured import Measured, measured
-from eqt_cli.exporting.readme import NAME, readme
+from eqt_cli.exporting.readme import NAME, Footprint, measured, readme
 
 
 @dataclass(frozen=True)
@@ -95,21 +94,21 @@ def export(
         raise EqtError(f"real: expected {' or '.join(ARITHMETICS)}, got {real!r}")
     experiment = experiment_at(target, point, trust_plugins=trust_plugins)
     folder = Path(out) if out is not None else Path("exported", experiment.name)
-    check_folder(folder)
+    check_targets([folder / NAME], folder)  # fails before the work, not after it
     labels = [controllers] if isinstance(controllers, str) else controllers
     found = exported(experiment, labels, ARITHMETICS[real], reference=reference, workers=workers)
     texts: dict[str, str] = {}
-    costs: dict[str, Measured | None] = {}
+    costs: dict[str, Footprint | None] = {}
     for law in found.laws:
         own = files(law)
         costs[law.label] = measured(law.name, own)
         texts |= own
     texts[NAME] = readme(found, costs)
-    write_into(folder, texts)
+    write_all({folder / name: text.encode() for name, text in texts.items()}, folder)
     return ExportedFiles(folder, list(texts), [_record(law, costs) for law in found.laws])
 
 
-def _record(law: ExportedLaw, costs: Mapping[str, Measured | None]) -> dict[str, object]:
+def _record(law: ExportedLaw, costs: Mapping[str, Footprint | None]) -> dict[str, object]:
     cost = costs[law.label]
     return {
         "label": law.label,

@@ -12,15 +12,15 @@ from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.loading import Configuration, source_from
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.controllers.replay import Replay, hold_named
+from eqt_cli.controllers.replay import Hold, Replay
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.fitting import plant_fit
 from eqt_cli.fitting.growth import Growth, growth
-from eqt_cli.fitting.plant_fit import PlantFit
+from eqt_cli.fitting.plant_fit import PlantFit, check_folder, write_fitted
 from eqt_cli.fitting.prediction import Windows, driven
-from eqt_cli.fitting.written import check_folder, write_fitted
+from eqt_cli.logs.mapping import literal
 from eqt_cli.tuning.law_search import without_search
 
 WINDOWS, OF_FIT = 10, 20
@@ -37,6 +37,7 @@ def replay(
     *,
     format: str = "csv",
     hold: str = "zero",
+    delay: float = 0.0,
     horizon: float | None = None,
     windows: int = MOST_WINDOWS,
     out: str | os.PathLike[str] | None = None,
@@ -58,6 +59,9 @@ def replay(
         As for `check_log`.
     hold
         Wrench between two rows: ``zero`` holds the first one, ``linear`` interpolates.
+    delay
+        The time by which the wrench was recorded late, s: at t acts the recorded wrench of
+        t + delay. The plant is moved in time for it, with whatever else depends on time.
     horizon
         Longest prediction, s. Default: a tenth of the recording.
     windows
@@ -97,8 +101,8 @@ def replay(
     )
     if windows < 1:
         raise EqtError(f"windows: expected 1 or more, got {windows}")
-    found = growth(plant(base), base.engine, cut, windows)
-    found = replace(found, notes=tuple(_notes(base, cut)))
+    found = growth(plant(base), base.engine, cut, windows, delay)
+    found = replace(found, notes=(*found.notes, *_notes(base, cut)))
     if out is not None:
         from eqt_cli.plots.growth import save_growth  # slow to import
 
@@ -114,6 +118,7 @@ def fit(
     *,
     format: str = "csv",
     hold: str = "zero",
+    delay: float = 0.0,
     horizon: float | None = None,
     out: str | os.PathLike[str] | None = None,
     trust_plugins: bool = False,
@@ -125,11 +130,11 @@ def fit(
 
     Parameters
     ----------
-    config, measured, mapping, format, hold, trust_plugins
+    config, measured, mapping, format, hold, delay, trust_plugins
         As for `replay`. The search starts at the numbers of the configuration.
     over
         Keys of numbers in `inertia`, `plant` and `actuators`; ``linear[0:3]`` is one number for
-        three entries.
+        three entries. ``delay`` finds the delay of the wrench, from the one that is given.
     horizon
         Length of a window, s. Default: a twentieth of the recording.
     out
@@ -163,9 +168,9 @@ def fit(
     )
     folder = Path("results") / f"{base.name}-fitted" if out is None else Path(out)
     check_folder(folder)
-    found = plant_fit.fit(base, over, cut, plant)
+    found = plant_fit.fit(base, over, cut, plant, delay)
     written = write_fitted(found, folder)
-    return replace(found, config=written, notes=tuple(_notes(base, cut)))
+    return replace(found, config=written, notes=(*found.notes, *_notes(base, cut)))
 
 
 def _opened(
@@ -188,7 +193,7 @@ def _opened(
         horizon = float(recording.times[-1] - recording.times[0]) / parts
     if not horizon > 0:
         raise EqtError(f"horizon: expected a time greater than 0 s, got {horizon:g}")
-    law = Replay(file=recording.name, hold=hold_named(hold)).with_recording(recording)
+    law = Replay(file=recording.name, hold=literal(Hold, "hold", hold)).with_recording(recording)
     return base, Windows(recording, horizon), lambda one: driven(one, law)
 
 

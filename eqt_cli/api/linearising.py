@@ -8,10 +8,7 @@ from eqt_cli.experiment.study import Study
 
 
 def margins(
-    target: Study | Configuration,
-    *,
-    point: int | None = None,
-    trust_plugins: bool = False,
+    target: Study | Configuration, *, point: int | None = None, trust_plugins: bool = False
 ) -> Margins:
     """Compute eigenvalues, delay margin and gain margins of the loop of every law.
 

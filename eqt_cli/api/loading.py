@@ -1,4 +1,4 @@
-"""Loads experiments from configurations in files, results or mappings."""
+"""Loads experiments from configurations in files, results or mappings; paths as arguments."""
 
 from __future__ import annotations
 
@@ -8,13 +8,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.api.paths import path_from
 from eqt_cli.config import yaml_source
 from eqt_cli.config.source import ConfigSource, overridden, read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
+
+ResultPath = str | os.PathLike[str]
+"""A result folder, or the file in it. A `StoredResult` is a path, too."""
+
+
+def path_from(name: str, given: Any, expected: str = "a path") -> Path:
+    """Convert an argument to a path."""
+    try:
+        return Path(given)
+    except TypeError:
+        raise EqtError(f"{name}: expected {expected}, got {given!r}") from None
+
 
 Configuration = str | os.PathLike[str] | Mapping[str, Any]
 """A YAML file, a result whose stored configuration is used, or the configuration as a mapping."""

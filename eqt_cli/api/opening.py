@@ -74,7 +74,8 @@ def open_results(
         return open_result(Path(path), point)
     if not installed:
         raise EqtError(
-            "xarray is not installed: pip install xarray h5netcdf, or open with kind='arrays'"
+            "xarray is not installed (extra xarray): pip install xarray h5netcdf, or open with "
+            "kind='arrays'"
         )
     import xarray
 

@@ -8,12 +8,16 @@ from pathlib import Path
 
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.verification import verify_stored
-from eqt_cli.api.paths import ResultPath
-from eqt_cli.config.plugins import load_stored_plugins
+from eqt_cli.api.loading import ResultPath
+from eqt_cli.config.named_files import load_stored_plugins
 from eqt_cli.core.errors import EqtError, EqtWarning
+from eqt_cli.core.own_files import check_targets, write_all
 from eqt_cli.core.reporting import reporter
 from eqt_cli.execution.folder import REPORT
 from eqt_cli.results.result import open_result, point_folder
+
+QUICK = "The certificates were left out (--quick); `eqt verify` computes them."
+"""What a quick page says in place of certificates."""
 
 
 def write_report(
@@ -28,6 +32,8 @@ def write_report(
     point: int | None = None,
     trust_plugins: bool = False,
     workers: int = 1,
+    quick: bool = False,
+    units: Sequence[str] = (),
 ) -> Path:
     """Write the report of a result: one HTML page with figures, comparison and certificates.
 
@@ -50,6 +56,10 @@ def write_report(
         result with plugins has no certificates, and says why.
     workers
         Number of cores to use.
+    quick
+        Whether to leave out the certificates, for which some runs are integrated again.
+    units
+        Units of quantities, as for `compare`.
 
     Returns
     -------
@@ -66,7 +76,6 @@ def write_report(
     >>> eqt_cli.write_report("results/paper", author="Ada Lovelace").name
     'report.html'
     """
-    from eqt_cli.plots.save import check_targets, write
     from eqt_cli.report import report
     from eqt_cli.report.figures import named
 
@@ -77,10 +86,11 @@ def write_report(
         check_targets([path], home)  # fails before the work, not after it
         if trust_plugins:
             load_stored_plugins(opened)
+        shown = opened.in_units(units)
         wanted = named(figures) if figures else None
         rows: list[Row] = []
-        reason = ""
-        if not opened.is_sweep:
+        reason = QUICK if quick and not opened.is_sweep else ""
+        if not (quick or opened.is_sweep):
             try:
                 rows = verify_stored(opened, trust_plugins=trust_plugins, workers=workers).rows
             except EqtError as error:
@@ -88,6 +98,6 @@ def write_report(
                 why = "the page has no certificates; the result could not be verified: "
                 why += str(error.args[0])
                 reporter().remark(EqtWarning(why, *error.remedies, lines=error.lines))
-        page = report(opened, wanted, rows, reason, author, notes, title, date)
-    write({path: page.encode()}, home)
+        page = report(shown, wanted, rows, reason, author, notes, title, date)
+    write_all({path: page.encode()}, home)
     return path

@@ -9,21 +9,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eqt_cli.api.loading import Configuration, load_experiment
+from eqt_cli.api.loading import Configuration, ResultPath, load_experiment
 from eqt_cli.api.opening import open_results
-from eqt_cli.api.paths import ResultPath
 from eqt_cli.config.source import config_in
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.option_types import component
 from eqt_cli.core.reporting import reporter
-from eqt_cli.core.validation import component
 from eqt_cli.execution.executors import Executor, executors
 from eqt_cli.execution.folder import CONFIG, ResultFolder
-from eqt_cli.execution.run_study import (
-    Execution,
-    Shard,
-    execute,
-    pack_folder,
-)
+from eqt_cli.execution.run_study import Execution, Shard, execute, pack_folder
 from eqt_cli.experiment.horizon import remarks
 from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study

@@ -10,13 +10,12 @@ from eqt_cli.api.loading import Configuration, source_from
 from eqt_cli.api.running import choose_executor
 from eqt_cli.execution.executors import Executor
 from eqt_cli.experiment.study import Study
-from eqt_cli.tuning.generations import Computing
-from eqt_cli.tuning.search import Search
+from eqt_cli.tuning.generations import Computing, Conclude, Found, carry_out
 from eqt_cli.tuning.searches import Searches
-from eqt_cli.tuning.searching import Conclude, Found, carry_out
+from eqt_cli.tuning.tune import Search
 from eqt_cli.tuning.tune import tune as tuned
+from eqt_cli.tuning.worst import WorstSearch
 from eqt_cli.tuning.worst import worst as worst_runs
-from eqt_cli.tuning.worst_search import WorstSearch
 
 S = TypeVar("S", bound=Searches[Any])
 

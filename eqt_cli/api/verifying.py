@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
-from eqt_cli.analysis.oracles import oracle_named
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.core.errors import EqtError
@@ -20,7 +19,6 @@ def verify(
     point: int | None = None,
     trust_plugins: bool = False,
     workers: int = 1,
-    oracle: str | Sequence[str] = (),
     exact: bool = False,
 ) -> Verification:
     """Check the paper's statements on an experiment or on the runs of a result.
@@ -38,8 +36,6 @@ def verify(
         Whether to execute plugin sources that are stored in a result file.
     workers
         Number of cores to use.
-    oracle
-        ``mujoco``, ``pinocchio`` or both: programs with whose rigid bodies eqt is compared.
     exact
         Whether to prove identities with exact numbers. Proved rows have ``degree``, ``points`` and
         ``probability``.
@@ -59,8 +55,6 @@ def verify(
     >>> eqt_cli.verify("results/paper").failures
     []
     """
-    names = [oracle] if isinstance(oracle, str) else oracle
-    oracles = [oracle_named(name) for name in names]
     if not isinstance(target, (Study, Mapping)):
         path = Path(target)
         if path.suffix == ".h5" or path.is_dir():
@@ -68,12 +62,8 @@ def verify(
                 raise EqtError(f"{path}: a result is verified as it is; leave runs out")
             with open_result(path, point) as opened:
                 return verify_stored(
-                    opened,
-                    trust_plugins=trust_plugins,
-                    workers=workers,
-                    oracles=oracles,
-                    exact=exact,
+                    opened, trust_plugins=trust_plugins, workers=workers, exact=exact
                 )
     experiment = experiment_at(target, point, trust_plugins=trust_plugins)
     count = min(runs or RUNS, experiment.config.ensemble.runs)
-    return verify_experiment(experiment, count, workers, oracles, exact)
+    return verify_experiment(experiment, count, workers, exact)

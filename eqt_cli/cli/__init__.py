@@ -39,7 +39,8 @@ def _show(message: Warning | str, category: type[Warning], *place: Any, **more: 
     """Print a library's warning, without the line of code that warned."""
     from eqt_cli.cli.shared.output import say
 
-    say(f"{category.__name__}: {message}")
+    if category is not RuntimeWarning:  # of NumPy: the numbers themselves tell the same
+        say(f"{category.__name__}: {message}")
 
 
 def _run() -> None:
@@ -61,7 +62,7 @@ def _run() -> None:
         _tell(error)
         sys.exit(error.exit_code)
     except OSError as error:
-        from eqt_cli.core.replacement import NO_SPACE
+        from eqt_cli.core.files import NO_SPACE
 
         if error.filename is not None:  # a name given by the user, such as one too long
             refused = EqtError(f"{error.filename}: cannot be used: {str(error.strerror).lower()}")

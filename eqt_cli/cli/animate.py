@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.help import RESULT, SELECTION
 from eqt_cli.cli.shared.output import print_found
 
 
@@ -18,28 +17,27 @@ class Format(StrEnum):
 
 def animate(
     result: options.Result,
-    run: Annotated[
-        int,
-        options.valued("--run", "K", "Run, counted from 0.", SELECTION),
-    ] = 0,
+    run: Annotated[int, options.option("--run")] = 0,
     controller: options.Controllers = None,
-    format: Annotated[
-        list[Format] | None,
-        options.valued("--format", "NAME", "gif or html. Repeatable. Default: both.", RESULT),
-    ] = None,
-    seconds: Annotated[
-        float,
-        options.valued(
-            "--seconds", "S", "Duration of the GIF in seconds.", RESULT, min=0.2, max=120
-        ),
-    ] = 8.0,
-    out: Annotated[Path | None, options.out("Output folder. Default: RESULT/figures.")] = None,
+    format: Annotated[list[Format] | None, options.option("--format")] = None,
+    seconds: Annotated[float, options.option("--seconds", min=0.2, max=120)] = 8.0,
+    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
     point: options.Point = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Show one run as a moving picture: bodies, tracking error and torque over time."""
+    """Show one run as a moving picture: bodies, tracking error and torque over time.
+
+    Options
+    -------
+    What to show
+        --run K  Run, counted from 0.
+    Result
+        --format NAME  gif or html. Repeatable. Default: both.
+        --seconds S  Duration of the GIF in seconds.
+        --out DIR  Output folder. Default: RESULT/figures.
+    """
     from eqt_cli import api
 
     files = api.animate(

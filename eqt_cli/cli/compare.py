@@ -8,29 +8,16 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.help import OUTPUT, SELECTION, STATISTICS
-from eqt_cli.cli.shared.output import (
-    count_of,
-    laid_out,
-    print_json,
-    print_records,
-    print_text,
-    print_verbatim,
-    room_of_tables,
-    say,
-)
+from eqt_cli.cli.shared import options, output
 from eqt_cli.cli.shared.table_formats import as_csv, as_latex
-from eqt_cli.cli.shared.unbroken import folded
 from eqt_cli.core.errors import EqtError, suggestion
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
-    from eqt_cli.analysis.comparison.bootstrap import Resampling
+    from eqt_cli.analysis.comparison.intervals import Resampling
     from eqt_cli.analysis.comparison.maps import Map
     from eqt_cli.analysis.comparison.notation import Plain
     from eqt_cli.analysis.text_tables import TextTable
-    from eqt_cli.results.quantity import Quantity
     from eqt_cli.results.result import Result
 
 
@@ -71,108 +58,70 @@ class Rows(StrEnum):
 def compare(
     result: options.Result,
     more: options.MoreResults = None,
-    metric: Annotated[
-        list[str] | None,
-        options.valued(
-            "--metric", "NAME", "Metric to compare; --list shows all. Repeatable.", SELECTION, "-m"
-        ),
-    ] = None,
-    window: Annotated[
-        list[str] | None,
-        options.valued(
-            "--window",
-            "A:B",
-            "Time window in seconds, such as 0:5, 5: or : for the whole run. Repeatable.",
-            SELECTION,
-            "-w",
-        ),
-    ] = None,
+    metric: Annotated[list[str] | None, options.option("--metric", "-m")] = None,
+    window: Annotated[list[str] | None, options.option("--window", "-w")] = None,
     controller: options.Controllers = None,
-    without_start: Annotated[
-        bool,
-        options.flag("--without-start", "Of a tuning, leave out the starting gains.", SELECTION),
-    ] = False,
-    rows: Annotated[
-        Rows | None,
-        options.valued(
-            "--rows",
-            "NAME",
-            "Rows of the table of means: measures or controllers. Default: controllers in LaTeX.",
-            OUTPUT,
-        ),
-    ] = None,
-    against: Annotated[
-        list[str] | None,
-        options.valued(
-            "--against",
-            "LAW",
-            "Show only pairs with this controller, or with --measured only its run. Repeatable.",
-            SELECTION,
-        ),
-    ] = None,
-    table: Annotated[
-        Table | None,
-        options.valued("--table", "NAME", f"Print only this table: {', '.join(Table)}.", SELECTION),
-    ] = None,
-    format: Annotated[
-        Format,
-        options.valued("--format", "NAME", "text, csv or latex.", OUTPUT),
-    ] = Format.TEXT,
+    without_start: Annotated[bool, options.option("--without-start")] = False,
+    rows: Annotated[Rows | None, options.option("--rows")] = None,
+    against: Annotated[list[str] | None, options.option("--against")] = None,
+    table: Annotated[Table | None, options.option("--table")] = None,
+    format: Annotated[Format, options.option("--format")] = Format.TEXT,
     point: options.Point = None,
-    confidence: Annotated[
-        float,
-        options.valued("--confidence", "P", "Confidence level of each interval.", STATISTICS),
-    ] = 0.95,
-    resamples: Annotated[
-        int,
-        options.valued("--resamples", "N", "Number of bootstrap resamples.", STATISTICS),
-    ] = 9999,
-    seed: Annotated[
-        int,
-        options.valued("--seed", "N", "Random seed of the bootstrap.", STATISTICS, min=0),
-    ] = 0,
-    robust: Annotated[
-        bool,
-        options.flag(
-            "--robust", "For a sweep: the range over which the runs of each law settle.", SELECTION
-        ),
-    ] = False,
-    share: Annotated[
-        float,
-        options.valued("--share", "P", "Share of runs that must settle, for --robust.", STATISTICS),
-    ] = 0.9,
+    unit: options.Units = None,
+    confidence: Annotated[float, options.option("--confidence")] = 0.95,
+    resamples: Annotated[int, options.option("--resamples")] = 9999,
+    seed: Annotated[int, options.option("--seed", min=0)] = 0,
+    robust: Annotated[bool, options.option("--robust")] = False,
+    share: Annotated[float, options.option("--share")] = 0.9,
     measured: options.Measured = None,
     mapping: options.Mapping = None,
     log_format: options.LogFormat = "csv",
-    run: Annotated[
-        int,
-        options.valued("--run", "K", "Run for --measured, counted from 0.", SELECTION),
-    ] = 0,
-    list_: Annotated[
-        bool,
-        options.flag("--list", "List the metrics of this result.", SELECTION),
-    ] = False,
+    run: Annotated[int, options.option("--run")] = 0,
+    list_: Annotated[bool, options.option("--list")] = False,
     json: options.Json = False,
-    verbose: Annotated[
-        bool,
-        options.flag("--verbose", "Print all pairs and claims as tables.", OUTPUT, "-v"),
-    ] = False,
+    verbose: Annotated[bool, options.option("--verbose", "-v")] = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Compare the controllers of a result run by run, and test the paper's claims.
 
-    This prints the findings and the means; --verbose also prints every pair and every claim.
+    This prints the differences from the first controller, the means, and what the runs say about
+    the paper's claims. --verbose prints every pair and every claim.
 
     For a sweep, this shows which law is best at each point; --point selects one point.
 
     With --measured, it shows how much of the tracking error in a recording one run of each
     controller explains.
+
+    Options
+    -------
+    What to show
+        --metric NAME  Metric to compare; --list shows all. Repeatable.
+        --window A:B  Time window in seconds, such as 0:5, 5: or : for the whole run. Repeatable.
+        --without-start  Of a tuning, leave out the starting gains.
+        --against LAW  Show only pairs with this controller, or with --measured only its run.
+            Repeatable.
+        --table NAME  Print only this table: controllers, pairs, claims, fronts, winners, points.
+        --robust  For a sweep: the range over which the runs of each law settle.
+        --run K  Run for --measured, counted from 0.
+        --list  List the metrics of this result.
+    Output
+        --rows NAME  Rows of the table of means: measures or controllers. Default: controllers in
+            LaTeX.
+        --format NAME  text, csv or latex.
+        --verbose  Print all pairs and claims as tables.
+    Statistics
+        --confidence P  Confidence level of each interval.
+        --resamples N  Number of bootstrap resamples.
+        --seed N  Random seed of the bootstrap.
+        --share P  Share of runs that must settle, for --robust.
     """
     from eqt_cli import api
-    from eqt_cli.analysis.comparison.bootstrap import Resampling
+    from eqt_cli.analysis.comparison.intervals import Resampling
     from eqt_cli.analysis.comparison.notation import Latex, Plain
 
-    result = options.the_one("compare", [result, *(more or ())], " and compares its controllers")
+    result = options.only_result(
+        "compare", [result, *(more or ())], " and compares its controllers"
+    )
     if json and format is not Format.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
     if list_:
@@ -183,12 +132,16 @@ def compare(
     write = Latex() if format is Format.LATEX else Plain()
     recorded = measured, mapping, log_format, run
     narrowed = bool(metric or window or table or robust)
-    found = _of_recording(result, recorded, narrowed, against or (), point, write, whole=verbose)
+    found = _of_recording(
+        result, recorded, narrowed, against or (), point, write, unit or (), whole=verbose
+    )
     if found is None and robust:
         found = _robustness(result, share, confidence, write)
     elif found is None and point is None:
         narrow = bool(window or against or without_start)
-        found = _of_whole(result, metric or (), table, controller or (), narrow, how, write)
+        found = _of_whole(
+            result, metric or (), table, controller or (), narrow, how, write, unit or ()
+        )
     if found is None:
         _require_table_of_experiment(table)
         comparison = api.compare(
@@ -198,6 +151,7 @@ def compare(
             controllers=controller or (),
             without_start=without_start,
             point=point,
+            units=unit or (),
             **vars(how),
         )
         against = _labels(comparison, against or ())
@@ -208,15 +162,15 @@ def compare(
             comparison, table, against, format, write, whole=whole, laws_as_rows=as_rows
         )
     if json:
-        print_json({"path": str(result), **found.document})
+        output.print_json({"path": str(result), **found.document})
     elif format is Format.CSV:
-        print_verbatim(as_csv(found.records))
+        output.print_verbatim(as_csv(found.records))
     else:
-        if found.findings:
-            print_text(*found.findings, "")
         _print_tables(found.tables, format)
+        if found.findings:
+            output.print_text(*([""] * bool(found.tables)), *found.findings)
     for remark in () if json else found.remarks:
-        say(remark)
+        output.say(remark)
 
 
 def _of_recording(
@@ -226,6 +180,7 @@ def _of_recording(
     laws: Sequence[str],
     point: int | None,
     write: Plain,
+    units: Sequence[str],
     *,
     whole: bool,
 ) -> _Found | None:
@@ -243,7 +198,7 @@ def _of_recording(
             "out"
         )
     found = api.compare_measured(
-        result, measured, mapping, format=kind, run=run, controllers=laws, point=point
+        result, measured, mapping, format=kind, run=run, controllers=laws, point=point, units=units
     )
     axes = whole or len(found) == 1
     table = explained_table(found, write, axes=axes)
@@ -254,10 +209,10 @@ def _of_recording(
 
 def _print_tables(tables: Sequence[TextTable], format: Format) -> None:
     if format is Format.LATEX:
-        print_verbatim("\n\n".join(map(as_latex, tables)))
+        output.print_verbatim("\n\n".join(map(as_latex, tables)))
         return
     for number, table in enumerate(tables):
-        print_text(*([""] * (number > 0)), laid_out(table))
+        output.print_text(*([""] * (number > 0)), output.laid_out(table))
 
 
 class _Found(NamedTuple):
@@ -278,11 +233,13 @@ def _of_whole(
     narrowed: bool,
     how: Resampling,
     write: Plain,
+    units: Sequence[str],
 ) -> _Found | None:
     """Return the findings on a sweep or on fronts as a whole; None for other results."""
     from eqt_cli import api
 
-    with api.open_results(path, "arrays") as result:
+    with api.open_results(path, "arrays") as opened:
+        result = opened.in_units(units)
         plain = not (metrics or laws or narrowed) and table in (None, Table.FRONTS)
         found = _of_fronts(result, how, write) if plain else None
         if found or not result.is_sweep:
@@ -293,7 +250,9 @@ def _of_whole(
                 "one experiment; choose a point of the sweep with --point, or --table winners or "
                 "points"
             )
-        maps = api.compare_sweep(path, metrics or (MAPPED,), controllers=laws, **vars(how))
+        maps = api.compare_sweep(
+            path, metrics or (MAPPED,), controllers=laws, units=units, **vars(how)
+        )
         return _of_sweep(maps, result, table, write)
 
 
@@ -317,22 +276,13 @@ def _of_sweep(maps: Sequence[Map], result: Result, table: Table | None, write: P
 
 def _print_metrics(results: Result, json: bool) -> None:
     from eqt_cli.analysis.comparison.notation import Plain
-
-    write = Plain()
-    rows = [
-        [measure.name, write.name(measure), _windows(measure)]
-        for measure in results.comparable.values()
-    ]
-    print_records(["metric", "is", "window"], rows, json=json)
-
-
-def _windows(measure: Quantity) -> str:
-    """Return the time windows over which a measure can be taken."""
     from eqt_cli.results.time_windows import WHOLE
 
-    if measure.windowed:
-        return "any"
-    return "whole run" if measure.window == WHOLE else f"{measure.window} s"
+    write, rows = Plain(), []
+    for each in results.comparable.values():
+        window = "whole run" if each.window == WHOLE else f"{each.window} s"
+        rows.append([each.name, write.name(each), "any" if each.windowed else window])
+    output.print_records(["metric", "is", "window"], rows, json=json)
 
 
 def _labels(comparison: Comparison, names: Sequence[str]) -> list[str]:
@@ -360,39 +310,32 @@ def _of_experiment(
 ) -> _Found:
     """Return the findings on one experiment.
 
-    `whole` is None if a user chose a part; else the findings come with all tables (True) or the
-    means only (False).
+    `whole` is None if a user chose a part; else the findings come with all tables (True), or with
+    the means and the differences from the first controller (False).
     """
     from eqt_cli.analysis.comparison.records import records
     from eqt_cli.analysis.comparison.tables import text_tables
 
     rows = records(comparison)
     # A table of all pairs of many controllers is long: by default, pairs with the first one.
-    narrowed = whole is None and table is None and format is Format.TEXT
+    narrowed = not whole and table is None and format is Format.TEXT
     shown_pairs = against or (comparison.labels[:1] if narrowed else ())
-    made = text_tables(comparison, write, shown_pairs, laws_as_rows=laws_as_rows)
     briefly = whole is False
-    wanted = [Table.CONTROLLERS] if briefly else [table] if table else list(made)
+    made = text_tables(comparison, write, shown_pairs, laws_as_rows=laws_as_rows, brief=briefly)
+    wanted = [Table.PAIRS, Table.CONTROLLERS] if briefly else [table] if table else list(made)
     shown = [made[name] for name in wanted if name in made]
     document = {
-        "title": comparison.title,
-        "group": comparison.group,
+        **{name: getattr(comparison, name) for name in ("title", "group")},
         "controllers": comparison.kinds,
-        "runs": comparison.runs,
-        "failed": comparison.failed,
-        "horizon": comparison.horizon,
-        "bootstrap": {
-            "method": "expanded BCa",
-            "confidence": comparison.confidence,
-            "resamples": comparison.resamples,
-            "seed": comparison.seed,
-        },
+        **{name: getattr(comparison, name) for name in ("runs", "failed", "horizon")},
+        "bootstrap": {"method": "expanded BCa"}
+        | {name: getattr(comparison, name) for name in ("confidence", "resamples", "seed")},
         "levels": rows[Table.CONTROLLERS],
         "pairs": rows[Table.PAIRS],
         "claims": rows[Table.CLAIMS],
         "missing": comparison.missing,
     }
-    remarks = [folded(sentence, PIPED) for sentence in comparison.missing]
+    remarks = [output.folded(sentence, PIPED) for sentence in comparison.missing]
     if format is Format.CSV:
         more = "these are the pairs; --table controllers and --table claims print the others"
         remarks = [more] if table is None else []
@@ -410,14 +353,13 @@ def _of_experiment(
 
 def _findings(comparison: Comparison) -> list[str]:
     """Return a sentence for each claim; without claims, which law is best."""
-    from eqt_cli.analysis.comparison.findings import findings
+    from eqt_cli.analysis.comparison.records import findings, sources
 
-    sources = "; ".join(dict.fromkeys(row.source for row in comparison.judgements))
-    runs = count_of(comparison.runs, "run")
-    lines = [
-        f"{f'Claims of {sources}' if sources else 'Findings'}, tested on {runs} per controller"
-    ]
+    about = f"Claims of {sources(comparison)}" if comparison.judgements else "Findings"
+    lines = [f"{about}, tested on {output.count_of(comparison.runs, 'run')} per controller"]
     for found in findings(comparison, comparison.titles):
+        if found.verdict and not found.claim:
+            return [_wrapped(f"{found.verdict}: {found.words}")]
         without = f" (without {found.absent})" if found.absent else ""
         if found.claim:
             lines.append(f"  {found.verdict}: “{found.claim}”{without}")
@@ -427,7 +369,7 @@ def _findings(comparison: Comparison) -> list[str]:
 
 def _wrapped(line: str) -> str:
     indent = " " * (len(line) - len(line.lstrip()))
-    return folded(line, room_of_tables() or PIPED, indent + "  ")
+    return output.folded(line, output.room_of_tables() or PIPED, indent + "  ")
 
 
 def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _Found:

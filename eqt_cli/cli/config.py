@@ -8,24 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.help import EXPERIMENT, OUTPUT, Command, Group, example
-from eqt_cli.cli.shared.output import (
-    count_of,
-    print_found,
-    print_json,
-    print_records,
-    print_text,
-    print_verbatim,
-    problem_records,
-    say,
-    warn,
-)
+from eqt_cli.cli.shared import completion, options, output
+from eqt_cli.cli.shared.options import Command, Group, example
 from eqt_cli.config import shipped
-from eqt_cli.core.errors import ConfigError, EqtError
-from eqt_cli.core.files import refusals
-from eqt_cli.core.problems import Problems
-from eqt_cli.core.replacement import new_file
+from eqt_cli.core.errors import ConfigError, EqtError, Problems
+from eqt_cli.core.files import new_file, refusals
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
@@ -47,18 +34,19 @@ def new(
         Path | None,
         typer.Argument(metavar="FILE", help="File to write, or - for stdout. Default: NAME.yaml."),
     ] = None,
-    source: Annotated[
-        str,
-        options.named(
-            "--from", completion.shipped, "Shipped configuration to start from.", EXPERIMENT
-        ),
-    ] = "paper",
+    source: Annotated[str, options.option("--from", autocompletion=completion.shipped)] = "paper",
     quiet: options.Quiet = False,
 ) -> None:
-    """Create a configuration of your own from a shipped one."""
+    """Create a configuration of your own from a shipped one.
+
+    Options
+    -------
+    Experiment
+        --from NAME  Shipped configuration to start from.
+    """
     text = shipped.text(source)
     if file == Path("-"):
-        print_verbatim(text)
+        output.print_verbatim(text)
         return
     file = file or Path(f"{source}.yaml")
     with refusals(file, "written"):
@@ -67,8 +55,8 @@ def new(
             new_file(file, text.encode())
         except FileExistsError:
             raise EqtError(f"{file}: already exists; give another name, or remove it") from None
-    print_text(str(file))
-    say(f"next: eqt run {file}")
+    output.print_text(str(file))
+    output.say(f"next: eqt run {file}")
 
 
 @app.command("check", cls=Command, epilog=example("eqt config check", "mine.yaml --set gains.kp=2"))
@@ -77,19 +65,8 @@ def check(
         Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result.")
     ],
     set_: options.Set = None,
-    resolved: Annotated[
-        bool,
-        options.flag("--resolved", "Print the configuration with all defaults.", OUTPUT),
-    ] = False,
-    most_torque: Annotated[
-        float | None,
-        options.valued(
-            "--most-torque",
-            "TORQUE",
-            "Report an error if the reference needs a larger torque.",
-            EXPERIMENT,
-        ),
-    ] = None,
+    resolved: Annotated[bool, options.option("--resolved")] = False,
+    most_torque: Annotated[float | None, options.option("--most-torque")] = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
@@ -97,58 +74,67 @@ def check(
     """Check a configuration, and its reference over the whole horizon, without running it.
 
     It executes the plugins of a YAML configuration, and those of a result only on request.
-    """
-    from eqt_cli.config.source import read_config
-    from eqt_cli.config.yaml_source import dump
-    from eqt_cli.execution.rehearsal import rehearse
-    from eqt_cli.experiment.horizon import (
-        check_reference,
-        reference_over_horizon,
-        remarks,
-    )
-    from eqt_cli.experiment.read_study import study
-    from eqt_cli.tuning.search import Search
-    from eqt_cli.tuning.worst_search import WorstSearch
 
-    source = read_config(config, options.overrides(set_))
+    Options
+    -------
+    Output
+        --resolved  Print the configuration with all defaults.
+    Experiment
+        --most-torque TORQUE  Report an error if the reference needs a larger torque.
+    """
+    from eqt_cli.config.yaml_source import dump
+    from eqt_cli.execution.cost import check_resources
+    from eqt_cli.execution.rehearsal import rehearse
+    from eqt_cli.experiment.horizon import check_reference, reference_over_horizon, remarks
+    from eqt_cli.experiment.read_study import study
+
+    source = options.source_of(config, set_)
     try:
         found = study(source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED)
+        check_resources(found, Path("results") / found.name, most_shapes=MOST_CHECKED)
         problems = Problems(source.place)
         shown = reference_over_horizon(found.base)
         jumps = check_reference(shown, most_torque, problems.at("reference"))
         problems.raise_if_any()
         untried = rehearse(found, problems)
         problems.raise_if_any()
-        for search in (Search, WorstSearch):
-            if source.data.get(search.kind.command):
-                search.read(source, trust_plugins=trust_plugins)
+        if source.data.get("tune"):
+            from eqt_cli.tuning.tune import Search
+
+            Search.read(source, trust_plugins=trust_plugins)
+        if source.data.get("worst"):
+            from eqt_cli.tuning.worst import WorstSearch
+
+            WorstSearch.read(source, trust_plugins=trust_plugins)
     except ConfigError as error:
         if not json:
             raise
-        print_json(_document(config, problem_records(error.problems)))
+        output.print_json(_document(config, output.problem_records(error.problems)))
         raise typer.Exit(error.exit_code) from error
     if resolved:
         if json:
-            print_json(found.resolved)
+            output.print_json(found.resolved)
         else:
-            print_verbatim(dump(found.resolved))
+            output.print_verbatim(dump(found.resolved))
         return
     experiment = found.base
     for remark in remarks(experiment, shown):
-        warn(remark)
+        output.warn(remark)
     if not json:
-        say(f"{config}: valid")
+        output.say(f"{config}: valid")
     if len(found) > MOST_CHECKED and not json:
-        say(f"{config}: {MOST_CHECKED} of its {len(found)} points were checked; a run checks all")
+        output.say(
+            f"{config}: {MOST_CHECKED} of its {len(found)} points were checked; a run checks all"
+        )
     text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")
-        + f"{count_of(len(experiment.loops), 'controller')} × "
-        f"{count_of(experiment.config.ensemble.runs, 'run')}, "
+        + f"{output.count_of(len(experiment.loops), 'controller')} × "
+        f"{output.count_of(experiment.config.ensemble.runs, 'run')}, "
         f"{experiment.config.time.duration:g} s, engine {experiment.engine.name}"
     )
     text = "\n".join([text, *(f"reference: {jump}" for jump in jumps), *untried])
-    print_found(_document(config, [], found), text, json=json)
+    output.print_found(_document(config, [], found), text, json=json)
 
 
 def _document(
@@ -183,14 +169,13 @@ def keys(
     json: options.Json = False,
 ) -> None:
     """Describe the keys of a configuration: value, default and meaning."""
-    from eqt_cli.config.json_schema import json_schema
-    from eqt_cli.config.key_descriptions import keys_of, within
+    from eqt_cli.config.json_schema import json_schema, keys_of, within
 
     found = keys_of(json_schema())
     if key is not None:
         found = within(found, key)
     rows = [[text.replace("`", "") for text in asdict(each).values()] for each in found]
-    print_records(["key", "value", "default", "meaning"], rows, json=json)
+    output.print_records(["key", "value", "default", "meaning"], rows, json=json)
 
 
 @app.command("schema", cls=Command, epilog=example("eqt config schema", "> eqt.schema.json"))
@@ -198,4 +183,4 @@ def schema() -> None:
     """Print the JSON schema of configurations, which editors use for completion and checks."""
     from eqt_cli.config.json_schema import json_schema
 
-    print_json(json_schema())
+    output.print_json(json_schema())

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.help import OUTPUT, SELECTION
-from eqt_cli.cli.shared.output import print_found, say, table
+from eqt_cli.cli.shared.output import print_found, table
 from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
@@ -20,31 +19,14 @@ REALS = ("double", "float")
 
 def export(
     target: Annotated[
-        Path,
-        typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result."),
+        Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
     ],
-    controller: Annotated[
-        list[str] | None,
-        options.valued(
-            "--controller", "LABEL", "Law to export. Repeatable. Default: all.", SELECTION
-        ),
-    ] = None,
+    controller: Annotated[list[str] | None, options.option("--controller")] = None,
     real: Annotated[
-        str,
-        options.named(
-            "--real",
-            completion.words(*REALS),
-            "Type of all numbers: double or float.",
-            OUTPUT,
-        ),
+        str, options.option("--real", autocompletion=completion.words(*REALS))
     ] = "double",
-    out: Annotated[Path | None, options.out("Folder to write. Default: exported/NAME.")] = None,
-    reference: Annotated[
-        bool,
-        options.flag(
-            "--reference", "Also export the reference, which must be in closed form.", OUTPUT
-        ),
-    ] = False,
+    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
+    reference: Annotated[bool, options.option("--reference")] = False,
     set_: options.Set = None,
     point: options.Point = None,
     workers: options.Workers = None,
@@ -55,20 +37,24 @@ def export(
     """Write control laws as C: header, source, a program that checks them, and a README.
 
     The header says how far rounding can move the torque. It replaces only what eqt has exported.
+
+    Options
+    -------
+    What to show
+        --controller LABEL  Law to export. Repeatable. Default: all.
+    Output
+        --real NAME  Type of all numbers: double or float.
+        --reference  Also export the reference, which must be in closed form.
+    Result
+        --out DIR  Folder to write. Default: exported/NAME.
     """
     from eqt_cli import api
-    from eqt_cli.config.source import read_config
-    from eqt_cli.experiment.config_at_point import config_at, without_sweep
-    from eqt_cli.experiment.read_study import study
 
     if real not in REALS:
         raise EqtError(f"--real: expected double or float, got '{real}'")
-    source = read_config(target, options.overrides(set_))
-    if point is None and source.data.get("sweep"):
-        say(f"{target}: exported without its sweep; choose one of its points with --point")
-    source = without_sweep(source) if point is None else config_at(source, point)
+    source = options.source_of(target, set_)
     found = api.export(
-        study(source, trust_plugins=trust_plugins),
+        options.study_at(source, point, trust_plugins=trust_plugins, doing="exported without"),
         out,
         controllers=controller or (),
         real="float" if real == "float" else "double",

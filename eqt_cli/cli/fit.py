@@ -7,32 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.help import EXPERIMENT
 from eqt_cli.cli.shared.output import laid_out, print_found, say
+from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
     from eqt_cli.fitting.growth import Growth
     from eqt_cli.fitting.plant_fit import PlantFit
 
-Measured = Annotated[
-    Path, options.valued("--measured", "FILE", "Recording with poses and wrenches.", EXPERIMENT)
-]
-Hold = Annotated[
-    str,
-    options.named(
-        "--hold",
-        completion.words("zero", "linear"),
-        "The wrench between two rows: zero holds the earlier one, as an autopilot does; linear "
-        "interpolates.",
-        EXPERIMENT,
-    ),
-]
-
-
-def _horizon(default: str) -> Any:
-    return options.valued(
-        "--horizon", "S", f"Length of a window, s. Default: {default} of the recording.", EXPERIMENT
-    )
+Measured = Annotated[Path, options.option("--measured")]
+Hold = Annotated[str, options.option("--hold", autocompletion=completion.words("zero", "linear"))]
+Delay = Annotated[float, options.option("--delay")]
 
 
 def replay(
@@ -41,14 +25,12 @@ def replay(
     mapping: options.Mapping = None,
     log_format: options.LogFormat = "csv",
     hold: Hold = "zero",
-    horizon: Annotated[float | None, _horizon("a tenth")] = None,
-    windows: Annotated[
-        int,
-        options.valued("--windows", "N", "Largest number of windows.", EXPERIMENT, min=1),
-    ] = 50,
+    delay: Delay = 0.0,
+    horizon: Annotated[float | None, options.option("--horizon")] = None,
+    windows: Annotated[int, options.option("--windows", min=1)] = 50,
     set_: options.Set = None,
     engine: options.Engine = None,
-    out: Annotated[Path | None, options.out("Folder for the figure replay.")] = None,
+    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
@@ -56,17 +38,29 @@ def replay(
     """Drive the plant with a recorded wrench and print how the error grows with the horizon.
 
     Each window starts at a recorded state. The control laws of the configuration are not used.
+
+    Options
+    -------
+    Experiment
+        --measured FILE  Recording with poses and wrenches.
+        --hold NAME  The wrench between two rows: zero holds the earlier one, as an autopilot
+            does; linear interpolates.
+        --delay S  Time by which the wrench was recorded late, s.
+        --horizon S  Length of a window, s. Default: a tenth of the recording.
+        --windows N  Largest number of windows.
+    Result
+        --out DIR  Folder for the figure replay.
     """
     from eqt_cli import api
-    from eqt_cli.config.source import read_config
     from eqt_cli.fitting.tables import growth_table
 
     found = api.replay(
-        read_config(config, options.overrides(set_, engine)),
+        options.source_of(config, set_, engine),
         measured,
         mapping,
         format=log_format,
         hold=hold,
+        delay=delay,
         horizon=horizon,
         windows=windows,
         out=out,
@@ -80,23 +74,15 @@ def replay(
 def fit(
     config: options.Config,
     measured: Measured,
-    over: Annotated[
-        str,
-        options.valued(
-            "--over",
-            "KEYS",
-            "Numbers of the plant to find, separated by commas, such as "
-            "plant.inertia.relative,plant.forces[0].linear.",
-            EXPERIMENT,
-        ),
-    ],
+    over: Annotated[str, options.option("--over")],
     mapping: options.Mapping = None,
     log_format: options.LogFormat = "csv",
     hold: Hold = "zero",
-    horizon: Annotated[float | None, _horizon("a twentieth")] = None,
+    delay: Delay = 0.0,
+    horizon: Annotated[float | None, options.option("--horizon")] = None,
     set_: options.Set = None,
     engine: options.Engine = None,
-    out: Annotated[Path | None, options.out("Folder for fitted.yaml.")] = None,
+    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
@@ -104,18 +90,34 @@ def fit(
     """Fit numbers of the plant to a recording, with 95 % intervals.
 
     The configuration with the fitted numbers is written to results/NAME-fitted/fitted.yaml.
+
+    Options
+    -------
+    Experiment
+        --measured FILE  Recording with poses and wrenches.
+        --hold NAME  The wrench between two rows: zero holds the earlier one, as an autopilot
+            does; linear interpolates.
+        --delay S  Time by which the wrench was recorded late, s.
+        --over KEYS  Numbers of the plant to find, separated by commas, such as
+            plant.inertia.relative,plant.forces[0].linear; delay is that of the wrench.
+        --horizon S  Length of a window, s. Default: a twentieth of the recording.
+    Result
+        --out DIR  Folder for fitted.yaml.
     """
     from eqt_cli import api
-    from eqt_cli.config.source import read_config
     from eqt_cli.fitting.tables import fit_tables
 
+    if "=" in over:
+        key = over.partition("=")[0].strip()
+        raise EqtError(f"--over: expected keys without values, such as '{key}', got '{over}'")
     found = api.fit(
-        read_config(config, options.overrides(set_, engine)),
+        options.source_of(config, set_, engine),
         measured,
         [key.strip() for key in over.split(",") if key.strip()],
         mapping,
         format=log_format,
         hold=hold,
+        delay=delay,
         horizon=horizon,
         out=out,
         trust_plugins=trust_plugins,

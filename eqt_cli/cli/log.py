@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.help import EXPERIMENT, Command, Group, example
+from eqt_cli.cli.shared.options import Command, Group, example
 from eqt_cli.cli.shared.output import complain, print_json, print_text, table
 
 if TYPE_CHECKING:
@@ -36,30 +36,11 @@ def check(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="Recording: CSV, TUM, EuRoC or PX4 (.ulg).")
     ],
-    mapping: Annotated[
-        Path | None,
-        options.valued(
-            "--mapping",
-            "FILE",
-            "YAML file with columns, units, frames and times, as in reference.mapping.",
-            EXPERIMENT,
-        ),
-    ] = None,
+    mapping: Annotated[Path | None, options.option("--mapping")] = None,
     format_: Annotated[
-        str,
-        options.named(
-            "--format",
-            completion.words("csv", "tum", "euroc"),
-            "csv, tum or euroc. Default: csv.",
-            EXPERIMENT,
-        ),
+        str, options.option("--format", autocompletion=completion.words("csv", "tum", "euroc"))
     ] = "csv",
-    group: Annotated[
-        str | None,
-        options.valued(
-            "--group", "NAME", "Group of the poses. Default: what fits the columns.", EXPERIMENT
-        ),
-    ] = None,
+    group: Annotated[str | None, options.option("--group")] = None,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
@@ -67,6 +48,13 @@ def check(
 
     It names each column and what it is taken for, the units, the rate, the gaps, and what does not
     fit together.
+
+    Options
+    -------
+    Experiment
+        --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
+        --format NAME  csv, tum or euroc. Default: csv.
+        --group NAME  Group of the poses. Default: what fits the columns.
     """
     from eqt_cli import api
 

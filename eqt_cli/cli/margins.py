@@ -9,7 +9,7 @@ import typer
 
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.output import complain, count_of, laid_out, print_found, say
+from eqt_cli.cli.shared.output import complain, count_of, laid_out, print_found
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -33,16 +33,11 @@ def margins(
     Nothing is run.
     """
     from eqt_cli import api
-    from eqt_cli.config.source import read_config
-    from eqt_cli.experiment.config_at_point import config_at, without_sweep
-    from eqt_cli.experiment.read_study import study
 
-    source = read_config(config, options.overrides(set_))
-    if point is None and source.data.get("sweep"):
-        say(f"{config}: without its sweep; choose one of its points with --point")
-    source = without_sweep(source) if point is None else config_at(source, point)
-    loaded = study(source, trust_plugins=trust_plugins)
-    found = api.margins(loaded)
+    source = options.source_of(config, set_)
+    found = api.margins(
+        options.study_at(source, point, trust_plugins=trust_plugins, doing="without")
+    )
     causes = [f"the loop of '{law.label}' is unstable" for law in found.laws if law.is_unstable]
     print_found(_document(found, causes), *_pieces(found), json=json)
     if quiet and not json:
@@ -65,11 +60,13 @@ def _document(found: Margins, causes: list[str]) -> dict[str, Any]:
                 "verdict": _verdict(law),
                 "largest_eigenvalue": law.size,
                 "eigenvalue": [law.growth.eigenvalue.real, law.growth.eigenvalue.imag],
-                "at": None if not law.is_indicative else law.growth.at,
+                "at": law.growth.at if law.changes else None,
+                "cycle": law.cycle,
                 "growth_rate": law.growth.rate,
                 "offset": law.offset.tolist(),
                 "delay_margin": law.delay,
                 "delay_margin_periods": law.delay_periods,
+                "delay_margin_is_least": law.delay_is_least,
                 "gain_margins": {
                     name: {"lower": gain.lower, "upper": gain.upper}
                     for name, gain in law.gains.items()
@@ -82,23 +79,39 @@ def _document(found: Margins, causes: list[str]) -> dict[str, Any]:
 
 def _pieces(found: Margins) -> Iterator[str | Text]:
     """Yield the printed text: the table, and notes on how to read it."""
-    from eqt_cli.analysis.margins import GAINS, LARGEST_FACTOR
-
     titles, sampled = found.experiment.titles, found.period is not None
     eigenvalue = "largest |eigenvalue|" if sampled else "largest real part, 1/s"
-    header = ["law", eigenvalue, "at", "delay margin", *GAINS, "verdict"]
-    rows = [[titles[law.label], *_cells(law, found.period)] for law in found.laws]
-    yield laid_out(TextTable("margins", "", header, [Block("", rows)], spare=("both", "at")))
-    yield ""
+    gains = _gains(found)
+    header = ["law", eigenvalue, "at", "delay margin", *gains, "verdict"]
+    rows = [[titles[law.label], *_cells(law, found.period, gains)] for law in found.laws]
+    notes = list(_notes(found))
+    yield laid_out(TextTable("margins", "", header, [Block("", rows)], notes, spare=("both", "at")))
+
+
+def _notes(found: Margins) -> Iterator[str]:
+    """Say what the columns mean, and what is left out."""
+    from eqt_cli.analysis.margins import LARGEST_FACTOR
+
+    titles = found.experiment.titles
     yield "delay margin: further delay of the command with which the loop is still stable"
     yield (
         "kp, kd, both: factors of these gains with which the loop is stable; "
         f"any: at least from 1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"
     )
+    if "position" in _gains(found):
+        yield "of a cascade, kp and kd are those of its attitude law, and position is kx, kv and ki"
     for law in found.laws:
         if beside := _beside(found, law):
             yield f"{titles[law.label]} stays {beside} beside its reference; linearised there"
-    if any(law.is_indicative for law in found.laws):
+    cycle = found.laws[0].cycle
+    if cycle is not None and found.period is not None and cycle > 1.5 * found.period:
+        yield f"eigenvalues: of {cycle:g} s, after which all sensors measure together again"
+    if any(law.is_indicative and not law.changes for law in found.laws):
+        yield (
+            "indicative: the loop without the parts that are left out decides nothing about the "
+            "whole loop"
+        )
+    if any(law.changes for law in found.laws):
         yield (
             "indicative: the loop changes in time; then eigenvalues at single times do not decide "
             "whether it is stable, and all numbers are those at the worst time"
@@ -107,14 +120,20 @@ def _pieces(found: Margins) -> Iterator[str | Text]:
         yield f"left out: {', '.join(found.left_out)}"
 
 
-def _cells(law: LawMargins, period: float | None) -> list[str]:
-    """Return the cells of a row except the name."""
+def _gains(found: Margins) -> list[str]:
+    """Return the names of the gain margins: that of the position where a law has it."""
     from eqt_cli.analysis.margins import GAINS
 
-    gains = ["-" if not law.growth.is_stable else _factors(law.gains.get(name)) for name in GAINS]
+    cascades = any(loop.controller.reads_flat_output for loop in found.experiment.loops.values())
+    return [name for name in GAINS if cascades or name != "position"]
+
+
+def _cells(law: LawMargins, period: float | None, names: list[str]) -> list[str]:
+    """Return the cells of a row except the name."""
+    gains = ["-" if not law.growth.is_stable else _factors(law.gains.get(name)) for name in names]
     return [
         f"{law.size:.{3 if period is None else 6}g}",
-        f"{law.growth.at:.3g} s" if law.is_indicative else "-",
+        f"{law.growth.at:.3g} s" if law.changes else "-",
         _delay(law),
         *gains,
         _verdict(law),
@@ -132,7 +151,8 @@ def _delay(law: LawMargins) -> str:
         return "any"
     periods = law.delay_periods
     whole = "" if periods is None else f" ({count_of(periods, 'period')})"
-    return f"{law.delay:.4g} s{whole}"
+    least = "at least " if law.delay_is_least else ""
+    return f"{least}{law.delay:.4g} s{whole}"
 
 
 def _factors(found: GainMargin | None) -> str:

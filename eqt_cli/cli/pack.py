@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.output import say
 from eqt_cli.cli.shared.run_and_report import report
 
 
@@ -19,4 +20,7 @@ def pack(
     """Join the parts of all shards to one results.h5."""
     from eqt_cli import api
 
-    report(api.pack(folder, trust_plugins=trust_plugins), json=json)
+    done = api.pack(folder, trust_plugins=trust_plugins)
+    if done.was_complete:
+        say(f"{folder} already holds the complete result; there is nothing to pack")
+    report(done, json=json)

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.help import LOOKS, RESULT, SELECTION
 from eqt_cli.cli.shared.output import print_found, say
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.files import YAML
-from eqt_cli.store.reserved_names import FILE_NAME
 
 _WITHOUT = {
-    "controllers": "{} shows no controllers",
     "panels": "{} has no panels to choose from",
     "start": "{} has no time axis",
     "end": "{} has no time axis",
@@ -27,7 +23,6 @@ _WITHOUT = {
 
 if TYPE_CHECKING:
     from eqt_cli.api import Shown
-    from eqt_cli.plots.kept_numbers import Check
 
 
 def plot(
@@ -40,111 +35,32 @@ def plot(
         ),
     ],
     figure: Annotated[
-        list[str] | None,
-        options.figure(
-            "Figure to draw. Repeatable. Default: paper, reference for a CONFIG, measured with "
-            "--measured."
-        ),
+        list[str] | None, options.option("--figure", autocompletion=completion.names("figures"))
     ] = None,
     set_: options.Set = None,
     option: Annotated[
-        list[str] | None,
-        options.valued(
-            "--option",
-            "KEY=VALUE",
-            "Option of a figure: log=true for all that have it, paper.log=true for one. "
-            "`eqt list figures` shows the options.",
-            LOOKS,
-            autocompletion=completion.figure_options,
-        ),
+        list[str] | None, options.option("--option", autocompletion=completion.figure_options)
     ] = None,
     format_: Annotated[
         list[str] | None,
-        options.named(
-            "--format",
-            completion.words("pdf", "svg", "png", "json"),
-            "pdf, svg, png, or json for the numbers. Repeatable. Default: all pictures.",
-            RESULT,
-        ),
+        options.option("--format", autocompletion=completion.words("pdf", "svg", "png", "json")),
     ] = None,
     width: Annotated[
-        str,
-        options.named(
-            "--width",
-            completion.words("column", "page", "slide"),
-            "column (3.5 in), page (7.16 in) or slide (13.3 in, 18 pt).",
-            LOOKS,
-        ),
+        str, options.option("--width", autocompletion=completion.words("column", "page", "slide"))
     ] = "column",
     controller: options.Controllers = None,
-    panel: Annotated[
-        list[str] | None,
-        options.valued(
-            "--panel", "NAME", "Draw only this panel, such as pose_error. Repeatable.", SELECTION
-        ),
-    ] = None,
-    start: Annotated[
-        float | None,
-        options.valued("--from", "S", "Start of the time axis in seconds.", SELECTION),
-    ] = None,
-    end: Annotated[
-        float | None,
-        options.valued("--to", "S", "End of the time axis in seconds.", SELECTION),
-    ] = None,
-    title: Annotated[
-        list[str] | None,
-        options.valued(
-            "--title",
-            "NAME=TEXT",
-            "Name of a controller or metric in the figure, such as eqt=ours. Repeatable.",
-            LOOKS,
-        ),
-    ] = None,
-    caption: Annotated[
-        bool,
-        options.flag(
-            "--caption", "Write the remarks below the panels to FIGURE-caption.tex instead.", LOOKS
-        ),
-    ] = False,
-    degrees: Annotated[
-        bool,
-        options.flag("--degrees", "Show attitudes and their errors in degrees.", LOOKS),
-    ] = False,
-    style: Annotated[
-        list[str] | None,
-        options.valued(
-            "--style",
-            "NAME|FILE",
-            "Matplotlib style sheet, applied after eqt's own. Repeatable; the last wins.",
-            LOOKS,
-        ),
-    ] = None,
-    tex: Annotated[
-        bool,
-        options.flag("--tex", "Typeset the text with LaTeX; requires TeX Live.", LOOKS),
-    ] = False,
-    out: Annotated[
-        Path | None,
-        options.out("Output folder. Default: RESULT/figures, or figures/NAME for a CONFIG."),
-    ] = None,
-    check: Annotated[
-        Path | None,
-        options.valued(
-            "--check",
-            "DIR",
-            "Draw nothing. Compare the numbers with DIR/NAME.json; exit 4 if they differ.",
-            RESULT,
-        ),
-    ] = None,
-    point: Annotated[
-        list[int] | None,
-        options.valued(
-            "--point",
-            "K",
-            "Point of a sweep, counted from 0. Repeatable: one figure shows all of them.",
-            SELECTION,
-        ),
-    ] = None,
+    panel: Annotated[list[str] | None, options.option("--panel")] = None,
+    start: Annotated[float | None, options.option("--from")] = None,
+    end: Annotated[float | None, options.option("--to")] = None,
+    title: Annotated[list[str] | None, options.option("--title")] = None,
+    colour: Annotated[list[str] | None, options.option("--colour")] = None,
+    caption: Annotated[bool, options.option("--caption")] = False,
+    degrees: Annotated[bool, options.option("--degrees")] = False,
+    unit: options.Units = None,
+    style: Annotated[list[str] | None, options.option("--style")] = None,
+    tex: Annotated[bool, options.option("--tex")] = False,
+    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
+    point: Annotated[list[int] | None, options.option("--point")] = None,
     measured: options.Measured = None,
     mapping: options.Mapping = None,
     log_format: options.LogFormat = "csv",
@@ -154,19 +70,37 @@ def plot(
 ) -> None:
     """Draw figures of results, or the reference of a configuration, as PDF, SVG and PNG.
 
-    With --check, compare the numbers behind the figures with stored ones instead.
+    Options
+    -------
+    What to show
+        --figure NAME  Figure to draw. Repeatable. Default: paper, reference for a CONFIG,
+            measured with --measured.
+        --panel NAME  Draw only this panel, such as pose_error. Repeatable.
+        --from S  Start of the time axis in seconds.
+        --to S  End of the time axis in seconds.
+        --point K  Point of a sweep, counted from 0. Repeatable: one figure shows all of them.
+    Looks
+        --option KEY=VALUE  Option of a figure: log=true for all that have it, paper.log=true for
+            one. `eqt list figures` shows the options.
+        --width NAME  column (3.5 in), page (7.16 in) or slide (13.3 in, 18 pt).
+        --title NAME=TEXT  Name of a controller or metric in the figure, such as eqt=ours.
+            Repeatable.
+        --colour LAW=COLOUR  Colour of a controller, such as eqt=black or 'gt=#D9600A'. Repeatable.
+        --caption  Write the remarks below the panels to FIGURE-caption.tex instead.
+        --degrees  Show attitudes and their errors in degrees.
+        --style NAME|FILE  Matplotlib style sheet, applied after eqt's own. Repeatable; the last
+            wins.
+        --tex  Typeset the text with LaTeX; requires TeX Live.
+    Result
+        --format NAME  pdf, svg, png, or json for the numbers. Repeatable. Default: all pictures.
+        --out DIR  Output folder. Default: RESULT/figures, or figures/NAME for a CONFIG.
     """
     from eqt_cli import api
     from eqt_cli.plots.render import FORMATS
 
     # A path that does not exist is reported where it is opened.
-    if len(result) > 1 and out is None and check is None and all(map(Path.exists, result)):
+    if len(result) > 1 and out is None and all(map(Path.exists, result)):
         raise EqtError("figures of several results need a folder of their own; add --out DIR")
-    recorded: dict[str, Any] = {
-        "measured": measured,
-        "mapping": mapping,
-        "log_format": log_format,
-    }
     if measured is None:
         options.require_measured(mapping, log_format)
     default = ["measured"] if measured else None
@@ -174,22 +108,13 @@ def plot(
     shown = [_ready(one, set_, trust_plugins) for one in result]
     flags: dict[str, tuple[str, Any]] = {
         "--controller": ("controllers", controller),
+        "--colour": ("colours", options.pairs("--colour", colour, "LAW=COLOUR") or None),
         "--panel": ("panels", panel),
         "--from": ("start", start),
         "--to": ("end", end),
         "--degrees": ("degrees", degrees or None),
     }
     figures = _options(names, option or (), flags)
-    if check is not None:
-        if format_ or out or style or tex or title or caption:
-            raise EqtError(
-                "--check draws nothing; leave --format, --style, --tex, --title, --caption and "
-                "--out out"
-            )
-        _print_checks(
-            api.check_figures(shown, figures, check, point=point, **recorded), result, json
-        )
-        return
     files = api.plot(
         shown,
         figures,
@@ -201,7 +126,10 @@ def plot(
         style=style or (),
         tex=tex,
         point=point,
-        **recorded,
+        measured=measured,
+        mapping=mapping,
+        log_format=log_format,
+        units=unit or (),
         trust_plugins=trust_plugins,
         workers=options.cores(),
     )
@@ -214,38 +142,18 @@ def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
 
     It is a study for a configuration, with the changes by ``--set``, and the path for a result.
     """
-    from eqt_cli.config.plugins import load_stored_plugins
-    from eqt_cli.config.source import read_config
+    from eqt_cli.config.named_files import load_stored_plugins
     from eqt_cli.experiment.read_study import study
     from eqt_cli.results.result import open_result
 
     if path.suffix in YAML:
-        return study(read_config(path, options.overrides(set_)))
+        return study(options.source_of(path, set_))
     if set_:
         raise EqtError(f"--set changes configurations, and {path} is a result")
     if trust_plugins:
         with open_result(path) as result:
             load_stored_plugins(result)
     return path
-
-
-def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:
-    """Print where figures differ from the stored numbers, and exit with 4 if any does."""
-    from eqt_cli.plots.kept_numbers import TOLERANCE
-
-    checked = [str(one if one.is_file() else one / FILE_NAME) for one in results]
-    found = {name: asdict(one) for name, one in checks.items()}
-    lines = []
-    for name, one in checks.items():
-        lines += [f"figure '{name}', {difference}" for difference in one.differences]
-        lines.append(
-            f"figure '{name}': {'differs' if one.differences else 'agrees'}; {one.curves} "
-            f"curves, largest difference {one.largest:.2g} (bound {TOLERANCE:.1g})"
-        )
-    document = {"checked": checked, "tolerance": TOLERANCE, "figures": found}
-    print_found(document, "\n".join(lines), json=json)
-    if any(one.differences for one in checks.values()):
-        raise typer.Exit(4)
 
 
 def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list[str]:

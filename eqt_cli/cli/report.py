@@ -3,44 +3,45 @@
 from pathlib import Path
 from typing import Annotated
 
-from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.help import RESULT
+from eqt_cli.cli.shared import completion, options
 from eqt_cli.cli.shared.output import print_found
 
 
 def report(
     result: options.Result,
     more: options.MoreResults = None,
-    out: Annotated[
-        Path | None,
-        options.valued("--out", "FILE", "File to write. Default: RESULT/report.html.", RESULT),
+    out: Annotated[Path | None, options.option("--out")] = None,
+    figure: Annotated[
+        list[str] | None, options.option("--figure", autocompletion=completion.names("figures"))
     ] = None,
-    figure: Annotated[list[str] | None, options.figure("Figure to show. Repeatable.")] = None,
-    title: Annotated[
-        str,
-        options.valued("--title", "TEXT", "Title. Default: that of the experiment.", RESULT),
-    ] = "",
-    author: Annotated[
-        str,
-        options.valued("--author", "NAME", "Author, named at the top of the page.", RESULT),
-    ] = "",
-    date: Annotated[
-        str,
-        options.valued("--date", "TEXT", "Date. Default: the day of the run.", RESULT),
-    ] = "",
-    notes: Annotated[
-        Path | None,
-        options.valued("--notes", "FILE", "Text file shown at the top of the page.", RESULT),
-    ] = None,
+    title: Annotated[str, options.option("--title")] = "",
+    author: Annotated[str, options.option("--author")] = "",
+    date: Annotated[str, options.option("--date")] = "",
+    notes: Annotated[Path | None, options.option("--notes")] = None,
+    quick: Annotated[bool, options.option("--quick")] = False,
     point: options.Point = None,
+    unit: options.Units = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
 ) -> None:
-    """Write one self-contained HTML page: figures, comparison, certificates, every run."""
+    """Write one self-contained HTML page: figures, comparison, certificates, every run.
+
+    Options
+    -------
+    Result
+        --out FILE  File to write. Default: RESULT/report.html.
+        --title TEXT  Title. Default: that of the experiment.
+        --author NAME  Author, named at the top of the page.
+        --date TEXT  Date. Default: the day of the run.
+        --notes FILE  Text file shown at the top of the page.
+    What to show
+        --figure NAME  Figure to show. Repeatable.
+        --quick  Leave out the certificates, for which some runs are integrated again.
+    """
     from eqt_cli import api
     from eqt_cli.core.files import text_of
 
-    result = options.the_one("report", [result, *(more or ())])
+    result = options.only_result("report", [result, *(more or ())])
 
     text = text_of(notes, "write the notes there first") if notes else ""
     path = api.write_report(
@@ -54,6 +55,8 @@ def report(
         point=point,
         trust_plugins=trust_plugins,
         workers=options.cores(),
+        quick=quick,
+        units=unit or (),
     )
     size = path.stat().st_size
     text = f"report   {path}  ({size / 1e6:.1f} MB)"

@@ -24,10 +24,9 @@ def run(
 
     After an interruption, run the same command again to continue.
     """
-    from eqt_cli.config.source import read_config
     from eqt_cli.experiment.read_study import study
 
-    source = read_config(config, options.overrides(set_, engine))
+    source = options.source_of(config, set_, engine)
     if source.data.get("sweep"):
         place = source.place(("sweep",))
         raise EqtError(f"{place}: defines a sweep; use `eqt sweep {source.path}`")

@@ -6,19 +6,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.help import OUTPUT, SELECTION
-from eqt_cli.cli.shared.output import (
-    duration,
-    print_found,
-    print_json,
-    print_records,
-    print_verbatim,
-)
+from eqt_cli.cli.shared import completion, options, output
 from eqt_cli.config.signal_path import signal_path
 from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.folder_progress import Unfinished, unfinished
-from eqt_cli.execution.provenance import OTHERS, differences
+from eqt_cli.execution.part_files import Unfinished, unfinished
+from eqt_cli.execution.provenance import OTHERS, VERSIONS, differences
 
 if TYPE_CHECKING:
     from eqt_cli.results.result import Result
@@ -29,39 +21,33 @@ UNKNOWN = "at an unknown time"
 
 def show(
     result: options.Result,
-    config: Annotated[
-        bool, options.flag("--config", "Print the resolved configuration.", SELECTION)
-    ] = False,
-    plugins: Annotated[
-        bool, options.flag("--plugins", "Print the stored plugin sources.", SELECTION)
-    ] = False,
-    variables: Annotated[
-        bool, options.flag("--variables", "List the variables.", SELECTION)
-    ] = False,
-    failed: Annotated[bool, options.flag("--failed", "List all failed runs.", SELECTION)] = False,
-    unsettled: Annotated[
-        bool,
-        options.flag(
-            "--unsettled", "Print the starts of runs that did not settle, as CSV.", SELECTION
-        ),
-    ] = False,
-    table: Annotated[
-        bool,
-        options.flag("--table", "Print the metrics of every run, one row per run.", SELECTION),
-    ] = False,
+    config: Annotated[bool, options.option("--config")] = False,
+    plugins: Annotated[bool, options.option("--plugins")] = False,
+    variables: Annotated[bool, options.option("--variables")] = False,
+    failed: Annotated[bool, options.option("--failed")] = False,
+    unsettled: Annotated[bool, options.option("--unsettled")] = False,
+    table: Annotated[bool, options.option("--table")] = False,
     format_: Annotated[
-        str | None,
-        options.named(
-            "--format",
-            completion.words("csv", "jsonl"),
-            "Format of --table: csv or jsonl. Default: csv.",
-            OUTPUT,
-        ),
+        str | None, options.option("--format", autocompletion=completion.words("csv", "jsonl"))
     ] = None,
     point: options.Point = None,
+    unit: options.Units = None,
     json: options.Json = False,
 ) -> None:
-    """Summarise a result: what was run, with which versions, and the main numbers."""
+    """Summarise a result: what was run, with which versions, and the main numbers.
+
+    Options
+    -------
+    What to show
+        --config  Print the resolved configuration.
+        --plugins  Print the stored plugin sources.
+        --variables  List the variables.
+        --failed  List all failed runs.
+        --unsettled  Print the starts of runs that did not settle, as CSV.
+        --table  Print the metrics of every run, one row per run.
+    Output
+        --format NAME  Format of --table: csv or jsonl. Default: csv.
+    """
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
     asked = (
@@ -78,11 +64,12 @@ def show(
         return
 
     from eqt_cli import api
-    from eqt_cli.cli.shared.run_table import print_run_table
+    from eqt_cli.cli.shared.result_tables import print_run_table
 
     if json and table:
         raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
-    with api.open_results(result, "arrays", point) as results:
+    with api.open_results(result, "arrays", point) as opened:
+        results = opened.in_units(unit or ())
         if table:
             print_run_table(results, format_ or "csv")
         else:
@@ -106,9 +93,9 @@ def _unfinished(path: Path, found: Unfinished, json: bool) -> None:
     if found.rate is not None:
         lines.append(f"rate     {found.rate:.1f} runs/s")
     if found.remaining is not None:
-        lines.append(f"left     about {duration(found.remaining)}")
+        lines.append(f"left     about {output.duration(found.remaining)}")
     document = {"path": str(path), **asdict(found), "remaining_s": found.remaining}
-    print_found(document, "\n".join(lines), json=json)
+    output.print_found(document, "\n".join(lines), json=json)
 
 
 def _document(results: Result) -> dict[str, object]:
@@ -133,11 +120,10 @@ def _summary(results: Result, json: bool) -> None:
     from eqt_cli.cli.shared.result_tables import print_outcome
 
     if json:
-        print_json(_document(results))
+        output.print_json(_document(results))
         return
     origin = results.provenance
-    named = (name for name in ("eqt", "python", "numpy", "scipy") if name in origin)
-    packages = ", ".join(f"{name} {origin[name]}" for name in named)
+    packages = ", ".join(f"{name} {origin[name]}" for name in VERSIONS if name in origin)
     sizes = ", ".join(f"{name} {size}" for name, size in results.dimensions.items())
     path = signal_path(_stored(results, "config"))
     heading = [
@@ -157,9 +143,9 @@ def _summary(results: Result, json: bool) -> None:
 def _config(results: Result, json: bool) -> None:
 
     if json:
-        print_json(_stored(results, "config"))
+        output.print_json(_stored(results, "config"))
     else:
-        print_verbatim(str(results.attributes["config"]))
+        output.print_verbatim(str(results.attributes["config"]))
 
 
 def _variables(results: Result, json: bool) -> None:
@@ -168,7 +154,7 @@ def _variables(results: Result, json: bool) -> None:
         (name, results.dims(name), results.units(name), results.long_name(name))
         for name in results.names
     ]
-    print_records(["variable", "dimensions", "units", "meaning"], found, json=json)
+    output.print_records(["variable", "dimensions", "units", "meaning"], found, json=json)
 
 
 def _failed(results: Result, json: bool) -> None:
@@ -181,7 +167,7 @@ def _failed(results: Result, json: bool) -> None:
         place |= {"controller": results.labels[where[-2]], "status": int(results.status[where])}
         document.append({**place, "message": message})
         lines.append(f"{results.place(where)}: {message}")
-    print_found(document, "\n".join(lines), json=json, nothing="no run failed")
+    output.print_found(document, "\n".join(lines), json=json, nothing="no run failed")
 
 
 def _unsettled(results: Result, json: bool) -> None:
@@ -209,9 +195,9 @@ def _unsettled(results: Result, json: bool) -> None:
         )
     ]
     if records and not json:
-        print_verbatim(as_csv(records).removesuffix("\n"))
+        output.print_verbatim(as_csv(records).removesuffix("\n"))
     else:
-        print_found(records, json=json, nothing="every run settled")
+        output.print_found(records, json=json, nothing="every run settled")
 
 
 def _plugins(results: Result, json: bool) -> None:
@@ -220,9 +206,9 @@ def _plugins(results: Result, json: bool) -> None:
     lines = [f"# {path}\n{source}" for path, source in sources.items()]
     text = "\n".join(line.removesuffix("\n") for line in lines)
     if text and not json:
-        print_verbatim(text)
+        output.print_verbatim(text)
     else:
-        print_found(sources, json=json, nothing="no plugins")
+        output.print_found(sources, json=json, nothing="no plugins")
 
 
 def _stored(results: Result, name: str) -> Any:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.help import COMPUTING, EXPERIMENT
-from eqt_cli.cli.shared.output import count_of, duration, print_found, say
-from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
+from eqt_cli.cli.shared.output import print_found, say
+from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment, time_line
 from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
@@ -17,27 +16,16 @@ if TYPE_CHECKING:
 FIRST_POINTS = 5
 """Number of points shown by --dry-run."""
 
-MOST_CHECKED = 1000
-"""Maximum number of points checked by --dry-run; each takes about a millisecond."""
+MOST_CHECKED = 300
+"""Maximum number of points checked by --dry-run; each takes some milliseconds."""
 
 
 def sweep(
     config: options.Config,
     grid: Annotated[
-        list[str] | None,
-        options.valued(
-            "--grid",
-            "KEY=A,B,…",
-            "Sweep a key over values, such as gains.kd=0.25,0.5,1. Repeatable: every "
-            "combination is one point.",
-            EXPERIMENT,
-            autocompletion=completion.settings,
-        ),
+        list[str] | None, options.option("--grid", autocompletion=completion.settings)
     ] = None,
-    dry_run: Annotated[
-        bool,
-        options.flag("--dry-run", "Print the points, the expected time and size only.", COMPUTING),
-    ] = False,
+    dry_run: Annotated[bool, options.option("--dry-run")] = False,
     out: options.Out = None,
     set_: options.Set = None,
     engine: options.Engine = None,
@@ -54,11 +42,18 @@ def sweep(
     """Simulate every run at every point of a sweep and store the result in results/NAME.
 
     After an interruption, run the same command again to continue.
+
+    Options
+    -------
+    Experiment
+        --grid KEY=A,B,…  Sweep a key over values, such as gains.kd=0.25,0.5,1. Repeatable: every
+            combination is one point.
+    Computing
+        --dry-run  Print the points, the expected time and size only.
     """
-    from eqt_cli.config.source import read_config
     from eqt_cli.experiment.read_study import add_grids, study
 
-    source = read_config(config, options.overrides(set_, engine))
+    source = options.source_of(config, set_, engine)
     add_grids(source, options.placed("--grid", grid))
     if not source.data.get("sweep"):
         raise EqtError(
@@ -66,9 +61,7 @@ def sweep(
             f"or use `eqt run {source.path}`"
         )
     found = study(
-        source,
-        trust_plugins=trust_plugins,
-        most_checked=MOST_CHECKED if dry_run else None,
+        source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED if dry_run else None
     )
     chosen = executor_from(found, executor, workers, scheduler)
     if dry_run:
@@ -78,15 +71,7 @@ def sweep(
             say(f"{config}: {checked}; a run checks all")
         _print_plan(found, chosen, json)
         return
-    run_experiment(
-        found,
-        out,
-        chosen,
-        shard,
-        force=force,
-        rerun_failed=rerun_failed,
-        json=json,
-    )
+    run_experiment(found, out, chosen, shard, force=force, rerun_failed=rerun_failed, json=json)
 
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
@@ -114,7 +99,6 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     if len(study) > FIRST_POINTS:
         lines.append("  …")
     kept = f"{study.kept} trajectories each" if study.kept else "metrics only"
-    workers = count_of(expected.workers, "worker")
-    lines.append(f"time     about {duration(expected.seconds)} with {workers}")
+    lines.append(time_line(expected.seconds, expected.workers))
     lines.append(f"size     {size(expected.size)}, {kept}")
     print_found(document, "\n".join(lines), json=json)

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import typer
 
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.searching import report, searched
-
-if TYPE_CHECKING:
-    pass
+from eqt_cli.cli.shared.run_and_report import report_search, searched
 
 
 def tune(
@@ -33,11 +28,10 @@ def tune(
     no feasible gains.
     """
     from eqt_cli import api
-    from eqt_cli.config.source import read_config
-    from eqt_cli.tuning.search import Search
     from eqt_cli.tuning.tables import tuning_tables
+    from eqt_cli.tuning.tune import Search
 
-    source = read_config(config, options.overrides(set_, engine))
+    source = options.source_of(config, set_, engine)
     search = Search.read(source, trust_plugins=trust_plugins)
     computing = (executor, workers, scheduler)
     done = searched(search, api.tune, out, computing, dry_run=dry_run, force=force, json=json)
@@ -51,6 +45,6 @@ def tune(
     ]
     first = next((law["winners"][0]["config"] for law in laws if law["winners"]), None)
     causes = [*lost, *(["some held-out runs failed"] if failed else [])]
-    report(done, tuning_tables, causes, first, json=json)
+    report_search(done, tuning_tables, causes, first, json=json)
     if causes:
         raise typer.Exit(4 if lost else 3)

@@ -11,8 +11,7 @@ import typer
 
 from eqt_cli.analysis.text_tables import Block
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.help import EXPERIMENT
-from eqt_cli.cli.shared.output import complain, laid_out, print_found, say
+from eqt_cli.cli.shared.output import complain, laid_out, print_found
 from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
@@ -20,53 +19,20 @@ if TYPE_CHECKING:
 
     from eqt_cli.analysis.certificates.base import Row
     from eqt_cli.analysis.verification import Verification
+    from eqt_cli.experiment.study import Study
 
 
 def verify(
     target: Annotated[
-        Path,
-        typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result."),
+        Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
     ],
     set_: options.Set = None,
     engine: options.Engine = None,
-    runs: Annotated[
-        int | None,
-        options.valued(
-            "--runs", "N", "Runs per controller of a CONFIG. Default: 20.", EXPERIMENT, min=1
-        ),
-    ] = None,
-    oracle: Annotated[
-        list[str] | None,
-        options.named(
-            "--oracle",
-            completion.words("mujoco", "pinocchio"),
-            "Also compare the plant with that of mujoco or pinocchio. Repeatable.",
-            EXPERIMENT,
-        ),
-    ] = None,
-    exact: Annotated[
-        bool,
-        options.flag(
-            "--exact", "Also prove identities, by exact numbers at random states.", EXPERIMENT
-        ),
-    ] = False,
-    code: Annotated[
-        Path | None,
-        options.valued(
-            "--code",
-            "FILE",
-            "Judge the control law in this C file instead of the controllers of a CONFIG.",
-            EXPERIMENT,
-        ),
-    ] = None,
+    runs: Annotated[int | None, options.option("--runs", min=1)] = None,
+    exact: Annotated[bool, options.option("--exact")] = False,
+    code: Annotated[Path | None, options.option("--code")] = None,
     as_: Annotated[
-        str | None,
-        options.named(
-            "--as",
-            completion.names("controllers"),
-            "The control law that the C file claims to be.",
-            EXPERIMENT,
-        ),
+        str | None, options.option("--as", autocompletion=completion.names("controllers"))
     ] = None,
     point: options.Point = None,
     workers: options.Workers = None,
@@ -78,14 +44,19 @@ def verify(
     """Test the paper's theorems on an experiment; exit 4 if one fails.
 
     This prints the totals and every statement that does not hold; --verbose prints all statements.
+
+    Options
+    -------
+    Experiment
+        --runs N  Runs per controller of a CONFIG. Default: 20.
+        --exact  Also prove identities, by exact numbers at random states.
+        --code FILE  Judge the control law in this C file instead of the controllers of a CONFIG.
+        --as NAME  The control law that the C file claims to be.
     """
     from eqt_cli import api
     from eqt_cli.analysis.certificate_table import titled
-    from eqt_cli.config.source import overridden, read_config
-    from eqt_cli.experiment.config_at_point import config_at, without_sweep
+    from eqt_cli.config.source import overridden
     from eqt_cli.experiment.laws_in_code import with_code
-    from eqt_cli.experiment.read_study import study
-    from eqt_cli.experiment.study import Study
 
     subject: Path | Study
     is_result = target.suffix == ".h5" or target.is_dir()
@@ -93,23 +64,19 @@ def verify(
     if is_result:
         subject = target
     else:
-        source = read_config(target)
+        source = options.source_of(target, None)
         if code:
             source = with_code(source, code, as_)
         source = overridden(source, options.overrides(set_, engine))
-        is_sweep = point is None and source.data.get("sweep")
-        source = without_sweep(source) if point is None else config_at(source, point)
-        loaded = study(source, trust_plugins=trust_plugins)
-        if is_sweep:
-            say(f"{target}: verified without its sweep; choose one of its points with --point")
-        subject, point = loaded, None  # already the configuration of that point
+        doing = "verified without"
+        subject = options.study_at(source, point, trust_plugins=trust_plugins, doing=doing)
+        point = None  # the configuration is already that of the point
     found = api.verify(
         subject,
         runs=runs,
         point=point,
         trust_plugins=trust_plugins,
         workers=workers or options.cores(),
-        oracle=oracle or (),
         exact=exact,
     )
     print_found(_document(target, found), *_pieces(found, verbose=verbose), json=json)

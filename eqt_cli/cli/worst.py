@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.help import RESULT
-from eqt_cli.cli.shared.searching import report, searched
-
-if TYPE_CHECKING:
-    pass
+from eqt_cli.cli.shared.run_and_report import report_search, searched
 
 
 def worst(
@@ -23,16 +19,7 @@ def worst(
     workers: options.Workers = None,
     executor: options.ExecutorName = None,
     scheduler: options.Scheduler = None,
-    fail_above: Annotated[
-        float | None,
-        options.valued(
-            "--fail-above",
-            "X",
-            "Exit with 4 if a law has a run that failed, or whose objective is above X (below X "
-            "where larger values are better).",
-            RESULT,
-        ),
-    ] = None,
+    fail_above: Annotated[float | None, options.option("--fail-above")] = None,
     dry_run: options.DryRun = False,
     force: options.Force = False,
     trust_plugins: options.TrustPlugins = False,
@@ -43,20 +30,25 @@ def worst(
 
     It finds bad runs and proves nothing: worse ones may exist. After an interruption, run the same
     command again to continue.
+
+    Options
+    -------
+    Result
+        --fail-above X  Exit with 4 if a law has a run that failed, or whose objective is above X
+            (below X where larger values are better).
     """
     from eqt_cli import api
-    from eqt_cli.config.source import read_config
-    from eqt_cli.tuning.worst_search import WorstSearch
-    from eqt_cli.tuning.worst_tables import worst_tables
+    from eqt_cli.tuning.tables import worst_tables
+    from eqt_cli.tuning.worst import WorstSearch
 
-    source = read_config(config, options.overrides(set_, engine))
+    source = options.source_of(config, set_, engine)
     search = WorstSearch.read(source, trust_plugins=trust_plugins)
     computing = (executor, workers, scheduler)
     done = searched(search, api.worst, out, computing, dry_run=dry_run, force=force, json=json)
     if done is None:
         return
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))
-    report(done, worst_tables, causes, done.record["laws"][0]["config"], json=json)
+    report_search(done, worst_tables, causes, done.record["laws"][0]["config"], json=json)
     if causes:
         raise typer.Exit(4)
 

@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.closed_loop.system import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.flatness import FlatOutput
+from eqt_cli.mechanics.law_input import LawInput
 from eqt_cli.program import Input, Program, traced
-from eqt_cli.program.c_names import distinct
+from eqt_cli.program.c_code import distinct
 from eqt_cli.vehicle import Vehicle
 
 TOLD, NUMBER, MEMORY = "told_", "number_", "memory_"
@@ -110,12 +111,8 @@ def law_program(loop: ClosedLoop) -> LawProgram:
     A law that cannot be traced raises whatever error it raises on symbols.
     """
     G = loop.group
-    told, numbers, memory = _told(G), _numbers(loop), _memory(loop)
-    groups = {
-        prefix + entry.name: entry.size
-        for prefix, entries in ((TOLD, told), (NUMBER, numbers), (MEMORY, memory))
-        for entry in entries
-    }
+    told, numbers, memory = _told(loop), _numbers(loop), _memory(loop)
+    groups = sizes({TOLD: told, NUMBER: numbers, MEMORY: memory})
 
     # A law is promised a leading run axis; here it has one entry.
     def step(given: Mapping[str, Array]) -> Mapping[str, Array]:
@@ -135,10 +132,19 @@ def law_program(loop: ClosedLoop) -> LawProgram:
     read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
     used = tuple(each for each in numbers[:-1] if NUMBER + each.name in read) + numbers[-1:]
     unused = {NUMBER + each.name for each in numbers} - {NUMBER + each.name for each in used}
+    if loop.controller.reads_flat_output:  # instead of the desired pose, or beside its rates
+        given = {TOLD + each.name for each in told if each.name.startswith("desired_")}
+        unused |= given - read
+        told = tuple(each for each in told if TOLD + each.name not in unused)
     left = tuple((group, size) for group, size in groups.items() if group not in unused)
     found = [dataclasses.replace(each, inputs=left) for each in programs]
     torque = Entry(TORQUE, (G.dimension,), TORQUE, by_part(G, "force_unit"))
     return LawProgram(told, used, memory, torque, found[0], found[1] if memory else None)
+
+
+def sizes(entries: Mapping[str, Iterable[Entry]]) -> dict[str, int]:
+    """Return the lengths of the groups of inputs of a program, by the prefixes of their names."""
+    return {prefix + one.name: one.size for prefix, each in entries.items() for one in each}
 
 
 def by_part(G: MatrixLieGroup, attribute: str, more: str = "") -> str:
@@ -149,20 +155,26 @@ def by_part(G: MatrixLieGroup, attribute: str, more: str = "") -> str:
     return ", ".join(f"{unit} ({name})" for name, unit in units.items())
 
 
-def _told(G: MatrixLieGroup) -> tuple[Entry, ...]:
+def _told(loop: ClosedLoop) -> tuple[Entry, ...]:
+    G = loop.group
     d, m = G.size, G.dimension
+    pose = by_part(G, "pose_unit")
     units = {
         "t": "s",
         "velocity": by_part(G, "velocity_unit"),
         "desired_velocity": by_part(G, "velocity_unit"),
         "desired_acceleration": by_part(G, "velocity_unit", "/s"),
+        "position": "m, m/s, …",
+        "heading": "rad, rad/s, …",
     }
     shapes: dict[str, tuple[int, ...]] = {"t": (), "pose": (d, d), "desired_pose": (d, d)}
-    pose = by_part(G, "pose_unit")
-    return tuple(
-        Entry(name, shapes.get(name, (m,)), name, units.get(name, pose))
-        for name in LawInput._fields
-    )
+    names = [name for name in LawInput._fields if name not in FlatOutput._fields]
+    if loop.controller.reads_flat_output:
+        found = loop.reference.flat_output(G, 0.0)
+        assert found is not None
+        flat = {name: part.shape for name, part in found._asdict().items() if part is not None}
+        names, shapes = [*names, *flat], shapes | flat
+    return tuple(Entry(name, shapes.get(name, (m,)), name, units.get(name, pose)) for name in names)
 
 
 def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
@@ -206,7 +218,7 @@ def _symbolic(
     def one(prefix: str, entry: Entry) -> Array:
         return given[prefix + entry.name].reshape(1, *entry.shape or (1,))
 
-    heard = LawInput(*(one(TOLD, entry) for entry in told))
+    heard = LawInput(**{entry.source: one(TOLD, entry) for entry in told})
     G, (Q, Qd) = loop.group, (heard.pose, heard.desired_pose)
     # Constant entries of a pose need not be read.
     heard = heard._replace(

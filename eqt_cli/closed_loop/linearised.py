@@ -5,17 +5,62 @@ those of a run.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple, Self
+from functools import cached_property, partial
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from eqt_cli.closed_loop.system import DESIRED, ClosedLoop
+from eqt_cli.closed_loop.system import DESIRED, VEHICLE, ClosedLoop
+from eqt_cli.controllers.base import LinearPlant
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
 from eqt_cli.mechanics.tracking import Gains, Tracking
-from eqt_cli.vehicle.sensors.channels import FIRST, MEASURED, Errors
+from eqt_cli.vehicle.sensors.channels import FIRST, MEASURED, NOTHING, Errors
+from eqt_cli.vehicle.vehicle import ESTIMATOR
+
+
+def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> ClosedLoop:
+    """Return a loop whose law has the gains that follow from its model of the loop.
+
+    The model has the law's inertia, the linear part of the actuators, and the clock; it knows no
+    other inertia, no forces and no sensors.
+
+    Parameters
+    ----------
+    times : (k + 2,)
+        The begin of the horizon, the middles of its k equal pieces, and its end, s.
+    poses, velocities
+        Q_d and V_d at these times, ``(k + 2, d, d)`` and ``(k + 2, m)``.
+
+    Raises
+    ------
+    InputError
+        If the model has no derivative, or no gain makes it stable.
+    """
+    known = dataclasses.replace(loop.vehicle, inertia=None, forces=(), estimator=None)
+    known = dataclasses.replace(known, pose_sensors=(), velocity_sensors=(), moving_sensors=())
+    found = linearised(dataclasses.replace(loop, vehicle=known), times, poses, velocities)
+    if not np.isfinite(found.closed).all():
+        raise InputError(
+            "the loop has no derivative about its reference, so that it has no regulator"
+        )
+    A, B, period = found.closed, found.B, found.period
+    pieces = slice(1) if found.is_constant else slice(1, -1)
+    piece = 2 * float(times[1] - times[0])
+    plant = LinearPlant(
+        times[pieces],
+        A[pieces],
+        B[pieces],
+        period,
+        piece,
+        1 if period is None else round(piece / period),
+        bool(np.abs(A[0] - A[-1]).max() <= SAME * np.abs(A).max()),
+    )
+    return dataclasses.replace(loop, controller=loop.controller.designed(loop.group, plant))
+
 
 STEP = 1e-4
 """Step of a difference. Rounding then changes a derivative by 1e-12, and truncation by less; a kink
@@ -37,8 +82,32 @@ AT_REST = 1e-6
 SAME = 1e-6
 """Relative difference below which matrices count as equal."""
 
+STILL = 1e-11
+"""Change of a state per unit of any other, below which it never changes, but for rounding."""
+
+MOST_INSTANTS = 1000
+"""Limit on the instants in which the covariance of an estimator settles."""
+
+SETTLED = 1e-9
+"""Relative change of a covariance in a cycle, below which it has settled."""
+
 _ELSEWHERE = {"pose", "momentum", *DESIRED, "work"}
 """Stretches of a flat state that are not copied into x as they are."""
+
+_OWN = f"{VEHICLE}{ESTIMATOR}_"
+_POSES = {f"{_OWN}pose", f"{_OWN}behind_pose"}
+"""Stretches that are poses; x has their errors in the algebra."""
+
+_BIAS, _BEHIND_BIAS = f"{_OWN}bias", f"{_OWN}behind_bias"
+_SETTLE = {
+    f"{_OWN}{name}" for name in ("covariance", "behind_covariance", "past_live", "past_fresh")
+}
+"""States of an estimator that no error changes to first order."""
+
+_KEPT = _SETTLE | {
+    f"{_OWN}{name}" for name in ("error", "innovations", "last_innovation", "lost", "begun")
+}
+"""The same, and those that it does not read."""
 
 
 @dataclass(frozen=True)
@@ -48,14 +117,14 @@ class Linearised:
     Continuous: ẋ = A x + B u, y = C x. Sampled: A x + B u is x one period later, just before the
     next control instant. The loop is closed by u = y; a further delay acts between y and u. The
     state is x = (ε, e, z, …): the body error ε (left-trivialised) with Q = Q_d exp(ε), whose rate
-    is e = V − Ad_{Q_L⁻¹}V_d to first order; the memory z of the law; the states of the actuators
-    and the delayed commands.
+    is e = V − Ad_{Q_L⁻¹}V_d to first order; the memory z of the law; the states of the actuators,
+    the delayed commands, the measurements that are held, and the estimate of an estimator.
 
     Attributes
     ----------
-    A : (times, n, n)
-    B : (times, n, m)
-    C : (times, m, n)
+    phases
+        The matrices A, B, C from each control instant to the next, until all sensors measure
+        together again; a loop whose sensors all have the control period has one phase.
     period
         Control period of a sampled loop, s; None for a continuous one.
     offset : (times, m)
@@ -65,32 +134,79 @@ class Linearised:
         times then have length 1. Else it is linearised about its reference.
     """
 
-    A: Array
-    B: Array
-    C: Array
+    phases: tuple["Phase", ...]
     period: float | None
     offset: Array
     is_constant: bool
     about: "_About" = dataclasses.field(repr=False)
 
+    @property
+    def A(self) -> Array:
+        """A of the first phase, ``(times, n, n)``."""
+        return self.phases[0].A
+
+    @property
+    def B(self) -> Array:
+        """B of the first phase, ``(times, n, m)``."""
+        return self.phases[0].B
+
+    @property
+    def C(self) -> Array:
+        """C of the first phase, ``(times, m, n)``."""
+        return self.phases[0].C
+
+    @property
+    def cycle(self) -> float | None:
+        """The time after which all sensors measure together again, s; None for a continuous one."""
+        return None if self.period is None else len(self.phases) * self.period
+
+    @property
+    def has_estimator(self) -> bool:
+        """Whether the estimate of an estimator is part of the state."""
+        return self.about.loop.vehicle.estimator is not None
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the covariance of that estimator repeats from cycle to cycle."""
+        return self.about.is_settled
+
     @cached_property
     def closed(self) -> Array:
-        """The matrix A + BC of the closed loop."""
-        return self.A + self.B @ self.C
+        """The matrix of the closed loop: A + BC, or the product of those of all phases."""
+        found = self.phases[0].closed
+        for phase in self.phases[1:]:
+            found = phase.closed @ found
+        return found
 
     @cached_property
     def eigenvalues(self) -> Array:
-        """The closed loop's eigenvalues, ``(times, n)``: rates, 1/s, or multipliers per period."""
+        """The closed loop's eigenvalues, ``(times, n)``: rates, 1/s, or multipliers per cycle."""
         return np.linalg.eigvals(self.closed)
 
     def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
-        """Return the loop about the same states with its gains kp and kd multiplied."""
+        """Return the loop about the same states with its gains kp, kd and position multiplied."""
         own, kp, kd = self.about.loop.gains, factors.get("kp", 1.0), factors.get("kd", 1.0)
-        loop = dataclasses.replace(self.about.loop, gains=Gains(kp * own.K, kd * own.K_d))
+        law = self.about.loop.controller.with_position(factors.get("position", 1.0))
+        gains = Gains(kp * own.K, kd * own.K_d)
+        loop = dataclasses.replace(self.about.loop, gains=gains, controller=law)
         about = dataclasses.replace(self.about, loop=loop)
-        if self.period is not None:  # motion under a held command does not depend on gains
-            vars(about).update(_flow=self.about._flow, held=self.about.held)
+        if self.period is not None:  # motion and measurements do not depend on gains
+            known = ("_flow", "held", "_measurements")
+            vars(about).update({name: getattr(self.about, name) for name in known})
         return about.linearised(self.is_constant)
+
+
+class Phase(NamedTuple):
+    """The matrices of an open loop, from one control instant to the next, at all times."""
+
+    A: Array
+    B: Array
+    C: Array
+
+    @property
+    def closed(self) -> Array:
+        """A + BC."""
+        return self.A + self.B @ self.C
 
 
 @dataclass(frozen=True)
@@ -110,7 +226,9 @@ class _Derivative(NamedTuple):
     slope: Array
 
 
-def linearised(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Linearised:
+def linearised(
+    loop: ClosedLoop, times: Array, poses: Array, velocities: Array, *, with_estimator: bool = False
+) -> Linearised:
     """Linearise a loop, without limits and steps; NaN where it has no derivative.
 
     It is linearised about its reference. If it does not depend on time to first order, and a force
@@ -122,15 +240,25 @@ def linearised(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) 
         Times, s.
     poses, velocities
         Q_d and V_d at these times, ``(times, d, d)`` and ``(times, m)``.
+    with_estimator
+        Whether the estimate is part of the state, where the reference rests. Its covariance is that
+        to which it settles there: to first order, errors do not change it.
     """
+    estimator = loop.vehicle.estimator if with_estimator else None
     loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear_part)
     about = _About.reference(loop, times, poses, velocities)
-    if not about.is_same_at_all_times:
+    moves = np.abs(velocities).max() > AT_REST
+    held = any(channel.signal == "pose" for channel in loop.vehicle.holding(loop.group))
+    # Of a reference that moves, a held pose is an old one: the loop does not stay on it.
+    if (moves and held) or not about.is_same_at_all_times:
         return about.linearised()
-    first = about.at_first_time
+    one = {name: getattr(about, name)[:1] for name in ("times", "poses", "states", "offset")}
+    first = dataclasses.replace(about, **one)
     for _ in range(MOST_ITERATIONS):
         step = first.steps_to_rest()
         if np.abs(step).max() <= AT_REST:
+            if estimator is not None and not moves:
+                first = first.estimated(estimator)
             return first.linearised(is_constant=True)
         if not np.isfinite(step).all():
             break
@@ -164,36 +292,38 @@ class _About:
         Q at x = 0, ``(times, d, d)``.
     states
         Flat states from which all else is taken, ``(times, l)``.
-    errors
-        A measurement without errors, where sensors hold their measurements.
+    bases
+        The same before each instant of a cycle, where an estimator makes them differ.
+    is_settled
+        Whether the last base is again the first.
     """
 
     loop: ClosedLoop
     times: Array
     poses: Array
     states: Array
-    errors: Errors | None
     offset: Array
+    bases: tuple[Array, ...] = ()
+    is_settled: bool = True
 
     @classmethod
     def reference(cls, loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Self:
         """Return the chart about the reference, with all other states as at the start of a run."""
-        states, errors = loop.initial_state(poses, velocities, poses, velocities, times), None
-        if channels := loop.vehicle.holding(loop.group):
-            still = np.zeros(loop.group.dimension)
-            first = Errors(loop.group.identity, still, np.full(len(channels), FIRST))
-            states = loop.measured(times, states, first)
-            errors = first._replace(arrived=np.full(len(channels), MEASURED))
-        return cls(loop, times, poses, states, errors, np.zeros_like(velocities))
+        states = loop.initial_state(poses, velocities, poses, velocities, times)
+        if loop.vehicle.holding(loop.group):
+            states = loop.measured(times, states, _at_instant(loop, None))
+        return cls(loop, times, poses, states, np.zeros_like(velocities))
 
     @cached_property
     def others(self) -> dict[str, slice]:
-        """The slice in x of each stretch that is copied into x as it is."""
+        """The slice in x of each stretch besides pose and momentum."""
         found, begin = {}, 2 * self.loop.group.dimension
         for name, length in self.loop.layout.lengths.items():
-            if name not in _ELSEWHERE:
-                found[name] = slice(begin, begin + length)
-                begin += length
+            if name in _ELSEWHERE or name in _KEPT:
+                continue
+            length = self.loop.group.dimension if name in _POSES else length
+            found[name] = slice(begin, begin + length)
+            begin += length
         return found
 
     @property
@@ -202,13 +332,47 @@ class _About:
         m = self.loop.group.dimension
         return 2 * m + sum(where.stop - where.start for where in self.others.values())
 
+    @cached_property
+    def instants(self) -> int:
+        """The number of control instants of a cycle."""
+        return math.lcm(*(each.every for each in self.loop.vehicle.holding(self.loop.group)))
+
+    def estimated(self, estimator: Any) -> Self:
+        """Return the chart with an estimator that has settled at the base states."""
+        vehicle = dataclasses.replace(self.loop.vehicle, estimator=estimator)
+        loop = dataclasses.replace(self.loop, vehicle=vehicle)
+        layout, known = loop.layout, self.loop.layout.split(self.states)
+        like = np.empty((*self.states.shape[:-1], layout.length))
+        states = layout.join(dict.fromkeys(layout.lengths, 0.0) | known, like)
+        states = loop.measured(self.times, states, _at_instant(loop, None))
+        pose, none = loop.group.pack(self.poses), np.zeros(())
+        there = {name: pose for name in layout.lengths if name in _POSES}
+        there |= {name: none for name in layout.lengths if name in (_BIAS, _BEHIND_BIAS)}
+        states = layout.join(layout.split(states) | known | there, like)
+        for _ in range(max(2, MOST_INSTANTS // self.instants)):
+            bases = [states]
+            for instant in range(self.instants):
+                states = loop.measured(self.times, states, _at_instant(loop, instant + 1))
+                bases.append(states)
+            first, last = map(layout.split, (bases[0], bases[-1]))
+            settled = all(
+                np.abs(last[name] - values).max() <= SETTLED * np.abs(values).max()
+                for name, values in first.items()
+                if name in _SETTLE
+            )
+            if settled:
+                break
+        return dataclasses.replace(
+            self, loop=loop, states=states, bases=tuple(bases), is_settled=settled
+        )
+
     def moved(self, x: Array) -> Self:
         """Return the chart about the states at x, ``(times, n)``; e in x is ignored."""
         m = self.loop.group.dimension
         poses = self.poses @ self.loop.group.exp(x[:, :m])
         found = self.loop.layout.split(self.states)
         found |= {name: found[name] + x[:, where] for name, where in self.others.items()}
-        states = self.loop.layout.join(found, self.states)
+        states = self.loop.layout.join(found, self.states)  # there is no estimator yet
         offset = self.loop.group.log(self.loop.group.inverse(self.desired) @ poses)
         return dataclasses.replace(self, poses=poses, states=states, offset=offset)
 
@@ -220,17 +384,11 @@ class _About:
     @property
     def is_same_at_all_times(self) -> bool:
         """Whether neither the matrices nor the steps to rest depend on time."""
-        found = (self._flow,) if self._is_continuous else (self._flow, self._jump)
+        found = [self._flow, *(() if self._is_continuous else (*self._measurements, self._answer))]
         if not all(_same(each.slope) for each in found):
             return False
         steps = self.steps_to_rest()
         return bool(np.abs(steps - steps[0]).max() <= AT_REST)
-
-    @property
-    def at_first_time(self) -> Self:
-        """The chart at the first of the times."""
-        one = {name: getattr(self, name)[:1] for name in ("times", "poses", "states", "offset")}
-        return dataclasses.replace(self, **one)
 
     @property
     def _is_continuous(self) -> bool:
@@ -238,13 +396,17 @@ class _About:
 
     def linearised(self, is_constant: bool = False) -> Linearised:
         """Return the matrices of the linearised loop."""
-        n, control = self.dimension, self.loop.vehicle.control
-        whole = (self._flow if control is None else self._jump).slope
-        closed, B, C = whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n]
-        A, period = closed - B @ C, None
-        if control is not None:
-            A, B, period = self.held @ A, self.held @ B, control.period
-        return Linearised(A, B, C, period, self.offset, is_constant, self)
+        n, control, offset = self.dimension, self.loop.vehicle.control, self.offset
+        if control is None:
+            whole = self._flow.slope
+            closed, B, C = whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n]
+            return Linearised((Phase(closed - B @ C, B, C),), None, offset, is_constant, self)
+        answer = self._answer.slope
+        after, B, C = answer[:, :n, :n], answer[:, :n, n:], answer[:, n:, :n]
+        after, B = self.held @ (after - B @ C), self.held @ B
+        seen = [measured.slope for measured in self._measurements]
+        phases = [Phase(after @ M, B, C @ M) for M in seen] if seen else [Phase(after, B, C)]
+        return Linearised(_moving(phases), control.period, offset, is_constant, self)
 
     @cached_property
     def held(self) -> Array:
@@ -253,8 +415,7 @@ class _About:
 
         assert self.loop.vehicle.control is not None
         flow = self.loop.vehicle.control.period * self.flow
-        found: Array = expm(flow) if np.isfinite(flow).all() else np.full_like(flow, np.nan)
-        return found
+        return expm(flow) if np.isfinite(flow).all() else np.full_like(flow, np.nan)
 
     @property
     def flow(self) -> Array:
@@ -269,24 +430,48 @@ class _About:
         n = self.dimension
         value, slope = self._flow.value[:, :n], self._flow.slope[0, :n, :n]
         if not self._is_continuous:  # at rest, a control instant changes nothing
-            value = np.concatenate([value, self._jump.value[:, :n]], axis=1)
-            slope = np.concatenate([slope, self._jump.slope[0, :n, :n] - np.eye(n)])
+            after, then = self._answer.value[:, :n], self._answer.slope[:, :n, :n]
+            if self._measurements:
+                seen = self._measurements[0]
+                after = after + (then @ seen.value[..., None])[..., 0]
+                then = then @ seen.slope
+            value = np.concatenate([value, after], axis=1)
+            slope = np.concatenate([slope, then[0] - np.eye(n)])
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return np.full((len(value), n), np.nan)
-        found: Array = -np.linalg.lstsq(slope, value.T)[0].T
-        return found
+        return -np.linalg.lstsq(slope, value.T)[0].T
 
     @cached_property
     def _flow(self) -> _Derivative:
         return self._derivative(self._rates_and_command)
 
     @cached_property
-    def _jump(self) -> _Derivative:
+    def _answer(self) -> _Derivative:
         return self._derivative(self._change_and_command)
 
-    def _derivative(self, function: Callable[[Array], Array]) -> _Derivative:
-        """Differentiate a function of (x, u), ``(k, 1, n + m) -> (k, times, l)``."""
-        count = self.dimension + self.loop.group.dimension
+    @cached_property
+    def _measurements(self) -> list[_Derivative]:
+        """x after the measurements at each instant of a cycle; none if nothing changes it."""
+        if not self.loop.changes_by_measuring:
+            return []
+        found: dict[Any, _Derivative] = {}
+        kinds = [k if self.bases else self._event(k) for k in range(self.instants)]
+        for instant, kind in enumerate(kinds):
+            if kind not in found:
+                after = partial(self._after_measuring, instant=instant)
+                found[kind] = self._derivative(after, with_command=False)
+        return [found[kind] for kind in kinds]
+
+    def _event(self, instant: int) -> tuple[bool, ...]:
+        """Return which of the channels that hold measure at an instant."""
+        holding = self.loop.vehicle.holding(self.loop.group)
+        return tuple(instant % each.every == 0 for each in holding)
+
+    def _derivative(
+        self, function: Callable[[Array], Array], with_command: bool = True
+    ) -> _Derivative:
+        """Differentiate a function of (x, u), or of x, ``(k, 1, n + m) -> (k, times, l)``."""
+        count = self.dimension + (self.loop.group.dimension if with_command else 0)
         moved = [number * np.eye(count) for number in STENCIL]
         points = STEP * np.concatenate([np.zeros((1, count)), *moved])
         with np.errstate(all="ignore"):
@@ -298,16 +483,34 @@ class _About:
             slope = np.full_like(slope, np.nan)
         return _Derivative(values[0], np.moveaxis(slope, 0, -1))
 
-    def _flat(self, x: Array) -> Array:
+    def _flat(self, x: Array, base: Array | None = None) -> Array:
         """Return the flat states at x, ``(k, times, l)``."""
         loop, m = self.loop, self.loop.group.dimension
         like = np.empty((len(x), *self.states.shape))
-        found = loop.layout.split(self.states)
-        found |= {name: found[name] + x[..., where] for name, where in self.others.items()}
+        found = loop.layout.split(self.states if base is None else base)
+        for name, where in self.others.items():
+            found[name] = self._with(name, found[name], x[..., where])
         found["pose"] = loop.group.pack(self.poses @ loop.group.exp(x[..., :m]))
         s = loop.tracking(self.times, loop.layout.join(found, like))
         found["momentum"] = s.inertia.momentum(s.relative.Vd + x[..., m : 2 * m])
         return loop.layout.join(found, like)
+
+    def _with(self, name: str, values: Array, x: Array) -> Array:
+        """Return a stretch at the distance x from its values at the base."""
+        if name not in _POSES:
+            return values + x
+        G = self.loop.group
+        return G.pack(G.unpack(values) @ G.exp(x))
+
+    def _others(self, states: Array, base: Array) -> list[Array]:
+        """Return x of flat states behind pose and momentum."""
+        G, there, here = self.loop.group, *map(self.loop.layout.split, (states, base))
+        return [
+            G.log(G.inverse(G.unpack(here[name])) @ G.unpack(there[name]))
+            if name in _POSES
+            else there[name] - here[name]
+            for name in self.others
+        ]
 
     def _rates_and_command(self, x: Array) -> Array:
         """Return the time derivative of x, and the command."""
@@ -316,19 +519,55 @@ class _About:
         s, rates = loop.tracking(self.times, states), loop.vector_field(self.times, states)
         found, r = loop.layout.split(rates), s.relative
         V_dot = s.inertia.velocity(found["momentum"] - s.inertia.rate_force(s.V))
-        others = [found[name] for name in self.others]
+        # The states of an estimator are held, also those that are poses.
+        others = [0.0 * r.V_tilde if name in _POSES else found[name] for name in self.others]
         return np.concatenate([r.V_tilde, V_dot - r.Vd_dot, *others, self.loop.command(s)], axis=-1)
 
+    def _after_measuring(self, x: Array, instant: int) -> Array:
+        """Return x after the measurements at an instant of a cycle."""
+        before, after = self.states, self.states
+        if self.bases:
+            before, after = self.bases[instant : instant + 2]
+        number = instant + 1 if self.bases else instant
+        states = self.loop.measured(
+            self.times, self._flat(x, before), _at_instant(self.loop, number)
+        )
+        moved = np.zeros((*states.shape[:-1], 2 * self.loop.group.dimension))
+        moved += x[..., : moved.shape[-1]]
+        return np.concatenate([moved, *self._others(states, after)], axis=-1)
+
     def _change_and_command(self, x: Array) -> Array:
-        """Return x after a control instant, relative to the base states, and the command."""
+        """Return x after the law has answered at a control instant, and the command."""
         loop, t, control = self.loop, self.times, self.loop.vehicle.control
         assert control is not None
-        states = loop.measured(t, self._flat(x), self.errors)
-        told, memory = loop.told(t, states, self.errors), loop.memory(states)
+        states = self._flat(x)
+        errors = _at_instant(loop, None) if loop.changes_by_measuring else None
+        told, memory = loop.told(t, states, errors), loop.memory(states)
         command, memory = loop.answer(told, memory, control.period)
         after = loop.answered(t, states, command + x[..., self.dimension :], memory)
-        there, here = loop.layout.split(after), loop.layout.split(self.states)
         still = np.zeros((*command.shape[:-1], 2 * loop.group.dimension))
         still += x[..., : still.shape[-1]]
-        others = [there[name] - here[name] for name in self.others]
-        return np.concatenate([still, *others, command], axis=-1)
+        return np.concatenate([still, *self._others(after, self.states), command], axis=-1)
+
+
+def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
+    """Return measurements without errors at a control instant of a cycle; None: the first ones."""
+    G, holding = loop.group, loop.vehicle.holding(loop.group)
+    flags = [
+        FIRST if instant is None else MEASURED if instant % each.every == 0 else NOTHING
+        for each in holding
+    ]
+    still = np.zeros(G.dimension)
+    bias = still if loop.vehicle.estimator is not None else np.empty(0)
+    return Errors(G.identity, still, np.array(flags), bias)
+
+
+def _moving(phases: list[Phase]) -> tuple[Phase, ...]:
+    """Return the phases without states that never change, as a bias that a filter takes for 0."""
+    n = phases[0].A.shape[-1]
+    still = [
+        np.abs(phase.closed - np.eye(n)).max(axis=(0, 2)) + np.abs(phase.B).max(axis=(0, 2))
+        for phase in phases
+    ]
+    moves = ~(np.max(still, axis=0) <= STILL)  # also where it is not finite
+    return tuple(Phase(A[:, moves][:, :, moves], B[:, moves], C[:, :, moves]) for A, B, C in phases)

@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from eqt_cli.closed_loop.system import ClosedLoop
-from eqt_cli.core.problems import KeyPath, parse_key
+from eqt_cli.core.errors import KeyPath, parse_key
 from eqt_cli.core.registry import is_foreign
 from eqt_cli.vehicle.actuators import Actuator
 from eqt_cli.vehicle.estimators import Estimator

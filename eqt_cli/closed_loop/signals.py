@@ -13,8 +13,10 @@ import numpy as np
 
 from eqt_cli.closed_loop import estimates
 from eqt_cli.closed_loop.system import ClosedLoop
-from eqt_cli.core.arrays import Array, frobenius, norm
+from eqt_cli.controllers import Controller
+from eqt_cli.core.arrays import Array, absolute, frobenius, norm
 from eqt_cli.groups import MatrixLieGroup, Part
+from eqt_cli.groups.euclidean import heading_of, rigid_motions
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle import Vehicle
 
@@ -39,6 +41,8 @@ class LoopOutputs(NamedTuple):
         Thrust of each thruster.
     lyapunov : (...)
         Lyapunov function L of the law.
+    attitude_error : (...)
+        ‖R − R_c‖_F of a law that commands an attitude; NaN for others.
     """
 
     torque: Array
@@ -46,6 +50,7 @@ class LoopOutputs(NamedTuple):
     at_limit: Array
     thrust: Array
     lyapunov: Array
+    attitude_error: Array
 
 
 @dataclass(frozen=True)
@@ -72,6 +77,10 @@ class Signal:
         Whether it is stored for a vehicle; for others it repeats another signal or is empty.
     only_there
         Whether it is NaN for vehicles without it.
+    exists_on
+        Whether it exists on a group.
+    exists_for
+        Whether it exists for a law; it is stored if it does for any.
     """
 
     name: str
@@ -83,6 +92,8 @@ class Signal:
     of_part: Callable[[Tracking, LoopOutputs, Part], Array] | None = None
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
     only_there: bool = False
+    exists_on: Callable[[MatrixLieGroup], bool] = lambda group: True
+    exists_for: Callable[[Controller], bool] = lambda law: True
 
     def units(self, group: MatrixLieGroup) -> str:
         """Return its unit on a group."""
@@ -92,6 +103,16 @@ class Signal:
     def parts(self, group: MatrixLieGroup) -> tuple[Part, ...]:
         """Return the parts with a norm of their own; empty if there is one part, or no norm."""
         return group.parts if self.of_part and len(group.parts) > 1 else ()
+
+
+def _position_error(s: Tracking, given: LoopOutputs) -> Array:
+    assert rigid_motions(s.G)
+    return frobenius(s.G.translations(s.Q) - s.G.translations(s.Qd))
+
+
+def _heading_error(s: Tracking, given: LoopOutputs) -> Array:
+    assert rigid_motions(s.G)
+    return absolute(heading_of(s.G, s.Q_E)) * (180 / np.pi)
 
 
 _estimate = partial(Signal, stored_of=lambda vehicle: vehicle.estimates, only_there=True)
@@ -151,6 +172,33 @@ SIGNALS = (
         "Lyapunov function L",
         lambda part: "J",
         lambda s, given: given.lyapunov,
+    ),
+    Signal(
+        "position_error",
+        (),
+        r"\|p - p_d\|",
+        "distance ||p - pd|| of the positions",
+        lambda part: "m",
+        _position_error,
+        exists_on=rigid_motions,
+    ),
+    Signal(
+        "heading_error",
+        (),
+        r"\psi_E",
+        "size of the turn about the vertical in R Rd^T",
+        lambda part: "deg",
+        _heading_error,
+        exists_on=lambda group: rigid_motions(group) and group.space == 3,
+    ),
+    Signal(
+        "attitude_command_error",
+        (),
+        r"\|R - R_c\|_{\mathrm{F}}",
+        "distance ||R - Rc||_F from the attitude that the law commands",
+        lambda part: "1",
+        lambda s, given: given.attitude_error,
+        exists_for=lambda law: law.commands_attitude,
     ),
     Signal(
         "command",
@@ -344,9 +392,17 @@ def at_state(
     """
     command = loop.command(s)
     torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
-    given = LoopOutputs(torque, command, loop.at_limit(s), loop.thrust(s), loop.lyapunov(s))
+    attitude = loop.controller.attitude_error(s)
+    if attitude is None:
+        with np.errstate(invalid="ignore"):  # symbols compare NaN
+            attitude = s.P[..., 0] * 0.0 + np.nan
+    given = LoopOutputs(
+        torque, command, loop.at_limit(s), loop.thrust(s), loop.lyapunov(s), attitude
+    )
     for signal in SIGNALS:
         if THRUSTER in signal.dims and not loop.vehicle.thruster_names:
+            continue
+        if not signal.exists_on(loop.group):
             continue
         exists = not signal.only_there or signal.stored_of(loop.vehicle)
         always = not signal.only_there or (exists and not asked)

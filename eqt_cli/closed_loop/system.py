@@ -8,23 +8,24 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
 
-from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.closed_loop.layout import StateLayout
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, dot, stack
 from eqt_cli.core.leaves import STRUCTURE, leaves
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.flatness import FlatOutput
 from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
+from eqt_cli.mechanics.law_input import LawInput
 from eqt_cli.mechanics.lie_poisson import lie_poisson
 from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
 from eqt_cli.references.base import Desired
+from eqt_cli.references.torque import TorqueReference
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.sensors.channels import Errors
 from eqt_cli.vehicle.vehicle import LOST
@@ -71,6 +72,15 @@ class ClosedLoop:
         """Return the system of this class for a closed loop."""
         return cls(**{field.name: getattr(loop, field.name) for field in dataclasses.fields(loop)})
 
+    @property
+    def inside(self) -> "ClosedLoop":
+        """The loop that L and the gains are of: for a cascade that of its attitude, else itself."""
+        found = self.controller.inside(self.group, self.inertia)
+        if found is None:
+            return self
+        G, inertia, law = found
+        return ClosedLoop(G, inertia, self.gains, TorqueReference([0.5] * G.dimension), law)
+
     # Quantities for certificates, metrics and figures.
 
     def command(self, s: Tracking) -> Array:
@@ -98,10 +108,11 @@ class ClosedLoop:
         """Return the force that moves the law's model as the true plant, and actuator rates.
 
         The force, ``(..., m)`` in the body frame, is τ if nothing else acts and the law knows the
-        inertia. The rates are those of the actuators' states.
+        inertia. The rates are those of the states of actuators and sensors.
         """
         torque, rates = self.vehicle.passed(self.group, self.command(s), s.vehicle)
-        return self.vehicle.acting(s, torque), rates
+        _, of_sensors = self.vehicle.read(self.group, s.V, s.vehicle)
+        return self.vehicle.acting(s, torque), rates | of_sensors
 
     def dissipation(self, s: Tracking) -> Array | None:
         """Return the power −dL/dt that the law alone takes out of L; None if it is not known."""
@@ -155,30 +166,11 @@ class ClosedLoop:
 
     # Instants, known in advance, at which the vector field changes.
 
-    @cached_property
-    def instants(self) -> Array:
-        """The sorted times at which the vector field changes, s."""
-        return np.unique(np.concatenate([self.breaks, self.knots]))
-
-    @cached_property
-    def knots(self) -> Array:
-        """The sorted times at which only held numbers of the vector field change, s."""
-        return self._instants_of(holds=True)
-
-    @cached_property
-    def breaks(self) -> Array:
-        """The sorted times at which an engine ends a step and begins anew, s."""
-        forces = (force.instants() for force in self.vehicle.forces)
-        return np.unique(np.concatenate([self._instants_of(holds=False), *forces]))
-
-    def _instants_of(self, holds: bool) -> Array:
-        """Return the instants of the parts that hold numbers, or of those that hold none."""
-        found = [
-            part.instants(self.group)
-            for part in self.given_over_time.values()
-            if (part.held(self.group, 0.0) is not None) is holds
-        ]
-        return np.unique(np.concatenate([np.empty(0), *found]))
+    def instants(self, until: float) -> Array:
+        """Return the sorted times at which the vector field changes, and its short pulses, s."""
+        found = [part.instants(self.group, until) for part in self.given_over_time.values()]
+        found += [force.instants(self.group, until) for force in self.vehicle.forces]
+        return np.unique(np.concatenate(found))
 
     @property
     def given_over_time(self) -> dict[str, GivenOverTime]:
@@ -247,12 +239,18 @@ class ClosedLoop:
             "momentum": inertia.momentum(V),
             "desired_pose": self.group.pack(Qd),
             "desired_momentum": inertia.momentum(Vd),
+            **_named(VEHICLE, self.vehicle.started(self.group, V)),
         }
         dtype = np.result_type(Q, V, Qd, Vd)
         state = self.layout.join(stretches, np.empty((*batch, self.state_length), dtype=dtype))
         if self.controller.memory(self.group):
             memory = self.controller.initial_memory(self.tracking(t, state))
-            state = self.layout.join(stretches | _named(MEMORY, memory), state)
+            stretches |= _named(MEMORY, memory)
+            state = self.layout.join(stretches, state)
+        if self.vehicle.runs:
+            command = self.controller.torque(self.tracking(t, state))
+            running = self.vehicle.running(self.group, command)
+            state = self.layout.join(stretches | _named(VEHICLE, running), state)
         return state
 
     def tracking(self, t: Any, state: Array) -> Tracking:
@@ -271,11 +269,21 @@ class ClosedLoop:
             tau_d=desired.tau,
             memory=_of(MEMORY, found),
             vehicle=_of(VEHICLE, found),
+            flat=self._flat_output(t, state.shape[:-1]),
         )
         if desired.V is None or desired.V_dot is None:  # they follow from P_d and τ_d
             return s
         batch = state.shape[:-1]
         return s.following(_spread(desired.V, batch, 1), _spread(desired.V_dot, batch, 1))
+
+    def _flat_output(self, t: Any, batch: tuple[int, ...]) -> FlatOutput | None:
+        """Return the flat output of the reference, for a law that reads it."""
+        if not self.controller.reads_flat_output:
+            return None
+        found = (self.held_reference or self.reference).flat_output(self.group, t)
+        assert found is not None  # as the configuration was checked for
+        heading = None if found.heading is None else _spread(found.heading, batch, 1)
+        return FlatOutput(_spread(found.position, batch, 2), heading)
 
     def _desired(self, t: Any, state: Array) -> tuple[Desired, Inertia]:
         """Return the desired state at t and a flat state, and the law's model of the inertia."""
@@ -296,25 +304,14 @@ class ClosedLoop:
         acting, moving = self.acting_and_rates(s)
         Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, acting)
         outflow = self.outflow(s, acting)
-        work_rate = 0.0 if outflow is None else stack([outflow])
-        return self._derivative(s, Q_dot, P_dot, work_rate, state, moving)
-
-    def _derivative(
-        self,
-        s: Tracking,
-        Q_dot: Array,
-        P_dot: Array,
-        work_rate: Array | float,
-        state: Array,
-        moving: Mapping[str, Array] = MappingProxyType({}),
-    ) -> Array:
-        """Return the derivative of a flat state from Q̇, Ṗ and the rates of all other states."""
+        held = self._holds_memory
+        memory = dict.fromkeys(s.memory, 0.0) if held else self.controller.memory_rate(s)
         rates = {
             "pose": self.group.pack(Q_dot),
             "momentum": P_dot,
             **self._desired_rates(s),
-            "work": work_rate,
-            **_named(MEMORY, self._memory_rate(s)),
+            "work": 0.0 if outflow is None else stack([outflow]),
+            **_named(MEMORY, memory),
             **_named(VEHICLE, moving),
         }
         return self.layout.join(rates, state)
@@ -322,11 +319,6 @@ class ClosedLoop:
     def _desired_rates(self, s: Tracking) -> Mapping[str, Array]:
         Qd_dot, Pd_dot = lie_poisson(self.group, s.Qd, s.Pd, s.Vd, s.tau_d)
         return dict(zip(DESIRED, (self.group.pack(Qd_dot), Pd_dot), strict=True))
-
-    def _memory_rate(self, s: Tracking) -> Mapping[str, Array | float]:
-        if self._holds_memory:
-            return dict.fromkeys(s.memory, 0.0)
-        return self.controller.memory_rate(s)
 
     # The instants at which a sampled law is evaluated.
 
@@ -353,6 +345,8 @@ class ClosedLoop:
         """
         s = self.tracking(t, state)
         told = LawInput.of(s)
+        V, _ = self.vehicle.read(self.group, told.velocity, s.vehicle)
+        told = told._replace(velocity=V)
         if errors is None:
             return told
         if self.vehicle.estimator is not None:
@@ -438,3 +432,26 @@ def _of(prefix: str, stretches: Mapping[str, Array]) -> dict[str, Array]:
         for name, values in stretches.items()
         if name.startswith(prefix)
     }
+
+
+STARTS = "starts"
+"""Name of the leaf with the start time of each run, s."""
+
+
+@dataclass(frozen=True)
+class OwnStarts(ClosedLoop):
+    """A closed loop in which a run at time t is at t + its own start.
+
+    It is for loops without known instants, since all runs would have to share them.
+    """
+
+    starts: Array = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def holds(self) -> bool:
+        """Whether numbers are held: never, since each run is at a time of its own."""
+        return False
+
+    def tracking(self, t: Any, state: Array) -> Tracking:
+        """Return the quantities that a law may read, each run at its own time."""
+        return super().tracking(t + self.starts[..., 0], state)

@@ -37,7 +37,7 @@ def options(component: type) -> dict[str, Any]:
 
     from pydantic import TypeAdapter
 
-    from eqt_cli.core.validation import option_names
+    from eqt_cli.core.option_types import option_names
 
     if not is_dataclass(component) or getattr(component, "whole_section", False):
         return {}

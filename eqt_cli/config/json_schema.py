@@ -1,26 +1,86 @@
-"""The JSON schema of configurations, for editors, with every registered component."""
+"""The JSON schema of configurations, for editors, and what it says of each key.
 
-from collections.abc import Callable
+It has every registered component.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_type_hints
 
+import yaml
 from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
-from eqt_cli.config.key_descriptions import choices, keys_of
-from eqt_cli.config.option_scales import COMPONENTS
-from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement, OwnGainsSection
-from eqt_cli.core.component import option_of_field
-from eqt_cli.core.problems import parse_key
-from eqt_cli.core.registry import Registry, meanings, summary
-from eqt_cli.core.validation import option_names
+from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, OwnGainsSection, SolverChecks
+from eqt_cli.controllers import controllers
+from eqt_cli.core.errors import EqtError, parse_key, suggestion
+from eqt_cli.core.option_types import Scale, option_names, owners
+from eqt_cli.core.registry import Registry, meanings, option_of_field, summary
 from eqt_cli.engines import engines
 from eqt_cli.ensemble.designs import designs
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.sweep import BLOCK
+from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.groups import groups
 from eqt_cli.references import references
+from eqt_cli.vehicle.actuators import actuators
+from eqt_cli.vehicle.estimators import estimators
+from eqt_cli.vehicle.forces import forces
+from eqt_cli.vehicle.sensors import sensors
+
+COMPONENTS: dict[str, Registry[Any]] = {
+    "controllers": controllers,
+    "plant.forces": forces,
+    "actuators": actuators,
+    "sensors.pose": sensors,
+    "sensors.velocity": sensors,
+    "estimator": estimators,
+    "reference": references,
+    "initial.pose": pose_distributions,
+    "initial.velocity": velocity_distributions,
+    "solver": engines,
+}
+"""The registry of each place where a configuration names components, or lists of them."""
+
+
+def scale_of(config: Any, key: str) -> Scale | None:
+    """Return the scale of a key in a configuration with every default; None where it has none.
+
+    An option of a plugin that is not loaded has none.
+    """
+    *steps, option = parse_key(key)
+    kind: Any = Config
+    place = ""
+    for step in steps:
+        config = _within(config, step)
+        if isinstance(step, str):
+            place = f"{place}.{step}".lstrip(".")
+            kind = OwnGainsSection if step == "gains" else _hints(kind).get(step)
+        if (registry := COMPONENTS.get(place)) and isinstance(config, dict):
+            named = config.get("engine" if place == "solver" else "kind")
+            kind = next((each for each in registry.all() if each.name == named), None)
+    metadata = getattr(_hints(kind).get(option), "__metadata__", ())
+    return next((each for each in metadata if isinstance(each, Scale)), None)
+
+
+def _within(config: Any, step: str | int) -> Any:
+    try:
+        return config[step]
+    except (KeyError, IndexError, TypeError):
+        return None
+
+
+def _hints(kind: Any) -> dict[Any, Any]:
+    """Return the types of the options of all classes in a type, by name."""
+    return {
+        option_of_field(name): hint
+        for owner in owners(kind)
+        for name, hint in get_type_hints(owner, include_extras=True).items()
+    }
+
 
 Axes: TypeAlias = Callable[[dict[str, Any]], dict[str, Any]]
 """Returns the schema of a mapping from keys to axes, from that of one axis."""
@@ -67,8 +127,7 @@ def _key_at(place: str, schema: dict[str, Any]) -> dict[str, Any]:
     for name in names:
         found = choices(section["properties"][name], schema)
         section = next(each for each in found if "properties" in each)
-    entry: dict[str, Any] = section["properties"][key]
-    return entry
+    return section["properties"][key]
 
 
 class _Generator(GenerateJsonSchema):
@@ -159,7 +218,7 @@ def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
             "type": "string",
             "default": DEFAULT_ENGINE,
         },
-        **_options(Judgement, shared)["properties"],
+        **_options(SolverChecks, shared)["properties"],
     }
     by_key: dict[str, dict[str, dict[str, Any]]] = {}
     for engine in engines.all():
@@ -206,10 +265,7 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
         }
 
     kinds = {
-        design.name: {
-            "description": summary(design),
-            **_design(design, axes, schema["$defs"]),
-        }
+        design.name: {"description": summary(design), **_design(design, axes, schema["$defs"])}
         for design in designs.all()
     }
     return {
@@ -251,3 +307,154 @@ def _around(schema: Any, axes: Axes) -> Any:
 
 _KEY_IN = r"^(?!ensemble\.runs$)({})(\[[0-9]+\])*(\.[^.\[\]]+(\[[0-9]+\])*)*$"
 """Keys such as ``gains.kp`` or ``controllers[0].label``, within these sections."""
+
+
+Schema = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a configuration.
+
+    Attributes
+    ----------
+    key
+        The key as in overrides: ``gains.kp``, ``controllers[0].label``.
+    value
+        Its possible values in words; code is between backticks.
+    default
+        ``required``, ``optional``, or the value between backticks.
+    meaning
+        A sentence; may be empty.
+    """
+
+    key: str
+    value: str
+    default: str
+    meaning: str
+
+
+def keys_of(schema: Schema) -> list[Key]:
+    """Return every key, sections before their keys."""
+    entries: dict[str, list[tuple[Schema, list[str]]]] = {}
+
+    def visit(place: Schema, prefix: str) -> None:
+        for choice in choices(place, schema):
+            for name, entry in choice.get("properties", {}).items():
+                key = f"{prefix}.{name}" if prefix else name
+                entries.setdefault(key, []).append((entry, choice.get("required", [])))
+                visit(entry, key)
+        if place.get("type") == "array":
+            visit(place["items"], f"{prefix}[0]")
+
+    visit(schema, "")
+    return [_joined(key, alternatives, schema) for key, alternatives in entries.items()]
+
+
+def within(keys: Sequence[Key], requested: str) -> list[Key]:
+    """Return a key and the keys in it; every entry of a list has the keys of the first.
+
+    Raises
+    ------
+    EqtError
+        If there is no such key.
+    """
+    plain = re.sub(r"\[\d+\]", "[0]", requested)
+    found = [
+        each
+        for each in keys
+        if each.key == plain or each.key.startswith((f"{plain}.", f"{plain}["))
+    ]
+    if not found:
+        names = [each.key for each in keys]
+        last = [name for name in names if name.rpartition(".")[2] == plain]
+        hint = f"; did you mean '{last[0]}'?" if last else suggestion(plain, names)
+        top = [name for name in names if not re.search(r"[.\[]", name)]
+        known = hint or f"; known are: {', '.join(top)}"
+        raise EqtError(f"no key '{requested}' in a configuration{known}")
+    return found
+
+
+def _joined(key: str, entries: list[tuple[Schema, list[str]]], schema: Schema) -> Key:
+    """Return a key that several alternatives may have, such as `kind`."""
+    name = key.rpartition(".")[2]
+    together = {"anyOf": [entry for entry, _ in entries]}
+    meanings = dict.fromkeys(described(entry, schema) for entry, _ in entries)
+    defaults = dict.fromkeys(default_of(name, entry, required) for entry, required in entries)
+    meaning = " ".join(" ".join(filter(None, meanings)).split())
+    return Key(key, value_of(together, schema), " or ".join(defaults), meaning)
+
+
+def dereferenced(entry: Schema, schema: Schema) -> Schema:
+    """Return the target of a reference, and any other entry unchanged."""
+    name = entry.get("$ref", "").rpartition("/")[2]
+    return schema["$defs"][name] if name else entry
+
+
+def choices(entry: Schema, schema: Schema) -> list[Schema]:
+    """Return the alternatives at a place of a schema."""
+    entry = dereferenced(entry, schema)
+    # pydantic 2.8 wraps a reference with a description into an `allOf`.
+    several = entry.get("anyOf") or entry.get("allOf")
+    if not several or "properties" in entry:
+        return [entry]
+    return [found for choice in several for found in choices(choice, schema)]
+
+
+def described(entry: Schema, schema: Schema) -> str:
+    """Return the first paragraph of the description of an entry."""
+    text = entry.get("description") or dereferenced(entry, schema).get("description", "")
+    return str(text).partition("\n\n")[0]
+
+
+def default_of(key: str, entry: Schema, required: list[str]) -> str:
+    """Return ``required``, ``optional``, or the default as code."""
+    if key in required:
+        return "required"
+    default = entry.get("default")
+    return "optional" if default in (None, {}, []) else f"`{_plain(default)}`"
+
+
+def _plain(value: Any) -> str:
+    return str(yaml.safe_dump(value, default_flow_style=True)).strip().removesuffix("\n...")
+
+
+def value_of(entry: Schema, schema: Schema) -> str:
+    """Return the possible values in words."""
+    words = dict.fromkeys(word for each in choices(entry, schema) for word in _words(each, schema))
+    words.pop("null", None)
+    if "number" in words:
+        words.pop("constant", None)
+    if set(words) == {"number", "text"}:
+        words = {"expression": None}
+    names = list(words) or ["anything"]
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
+
+
+def _words(option: Schema, schema: Schema) -> Iterator[str]:
+    if "enum" in option:
+        yield from (f"`{word}`" for word in option["enum"])
+    else:
+        yield _word(option, schema)
+
+
+def _word(option: Schema, schema: Schema) -> str:
+    if "const" in option:
+        return f"`{option['const']}`"
+    kind = option.get("type")
+    if kind == "array":
+        inner = value_of(option.get("items", {}), schema)
+        return {
+            "number": "list",
+            "list": "matrix",
+            "list of expressions": "matrix of expressions",
+        }.get(inner, f"list of {_plural(inner)}")
+    if kind == "string" and "constant expression" in option.get("description", ""):
+        return "constant"
+    words = {"object": "mapping", "integer": "whole number", "boolean": "`true`, `false`"}
+    named = {"string": "text", "number": "number", "null": "null", None: "anything"}
+    return (words | named)[kind]
+
+
+def _plural(words: str) -> str:
+    return re.sub(r"(number|list|mapping|expression)\b", r"\1s", words)

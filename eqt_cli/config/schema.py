@@ -20,64 +20,57 @@ from pydantic import (
 )
 
 from eqt_cli.core.option_types import (
+    ANY,
     DAMPING,
-    TORQUE,
+    INERTIA,
+    POSE,
+    STIFFNESS,
     Angle,
+    AnyReal,
+    Constant,
     Count,
     CountOrNone,
     Duration,
+    Matrix,
     Name,
     Positive,
-    PositiveAngle,
     Real,
+    Row,
     RunCount,
     Samples,
     Scale,
-    written_as_time,
+    Unit,
+    Written,
+    has_unit,
+    number_of,
+    one_of,
+    rank,
 )
-from eqt_cli.core.validation import one_of
 from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.groups.angles import distance_of_turn
 from eqt_cli.logs.mapping import LogMapping
-from eqt_cli.vehicle.numbers import Matrix as DrawnMatrix
-from eqt_cli.vehicle.numbers import Number
+from eqt_cli.vehicle.component import Matrix as DrawnMatrix
+from eqt_cli.vehicle.component import Number
 from eqt_cli.vehicle.sampling import periods_in
-
-
-def _rank(value: Any) -> str | None:
-    if not isinstance(value, list):
-        number = isinstance(value, int | float | str) and not isinstance(value, bool)
-        return "scalar" if number else None
-    return "matrix" if any(isinstance(row, list) for row in value) else "list"
-
-
-Row = list[Real]
-_Constant = (
-    Annotated[Real, Tag("scalar")]
-    | Annotated[Row, Tag("list")]
-    | Annotated[list[Row], Tag("matrix")]
-)
-Matrix = Annotated[_Constant, one_of(_rank, "a number, a list (the diagonal) or a list of rows")]
-"""A number (times the identity), a list (a diagonal) or a list of rows."""
 
 
 def _weight_kind(value: Any) -> str | None:
     if not isinstance(value, list):
-        return _rank(value)
-    kinds = {_rank(entry) for entry in value}
-    return "factors" if "matrix" in kinds or len(kinds) > 1 else _rank(value)
+        return rank(value)
+    kinds = {rank(entry) for entry in value}
+    return "factors" if "matrix" in kinds or len(kinds) > 1 else rank(value)
 
 
 Weight = Annotated[
-    _Constant | Annotated[list[Matrix], Tag("factors")],
+    Constant | Annotated[list[Matrix], Tag("factors")],
     one_of(_weight_kind, "a number, a list (the diagonal) or a list of rows"),
 ]
 """A matrix, or for a product of groups a list with one matrix per factor."""
 
 
 def _distance_of_angle(value: Any) -> Any:
-    """‖I − R‖_F of a rotation by an angle that is written in degrees."""
-    if not (isinstance(value, str) and value.rstrip().endswith("deg")):
+    """‖I − R‖_F of a rotation by an angle that is written with its unit."""
+    if not has_unit(value):
         return value
     angle: float = TypeAdapter(Angle).validate_python(value)
     return distance_of_turn(angle)
@@ -86,12 +79,12 @@ def _distance_of_angle(value: Any) -> Any:
 def _threshold_kind(value: Any) -> str | None:
     if isinstance(value, dict):
         return "parts"
-    return "number" if _rank(value) == "scalar" else None
+    return "number" if rank(value) == "scalar" else None
 
 
 SettlingThreshold = Annotated[
     Annotated[Annotated[Positive, BeforeValidator(_distance_of_angle)], Tag("number")]
-    | Annotated[dict[str, PositiveAngle], Field(min_length=1), Tag("parts")],
+    | Annotated[dict[str, Positive], Unit(POSE), Field(min_length=1), Tag("parts")],
     one_of(_threshold_kind, "a number, an angle such as 2 deg, or {part: threshold, …}"),
 ]
 """Of the pose error, or by the names of the group's parts: angles of rotations, and distances."""
@@ -103,7 +96,7 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
-KP, KD = Scale("k_p", TORQUE, is_symbol=True), Scale("k_d", DAMPING, is_symbol=True)
+KP, KD = Scale("k_p", STIFFNESS, is_symbol=True), Scale("k_d", DAMPING, is_symbol=True)
 
 
 class GainsSection(Section):
@@ -226,7 +219,7 @@ class FactoredInertiaSection(Section):
         S_t, m×m expressions in t with S(0) = I.
     """
 
-    initial: Matrix
+    initial: Annotated[Matrix, Unit(INERTIA)]
     factor: list[list[Formula]]
 
 
@@ -245,7 +238,7 @@ class PrescribedInertiaSection(Section):
 def _inertia_kind(value: Any) -> str | None:
     if isinstance(value, dict):
         return "prescribed" if "matrix" in value else "factored"
-    return _rank(value)
+    return rank(value)
 
 
 _Varying = (
@@ -253,7 +246,13 @@ _Varying = (
     | Annotated[PrescribedInertiaSection, Tag("prescribed")]
 )
 _INERTIAS = "a number, a list (the diagonal), a list of rows or a mapping"
-InertiaValue = Annotated[_Constant | _Varying, one_of(_inertia_kind, _INERTIAS)]
+InertiaValue = Annotated[
+    Annotated[Real, Unit(INERTIA), Tag("scalar")]
+    | Annotated[Row, Unit(INERTIA), Tag("list")]
+    | Annotated[list[Row], Unit(INERTIA), Tag("matrix")]
+    | _Varying,
+    one_of(_inertia_kind, _INERTIAS),
+]
 """A constant tensor, or a mapping with expressions in t."""
 
 
@@ -279,12 +278,25 @@ def _plant_inertia_kind(value: Any) -> str | None:
 
 
 PlantInertia = Annotated[
-    Annotated[DrawnMatrix, Tag("constant")]
+    Annotated[DrawnMatrix, Unit(INERTIA), Tag("constant")]
     | Annotated[RelativeInertiaSection, Tag("relative")]
     | _Varying,
     one_of(_plant_inertia_kind, _INERTIAS),
 ]
 """As `InertiaValue`, or relative to it; constant numbers may be drawn for each run."""
+
+
+class ModelSection(Section):
+    """What laws that use a model know of the plant, besides `inertia`.
+
+    Attributes
+    ----------
+    forces
+        Forces that they know (`eqt list forces`), or `plant` for those of `plant.forces`. Without
+        `plant.forces`, these act.
+    """
+
+    forces: Literal["plant"] | list[Any] | None = None
 
 
 class PlantSection(Section):
@@ -295,7 +307,7 @@ class PlantSection(Section):
     inertia
         The true inertia: as `inertia`, or {relative: 0.1} for 10 % more than the laws believe.
     forces
-        Forces that act beside the actuators (`eqt list forces`).
+        Forces that act beside the actuators (`eqt list forces`); default: those of `model`.
     """
 
     inertia: PlantInertia | None = None
@@ -325,14 +337,14 @@ class ControlSection(Section):
     """
 
     period: Annotated[Positive, Scale("control period", "s")]
-    delay: Annotated[CountOrNone, _COUNT_OR_TIME, Scale("delay in periods")] = 0
+    delay: Annotated[CountOrNone, _COUNT_OR_TIME, Scale("delay of the command in periods")] = 0
 
     @field_validator("delay", mode="before")
     @classmethod
     def _in_periods(cls, value: Any, known: ValidationInfo) -> Any:
-        time = written_as_time(value)
-        if time is None:
+        if not has_unit(value):
             return value
+        time = number_of(Written(value, ["s"]))
         if "period" not in known.data:
             return 0  # which is noted
         return periods_in(time, known.data["period"])
@@ -365,7 +377,7 @@ class LogRange(Section):
         Its ends.
     """
 
-    log: list[Positive]
+    log: Annotated[list[Positive], Unit(ANY)]
 
 
 def _tuned_kind(value: Any) -> str | None:
@@ -376,7 +388,7 @@ def _tuned_kind(value: Any) -> str | None:
 
 
 TunedAxis = Annotated[
-    Annotated[list[Angle], Tag("ends")]
+    Annotated[list[AnyReal], Tag("ends")]
     | Annotated[LogRange, Tag("log")]
     | Annotated[DrawnRange, Tag("range")],
     one_of(_tuned_kind, "[low, high], {log: [low, high]} or {low: …, high: …, scale: …}"),
@@ -402,7 +414,7 @@ class WorstRunSection(Section):
 Bound = Annotated[
     Annotated[Real, Tag("scalar")] | Annotated[WorstRunSection, Tag("each")],
     one_of(
-        lambda value: "each" if isinstance(value, dict) else _rank(value),
+        lambda value: "each" if isinstance(value, dict) else rank(value),
         "a number (of the mean over runs) or {max: …} (of the worst run)",
     ),
 ]
@@ -434,8 +446,8 @@ class SearchSection(Section):
     population
         Points of a generation, each with `ensemble.runs` runs.
     seeds
-        Searches for each law, with `seed` and the numbers after it: how far they agree tells how
-        much luck there is in one.
+        Searches for each law, with `seed` and the numbers after it: their spread shows how far the
+        outcome depends on the seed.
     seed
         Of the first search. The first generations of one seed are the same points for all laws.
     """
@@ -480,6 +492,22 @@ class TuneSection(SearchSection):
     confirm: ConfirmSection = Field(default_factory=ConfirmSection)
 
 
+class ProfileSection(Section):
+    """The runs of all laws along each key, through the worst points, which the figure shows.
+
+    Attributes
+    ----------
+    points
+        Values along each key, besides the found one. Default: 21, or fewer where they would take
+        more runs than the search, but at least 5.
+    runs
+        How many of the runs are computed at each. Default: all, `ensemble.runs`.
+    """
+
+    points: Annotated[int, Field(ge=2)] | None = None
+    runs: Count | None = None
+
+
 class WorstSection(SearchSection):
     """Within which ranges `eqt worst` looks for the worst run of each law, and for how long.
 
@@ -491,10 +519,13 @@ class WorstSection(SearchSection):
         `controllers` are that law's own. Whole numbers, as `control.delay`, stay whole.
     objective
         The metric whose worst value over all runs is looked for; a failed run is worse than any.
+    profile
+        How many runs show each law along each key, through the points that were found.
     """
 
     objective: str
     budget: Count = 30
+    profile: ProfileSection = Field(default_factory=ProfileSection)
 
 
 class TargetSection(Section):
@@ -531,6 +562,8 @@ class Config(Section):
         The desired trajectory: `kind` (default torque), its options, `pose` and `velocity`.
     target
         Where to come to rest, for `task: stabilise`.
+    model
+        The forces that laws know which use a model, such as `cascade`.
     controllers
         Control laws to compare, from the same initial states (`eqt list controllers`).
     plant
@@ -579,10 +612,11 @@ class Config(Section):
     group: str
     inertia: InertiaValue
     rigid: bool | None = None
-    gains: GainsSection = Field(examples=["{kp: 1, kd: 1}"])
+    gains: GainsSection | None = Field(default=None, examples=["{kp: 1, kd: 1}"])
     reference: dict[str, Any] | None = None
     target: TargetSection | None = None
     controllers: list[Any] = Field(min_length=1)
+    model: ModelSection | None = None
     plant: PlantSection | None = None
     actuators: list[Any] | None = None
     control: ControlSection | None = None
@@ -597,7 +631,7 @@ class Config(Section):
     tune: TuneSection | None = None
     worst: WorstSection | None = None
     settling_threshold: SettlingThreshold = 0.05
-    early_window: Positive | None = None
+    early_window: Annotated[Positive | None, Unit("s")] = None
     closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
     plugins: list[str] = Field(default_factory=list)
 
@@ -609,7 +643,7 @@ DEFAULT_ENGINE = "solve_ivp"
 
 
 @dataclass(frozen=True)
-class Judgement:
+class SolverChecks:
     """The keys of `solver` that do not belong to an engine.
 
     Attributes

@@ -9,12 +9,18 @@ from typing import Any
 
 from eqt_cli.config import yaml_source
 from eqt_cli.config.yaml_source import Source
-from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
-from eqt_cli.core.file_names import file_name
-from eqt_cli.core.files import YAML, near, refusals
-from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
-from eqt_cli.core.regular_files import content_of
-from eqt_cli.core.validation import shown
+from eqt_cli.core.errors import (
+    ConfigError,
+    EqtError,
+    InputError,
+    InputProblem,
+    KeyPath,
+    Problems,
+    dotted,
+    parse_key,
+)
+from eqt_cli.core.files import YAML, content_of, file_name, near, refusals
+from eqt_cli.core.option_types import shown
 from eqt_cli.store.reader import ResultFile, open_results
 from eqt_cli.store.reserved_names import FILE_NAME
 
@@ -78,7 +84,7 @@ def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -
         config = ConfigSource(source, source.data, path.parent)
     overridden(config, overrides)
     if config.data.get("name") is None:
-        config.data = config.data | {"name": _name(path)}
+        config.data = config.data | {"name": file_name(path.stem, "experiment")}
     return config
 
 
@@ -118,11 +124,6 @@ def _text(path: Path) -> bytes:
             hint = near(path, lambda entry: entry.suffix in YAML or (entry / FILE_NAME).is_file())
             hint = hint or ". Create one with `eqt config new`"
             raise EqtError(f"{path}: not found{hint}") from None
-
-
-def _name(path: Path) -> str:
-    """Return the file's stem as a name, with hyphens for invalid characters."""
-    return file_name(path.stem, "experiment")
 
 
 def source_of(results: ResultFile) -> ConfigSource:

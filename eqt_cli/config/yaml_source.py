@@ -18,8 +18,7 @@ from typing import Any, Final, NoReturn, TypeAlias
 
 import yaml
 
-from eqt_cli.core.errors import ConfigError, InputProblem
-from eqt_cli.core.problems import MAX_PROBLEMS, KeyPath, dotted
+from eqt_cli.core.errors import MAX_PROBLEMS, ConfigError, InputProblem, KeyPath, dotted
 
 MAX_BYTES: Final = 4_000_000
 """Largest text, bytes of UTF-8."""
@@ -149,11 +148,13 @@ class _Reader:
         self._problems: list[InputProblem] = []
         self._anchors: dict[str, _Node | None] = {}  # None while the node is being built
         self._size = 0
+        self._events: Iterator[Any] = iter(())
 
     def read(self, source: str | bytes) -> _Node | None:
         """Return the root of the only document, or None if it is empty."""
         text = self._characters(source)
-        root = self._document(self._events(text))
+        self._events = self._parsed(text)
+        root = self._document()
         if self._problems:
             raise ConfigError(self._problems)
         return root
@@ -196,7 +197,7 @@ class _Reader:
             self.stop((), message, _position(text, invalid.start()))
         return text
 
-    def _events(self, text: str) -> Iterator[Any]:
+    def _parsed(self, text: str) -> Iterator[Any]:
         try:
             yield from yaml.parse(text, Loader=_PARSER)
         except yaml.MarkedYAMLError as error:
@@ -205,30 +206,30 @@ class _Reader:
             # Python's parser gives escapes such as \UFFFFFFFF to chr() and int() unchecked.
             self.stop((), "an escape or a directive (%) is not valid YAML", None)
 
-    def _document(self, events: Iterator[Any]) -> _Node | None:
+    def _document(self) -> _Node | None:
         root = None
         documents = 0
-        for event in events:
+        for event in self._events:
             if not isinstance(event, yaml.DocumentStartEvent):
                 continue
             documents += 1
             if documents > 1:
                 message = "a second document starts here; expected only one"
                 self.stop((), message, _mark(event.start_mark))
-            first = next(events)
-            root = self._node(first, events, (), 0)
+            first = next(self._events)
+            root = self._node(first, (), 0)
             if isinstance(first, yaml.ScalarEvent) and not first.value and not first.style:
                 root = None
         return root
 
-    def _node(self, event: Any, events: Iterator[Any], path: KeyPath, depth: int) -> _Node:
+    def _node(self, event: Any, path: KeyPath, depth: int) -> _Node:
         """Return the node that starts with `event`, inside `depth` containers."""
         self._size += 1
         if isinstance(event, yaml.AliasEvent):
             node = self._alias(event, path)
             self._size += node.size - 1
         else:
-            node = self._written(event, events, path, depth)
+            node = self._written(event, path, depth)
         position = _mark(event.start_mark)
         if depth + node.height > MAX_DEPTH:
             self.stop(path, f"nested more than {MAX_DEPTH} deep", position)
@@ -251,7 +252,7 @@ class _Reader:
         self._report(path, message, position)
         return _Node(position)
 
-    def _written(self, event: Any, events: Iterator[Any], path: KeyPath, depth: int) -> _Node:
+    def _written(self, event: Any, path: KeyPath, depth: int) -> _Node:
         position = _mark(event.start_mark)
         if event.tag is not None:
             tag = _short(event.tag.replace("tag:yaml.org,2002:", "!!"))
@@ -263,9 +264,9 @@ class _Reader:
         elif depth >= MAX_DEPTH:
             self.stop(path, f"nested more than {MAX_DEPTH} deep", position)
         elif isinstance(event, yaml.SequenceStartEvent):
-            node = self._sequence(position, events, path, depth + 1)
+            node = self._sequence(position, path, depth + 1)
         else:
-            node = self._mapping(position, events, path, depth + 1)
+            node = self._mapping(position, path, depth + 1)
         if event.anchor is not None:
             self._anchors[event.anchor] = node
         return node
@@ -282,25 +283,21 @@ class _Reader:
             self._report(path, "an escape for half a surrogate pair is no character", position)
         return _Node(position, value)
 
-    def _sequence(
-        self, position: _Position, events: Iterator[Any], path: KeyPath, depth: int
-    ) -> _Node:
+    def _sequence(self, position: _Position, path: KeyPath, depth: int) -> _Node:
         children: dict[int, _Node] = {}
-        while not isinstance(event := next(events), yaml.SequenceEndEvent):
+        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
             index = len(children)
-            children[index] = self._node(event, events, (*path, index), depth)
+            children[index] = self._node(event, (*path, index), depth)
         return _Node(position, children=children, is_mapping=False)
 
-    def _mapping(
-        self, position: _Position, events: Iterator[Any], path: KeyPath, depth: int
-    ) -> _Node:
+    def _mapping(self, position: _Position, path: KeyPath, depth: int) -> _Node:
         children: dict[str, _Node] = {}
         keys: dict[str, _Position] = {}
-        while not isinstance(event := next(events), yaml.MappingEndEvent):
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             key_position = _mark(event.start_mark)
-            key = self._key(event, events, path, depth)
+            key = self._key(event, path, depth)
             key_path = path if key is None else (*path, key)
-            value = self._node(next(events), events, key_path, depth)
+            value = self._node(next(self._events), key_path, depth)
             if key is None:
                 continue
             if key in keys:
@@ -311,17 +308,17 @@ class _Reader:
             children[key] = value
         return _Node(position, children=children, keys=keys)
 
-    def _key(self, event: Any, events: Iterator[Any], path: KeyPath, depth: int) -> str | None:
+    def _key(self, event: Any, path: KeyPath, depth: int) -> str | None:
         """Return the text of a key, or None after reporting that it is not text."""
         position = _mark(event.start_mark)
         if not isinstance(event, yaml.ScalarEvent):
-            kind = self._node(event, events, path, depth).kind
+            kind = self._node(event, path, depth).kind
             got = "an alias" if isinstance(event, yaml.AliasEvent) else kind
             self._report(path, f"expected text as a key, got {got}", position)
             return None
         text = str(event.value)
         if event.style or not _NOT_TEXT.fullmatch(text):
-            self._node(event, events, (*path, text), depth)
+            self._node(event, (*path, text), depth)
             return text
         if text == "<<":
             message = "merge keys (<<) are not supported; write out the keys to merge"
@@ -363,13 +360,7 @@ class _Reader:
         self.stop((), "invalid YAML", _mark(here))
 
     def _stop_in_brackets(
-        self,
-        before: str,
-        after: str,
-        opening: str,
-        here: _Position,
-        start: _Position,
-        since: str,
+        self, before: str, after: str, opening: str, here: _Position, start: _Position, since: str
     ) -> None:
         """Report an error within a list or mapping in brackets, if it is a known one."""
         if not after.strip():

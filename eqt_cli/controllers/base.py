@@ -3,13 +3,15 @@
 from abc import abstractmethod
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.component import Component
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import structure
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.registry import Component
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.flatness import PlantModel
+from eqt_cli.mechanics.inertia import InertiaLaw
 from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.mechanics.tracking import Gains, Tracking
 
@@ -39,6 +41,35 @@ class RunsCode:
     real: str
 
 
+class LinearPlant(NamedTuple):
+    """The loop without feedback to first order: ẋ, or x a period later, is A x + B u.
+
+    x = (ε, e, …) with Q = Q_d exp(ε) and e = V − Ad_{Q_L⁻¹}V_d, then the states of actuators and
+    delays; u is added to τ_d.
+
+    Attributes
+    ----------
+    times : (k,)
+        One time where the plant is constant; else the middles of pieces of the horizon, s.
+    A, B
+        ``(k, n, n)`` and ``(k, n, m)``.
+    period
+        Control period, s; None for a continuous plant.
+    piece, periods
+        Length of a piece in s, and in control periods.
+    is_periodic
+        Whether the plant begins again as it ends.
+    """
+
+    times: Array
+    A: Array
+    B: Array
+    period: float | None
+    piece: float
+    periods: int
+    is_periodic: bool
+
+
 @dataclass(frozen=True)
 class Controller(GivenOverTime, Component):
     """A control law: a frozen dataclass whose fields are its options in a configuration.
@@ -54,7 +85,8 @@ class Controller(GivenOverTime, Component):
     title
         The name in figures: ``EqT``. Default: the name.
     tasks
-        The tasks of a configuration that the law is for; empty for code, which may do any task.
+        The tasks of a configuration that the law is for; empty for a law that needs more than its
+        name, such as code, which may do any task.
     energy
         Its Lyapunov function, as text: ``½⟨P̃, Ṽ⟩ + Υ(Q_E)``.
     theorem
@@ -68,6 +100,12 @@ class Controller(GivenOverTime, Component):
         Whether L is claimed to decrease along every trajectory; None: not known.
     departs
         How a loop with this law departs from the assumptions of the theorems, in a few words.
+    reads_flat_output
+        Whether it reads the flat output of the reference.
+    commands_attitude
+        Whether it commands an attitude R_c, to which an attitude law turns the body.
+    reads_gains
+        Whether it reads the section `gains`.
     """
 
     title: ClassVar[str]
@@ -78,6 +116,9 @@ class Controller(GivenOverTime, Component):
     matched: ClassVar[bool | None] = None
     claims_decrease: ClassVar[bool | None] = None
     departs: ClassVar[str] = ""
+    reads_flat_output: ClassVar[bool] = False
+    commands_attitude: ClassVar[bool] = False
+    reads_gains: ClassVar[bool] = True
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Drop the inherited claims of a class with a torque, and the title of one with a name."""
@@ -99,8 +140,48 @@ class Controller(GivenOverTime, Component):
         """Return whether L is claimed to decrease with these gains, as `claims_decrease`."""
         return self.claims_decrease
 
+    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, float]:
+        """Return options that follow the gains where a configuration leaves them out."""
+        return {}
+
+    def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
+        """Return the group that its gains are of."""
+        return G
+
+    def inside(
+        self, G: MatrixLieGroup, inertia: InertiaLaw
+    ) -> "tuple[MatrixLieGroup, InertiaLaw, Controller] | None":
+        """Return the law that L and the gains are of, if another one, with group and inertia."""
+        return None
+
+    def with_position(self, factor: float) -> Self:
+        """Return the law with its gains of the position multiplied, if it has any of its own."""
+        return self
+
+    def attitude_error(self, s: Tracking) -> Array | None:
+        """Return ‖R − R_c‖_F, ``(...)``, if it `commands_attitude`."""
+        return None
+
+    @property
+    def pushes_along(self) -> tuple[float, ...] | None:
+        """The body axis along which it pushes a rigid body, if there is only one."""
+        return None
+
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with what it knows of the plant, after noting what does not fit."""
+        return self
+
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note where the law or its options do not fit the group."""
+
+    @property
+    def design_pieces(self) -> int:
+        """Number of pieces of the horizon for which it is `designed`; 0 where gains are given."""
+        return 0
+
+    def designed(self, G: MatrixLieGroup, plant: LinearPlant) -> Self:
+        """Return the law with the gains that follow from its linearised plant."""
+        raise NotImplementedError(f"{self.name} is not designed for a plant")
 
     @abstractmethod
     def torque(self, s: Tracking) -> Array:

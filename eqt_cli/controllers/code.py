@@ -10,13 +10,14 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from eqt_cli.controllers.base import Controller, RunsCode
+from eqt_cli.controllers.cascade import check_flat_output
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import InputError, Remedy, TraceError
-from eqt_cli.core.leaves import STRUCTURE
-from eqt_cli.core.option_types import Real
-from eqt_cli.core.problems import Problems
-from eqt_cli.core.validation import component, shown
+from eqt_cli.core.errors import InputError, Problems, Remedy, TraceError
+from eqt_cli.core.leaves import STRUCTURE, with_fields
+from eqt_cli.core.option_types import Real, component, shown
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.flatness import PlantModel
+from eqt_cli.mechanics.law_input import LawInput
 from eqt_cli.mechanics.tracking import Gains, Tracking
 
 TORQUE = "_torque"
@@ -138,8 +139,7 @@ class Code(Controller):
     @property
     def formula(self) -> Controller | None:
         """The law that it claims to be."""
-        claimed: Controller | None = self.claimed
-        return claimed
+        return self.claimed
 
     def torque(self, s: Tracking) -> Array:
         """Return the torque of one call of the function."""
@@ -150,6 +150,18 @@ class Code(Controller):
         inputs, numbers, memory = self._rows(s)
         torque, updated = self.called.torque(numbers, float(period), memory, inputs)
         return torque.reshape(s.P.shape), self._named(updated, s)
+
+    @property
+    def decisions(self) -> tuple[Any, ...] | None:
+        """The decisions in the code; None where the compiler cannot watch them."""
+        return self.called.code.decisions[1] if self.called.watching else None
+
+    def watched(self, s: Tracking, period: float) -> tuple[Array, Array, Array]:
+        """Return the torque, and of each decision its outcome and how far that was away."""
+        inputs, numbers, memory = self._rows(s)
+        found: tuple[Array, Array, Array]
+        found = self.called.watching.outcomes(numbers, float(period), memory, inputs)
+        return found
 
     def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
         """Return the memory that ``X_start`` sets, if there is one, otherwise 0."""
@@ -164,27 +176,19 @@ class Code(Controller):
     def _rows(self, s: Tracking) -> tuple[Array, Array, Array]:
         """Return inputs, numbers and memory, with a row for each run and sample."""
         batch = s.P.shape[:-1]
-        parts = [
-            np.asarray(s.t)[..., None],
-            _flat(s.G, s.Q),
-            s.V,
-            _flat(s.G, s.Qd),
-            s.Vd,
-            s.Vd_dot,
-        ]
-        if any(part.dtype == object for part in parts):
+        inputs = LawInput.of(s).rows(self.called.code.inputs)
+        if inputs.dtype == object:
             raise TraceError(
                 f"{self.file} is code, which is called and not compiled into the loop",
                 Remedy("set control.period, or use engine solve_ivp"),
             )
         # There is no memory before a run begins.
         memory = [s.memory.get(name, np.zeros(n)) for name, n in self.memory(s.G).items()]
-        inputs, numbers, values = (
+        numbers, values = (
             np.concatenate([np.broadcast_to(p, (*batch, p.shape[-1])) for p in group], axis=-1)
-            for group in (parts, [np.asarray(self.values)], [np.empty(0), *memory])
+            for group in ([np.asarray(self.values)], [np.empty(0), *memory])
         )
-        rows = int(np.prod(batch, dtype=int))
-        return inputs.reshape(rows, -1), numbers.reshape(rows, -1), values.reshape(rows, -1)
+        return inputs, numbers.reshape(len(inputs), -1), values.reshape(len(inputs), -1)
 
     def _named(self, memory: Array, s: Tracking) -> dict[str, Array]:
         """Return the memory of all runs by the names of its parts."""
@@ -195,53 +199,59 @@ class Code(Controller):
 
     # The claims.
 
+    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
+        """Return the law that it claims to be with the options that follow its gains."""
+        if self.claimed is None:
+            return {}
+        given = self.as_ if isinstance(self.as_, dict) else {}
+        found = self.claimed.defaults(G, gains).items()
+        own = {name: value for name, value in found if name not in given}
+        return {"claimed": with_fields(self.claimed, **own)} if own else {}
+
     @property
-    def energy(self) -> str:  # type: ignore[override]  # a constant of all other laws
-        """L of the law that it claims to be."""
-        return self.claimed.energy if self.claimed else Controller.energy
+    def reads_flat_output(self) -> bool:  # type: ignore[override]  # a constant of all other laws
+        """Whether the input of the function has the position and its derivatives."""
+        return "position" in self.called.code.inputs
+
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with what the law that it claims to be knows of the plant."""
+        law, read, flat = self.claimed, self.called.code.inputs, plant.flat
+        here = problems.at("file")
+        if law is not None and law.reads_flat_output and not self.reads_flat_output:
+            here.add(
+                f"{self.prefix}_input has no field position, which {law.name} reads; `eqt export` "
+                "writes its fields"
+            )
+        elif self.reads_flat_output and (law is None or not law.reads_flat_output):
+            check_flat_output(plant, problems)
+        if flat is not None and flat.heading is None and "heading" in read:
+            here.add(
+                f"{self.prefix}_input has a field heading, and the reference gives none; remove "
+                "the field"
+            )
+        if law is None or problems:
+            return self
+        return with_fields(self, claimed=law.knowing(G, plant, problems))
 
     @property
     def theorem(self) -> str:  # type: ignore[override]  # a constant of all other laws
         """As for the law that it claims to be."""
         return self.claimed.theorem if self.claimed else ""
 
-    @property
-    def matched(self) -> bool | None:  # type: ignore[override]  # a constant of all other laws
-        """As for the law that it claims to be."""
-        return self.claimed.matched if self.claimed else None
 
-    @property
-    def claims_decrease(self) -> bool | None:  # type: ignore[override]  # a constant of others
-        """As for the law that it claims to be."""
-        return self.claimed.claims_decrease if self.claimed else None
+def _of_claimed(name: str) -> property:
+    def get(law: Any) -> Any:
+        return getattr(law.claimed or super(Code, law), name)
 
-    def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
-        """As for the law that it claims to be."""
-        return self.claimed.claims(G, gains) if self.claimed else None
+    return property(get, doc="As for the law that it claims to be.")
 
-    def feedforward_torque(self, s: Tracking) -> Array | None:
-        """As for the law that it claims to be."""
-        return self.claimed.feedforward_torque(s) if self.claimed else None
 
-    def lyapunov(self, s: Tracking) -> Array:
-        """L of the law that it claims to be."""
-        return self.claimed.lyapunov(s) if self.claimed else s.lyapunov
-
-    def velocity_error(self, s: Tracking) -> Array:
-        """As for the law that it claims to be."""
-        return self.claimed.velocity_error(s) if self.claimed else s.V_tilde
-
-    def dissipation(self, s: Tracking) -> Array | None:
-        """As for the law that it claims to be."""
-        return self.claimed.dissipation(s) if self.claimed else None
-
-    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
-        """As for the law that it claims to be."""
-        return self.claimed.memory_rate(s) if self.claimed else {}
-
-    def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
-        """As for the law that it claims to be."""
-        return self.claimed.memory_gradient(s) if self.claimed else None
+for _name in (
+    *("energy", "matched", "claims_decrease", "claims", "feedforward_torque", "lyapunov"),
+    *("velocity_error", "dissipation", "memory_rate", "memory_gradient", "gains_group", "inside"),
+    *("commands_attitude", "attitude_error", "pushes_along", "reads_gains"),
+):
+    setattr(Code, _name, _of_claimed(_name))
 
 
 def _check_name(name: str, problems: Problems) -> None:
@@ -252,8 +262,3 @@ def _check_name(name: str, problems: Problems) -> None:
 def is_name(text: str) -> bool:
     """Whether a text can be a name in C."""
     return re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", text) is not None
-
-
-def _flat(G: MatrixLieGroup, pose: Array) -> Array:
-    """Return the entries of poses, row by row."""
-    return pose.reshape(*pose.shape[:-2], G.size**2)

@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
+
+import numpy as np
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, absolute, dot, exp, log, tanh
-from eqt_cli.core.option_types import Positive, Real
+from eqt_cli.core.option_types import POSE, STIFFNESS, Positive, Real, Unit
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.mechanics.navigation import hessian_at_identity
+from eqt_cli.mechanics.tracking import Gains, Tracking
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,8 @@ class Goodarzi2013(Controller):
     Attributes
     ----------
     ki
-        k_I, N m/rad.
+        k_I, N m/rad. Where a configuration leaves it out, a tenth of the least stiffness H of Υ:
+        0.2 on SO(3) with K = I.
     c2
         c₂, 1/s.
     bound
@@ -53,9 +57,13 @@ class Goodarzi2013(Controller):
   year      = {2013}
 }"""
 
-    ki: Positive = 0.2
-    c2: Real = 0.5
-    bound: Positive | None = None
+    ki: Annotated[Positive, Unit(STIFFNESS)] = 0.2
+    c2: Annotated[Real, Unit("1/s")] = 0.5
+    bound: Annotated[Positive | None, Unit(POSE)] = None
+
+    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, float]:
+        """k_I = 0.1 min H: a fixed one would be too strong for a light body."""
+        return {"ki": 0.1 * float(np.linalg.eigvalsh(hessian_at_identity(G, gains.K)).min())}
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the length of the integral e_I."""

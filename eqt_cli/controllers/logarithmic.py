@@ -7,7 +7,7 @@ import numpy as np
 
 from eqt_cli.controllers.body_errors import CancellingLaw
 from eqt_cli.core.arrays import Array, dot
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
 

@@ -1,11 +1,11 @@
 """State feedback after Maithripala, Berg and Dayawansa (2006), damped by the kinetic energy."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, dot
-from eqt_cli.core.option_types import Positive
+from eqt_cli.core.option_types import Positive, Unit
 from eqt_cli.mechanics.tracking import Tracking
 
 
@@ -43,7 +43,7 @@ class Maithripala2006(Controller):
     matched: ClassVar[bool | None] = False
     claims_decrease: ClassVar[bool | None] = True
 
-    damping_rate: Positive = 0.5
+    damping_rate: Annotated[Positive, Unit("1/s")] = 0.5
 
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""

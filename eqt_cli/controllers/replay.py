@@ -2,29 +2,19 @@
 
 from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, TypeAlias, get_args
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, as_array
-from eqt_cli.core.errors import InputError, Remedy, TraceError
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems, Remedy, TraceError
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.logs.in_file import RecordingInFile
+from eqt_cli.logs.recording import RecordingInFile
 from eqt_cli.mechanics.motions import SAME_TIME
 from eqt_cli.mechanics.tracking import Tracking
 
 Hold: TypeAlias = Literal["zero", "linear"]
-
-
-def hold_named(text: str) -> Hold:
-    """Return the hold of this name, or raise an `InputError` if there is none."""
-    known: tuple[Hold, ...] = get_args(Hold)
-    for name in known:
-        if text == name:
-            return name
-    raise InputError(f"hold: expected one of {', '.join(known)}, got {text!r}")
 
 
 @dataclass(frozen=True)
@@ -64,7 +54,7 @@ class Replay(RecordingInFile, Controller):
         """Return the recorded wrench at the time of a state."""
         return self.held(s.G, s.t).torque(s)
 
-    def instants(self, G: MatrixLieGroup) -> Array:
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times of the rows."""
         return self.recording(G).times
 

@@ -1,11 +1,11 @@
 """Sliding mode with a boundary layer, on any group."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from eqt_cli.controllers.sliding_variable import SlidingVariable
 from eqt_cli.core.arrays import Array, tanh
-from eqt_cli.core.option_types import Positive
+from eqt_cli.core.option_types import TORQUE, VELOCITY, Positive, Unit
 from eqt_cli.mechanics.tracking import Tracking
 
 
@@ -36,8 +36,8 @@ class Sliding(SlidingVariable):
   year      = {1991}
 }"""
 
-    gain: Positive = 0.5
-    layer: Positive = 0.5
+    gain: Annotated[Positive, Unit(TORQUE)] = 0.5
+    layer: Annotated[Positive, Unit(VELOCITY)] = 0.5
 
     def reaching(self, r: Tracking) -> Array:
         """gain · tanh(s / layer)."""

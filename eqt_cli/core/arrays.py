@@ -58,6 +58,9 @@ def apply(name: str, *arguments: Any) -> Any:
     TraceError
         If an argument holds symbols whose engine offers no such function.
     """
+    for argument in arguments:
+        if hasattr(argument, "applied"):  # a Taylor series
+            return argument.applied(name, arguments)
     arrays = [as_array(argument) for argument in arguments]
     if not any(array.dtype == object for array in arrays):
         return _NUMPY[name](*arrays)
@@ -78,6 +81,11 @@ def _apply_to_symbols(name: str, values: tuple[Any, ...]) -> Any:
     if name not in table:
         raise TraceError(f"{name}() is not available for {type(symbols[0]).__name__} symbols")
     return table[name](*values)
+
+
+def unwrapped(x: Any) -> Any:
+    """Return the number in an array of no dimensions, which `apply` returns; others unchanged."""
+    return x[()] if isinstance(x, np.ndarray) and x.shape == () else x
 
 
 def sin(x: Any) -> Any:
@@ -172,7 +180,8 @@ def _root(squares: Any) -> Any:
     root = sqrt(squares)
     if as_array(root).dtype != object:
         return root
-    return where(apply("positive", squares), root, _NEARLY_ZERO)  # a root has no series at 0
+    # A root has no derivative at 0. What is no number stays so: it is not positive either.
+    return where(apply("positive", squares), root, squares + _NEARLY_ZERO)
 
 
 def apply_matrix(matrix: Array, vector: Array) -> Array:
@@ -198,6 +207,9 @@ def dot(p: Array, v: Array) -> Any:
 
 def stack(entries: Sequence[Any]) -> Array:
     """Join scalars or arrays, of numbers or symbols, along a new last axis."""
+    for entry in entries:
+        if hasattr(entry, "stacked"):  # a Taylor series
+            return entry.stacked(entries)
     arrays = [as_array(entry) for entry in entries]
     dtype = object if any(array.dtype == object for array in arrays) else float
     shape = np.broadcast_shapes(*(array.shape for array in arrays))
@@ -213,6 +225,13 @@ def cross(a: Array, b: Array) -> Array:
     ax, ay, az = (a[..., k] for k in range(3))
     bx, by, bz = (b[..., k] for k in range(3))
     return stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+def moment(point: Array, force: Array) -> Array:
+    """The torque of a force at a point, ``(..., 3)`` in space and ``(..., 1)`` in the plane."""
+    if point.shape[-1] == 3:
+        return cross(point, force)
+    return stack([point[..., 0] * force[..., 1] - point[..., 1] * force[..., 0]])
 
 
 def inverse_spd(matrix: Array) -> Array:

@@ -1,23 +1,242 @@
-"""Reads small files and records, and turns errors of the system into messages."""
+"""Names, opens, reads and replaces files; all of eqt opens and writes files here.
 
+A name that a user, a configuration or a folder gives can lead to a named pipe without a writer, to
+an endless device, or to a file that is larger than the memory. A file is written completely or not
+at all, and never through a link.
+"""
+
+import errno
+import io
 import json
+import os
+import re
+import secrets
+import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from eqt_cli.core.errors import EqtError, Remedy
-from eqt_cli.core.regular_files import (
-    RECORD_BYTES,
-    TEXT_BYTES,
-    NotRegularError,
-    TooLargeError,
-    content_of,
-    text_in,
+
+_DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE | re.ASCII)
+"""Names that Windows reserves for devices, with any suffix."""
+
+
+def is_device(name: str) -> bool:
+    """Whether a file of this name would be a device on Windows."""
+    return _DEVICE.fullmatch(name) is not None
+
+
+def file_name(text: str, otherwise: str) -> str:
+    """Return a text as a file name, with a hyphen for each run of invalid characters.
+
+    Parameters
+    ----------
+    otherwise
+        The name where no valid character is left, and the prefix to the name of a device.
+    """
+    name = re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-._") or otherwise
+    return f"{otherwise}-{name}" if is_device(name) else name
+
+
+RECORD_BYTES = 16 * 2**20
+"""Largest record that eqt keeps in a folder, such as ``manifest.json``, bytes."""
+
+TEXT_BYTES = 4_000_000
+"""Largest text that a user writes, bytes: a configuration, a plugin, a style sheet, notes."""
+
+FILE, FOLDER = "a file", "a folder"
+
+_KINDS = (
+    (stat.S_ISREG, FILE),
+    (stat.S_ISDIR, FOLDER),
+    (stat.S_ISLNK, "a symbolic link"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISSOCK, "a socket"),
 )
-from eqt_cli.core.replacement import replace_file
+
+_OPEN_FLAGS = (
+    os.O_RDONLY
+    | getattr(os, "O_NONBLOCK", 0)  # a pipe would wait for a writer
+    | getattr(os, "O_NOCTTY", 0)
+    | getattr(os, "O_CLOEXEC", 0)
+    | getattr(os, "O_BINARY", 0)
+)
+
+
+def kind_in_words(mode: int) -> str:
+    """Return the kind of a folder entry of this mode."""
+    return next((kind for matches, kind in _KINDS if matches(mode)), "a device")
+
+
+class NotRegularError(OSError):
+    """Raised where an entry is no regular file."""
+
+
+class TooLargeError(OSError):
+    """Raised for a file that is larger than its kind may be.
+
+    Attributes
+    ----------
+    size
+        Size of the file, bytes; a lower bound where the system does not report the size.
+    """
+
+    def __init__(self, limit: int, size: int) -> None:
+        super().__init__(errno.EFBIG, f"expected at most {limit:,} bytes, got {size:,}")
+        self.size = size
+
+
+def open_regular(path: Path, *, follow: bool = True) -> BinaryIO:
+    """Open a file for reading, if it is a regular file.
+
+    Parameters
+    ----------
+    follow
+        Whether the file itself may be a symbolic link.
+
+    Raises
+    ------
+    NotRegularError
+        For a pipe, a device, a socket, and a link that is not followed.
+    OSError
+        If it cannot be opened, as for a folder.
+    """
+    # Check first, because opening a device may start an action.
+    _require_regular(path.stat() if follow else path.lstat())
+    handle = os.open(path, _OPEN_FLAGS | (0 if follow else getattr(os, "O_NOFOLLOW", 0)))
+    try:
+        _require_regular(os.fstat(handle))
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        os.close(handle)
+        raise
+
+
+def content_of(path: Path, limit: int, *, follow: bool = True) -> bytes:
+    """Return the content of a regular file of at most `limit` bytes.
+
+    Raises
+    ------
+    TooLargeError
+        If the file is larger; where the system reports its size, before anything is read.
+    OSError
+        As by `open_regular`.
+    """
+    with open_regular(path, follow=follow) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size > limit:
+            raise TooLargeError(limit, size)
+        content = stream.read(limit + 1)  # some system files report a size of 0
+    if len(content) > limit:
+        raise TooLargeError(limit, len(content))
+    return content
+
+
+def text_in(path: Path, limit: int = TEXT_BYTES) -> str:
+    """Return the text of a file, read by `content_of`, with line breaks as in Python.
+
+    Raises
+    ------
+    UnicodeDecodeError
+        If the file is not in UTF-8.
+    """
+    text = content_of(path, limit).decode("utf-8")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _require_regular(status: os.stat_result) -> None:
+    if stat.S_ISREG(status.st_mode):
+        return
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    kind = kind_in_words(status.st_mode)
+    raise NotRegularError(errno.EINVAL, f"it is {kind}; expected a regular file")
+
+
+NO_SPACE = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
+"""Error numbers of a full disk or an exceeded quota."""
+
+_TEMPORARY = re.compile(r"(.+)\.[0-9a-f]{16}\.tmp")
+"""The name of an unfinished file: the final name, and a random part."""
+
+
+@contextmanager
+def replacement(path: Path) -> Iterator[io.FileIO]:
+    """Open a new file that replaces `path` when the block ends without an error.
+
+    The file is written in the same folder under a random name that must not exist yet, so that no
+    link can redirect it. Then it is flushed to the disk and renamed.
+    """
+    temporary = path.with_name(f"{path.name}.{secrets.token_hex(8)}.tmp")
+    with io.FileIO(temporary, "x+") as file:
+        try:
+            yield file
+            os.fsync(file.fileno())
+            file.close()
+            temporary.replace(path)
+        except BaseException:
+            with suppress(OSError):
+                file.close()
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+            raise
+    _sync_folder(path.parent)
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a file completely or not at all, even if the process or the machine stops."""
+    with replacement(path) as file:
+        _write(file, content)
+
+
+def new_file(path: Path, content: bytes) -> None:
+    """Write a file that must not exist yet; after an error, no file remains.
+
+    Raises
+    ------
+    FileExistsError
+        If there is an entry of this name, even a broken link.
+    """
+    with io.FileIO(path, "x") as file:
+        try:
+            _write(file, content)
+            os.fsync(file.fileno())
+        except BaseException:
+            with suppress(OSError):
+                path.unlink()
+            raise
+
+
+def name_to_be(name: str) -> str | None:
+    """Return the final name of an unfinished file; None for any other file."""
+    match = _TEMPORARY.fullmatch(name)
+    return match[1] if match else None
+
+
+def _write(file: io.FileIO, content: bytes) -> None:
+    """Write all of the content, in several calls where the system takes less at a time."""
+    rest = memoryview(content)
+    while rest:
+        rest = rest[file.write(rest) :]
+
+
+def _sync_folder(folder: Path) -> None:
+    """Flush a rename to the disk, where the system and the disk support it."""
+    if os.name != "posix":
+        return
+    with suppress(PermissionError):  # a folder may be writable, but not readable
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+                raise
+        finally:
+            os.close(handle)
 
 
 def write_record(path: Path, record: dict[str, Any]) -> None:
@@ -69,6 +288,15 @@ def refusals(
         advice = Remedy(remedy) if isinstance(remedy, str) else remedy
         reason = reason[:1].lower() + reason[1:]
         raise kind(f"{subject}: cannot be {action}: {reason}", advice) from error
+
+
+def require_writable(folder: Path) -> None:
+    """Raise an `OSError` for a folder that cannot be written to, or cannot be made."""
+    there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    if not there.is_dir():
+        raise NotADirectoryError("not a directory")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise PermissionError("permission denied")
 
 
 YAML = (".yaml", ".yml")

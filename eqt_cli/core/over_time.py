@@ -112,8 +112,7 @@ class Samples(OverTime):
             return np.zeros(values.shape[:-1])
         # `sum` would add in another order.
         products = weights[used] * (values if used.size == len(weights) else values[..., used])
-        sums: Array = np.cumsum(products, axis=-1, out=products)[..., -1]
-        return sums
+        return np.cumsum(products, axis=-1, out=products)[..., -1]
 
     def largest(self, values: Array) -> Any:
         return values.max(axis=-1)

@@ -8,15 +8,22 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from eqt_cli.core.errors import EqtError, Remedy
-from eqt_cli.core.files import read_record
-from eqt_cli.core.regular_files import FILE, FOLDER, kind_in_words
-from eqt_cli.core.replacement import name_to_be
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
+from eqt_cli.core.files import (
+    FILE,
+    FOLDER,
+    kind_in_words,
+    name_to_be,
+    read_record,
+    refusals,
+    replace_file,
+    require_writable,
+)
 
 # Entries -----------------------------------------------------------------------------------------
 
@@ -167,6 +174,57 @@ def _listed(folder: Path) -> list[Path]:
         return [folder / name for name in names]
     except (FileNotFoundError, NotADirectoryError):
         return []
+
+
+# Writing -----------------------------------------------------------------------------------------
+
+
+def check_targets(paths: Iterable[Path], home: Path) -> None:
+    """Refuse, before the work, to write where it would fail or replace what is not eqt's.
+
+    Parameters
+    ----------
+    home
+        Folder below which no link is followed.
+
+    Raises
+    ------
+    EqtError
+        If a path is a folder, a link or a file that eqt did not write, or its parent is no folder
+        that can be written to.
+    """
+    for path in paths:
+        with refusals(path, "written", OTHER_FOLDER):
+            if path.is_dir():
+                example = path / "report.html"
+                raise EqtError(f"{path}: is a folder; expected a file, such as {example}")
+            check_within(home, path)
+            if path.exists() and not is_eqts(path):
+                raise EqtError(
+                    f"{path}: exists, and is no file that eqt wrote",
+                    Remedy("choose another place with {}", "out"),
+                )
+            require_writable(path.parent)
+
+
+def write_all(contents: Mapping[Path, bytes], home: Path) -> None:
+    """Write each file atomically; missing folders are made.
+
+    Parameters
+    ----------
+    home
+        Folder below which no link is followed.
+
+    Raises
+    ------
+    EqtError
+        If a folder or file cannot be written, or would replace what eqt did not write.
+    """
+    check_targets(contents, home)
+    for path, content in contents.items():
+        with refusals(path, "written", OTHER_FOLDER):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            replace_file(path, content)
 
 
 # Marks -------------------------------------------------------------------------------------------

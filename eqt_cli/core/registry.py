@@ -1,7 +1,6 @@
-"""Finds components (groups, controllers, figures, …) by scanning; none is named here.
+"""The base class of components, their registries, and the origin of their errors.
 
-A component is a class with a `name`, derived from its registry's base class. Files of the
-registry's package, entry points of installed distributions, and plugin files are scanned.
+Components (groups, controllers, figures, …) are found by scanning; none is named here.
 """
 
 from __future__ import annotations
@@ -13,17 +12,41 @@ import linecache
 import pkgutil
 import re
 import sys
-from collections.abc import Iterator
+import traceback
+from abc import ABC
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from hashlib import sha256
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
-from typing import Any, Generic, TypeVar
+from types import FunctionType, ModuleType
+from typing import Any, ClassVar, Generic, TypeVar
 
-from eqt_cli.core.errors import ComponentError, suggestion
-from eqt_cli.core.files import refusals
-from eqt_cli.core.regular_files import text_in
+from eqt_cli.core.errors import ComponentError, EqtError, suggestion
+from eqt_cli.core.files import refusals, text_in
+
+
+def option_of_field(name: str) -> str:
+    """Return the option of a field: `from` for ``from_``, because Python reserves the former."""
+    return name.removesuffix("_")
+
+
+class Component(ABC):
+    """A dataclass whose fields are its options in a configuration, ``from_`` for `from`.
+
+    A component checks its options in `check`, and notes errors in the problems of its place:
+    ``problems.at("std").add("expected …")``.
+    """
+
+    name: ClassVar[str]
+    # Read by pydantic when a configuration gives options: no other keys, no silent conversions.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {
+        "extra": "forbid",
+        "strict": True,
+        "alias_generator": option_of_field,
+    }
+
 
 T = TypeVar("T")
 
@@ -243,3 +266,54 @@ def meanings(component: type) -> dict[str, str]:
             for name in names.partition(" : ")[0].split(", "):
                 found[name] = " ".join(text.split())
     return found
+
+
+def place_of(error: BaseException, is_component: Callable[[str], bool] = is_foreign) -> str | None:
+    """Return the innermost line of a plugin, ``law.py:9: return 1 / 0``; None if there is none.
+
+    Lines of libraries are skipped, because a library may fail by what a component passes to it.
+
+    Parameters
+    ----------
+    is_component
+        Whether the lines of a module count.
+    """
+    found = None
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        if is_component(str(frame.f_globals.get("__name__", ""))):
+            code = frame.f_code
+            source = traceback.FrameSummary(code.co_filename, line, code.co_name).line
+            found = f"{Path(code.co_filename).name}:{line}" + (f": {source}" if source else "")
+    return found
+
+
+def place_of_function(function: object) -> str:
+    """Return where a function is defined, ``law.py:8``."""
+    if not isinstance(function, FunctionType):
+        return repr(function)
+    return f"{Path(function.__code__.co_filename).name}:{function.__code__.co_firstlineno}"
+
+
+def described(error: BaseException) -> str:
+    """Return type and message of an error on one line, ``ZeroDivisionError: division by zero``."""
+    return " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+
+
+@contextmanager
+def blamed() -> Iterator[None]:
+    """Turn an exception in a plugin into an error with its line.
+
+    Raises
+    ------
+    ComponentError
+        In place of the exception.
+    """
+    try:
+        yield
+    except EqtError:
+        raise
+    except Exception as error:
+        place = place_of(error)
+        if place is None:
+            raise
+        raise ComponentError(f"{described(error)} at {place}") from error

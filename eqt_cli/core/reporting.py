@@ -140,6 +140,24 @@ def step(what: str, count: int) -> Iterator[None]:
         outer.end()
 
 
+_subject: ContextVar[str] = ContextVar("subject", default="the laws")
+
+
+def subject() -> str:
+    """Return which of the laws the current work is for, in words."""
+    return _subject.get()
+
+
+@contextmanager
+def working_for(words: str) -> Iterator[None]:
+    """Name what the work in the block is for, such as ``law 2 of 4 (gt)``."""
+    token = _subject.set(words)
+    try:
+        yield
+    finally:
+        _subject.reset(token)
+
+
 def _frames_of_eqt() -> int:
     """Return the number of frames of eqt on the stack, so that a warning names the user's line."""
     frame, count = inspect.currentframe(), 0

@@ -10,11 +10,11 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.component import Component
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.over_time import OverTime, Samples
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.registry import Component
 from eqt_cli.engines.integrator import Integrator
-from eqt_cli.engines.problem import Problem, Progress, Solution, Span
+from eqt_cli.engines.problem import Problem, Progress, Solution
 from eqt_cli.engines.walk import walked
 
 REHEARSED = 1e-9
@@ -64,8 +64,6 @@ class Engine(Component):
     """Largest number of threads as fast as that many processes, which take a second to start."""
     calls_laws: ClassVar[bool] = True
     """Whether it calls a law as Python, at any time, rather than compile it."""
-    cross_check_rank: ClassVar[int | None] = None
-    """Rank among engines that can redo another's runs; the lowest does. None if it cannot."""
     part_runs: ClassVar[int] = 50
     """Approximate number of runs in a part: enough to outweigh a file, few enough to lose."""
     counted: ClassVar[str] = "steps"
@@ -89,18 +87,14 @@ class Engine(Component):
         """Integrate every run; a run that fails gets a status and harms no other.
 
         `workers` bounds the threads of an engine that can use several; it never changes a result.
-        `progress` is called with the number of further runs done, in fractions.
+        `progress` is called with the number of further runs done, in fractions. What it raises ends
+        the solve.
         """
         threads = workers if self.threads else 1
-        spans = self.spans(problem)
-        groups = self.groups(problem, spans, threads)
-        return walked(self.integrator(problem), spans, groups, progress, threads)
+        groups = self.groups(problem, threads)
+        return walked(self.integrator(problem), groups, progress, threads)
 
-    def spans(self, problem: Problem) -> list[Span]:
-        """Return the horizon, cut wherever all runs have to end a step."""
-        return problem.spans
-
-    def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
+    def groups(self, problem: Problem, threads: int) -> list[Array]:
         """Return the groups of runs integrated at a time; they never change a result."""
         return [np.arange(problem.runs)]
 
@@ -173,10 +167,6 @@ class Engine(Component):
     def provenance(self) -> dict[str, str]:
         """Return the tools of this machine that it uses, by name; no result depends on them."""
         return {}
-
-    def sized(self, runs: int, state_length: int) -> Engine:
-        """Return the engine for work of this size, fixing settings that parts must agree on."""
-        return self
 
     def runs_at_once(self, most: int) -> int:
         """Return the number of runs for one `solve`, near `most`; it must not change results."""

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Self
 
 import numpy as np
 
@@ -86,10 +84,6 @@ class Integrator(ABC):
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-
-    def for_thread(self) -> Self:
-        """Return the integrator for another thread."""
-        return copy.copy(self)
 
     def begin(self, runs: Array) -> None:
         """Begin these runs, at their initial states."""

@@ -29,6 +29,7 @@ class Status(IntEnum):
     ACCURACY = 4
     WORKER_LOST = 5
     ESTIMATE_LOST = 6
+    DIVERGED = 7
 
 
 @dataclass(frozen=True)
@@ -105,12 +106,9 @@ class Problem:
 
     @cached_property
     def spans(self) -> list[Span]:
-        """The horizon, cut at the instants that are known in advance."""
-        return self.spans_between(self.loop.instants)
-
-    def spans_between(self, instants: Array) -> list[Span]:
-        """Return the horizon, cut at these instants and at control instants."""
+        """The horizon, cut at the instants that are known in advance, and at control instants."""
         start, stop = float(self.times[0]), float(self.times[-1])
+        instants = self.loop.instants(stop)
         ticks = self._control_instants(start, stop)
         within_it = instants[(start < instants) & (instants < stop)]  # of perhaps a long recording
         known = _nearest(within_it, np.array([*self.times, *ticks]))

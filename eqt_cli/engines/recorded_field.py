@@ -48,7 +48,7 @@ class RecordedField:
     def __init__(self, fields: Callable[[Held], Field]) -> None:
         self._fields = fields
         self._evaluations = 0
-        self._recording: Recording | None = None
+        self._recording: RecordedCalls | None = None
         self.hold({})
 
     def hold(self, held: Held) -> None:
@@ -69,12 +69,12 @@ class RecordedField:
                 self._recording = None
         return found
 
-    def _recorded(self, t: float, states: Array) -> Recording | None:
+    def _recorded(self, t: float, states: Array) -> RecordedCalls | None:
         def field(t: Any, states: Any, *numbers: Any) -> Any:
             return self._fields(dict(zip(self._held, numbers, strict=True)))(t, states)
 
         try:
-            return Recording(field, t, states, *self._held.values())
+            return RecordedCalls(field, t, states, *self._held.values())
         except Exception:  # a law may do anything with a stand-in for an array: not recorded then
             return None
 
@@ -88,7 +88,7 @@ class NotRecordable(Exception):
     """An operation that depends on more than shapes, so that it cannot be repeated."""
 
 
-class Recording:
+class RecordedCalls:
     """The recorded calls, in order, and the arrays that they read and write.
 
     All arrays have the runs along their last axis in memory, so that a call processes one entry of
@@ -170,7 +170,9 @@ class _Memory:
 class Recorded(NDArrayOperatorsMixin):
     """A stand-in for an array while a field is recorded; its numbers cannot be read."""
 
-    def __init__(self, recording: Recording, value: Array, memory: _Memory | None = None) -> None:
+    def __init__(
+        self, recording: RecordedCalls, value: Array, memory: _Memory | None = None
+    ) -> None:
         self.recording, self.value, self.memory = recording, value, memory or _Memory()
 
     @property
@@ -265,11 +267,10 @@ COPIED = {np.where, np.concatenate, np.linalg.inv, np.linalg.solve}
 
 
 def _of_values(function: Callable[..., Any], *arguments: Any, **options: Any) -> Array:
-    found: Array = function(*map(_value, arguments), **options)
-    return found
+    return function(*map(_value, arguments), **options)
 
 
-def _product(recording: Recording, a: Any, b: Any) -> Any:
+def _product(recording: RecordedCalls, a: Any, b: Any) -> Any:
     """Return a @ b by the function that is fastest with the runs along the last axis in memory."""
     if a.ndim == b.ndim == 2:
         return recording.call(np.matmul, b.T, a.T).T

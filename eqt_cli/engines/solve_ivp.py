@@ -17,9 +17,9 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import with_leaves
 from eqt_cli.core.option_types import Count, Positive, Scale
-from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine
 from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
@@ -57,7 +57,6 @@ class SolveIvp(Engine):
     """
 
     name: ClassVar[str] = "solve_ivp"
-    cross_check_rank: ClassVar[int | None] = 1
     counted: ClassVar[str] = "evaluations"
 
     method: Literal["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"] = "DOP853"
@@ -100,7 +99,7 @@ class SolveIvp(Engine):
         """Return the integrator of blocks, whose runs share their steps."""
         return Blocks(problem, self)
 
-    def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
+    def groups(self, problem: Problem, threads: int) -> list[Array]:
         """Return the blocks, in the order of the runs."""
         size, runs = self.runs_per_block, np.arange(problem.runs)
         return [runs[start : start + size] for start in range(0, problem.runs, size)]

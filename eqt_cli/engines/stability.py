@@ -18,12 +18,6 @@ def runge_kutta(A: Array, b: Array) -> Array:
     return np.array([1.0, *(b @ power for power in powers)])
 
 
-def taylor(order: int) -> Array:
-    """Return the coefficients of the truncated exponential, in rising powers."""
-    factors = np.arange(1, order + 1)
-    return np.concatenate([[1.0], 1 / np.cumprod(factors.astype(float))])
-
-
 def steps(coefficients: Array, rates: Array, duration: float) -> float:
     """Return the number of steps at which no decaying solution of y' = λy grows.
 

@@ -26,7 +26,7 @@ from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.engines.base import Reduction, SampledFunction
 from eqt_cli.engines.problem import Problem
 from eqt_cli.program import Program, traced
-from eqt_cli.program.chain import Chain, Places
+from eqt_cli.program.rewriting import Chain, Places
 from eqt_cli.program.running import Memory, Running
 from eqt_cli.vehicle.sensors.channels import Errors
 
@@ -39,13 +39,13 @@ at a control instant ``errors``, the numbers of `Errors` one after the other."""
 
 
 @dataclass(frozen=True, eq=False)
-class OneLoop:
+class LoopKey:
     """A loop compared by identity, as a cache key: it is traced only once."""
 
     loop: ClosedLoop
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, OneLoop) and self.loop is other.loop
+        return isinstance(other, LoopKey) and self.loop is other.loop
 
     def __hash__(self) -> int:
         return id(self.loop)
@@ -76,7 +76,7 @@ class LoopPrograms:
 
 
 @lru_cache(maxsize=64)
-def programs(one: OneLoop) -> LoopPrograms:
+def programs(one: LoopKey) -> LoopPrograms:
     """Return the programs of a loop, traced once."""
     return trace(one.loop)
 
@@ -191,7 +191,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         errors = _errors(loop, given)
         state = symbolic.measured(t, state, errors)
         found = symbolic.told(t, state, errors)._asdict() | ({"state": state} if holds else {})
-        arrays = {name: np.asarray(value) for name, value in found.items()}
+        arrays = {name: np.asarray(value) for name, value in found.items() if value is not None}
         return {name: value if name == "t" else value[0] for name, value in arrays.items()}
 
     def answered(given: Arrays) -> Mapping[str, Array]:
@@ -234,7 +234,7 @@ def _stretch(loop: ClosedLoop, parameter: str) -> slice:
 
 
 @lru_cache(maxsize=64)
-def sampled(function: SampledFunction, one: OneLoop, lengths: tuple[int, ...]) -> Program | None:
+def sampled(function: SampledFunction, one: LoopKey, lengths: tuple[int, ...]) -> Program | None:
     """Trace a function of the loop; None if it does what programs cannot.
 
     Its rows of numbers follow each other in ``state``. Unlike a law, such a function need not be
@@ -284,7 +284,7 @@ class RunningPrograms:
 def running(
     function: SampledFunction,
     reduction: Reduction,
-    one: OneLoop,
+    one: LoopKey,
     lengths: tuple[int, ...],
     kept: tuple[str, ...],
     times: tuple[float, ...],

@@ -6,13 +6,16 @@ It evaluates sampled laws, fills in the samples, and records runs that fail; it 
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, norm
 from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.problem import Problem, Progress, Solution, Span, Status
 
@@ -23,16 +26,31 @@ INDEFINITE = (
 )
 """Status and reason of a run whose covariance is no longer positive definite."""
 
+MOST_TURNS = 100.0
+"""Turns of a body within a control period beyond which no law can act on it."""
+
+GROWN = 100.0
+"""How many times as fast it must turn as it did at the start, and as the reference does."""
+
+SUSPECT = 200
+"""Steps in a control period beyond which it is asked how fast a body turns."""
+
+DIVERGED = (
+    Status.DIVERGED,
+    f"the body turns more than {MOST_TURNS:g} times within a control period, so the loop diverges; "
+    "shorten control.period, or lower the gains",
+)
+"""Status and reason of such a run, whose steps would become as many as its turns."""
+
 REPORTED = 0.02
 """Smallest fraction of the horizon between two reports of progress."""
 
+REPORT_EVERY = 0.2
+"""Longest time between two reports of progress while a vector field is evaluated in Python, s."""
+
 
 def walked(
-    integrator: Integrator,
-    spans: Sequence[Span],
-    groups: Sequence[Array],
-    progress: Progress,
-    threads: int,
+    integrator: Integrator, groups: Sequence[Array], progress: Progress, threads: int
 ) -> Solution:
     """Return the solution of all groups of runs, by at most this number of threads."""
     solution = Solution.empty(integrator.problem)
@@ -43,14 +61,14 @@ def walked(
             progress(runs)
 
     def work() -> None:
-        mine = integrator.for_thread()
+        mine = copy(integrator)  # for this thread
         with np.errstate(all="ignore"):  # a state that is not finite ends its run
             while True:
                 with lock:
                     runs = next(left, None)
                 if runs is None:
                     return
-                _walk(mine, spans, solution, runs, report)
+                _walk(mine, solution, runs, report)
 
     threads = min(threads, len(groups))
     if threads == 1:
@@ -68,16 +86,11 @@ def walked(
     return solution
 
 
-def _walk(
-    integrator: Integrator,
-    spans: Sequence[Span],
-    solution: Solution,
-    runs: Array,
-    progress: Progress,
-) -> None:
+def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Progress) -> None:
     """Fill in the solution of a group of runs."""
     problem, going = integrator.problem, np.ones(len(runs), dtype=bool)
     failed: dict[int, tuple[Span, Failure | None]] = {}
+    steps: Any = 0
     states, solution.steps[runs] = problem.states[runs], 0
     neighbours = slice(int(runs[0]), int(runs[0]) + len(runs))
     together = bool((np.diff(runs) == 1).all())
@@ -85,17 +98,17 @@ def _walk(
     integrator.runs, integrator.samples = runs, solution.states[neighbours] if room else None
     integrator.reached = reached = _Reached(problem, len(runs), progress)
     integrator.begin(runs)
-    for span in spans:
+    for span in problem.spans:
         integrator.hold(span)
-        if span.tick is not None:
-            states = integrator.at_instant(span.start, states, problem.errors_at(span.tick, runs))
-            for place in np.flatnonzero(problem.loop.estimate_lost(states)).tolist():
-                failed.setdefault(place, (span, Failure(*INDEFINITE, span.start)))
-                going[place] = False
+        states, ending = _at_instant(integrator, span, states, steps)
         if span.sampled_start:
             solution.states[runs, span.first - 1] = states
+        if ending:
+            failed = {place: (span, why) for place, why in ending.items()} | failed
+            going[list(ending)] = False
+            states = np.where(going[:, None], states, problem.states[runs])  # where steps are long
         found = _advanced(integrator, span, states, solution.states)
-        states = found.states
+        states, steps = found.states, found.steps
         solution.steps[runs] += np.where(going, found.steps, 0) if failed else found.steps
         ended: dict[int, Failure | None] = dict(found.failed)
         if not np.isfinite(states).all():
@@ -109,10 +122,46 @@ def _walk(
         reached(span.stop)
     for place, (span, failure) in failed.items():
         if failure is None and len(runs) > 1:
-            _walk(integrator, spans, solution, runs[[place]], lambda runs: None)
+            _walk(integrator, solution, runs[[place]], lambda runs: progress(0.0))
         else:
             _note(solution, problem, runs[place], span, failure or Failure())
     reached.finish()
+
+
+def _at_instant(
+    integrator: Integrator, span: Span, states: Array, steps: Any
+) -> tuple[Array, dict[int, Failure]]:
+    """Return the states after a control instant, if a span begins with one, and what ends there.
+
+    Parameters
+    ----------
+    steps
+        Those of the last control period.
+    """
+    if span.tick is None:
+        return states, {}
+    problem = integrator.problem
+    errors = problem.errors_at(span.tick, integrator.runs)
+    states, lost = integrator.at_instant(span.start, states, errors), {}
+    if np.max(steps) > SUSPECT:
+        lost = dict.fromkeys(np.flatnonzero(_diverged(integrator, span, states)).tolist(), DIVERGED)
+    lost |= dict.fromkeys(np.flatnonzero(problem.loop.estimate_lost(states)).tolist(), INDEFINITE)
+    return states, {place: Failure(*why, span.start) for place, why in lost.items()}
+
+
+def _diverged(integrator: Integrator, span: Span, states: Array) -> Array:
+    """Return which of the current runs turn too fast for their law, at a control instant."""
+    problem = integrator.problem.select(integrator.runs)
+    loop = problem.batched_loop()
+    now = loop.tracking(span.start, states)
+    start = loop.tracking(float(problem.times[0]), problem.states)
+    turning = np.zeros(loop.group.dimension)
+    for part in loop.group.parts:
+        turning[part.axes] = part.turns
+    rate, first, desired = (norm(turning * V) for V in (now.V, start.V, now.Vd))
+    assert loop.vehicle.control is not None
+    turns = loop.vehicle.control.period * rate / (2 * np.pi)
+    return (turns > MOST_TURNS) & (rate > GROWN * np.maximum(first, desired))
 
 
 def _advanced(integrator: Integrator, span: Span, states: Array, kept: Array) -> SpanResult:
@@ -151,12 +200,12 @@ class _Reached:
     def __init__(self, problem: Problem, runs: int, progress: Progress) -> None:
         self._start, self._end = problem.times[[0, -1]].tolist()
         self._runs, self._progress = runs, progress
-        self._reported = 0.0
+        self._reported, self._due = 0.0, time.monotonic() + REPORT_EVERY
 
     def __call__(self, t: float) -> None:
         fraction = (t - self._start) / (self._end - self._start)
-        if fraction - self._reported > REPORTED:
-            self._report(fraction)
+        if fraction - self._reported > REPORTED or time.monotonic() > self._due:
+            self._report(max(fraction, self._reported))
 
     def finish(self) -> None:
         if self._reported < 1.0:
@@ -164,4 +213,4 @@ class _Reached:
 
     def _report(self, fraction: float) -> None:
         self._progress((fraction - self._reported) * self._runs)
-        self._reported = fraction
+        self._reported, self._due = fraction, time.monotonic() + REPORT_EVERY

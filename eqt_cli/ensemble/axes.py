@@ -6,9 +6,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Tag
 
-from eqt_cli.core.option_types import MAX_POINTS, Angle, number_schema
-from eqt_cli.core.problems import Problems
-from eqt_cli.core.validation import one_of
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.option_types import MAX_POINTS, AnyReal, number_schema, one_of
 
 
 def _narrower(key: str, value: Any, **bounds: Any) -> dict[str, Any]:
@@ -43,8 +42,8 @@ class Range:
         "json_schema_extra": {"allOf": [_POSITIVE]}  # JSON Schema cannot express low < high
     }
 
-    low: Angle
-    high: Angle
+    low: AnyReal
+    high: AnyReal
     scale: Literal["linear", "log"] = "linear"
 
     def check(self, problems: Problems) -> None:

@@ -1,14 +1,74 @@
-"""The initial states of an ensemble's runs."""
+"""The initial states of an ensemble's runs: drawn, or from a list."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.ensemble.poses import PoseDistribution
-from eqt_cli.ensemble.seeds import Stream, generator
+from eqt_cli.ensemble.spread import Stream, generator
 from eqt_cli.ensemble.velocities import VelocityDistribution
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.product import ProductGroup
+
+
+@dataclass(frozen=True)
+class ListedPoses(PoseDistribution):
+    """Q_d(0)⁻¹ Q(0) of every run, ``(runs, d, d)``."""
+
+    errors: Array
+
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """Return the draw of the first run."""
+        return self.draw_of_run(G, generator, 0)
+
+    def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
+        """Return the run's position in the list."""
+        return np.array([run])
+
+    def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
+        """Return the poses at these positions."""
+        return self.errors[numbers[:, 0]]
+
+
+@dataclass(frozen=True)
+class ListedVelocities(VelocityDistribution):
+    """V(0) − V_d(0) of every run, ``(runs, m)``."""
+
+    errors: Array
+
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """Return the draw of the first run."""
+        return self.draw_of_run(G, generator, 0)
+
+    def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
+        """Return the velocity error of the run."""
+        return self.errors[run]
+
+
+@dataclass(frozen=True)
+class FactorPoses(PoseDistribution):
+    """Independent draws for each factor, in their order."""
+
+    factors: tuple[PoseDistribution, ...]
+
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """Return the numbers of all factors."""
+        return np.concatenate([each.draw(factor, generator) for each, factor in self._by_factor(G)])
+
+    def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
+        """Return the poses of all factors as blocks."""
+        assert isinstance(G, ProductGroup)
+        pairs = self._by_factor(G)
+        lengths = [len(each.draw(factor, np.random.default_rng(0))) for each, factor in pairs]
+        columns = np.split(numbers, np.cumsum(lengths)[:-1], axis=1)
+        blocks = zip(pairs, columns, strict=True)
+        return G.assemble([each.place(factor, part) for (each, factor), part in blocks])
+
+    def _by_factor(self, G: MatrixLieGroup) -> list[tuple[PoseDistribution, MatrixLieGroup]]:
+        assert isinstance(G, ProductGroup)  # checked where the configuration is read
+        return list(zip(self.factors, G.factors, strict=True))
 
 
 def draw_initial_states(

@@ -1,16 +1,46 @@
-"""Base class of distributions, and parts of them: coordinates, normals, sizes and axes."""
+"""Random streams, and the base class of distributions.
+
+Run k draws the same numbers for any number and order of runs, workers and controllers.
+"""
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, ClassVar, Literal
+from zlib import crc32
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.component import Component
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.option_types import Real
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.registry import Component
 from eqt_cli.groups import MatrixLieGroup
+
+
+class Stream(IntEnum):
+    """The purpose of a stream; its number affects every result and must not change."""
+
+    INITIAL_STATE = 0
+    CROSS_CHECK = 1
+    CERTIFICATES = 2
+    VEHICLE = 3
+    EXACT_STATES = 4
+    EXPORTED_STATES = 5
+    CODE = 6
+
+
+def generator(root: int, stream: Stream, run: int) -> np.random.Generator:
+    """Return the generator of one run in one stream."""
+    sequence = np.random.SeedSequence(root, spawn_key=(int(stream), run))
+    return np.random.Generator(np.random.PCG64DXSM(sequence))
+
+
+def generator_at(root: int, stream: Stream, run: int, place: str) -> np.random.Generator:
+    """Return the generator of one run for the component at a place of the configuration."""
+    sequence = np.random.SeedSequence(root, spawn_key=(int(stream), run, crc32(place.encode())))
+    return np.random.Generator(np.random.Philox(sequence))
+
 
 Axis = Literal["random"] | list[Real]
 """A fixed or a random direction."""
@@ -41,7 +71,8 @@ class Spread:
         Standard deviation of every entry, or one per entry, in the unit of the entries.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+    # Not strict, because its unit is told from outside: a strict model takes no mapping then.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     std: Real | list[Real] = 1.0
 

@@ -1,13 +1,14 @@
 """A sweep: blocks of designs that multiply, the first one changing slowest."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from math import prod
 from typing import Any, ClassVar, Self
 
 from pydantic_core import core_schema
 
-from eqt_cli.core.problems import KeyPath, Problems
-from eqt_cli.core.validation import shown
+from eqt_cli.core.errors import KeyPath, Problems
+from eqt_cli.core.option_types import shown
 from eqt_cli.ensemble.designs import Design, designs
 from eqt_cli.ensemble.designs.base import counted, overlap
 
@@ -34,16 +35,16 @@ class Sweep(Design):
     def __init__(self, blocks: list[Design], data: Any) -> None:
         self.blocks, self.data = blocks, data
         self.keys = tuple(key for block in blocks for key in block.keys)
-        self._sets = tuple(key for block in blocks for key in block.sets)
-        self._always = tuple(key for block in blocks for key in block.always)
 
-    @property
+    @cached_property
     def sets(self) -> tuple[str, ...]:
-        return self._sets
+        """The keys that any block changes."""
+        return tuple(key for block in self.blocks for key in block.sets)
 
-    @property
+    @cached_property
     def always(self) -> tuple[str, ...]:
-        return self._always
+        """The keys that every point changes."""
+        return tuple(key for block in self.blocks for key in block.always)
 
     def only(self, points: Sequence[int]) -> "Sweep":
         """Return a sweep of some of its points, numbered from 0."""
@@ -88,6 +89,9 @@ class Sweep(Design):
     def settings(self, point: int) -> dict[str, Any]:
         parts = (block.settings(inner) for block, inner in self._split(point))
         return {key: value for part in parts for key, value in part.items()}
+
+    def values_of(self, key: str) -> Iterable[Any]:
+        return next(block for block in self.blocks if key in block.sets).values_of(key)
 
     def place(self, point: int, key: str) -> KeyPath:
         for index, (block, inner) in enumerate(self._split(point)):

@@ -13,7 +13,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.leaves import leaves, structure
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.initial import draw_initial_states
-from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.vehicle.sensors.channels import Errors
@@ -38,9 +38,13 @@ class Batch:
     rows: Array
     points: Array
     experiment: Experiment
-    engine: Engine
     problem: Problem
     kind: Hashable
+
+    @property
+    def engine(self) -> Engine:
+        """The engine of the experiment."""
+        return self.experiment.engine
 
     def select(self, runs: Array) -> "Batch":
         """Return the batch of some of its runs."""
@@ -98,8 +102,7 @@ def _batches(study: Study, label: str, points: Array, runs: Array | None = None)
         own = None if runs is None else runs[rows]
         problem = _problem(study, label, points[rows], own)
         experiment = study.experiment(members[0])
-        engine = experiment.engine.sized(study.plan.total, problem.loop.state_length)
-        yield Batch(rows, points[rows], experiment, engine, problem, kind)
+        yield Batch(rows, points[rows], experiment, problem, kind)
 
 
 def _problem(study: Study, label: str, points: Array, runs: Array | None) -> Problem:

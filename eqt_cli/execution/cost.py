@@ -3,12 +3,16 @@
 import os
 import shutil
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
 
+import numpy as np
+
 from eqt_cli.closed_loop.signals import THRUSTER
 from eqt_cli.core.errors import ConfigError, InputProblem
+from eqt_cli.engines import Problem
+from eqt_cli.execution.batches import batches
 from eqt_cli.execution.compute_part import compute_part, shared_reference
 from eqt_cli.execution.executors import Executor, TaskContext
 from eqt_cli.execution.result_layout import Layout
@@ -16,61 +20,116 @@ from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.results.quantity_table import quantities
 
-MOST_PIECES = 5
+MOST_PIECES = 3
 """Largest number of pieces (points of one shape) whose runs are timed."""
 
 PART_OVERHEAD = 10_000
 """Least overhead of the file of a part, bytes; 10 to 18 kB were measured."""
 
-COMPILE_SECONDS = 5.0
-"""Longest expected time to compile a law, s."""
+MOST_TIMED = 200
+"""Largest number of points whose runs are timed; to build each takes some milliseconds."""
+
+PROBE_SECONDS = 5.0
+"""About the longest time that an estimate takes, besides compiling laws, s."""
+
+FIRST_SHARE, GROWING = 1e-3, 8
+"""Share of the horizon that is timed first, and by how much it grows."""
 
 COPIES = 3
 """Least number of copies of states and signals in memory at once; 3 to 13 were measured."""
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ExpectedCost:
     """Expected cost of a study.
 
     Attributes
     ----------
     seconds
-        Wall time, s.
+        Wall time, s; None where a moment of the horizon took longer than the probe may.
     workers
         Number of workers.
     size
         Size of the result file, bytes.
     """
 
-    seconds: float
+    seconds: float | None
     workers: int
     size: int
 
 
-def estimate(study: Study, executor: Executor) -> Estimate:
-    """Time the first part of some pieces without storing it, and extrapolate."""
+def estimate(study: Study, executor: Executor, most_seconds: float = PROBE_SECONDS) -> ExpectedCost:
+    """Time the first part of some pieces without storing it, and extrapolate.
+
+    Parameters
+    ----------
+    most_seconds
+        About the longest time to take. If the whole horizon takes longer, its beginning is timed.
+    """
     plans, count = study.plans, len(study.shapes)
     measured = sorted({k * (count - 1) // max(MOST_PIECES - 1, 1) for k in range(MOST_PIECES)})
     threads = executor.threads_for(len(plans)) if study.base.engine.threads else 1
     runs = sum(plans.plans[index].total for index in measured)
-    seconds = sum(_time_per_run(study.piece(k), threads) * plans.plans[k].total for k in measured)
-    parts, each = len(plans), seconds / runs * plans.total / len(plans)
+    share, parts, timed = most_seconds / len(measured), len(plans), 0.0
+    size = result_size(study)
+    for index in measured:
+        per_run = _time_per_run(study.piece(index), threads, share)
+        if per_run is None:
+            return ExpectedCost(None, executor.at_once(parts, most_seconds) * threads, size)
+        timed += per_run * plans.plans[index].total
+    each = timed / runs * plans.total / parts
     workers = executor.at_once(parts, each) * threads
-    return Estimate(executor.wall_time(parts, each), workers, result_size(study))
+    return ExpectedCost(executor.wall_time(parts, each), workers, size)
 
 
-def _time_per_run(study: Study, threads: int) -> float:
-    """Return the time per run of the first part, s."""
-    shared = None if study.desired_varies else shared_reference(study)
-    seconds = 0.0
-    for _ in range(2):  # twice, because the first time may include a compilation
-        started = time.perf_counter()
-        compute_part(study, study.plan.part(0), shared, TaskContext(lambda runs: None, threads))
-        seconds = time.perf_counter() - started
-        if seconds > COMPILE_SECONDS:
-            break
-    return seconds / len(study.plan.part(0))
+def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | None:
+    """Return the time per run of the first part, s; None if a moment of it takes too long.
+
+    Longer and longer beginnings of the horizon are integrated; the whole part is computed only if
+    there is time.
+    """
+    whole, label = study.plan.part(0), next(iter(study.base.loops))
+    part = replace(whole, stop=min(whole.stop, MOST_TIMED * whole.runs))
+    ends, share = time.monotonic() + PROBE_SECONDS, FIRST_SHARE
+
+    def within(runs: float) -> None:
+        if time.monotonic() > ends:
+            raise TimeoutError
+
+    found, before, took = None, 0.0, 0.0
+    try:
+        problems = list(batches(study, label, np.arange(part.start, part.stop)))
+        for batch in problems:  # compiles laws, which is not timed
+            batch.engine.solve(_beginning(batch.problem, share), threads, within)
+        ends = time.monotonic() + most_seconds
+        while True:
+            started, earlier = time.monotonic(), took
+            for batch in problems:
+                batch.engine.solve(_beginning(batch.problem, share), threads, within)
+            took = time.monotonic() - started
+            # The difference leaves out what every solve takes at its start.
+            rate = max(took - earlier, 0.0) / (share - before)
+            found = took + (1 - share) * rate
+            found *= 2 if study.base.solver.estimates_errors else 1
+            before = share
+            if share == 1.0 or time.monotonic() + GROWING * took > ends:
+                break
+            share = min(1.0, GROWING * share)
+        if time.monotonic() + 2 * found <= ends:
+            shared = None if study.desired_varies else shared_reference(study)
+            for _ in range(2):  # twice, because the first time may include a compilation
+                started = time.monotonic()
+                compute_part(study, part, shared, TaskContext(within, threads))
+                found = time.monotonic() - started
+    except TimeoutError:
+        pass
+    return None if found is None else found / len(part)
+
+
+def _beginning(problem: Problem, share: float) -> Problem:
+    """Return the problem over the first share of its horizon, with samples at its ends."""
+    start, stop = problem.times[[0, -1]]
+    return replace(problem, times=np.array([start, start + share * (stop - start)]))
 
 
 def result_size(study: Study) -> int:
@@ -98,7 +157,9 @@ def _parts_bytes(study: Study) -> int:
     return layout.size(layout.blanks()) + 8 * states + PART_OVERHEAD * len(study.plan)
 
 
-def check_resources(study: Study, folder: Path, missing: float = 1.0) -> None:
+def check_resources(
+    study: Study, folder: Path, missing: float = 1.0, *, most_shapes: int | None = None
+) -> None:
     """Check that the study fits into the memory and on the disk.
 
     Parameters
@@ -107,12 +168,16 @@ def check_resources(study: Study, folder: Path, missing: float = 1.0) -> None:
         The result folder, which need not exist yet.
     missing
         Share of the runs that are still to be computed.
+    most_shapes
+        Nothing is checked if the points have more shapes, each of which takes a moment to build.
 
     Raises
     ------
     ConfigError
         With the key to change, the required size and the available size.
     """
+    if most_shapes is not None and len(study.shapes) > most_shapes:
+        return
     check_memory(study)
     result, parts = result_size(study), parts_size(study) * missing
     needed, free = result + parts, _free_disk(folder)

@@ -1,31 +1,27 @@
-"""Solves a few runs of each controller again with another engine, and compares the states."""
+"""Solves a few runs of each controller again by another method, and compares the states."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+import time
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop, OwnStarts
-from eqt_cli.closed_loop.own_starts import STARTS
-from eqt_cli.config.schema import Judgement
+from eqt_cli.closed_loop.system import STARTS
+from eqt_cli.config.schema import SolverChecks
 from eqt_cli.core.arrays import Array, maximum, sqrt, stack
-from eqt_cli.core.errors import TraceError
 from eqt_cli.core.over_time import OverTime, Samples
 from eqt_cli.core.reporting import reporter
 from eqt_cli.engines import Engine, Problem
-from eqt_cli.engines.problem import Progress
-from eqt_cli.ensemble.seeds import Stream, generator
+from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.ensemble.spread import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
-from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.origin import CrossCheck
-
-Recomputation = Callable[[Experiment], tuple[Engine, str]]
-"""Returns the engine that repeats the runs of an experiment, and its name."""
+from eqt_cli.results.origin import OUT_OF_TIME, CrossCheck
 
 BOUND_PER_RTOL = 1000.0
 """Allowed difference per unit of `rtol`, with a margin for the amplification by the trajectories
@@ -49,10 +45,10 @@ evaluation took 125 µs, and a step with all its measurements 3 µs. The check i
 not by times, so that it is the same on every machine."""
 
 EVALUATIONS_PER_STEP = 28
-"""Evaluations in Python per compiled step (2,820 and 100 in 20 s of the paper's runs)."""
+"""Evaluations by LSODA per compiled step (2,500 and 100 in 20 s of the paper's runs)."""
 
-TIGHTER_FACTOR = 2
-"""Factor of the number of evaluations at a hundredth of the tolerances, for order 8."""
+METHOD_FACTOR = 2
+"""Evaluations by LSODA per evaluation by DOP853: 0.4 to 1, and 2.3 with a law at 50 Hz."""
 
 BLOCK_RUNS = 200
 """Number of runs that share the evaluations of an engine in Python."""
@@ -63,6 +59,30 @@ RATE_TOLERANCE = 1e-9
 MOST_PIECES = 16
 """Largest number of pieces of the horizon that an engine in Python repeats side by side, each from
 its stored state. So the whole horizon is checked with the evaluations of one piece."""
+
+LEAST_SECONDS = 10.0
+"""Least wall time that a check may take, however little the runs took, s. The budget in counts is
+for loops that both methods integrate with similar steps; this limit is for the others, such as
+stiff or unstable ones."""
+
+SHORTER = 0.8
+"""Share of the time reached that is repeated, after a first attempt has run out of time."""
+
+
+def independent(engine: Engine) -> SolveIvp:
+    """Return the engine that repeats runs of an engine, by another kind of method.
+
+    LSODA of ODEPACK repeats them by multistep methods: those of Adams, or backward differences
+    where the loop is stiff. Radau, an implicit one-step method, repeats those of multistep methods.
+
+    LSODA judges the largest error of a block, not the mean, so it needs no tolerance divided by √B:
+    the tolerance of its steps is `rtol`. With it, errors of up to 12 `rtol` were measured on
+    `paper`, `se3`, `se3_bluerov2_flies` and `satellite_panels`: a hundredth of the bound.
+    """
+    multistep = isinstance(engine, SolveIvp) and engine.method in ("BDF", "LSODA")
+    method: Literal["Radau", "LSODA"] = "Radau" if multistep else "LSODA"
+    rtol = engine.rtol * (1.0 if multistep else BLOCK_RUNS**0.5)
+    return SolveIvp(method=method, rtol=rtol, atol=1e-3 * rtol, block=BLOCK_RUNS)
 
 
 @lru_cache(maxsize=8)
@@ -81,6 +101,7 @@ def cross_check(
     study: Study,
     found: Mapping[str, Sequence[Array]],
     work: Mapping[str, Sequence[Array]],
+    deadline: float = np.inf,
 ) -> CrossCheck | None:
     """Solve the chosen runs again and compare; None if no run is chosen.
 
@@ -90,20 +111,18 @@ def cross_check(
         The stored states of the chosen runs of each controller, in blocks.
     work
         The work of all runs of each controller, as the engine counts it, in blocks.
+    deadline
+        Time of `time.monotonic` by which it ends. What was compared until then is said.
     """
     chosen = chosen_entries(study)
     if not len(chosen):
         return None
     groups = _by_kind(study, chosen, found)
     steps = {label: np.concatenate(own) for label, own in work.items()}
-    recomputation = _other_engine
-    try:
-        differences, redone = _differences(study, groups, recomputation, steps)
-    except TraceError:  # the other engine cannot compile this experiment
-        recomputation = _tighter
-        differences, redone = _differences(study, groups, recomputation, steps)
-    _, method = recomputation(study.base)
-    method = " ".join(filter(None, (method, redone.words(study.base.times))))
+    differences, redone = _differences(study, groups, steps, deadline)
+    other = independent(study.base.engine)
+    method = " ".join(filter(None, (other.method, redone.words(study.base.times))))
+    method += f", {OUT_OF_TIME}" if redone.out_of_time else ""
     largest = float(differences.max()) if len(differences) else float("nan")
     bound = BOUND_PER_RTOL * study.base.engine.rtol
     return CrossCheck(method, len(chosen), largest, bound)
@@ -118,18 +137,14 @@ def together(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
     return replace(worst, runs=sum(check.runs for check in done))
 
 
-def _affordable(
-    study: Study, recomputation: Recomputation, groups: int, steps: Mapping[str, Array]
-) -> float:
+def _affordable(study: Study, groups: int, steps: Mapping[str, Array]) -> float:
     """Return the share of the horizon that the check can repeat within its budget.
 
     The budget is `WORK_SHARE` of the work of the runs, but at least `FREE_STEPS`. The whole horizon
-    is repeated by a compiled engine, whose time is mostly compilation, and if the configuration
-    sets another number of runs than the default.
+    is repeated if the configuration sets another number of runs than the default.
     """
     base = study.base
-    engine, _ = recomputation(base)
-    if engine.threads or base.solver.judgement.cross_check != Judgement.cross_check:
+    if base.solver.judgement.cross_check != SolverChecks.cross_check:
         return 1.0
     counted = [np.nan_to_num(own) for own in steps.values()]
     longest = max((float(own.max(initial=0.0)) for own in counted), default=0.0)
@@ -140,9 +155,13 @@ def _affordable(
     else:
         blocks = [own.mean() * -(-own.size // BLOCK_RUNS) for own in counted if own.size]
         work = STEPS_PER_EVALUATION * float(sum(blocks))
-        cost = groups * longest * TIGHTER_FACTOR * STEPS_PER_EVALUATION
+        cost = groups * longest * METHOD_FACTOR * STEPS_PER_EVALUATION
     budget = max(WORK_SHARE * work, FREE_STEPS / len(study.shapes))
     return min(1.0, budget / cost) if cost else 1.0
+
+
+class _OutOfTime(Exception):
+    """Raised within a solve at its deadline; its argument is the number of runs done."""
 
 
 @dataclass(frozen=True)
@@ -155,10 +174,13 @@ class _Pieces:
         Samples at which the pieces start.
     length
         Number of samples of each piece, including the first.
+    out_of_time
+        Whether it is shorter than planned, because the time ran out.
     """
 
     starts: tuple[int, ...]
     length: int
+    out_of_time: bool = False
 
     @staticmethod
     def of(problem: Problem, engine: Engine, part: float) -> _Pieces:
@@ -234,7 +256,7 @@ class _Pieces:
 
     def words(self, times: Array) -> str:
         """Describe the repeated part of the horizon; empty for the whole horizon in one piece."""
-        seconds = f"{times[self.length - 1] - times[0]:.3g} s"
+        seconds = f"{times[max(self.length, 1) - 1] - times[0]:.3g} s"
         if len(self.starts) > 1:
             return f"in {len(self.starts)} pieces of {seconds}"
         return f"over the first {seconds}" if self.length < len(times) else ""
@@ -243,17 +265,17 @@ class _Pieces:
 def _differences(
     study: Study,
     groups: list[list[tuple[Batch, Array]]],
-    recomputation: Recomputation,
     steps: Mapping[str, Array],
+    deadline: float,
 ) -> tuple[Array, _Pieces]:
     """Return the difference of each run that did not fail, and the pieces that were repeated."""
-    part = _affordable(study, recomputation, len(groups), steps)
+    part = _affordable(study, len(groups), steps)
     found, redone = [np.empty(0)], []
     everything = _Pieces((0,), len(study.base.times))
     for group in groups:
-        engine, _ = recomputation(group[0][0].experiment)
+        engine = independent(group[0][0].engine)
         problem = Problem.joined([batch.problem for batch, _ in group])
-        pieces = everything if engine.threads else _Pieces.of(problem, engine, part)
+        pieces = _Pieces.of(problem, engine, part)
         states = np.concatenate([states for _, states in group])
         good = np.flatnonzero(np.isfinite(states).all(axis=(1, 2)))
         reporter().advance(problem.runs - len(good))
@@ -262,19 +284,48 @@ def _differences(
         whole, states = problem.select(good), states[good]
         if not pieces.can_share_evaluations(whole, states):
             pieces = _Pieces.beginning(problem, part)
+        pieces, again = _again(engine, pieces, whole, states, deadline)
         redone.append(pieces)
-        counted = _counted(1 / len(pieces.starts))
-        again = engine.solve(pieces.problem(whole, states), progress=counted)
+        if again is None:
+            continue
         with np.errstate(all="ignore"):  # the other engine may fail or diverge
-            distances = pieces.differences(whole, states, again.states)
+            distances = pieces.differences(whole, states, again)
         found.append(np.nan_to_num(distances, nan=np.inf))
     return np.concatenate(found), min(redone, key=_Pieces.reach, default=everything)
 
 
-def _counted(share: float) -> Progress:
-    """Return a progress callback that counts a piece as this share of a run."""
-    here = reporter()
-    return lambda pieces: here.advance(share * pieces)
+def _again(
+    engine: Engine, pieces: _Pieces, whole: Problem, states: Array, deadline: float
+) -> tuple[_Pieces, Array | None]:
+    """Solve pieces again; return those that were solved in time, and their states, if any.
+
+    If they take more than half of the time that is left, shorter ones are solved instead.
+    """
+    here, share = reporter(), 1 / len(pieces.starts)
+    for first in (True, False):
+        now, done = time.monotonic(), 0.0
+        ends = (now + deadline) / 2 if first and pieces.length > 2 else deadline
+
+        def counted(runs: float, ends: float = ends) -> None:
+            nonlocal done
+            done += runs
+            here.advance(share * runs)
+            if time.monotonic() > ends:
+                raise _OutOfTime
+
+        problem = pieces.problem(whole, states)
+        try:
+            return pieces, engine.solve(problem, progress=counted).states
+        except _OutOfTime:
+            here.advance(-share * done)
+            reached = SHORTER * done / problem.runs
+            pieces = replace(
+                pieces, length=1 + int(reached * (pieces.length - 1)), out_of_time=True
+            )
+            if pieces.length < 2:
+                break
+    here.advance(whole.runs)
+    return replace(pieces, length=1), None
 
 
 def _by_kind(
@@ -292,8 +343,7 @@ def _by_kind(
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
     """Return max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(runs, samples, n) -> (runs,)``."""
     a, b = loop.tracking(times, one), loop.tracking(times, other)
-    found: Array = largest(Samples(times), squares(a.Q - b.Q, a.V - b.V))
-    return found
+    return largest(Samples(times), squares(a.Q - b.Q, a.V - b.V))
 
 
 def squares(pose: Array, velocity: Array) -> Array:
@@ -304,15 +354,3 @@ def squares(pose: Array, velocity: Array) -> Array:
 def largest(over: OverTime, squares: Array) -> Any:
     """Return the root of the largest square over all samples."""
     return sqrt(over.largest(maximum(squares[..., 0], squares[..., 1])))
-
-
-def _other_engine(experiment: Experiment) -> tuple[Engine, str]:
-    other = experiment.solver.other
-    if other is not None:
-        return other.sized(1, 0), f"engine {other.name}"
-    return _tighter(experiment)
-
-
-def _tighter(experiment: Experiment) -> tuple[Engine, str]:
-    engine = experiment.engine.tightened(0.01)
-    return engine, f"engine {engine.name}, tolerances / 100"

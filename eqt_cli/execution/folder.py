@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.config.yaml_source import dump
-from eqt_cli.core.errors import OTHER_FOLDER, START_OVER, EqtError, Remedy
-from eqt_cli.core.files import read_record, refusals, write_record
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, KeyPath, Remedy, dotted
+from eqt_cli.core.files import read_record, refusals, replace_file, write_record
+from eqt_cli.core.option_types import shown
 from eqt_cli.core.own_files import (
     Own,
     OwnFile,
@@ -19,11 +20,9 @@ from eqt_cli.core.own_files import (
     remove_left_over,
     remove_own,
 )
-from eqt_cli.core.problems import KeyPath, dotted
-from eqt_cli.core.replacement import replace_file
-from eqt_cli.core.validation import shown
 from eqt_cli.execution.lock import LOCK
 from eqt_cli.execution.part_files import MANIFEST, OWN_PARTS, PARTS, PartFiles
+from eqt_cli.experiment.experiment import renamed
 from eqt_cli.experiment.study import Study
 from eqt_cli.store.reserved_names import FILE_NAME
 
@@ -120,7 +119,7 @@ class ResultFolder:
         """Write the complete configuration below a mark, and copies of the files it refers to."""
         plugins = self._copied(PLUGINS, study.base.plugins)
         files = self._copied(FILES, study.files, ".csv")
-        data = _renamed(study.resolved, files | plugins)
+        data = renamed(study.resolved, files | plugins)
         replace_file(self.path / name, mark + dump(data).encode())
 
     def tidy(self) -> None:
@@ -157,23 +156,27 @@ class ResultFolder:
         begun = bool(self.parts.listed())
         precious = begun or self.results.exists() or (self.path / FIGURES).exists()
         if other is not None and precious and not force:
-            keys = _differences(other.get("config", {}), study.numeric_config)
-            raise EqtError(
-                f"{self.path}: holds another experiment, which differs in",
-                OTHER_FOLDER,
-                Remedy("replace it with {}", "force"),
-                lines=[f"  {line}" for line in keys],
-            )
+            # Parts are not to be computed twice, so nobody is told how to remove them.
+            ways = () if begun else (Remedy("replace it with {}", "force"),)
+            raise self.of_another(study, OTHER_FOLDER, *ways)
         if begun and not force and (manifest or {}).get("plan") != study.plans.data:
             raise EqtError(
                 f"{self.path}: was begun by a version of eqt that divides the runs differently",
                 Remedy("finish with that version"),
-                START_OVER,
+                OTHER_FOLDER,
             )
         if other is None and not force:
             return []
         removed = [path for name in existing for path in self.remove(name)]
         return [str(path) for path in removed] if force else []
+
+    def of_another(self, study: Study, *remedies: Remedy) -> EqtError:
+        """Return the error that the folder holds another experiment, with the differences."""
+        runs = self.manifest or {}
+        keys = _differences(runs.get("config", {}), study.numeric_config)
+        lines = [f"  {line}" for line in keys]
+        message = f"{self.path}: holds another experiment, which differs in"
+        return EqtError(message, *remedies, lines=lines)
 
     def _copied(self, folder: str, texts: Mapping[str, str], suffix: str = "") -> dict[str, str]:
         """Copy the files that a configuration refers to, so that the folder can be moved.
@@ -187,15 +190,6 @@ class ResultFolder:
             (self.path / folder).mkdir(exist_ok=True)
             replace_file(self.path / copies[path], text.encode())
         return copies
-
-
-def _renamed(data: Any, names: dict[str, str]) -> Any:
-    """Return configuration data with the paths of files replaced."""
-    if isinstance(data, dict):
-        return {key: _renamed(value, names) for key, value in data.items()}
-    if isinstance(data, list):
-        return [_renamed(value, names) for value in data]
-    return names.get(data, data) if isinstance(data, str) else data
 
 
 def _results_in(folder: Path) -> list[str]:

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
-from eqt_cli.core.files import refusals
+from eqt_cli.core.files import FILE, refusals
 from eqt_cli.core.own_files import check_kind, foreign
-from eqt_cli.core.regular_files import FILE
 from eqt_cli.core.reporting import reporter
 from eqt_cli.execution.provenance import now
 
@@ -67,11 +66,7 @@ else:
 
 @contextmanager
 def locked(
-    folder: Path,
-    *,
-    shared: bool = False,
-    name: str = LOCK,
-    warns: bool = True,
+    folder: Path, *, shared: bool = False, name: str = LOCK, warns: bool = True
 ) -> Iterator[None]:
     """Lock the folder for this process until the block ends.
 

@@ -1,5 +1,6 @@
 """Packs the files of parts into the result file, part by part to limit the memory."""
 
+import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
@@ -10,9 +11,9 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
 from eqt_cli.core.reporting import reporter, step
-from eqt_cli.execution.compute_part import checked_states, read_part
-from eqt_cli.execution.cross_check import chosen_entries, cross_check, together
-from eqt_cli.execution.part_task import PartTask
+from eqt_cli.execution.compute_part import PartTask, checked_states, read_part
+from eqt_cli.execution.cross_check import LEAST_SECONDS, chosen_entries, cross_check, together
+from eqt_cli.execution.provenance import timed
 from eqt_cli.execution.result_layout import (
     Destination,
     Layout,
@@ -20,13 +21,11 @@ from eqt_cli.execution.result_layout import (
     in_root,
     new_result_file,
 )
-from eqt_cli.execution.wall_time import timed
 from eqt_cli.experiment.parts import StudyPart
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import Quantity, ValuePer
-from eqt_cli.store.piecewise_writer import Assembly
 from eqt_cli.store.reader import ResultFile, open_results
-from eqt_cli.store.table import Attribute
+from eqt_cli.store.writer import Assembly, Attribute
 
 PACKING, CHECKING = "parts packed", "runs cross-checked"
 """Titles of the steps."""
@@ -51,17 +50,15 @@ class BrokenPart(ResultError):
 
 
 def pack(
-    task: PartTask,
-    results: Path,
-    attributes: Mapping[str, Attribute],
-    seconds: dict[str, float],
+    task: PartTask, results: Path, attributes: Mapping[str, Attribute], seconds: dict[str, float]
 ) -> None:
     """Write the result file from all parts, which must exist.
 
     Parameters
     ----------
     seconds
-        Receives the wall time of the cross-check.
+        Wall times of what was done; receives that of the cross-check, which may take as long as the
+        simulation, and at least `LEAST_SECONDS`.
 
     Raises
     ------
@@ -80,9 +77,10 @@ def pack(
             states, work = _put_parts(task, file)
         pieces = [study.piece(index) for index in range(len(study.shapes))]
         redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in pieces)
+        deadline = time.monotonic() + max(LEAST_SECONDS, seconds.get("simulation", 0.0))
         with timed(seconds, "cross-check"), step(CHECKING, redone):
             check = together(
-                [cross_check(piece, states[k], work[k]) for k, piece in enumerate(pieces)]
+                [cross_check(piece, states[k], work[k], deadline) for k, piece in enumerate(pieces)]
             )
         fields = {} if check is None else asdict(check)
         checked = {f"cross_check_{name}": value for name, value in fields.items()}

@@ -14,13 +14,12 @@ import numpy as np
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.parts import LoopPart, parts_of
 from eqt_cli.core.arrays import Array, norm
-from eqt_cli.core.error_origin import described, place_of
-from eqt_cli.core.errors import EqtError, InputError, TraceError
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import EqtError, InputError, Problems
+from eqt_cli.core.registry import described, place_of
 from eqt_cli.engines import Problem
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.experiment.study import Study
-from eqt_cli.experiment.trial_evaluation import TOGETHER
+from eqt_cli.experiment.trial import TOGETHER
 
 MOST_SECONDS = 3.0
 """Of one core, for all laws; those that are left then are named."""
@@ -36,22 +35,20 @@ def rehearse(study: Study, problems: Problems) -> list[str]:
     Returns
     -------
     list of str
-        What is no error: laws that the engine of the cross-check cannot compile, and laws that were
-        not tried since those before them took too long.
+        The laws that were not tried since those before them took too long, in words.
     """
-    remarks: list[str] = []
     started, left = time.process_time(), dict.fromkeys(study.base.loops)
     for group in _by_kind(study):
         if time.process_time() - started > MOST_SECONDS:
             those = f"the laws before took more than {MOST_SECONDS:g} s"
-            return [*remarks, f"not tried: {', '.join(left)}; {those}"]
+            return [f"not tried: {', '.join(left)}; {those}"]
         label, first = group[0]
         components = parts_of(first.problem.loop, list(study.base.loops).index(label))
         with _blaming(components, problems):
-            remarks += _begin([batch for _, batch in group], components)
+            _begin([batch for _, batch in group], components)
         for label, _ in group:
             left.pop(label, None)
-    return remarks
+    return []
 
 
 def _by_kind(study: Study) -> list[list[tuple[str, Batch]]]:
@@ -70,7 +67,7 @@ def _by_kind(study: Study) -> list[list[tuple[str, Batch]]]:
     return list(groups.values())
 
 
-def _begin(group: list[Batch], components: list[LoopPart]) -> list[str]:
+def _begin(group: list[Batch], components: list[LoopPart]) -> None:
     """Raise for the first thing that is wrong with these runs."""
     problem, engine = Problem.joined([batch.problem for batch in group]), group[0].engine
     law = components[0].name
@@ -87,13 +84,6 @@ def _begin(group: list[Batch], components: list[LoopPart]) -> list[str]:
             "beside others; sum over the last axis only, as the functions of eqt_cli.extend do"
         )
     engine.rehearse(problem)
-    other = group[0].experiment.solver.other
-    if other is not None and any(component.is_foreign for component in components):
-        try:
-            other.rehearse(problem)
-        except TraceError as error:
-            return [f"{error}; the cross-check does without it"]
-    return []
 
 
 def _rates(problem: Problem) -> Array:

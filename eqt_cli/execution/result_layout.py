@@ -21,9 +21,8 @@ from eqt_cli.experiment.law_names import LAW, law_names
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.results.quantity_table import coordinates, quantities
-from eqt_cli.store.piecewise_writer import Assembly, Blank, assemble
 from eqt_cli.store.reserved_names import point_group
-from eqt_cli.store.table import Attribute, Variable
+from eqt_cli.store.writer import Assembly, Attribute, Blank, Variable, assemble
 
 TEXT_BYTES = 16
 """Size of a reference to a string in HDF5, bytes."""

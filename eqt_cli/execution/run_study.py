@@ -1,30 +1,72 @@
-"""Computes the missing parts of a study in its result folder, and packs the result file."""
+"""Computes the missing parts of a study in its result folder, and packs the result file.
+
+On request, only the failed runs of a finished result are computed again.
+"""
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.core.errors import EqtError, EqtWarning, FullDiskError, Remedy
-from eqt_cli.core.replacement import NO_SPACE
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, FullDiskError, Remedy
+from eqt_cli.core.files import NO_SPACE
 from eqt_cli.core.reporting import RUNS_DONE, reporter, step
+from eqt_cli.engines import Status
+from eqt_cli.execution.compute_part import PartTask
 from eqt_cli.execution.cost import check_resources
 from eqt_cli.execution.executors import MOST_TRIES, Executor
 from eqt_cli.execution.executors.serial import Serial
-from eqt_cli.execution.folder import RERUN, ResultFolder
+from eqt_cli.execution.folder import CONFIG, RERUN, ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
 from eqt_cli.execution.pack import BrokenPart, pack, replace_runs
-from eqt_cli.execution.part_task import PartTask
-from eqt_cli.execution.provenance import OTHERS, differences, now, provenance, together
-from eqt_cli.execution.rerun_failed import rerun_of
-from eqt_cli.execution.result_layout import described
-from eqt_cli.execution.wall_time import timed
+from eqt_cli.execution.part_files import PartFiles
+from eqt_cli.execution.provenance import OTHERS, differences, now, provenance, timed, together
+from eqt_cli.execution.result_layout import described, in_root
+from eqt_cli.experiment.law_names import LAW
+from eqt_cli.experiment.parts import StudyPart
 from eqt_cli.experiment.study import Study
 from eqt_cli.store.reader import open_results
+
+
+def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
+    """Return the task that computes the failed runs of a result again, with parts in `folder`.
+
+    Every failed run becomes its own part, so that it is integrated alone. Parts that were lost with
+    their workers are computed as in the first run. A number that only this version stores is NaN
+    for the other runs.
+
+    Raises
+    ------
+    EqtError
+        If the result holds variables that this version does not know, or lacks integer variables,
+        which have no value for a missing number.
+    """
+    kept = in_root(study)
+    integers = {entry.name for entry in kept if entry.dtype is not None and entry.dtype.kind != "f"}
+    with open_results(results) as old:
+        if set(old.names) - {LAW, *(entry.name for entry in kept)} or integers - set(old.names):
+            raise EqtError(
+                f"{results}: was written by a version of eqt that stores other variables",
+                Remedy("compute its failed runs with that version"),
+                OTHER_FOLDER,
+            )
+        status = old["status"]
+    status = status.reshape(-1, *status.shape[-2:]).swapaxes(0, 1)
+    by_piece = [status[:, points].reshape(len(status), -1) for points in study.shapes]
+    chosen: list[tuple[int, StudyPart]] = []
+    for item in range(len(study.plans)):
+        index, part = PartTask(study, PartFiles(folder)).part(item)
+        found = by_piece[index][part.controller, part.start : part.stop]
+        if (found == Status.WORKER_LOST).all():
+            chosen.append((index, part))
+            continue
+        failed = (part.start + np.flatnonzero(found)).tolist()
+        chosen += [(index, replace(part, start=entry, stop=entry + 1)) for entry in failed]
+    return PartTask(study, PartFiles(folder), tuple(chosen))
 
 
 @dataclass(frozen=True)
@@ -117,7 +159,7 @@ def execute(
         if complete:
             return session.rerun(complete.failed)
         if rerun_failed:
-            session.forget_lost()
+            session.remove_failed_parts()
         done = session.run(force, shard)
         again = rerun_failed and done.failed and done.packed
         return session.rerun(done.failed) if again else done
@@ -136,6 +178,8 @@ def pack_folder(study: Study, out: Path) -> Execution:
     if complete := _complete(study, folder):
         return complete
     with _reporting_kept_runs(study, folder), locked(out):
+        if (folder.manifest or {}).get("digest") != study.digest:
+            raise folder.of_another(study, Remedy(f"undo the changes of {out / CONFIG}"))
         missing = len(PartTask(study, folder.parts).missing())
         if missing:
             raise EqtError(
@@ -239,7 +283,7 @@ class _Session:
             self.folder, False, removed, runs, failed, resumed, shard is None, self.seconds
         )
 
-    def forget_lost(self) -> None:
+    def remove_failed_parts(self) -> None:
         """Remove the parts whose runs all failed, so that they are computed as a whole."""
         for number, entry in self.files.listed().items():
             if entry.failed == self.plan.runs_of(number):
@@ -301,7 +345,7 @@ class _Session:
                 EqtWarning(
                     f"{self.folder.path}: some of its runs were computed with {listed}; they agree "
                     "with the new ones within tolerances, not bit for bit",
-                    Remedy("{} starts over", "force"),
+                    Remedy("for runs of one version, choose another folder with {}", "out"),
                 )
             )
 

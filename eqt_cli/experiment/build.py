@@ -3,26 +3,21 @@
 Every section is built even where another is broken; what depends on a broken section is skipped.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.config.data_files import with_data
-from eqt_cli.config.plugins import load_plugins
-from eqt_cli.config.schema import (
-    SEARCHES,
-    Config,
-    GainsSection,
-    InitialSection,
-    OwnGainsSection,
-)
+from eqt_cli.closed_loop.linearised import designed
+from eqt_cli.config.named_files import data_file, load_plugins, with_data
+from eqt_cli.config.schema import SEARCHES, Config, GainsSection, InitialSection, OwnGainsSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
-from eqt_cli.core.error_origin import blamed
-from eqt_cli.core.problems import Problems
-from eqt_cli.core.validation import (
+from eqt_cli.core.errors import InputError, Problems, closest
+from eqt_cli.core.leaves import with_fields
+from eqt_cli.core.option_types import (
+    MISSING,
     as_section,
     component,
     fields_of,
@@ -31,25 +26,95 @@ from eqt_cli.core.validation import (
     unknown_key,
     validated,
 )
-from eqt_cli.ensemble.factor_poses import FactorPoses
+from eqt_cli.core.registry import blamed
+from eqt_cli.ensemble.initial import FactorPoses, ListedPoses, ListedVelocities
 from eqt_cli.ensemble.poses import PoseDistribution, pose_distributions
-from eqt_cli.ensemble.velocities import velocity_distributions
+from eqt_cli.ensemble.velocities import VelocityDistribution, velocity_distributions
 from eqt_cli.experiment.desired_trajectory import DesiredTrajectory, check_horizon, desired_from
 from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.experiment.gains import gains_from
+from eqt_cli.experiment.horizon import reference_over_horizon
 from eqt_cli.experiment.inertia import inertia_from
 from eqt_cli.experiment.laws_in_code import LawsInCode, check_calls
-from eqt_cli.experiment.settling import check_thresholds
-from eqt_cli.experiment.solver import solver_from
-from eqt_cli.experiment.start import Start, start_from_file
-from eqt_cli.experiment.trial_evaluation import probe
-from eqt_cli.experiment.trial_of_parts import probe_parts
+from eqt_cli.experiment.matrices import gains_from
+from eqt_cli.experiment.solver import check_thresholds, solver_from
+from eqt_cli.experiment.trial import probe, probe_parts
+from eqt_cli.experiment.vehicle import SECTIONS as VEHICLE
+from eqt_cli.experiment.vehicle import known_forces, vehicle_from
 from eqt_cli.experiment.vehicle import resolved as resolved_vehicle
-from eqt_cli.experiment.vehicle import vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.product import ProductGroup
-from eqt_cli.logs.mapping import MAPPING
+from eqt_cli.logs.mapping import MAPPING, LogMapping, MappingError
+from eqt_cli.logs.reading import read_starts
+from eqt_cli.mechanics.flatness import PlantModel, only_direction
+from eqt_cli.mechanics.inertia import InertiaLaw
 from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Start:
+    """The initial states of the runs.
+
+    Attributes
+    ----------
+    poses, velocities
+        Q_d(0)⁻¹ Q(0) and V(0) − V_d(0).
+    resolved
+        The complete section of the configuration.
+    rows
+        Number of runs for which there are initial states; None for any number.
+    files
+        Contents of the files with data, by their names.
+    """
+
+    poses: PoseDistribution
+    velocities: VelocityDistribution
+    resolved: dict[str, Any]
+    rows: int | None = None
+    files: dict[str, str] = field(default_factory=dict)
+
+
+def start_from_file(
+    section: InitialSection,
+    G: MatrixLieGroup | None,
+    desired: DesiredTrajectory | None,
+    source: ConfigSource,
+    problems: Problems,
+) -> Start | None:
+    """Read the rows of `initial.file`; return None after noting their problems.
+
+    Relative poses are errors to the reference, Q(0) = Q_d(0) · pose and V(0) = V_d(0) + V. Missing
+    velocities are 0.
+    """
+    name = section.file
+    assert name is not None
+    for key in ("pose", "velocity"):
+        if key in section.model_fields_set:
+            problems.at(key).add(f"{name} gives the {key}, one row per run; remove this key")
+    if G is None:
+        return None
+    mapping = section.mapping or LogMapping()
+    mapping.check(problems.at(MAPPING))
+    if problems.at(MAPPING):
+        return None
+    with problems.catching("file"):
+        text = data_file(source, name)
+        try:
+            poses, velocities = read_starts(text, name, G, mapping)
+        except MappingError as error:
+            problems.at(MAPPING, *error.path).add(str(error))
+            return None
+        if velocities is None:
+            velocities = np.zeros((len(poses), G.dimension))
+        if desired is None:
+            return None
+        if not section.relative:
+            poses, velocities = G.inverse(desired.pose) @ poses, velocities - desired.velocity
+        resolved = section.model_dump(include={"file", "relative", MAPPING}, exclude_none=True)
+        listed = ListedPoses(poses), ListedVelocities(velocities)
+        return Start(*listed, resolved, len(poses), {name: text})
+    return None
+
 
 OF_EVERY_LAW = ("label", "gains")
 """The keys of an entry of `controllers` that no law has for itself."""
@@ -75,13 +140,10 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     problems = Problems(source.place)
     plugins = load_plugins(source, trust_plugins, problems)
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
-    sections = _sections(source.data, problems)
+    found, code = _Parts(source, problems), LawsInCode(source, trust_plugins)
+    group, sections, laws = found.group, found.sections, found.laws
+    found.read_controllers(code)
     task, initial = sections["task"], sections["initial"]
-    group = _group(sections["group"], problems.at("group"))
-    code = LawsInCode(source, trust_plugins)
-    laws, files = _controllers(
-        sections["controllers"] or [], task, group, code, problems.at("controllers")
-    )
     desired = inertia = start = solver = None
     gains: dict[str, Gains | None] = {}
     if sections["reference"] is not None or source.data.get("reference") is None:
@@ -98,26 +160,14 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     if group and sections["inertia"] is not None:
         inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
     if group:
-        section, at_gains = source.data.get("gains"), problems.at("gains")
-        known = fields_of(GainsSection, section, at_gains) if isinstance(section, dict) else {}
-        shared = gains_from(known, group, at_gains)
-        for label, law in laws.items():
-            at_law = problems.at("controllers", law.index, "gains")
-            gains[label] = gains_from(known | law.gains, group, at_law) if law.gains else shared
+        gains = found.gains(group)
+        if inertia and vehicle and desired and sections["time"]:
+            desired = found.with_model(group, inertia, vehicle, desired)
         if isinstance(thresholds := sections["settling_threshold"], dict):
-            written = source.data["settling_threshold"]
-            check_thresholds(thresholds, written, group, problems.at("settling_threshold"))
+            check_thresholds(thresholds, group, problems.at("settling_threshold"))
     if initial:
-        start = _start(initial, group, desired, source, problems.at("initial"))
-    config = _agreeing(
-        source,
-        {name: sections[name] for name in (*SEARCHES, "initial")},
-        group,
-        desired,
-        {entry.index: entry.law for entry in laws.values()},
-        start,
-        problems,
-    )
+        start = found.start(initial, desired)
+    config = found.config(desired, start)
     problems.raise_if_any()
     assert config and group and desired and inertia and vehicle and start and solver
     complete = config.model_dump(exclude=set(SEARCHES), exclude_none=True, warnings="none") | {
@@ -143,77 +193,215 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         start.velocities,
         solver,
         replace(source, stored_plugins=plugins | code.texts),
-        desired.files | start.files | files,
+        desired.files | start.files | found.files,
     )
     probe_parts(experiment, problems)
+    problems.raise_if_any()
+    experiment = _designed(experiment, {label: law.index for label, law in laws.items()}, problems)
     problems.raise_if_any()
     probe(experiment, problems)
     problems.raise_if_any()
     return experiment
 
 
-def _start(
-    section: InitialSection,
-    G: MatrixLieGroup | None,
-    desired: DesiredTrajectory | None,
-    source: ConfigSource,
-    problems: Problems,
-) -> Start | None:
-    """Where the runs start, by distributions or by the rows of a file."""
-    if section.file is not None:
-        return start_from_file(section, G, desired, source, problems)
-    for key in section.model_fields_set & {"relative", MAPPING}:
-        problems.at(key).add(
-            "applies only to poses from a `file`; give `file` too, or remove this key"
+class _Parts:
+    """The sections of a configuration, and what is made of them.
+
+    Attributes
+    ----------
+    group
+        The group; None where it is not known.
+    sections
+        The validated sections by name; None for those that are missing or broken.
+    laws
+        The control laws by label.
+    files
+        The contents of the files in which laws are given.
+    """
+
+    def __init__(self, source: ConfigSource, problems: Problems) -> None:
+        self.source, self.problems = source, problems
+        self.group = _group(source.data, problems.at("group"))
+        self.sections = _sections(source.data, self.group, problems)
+        self.laws: dict[str, _Entry] = {}
+        self.files: dict[str, str] = {}
+
+    def read_controllers(self, code: LawsInCode) -> None:
+        """Read the control laws."""
+        task, G = self.sections["task"], self.group
+        for index, entry in enumerate(self.sections["controllers"] or []):
+            here = self.problems.at("controllers", index)
+            entry = dict(entry) if isinstance(entry, dict) else entry
+            label = entry.pop("label", None) if isinstance(entry, dict) else None
+            own = entry.pop("gains", None) if isinstance(entry, dict) else None
+            law, gains = component(controllers, entry, here, OF_EVERY_LAW, G, check=False), None
+            if own is not None:
+                of = None if law is None or G is None else law.gains_group(G)
+                gains = validated(OwnGainsSection, own, here.at("gains"), group=of)
+            if law is not None and G is not None:
+                law, texts = with_data(law, code.source, here)
+                self.files |= texts
+                law.check(G, here)
+                law = code.running(law, G, here)
+            if law is None:
+                continue
+            if task is not None and law.tasks and task not in law.tasks:
+                here.add(_wrong_task(law, task))
+                continue
+            label = law.name if label is None else label
+            if not isinstance(label, str) or not label.strip() or not label.isprintable():
+                here.at("label").add(f"expected text on one line, got {shown(label)}")
+            elif label in self.laws:
+                here.add(
+                    f"an earlier controller has the label '{label}'; give this one another `label`"
+                )
+            else:
+                own = gains.model_dump(exclude_none=True) if gains else {}
+                given = tuple(entry) if isinstance(entry, dict) else ()
+                self.laws[label] = _Entry(law, index, own, given)
+
+    def gains(self, G: MatrixLieGroup) -> dict[str, Gains | None]:
+        """Return the gains of every law, and give laws the options that follow them."""
+        data, here = self.source.data, self.problems.at("gains")
+        given = data.get("gains")
+        known = fields_of(GainsSection, given, here, G) if isinstance(given, dict) else {}
+        shared, found = gains_from(known, G, here), dict[str, Gains | None]()
+        meant = closest("gains", data.keys() - Config.model_fields.keys())
+        if given is None and not meant and any(map(_reads_gains, data.get("controllers") or [])):
+            here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
+        for label, law in self.laws.items():
+            found[label] = self._gains_of(law, known, shared, G)
+            self.laws[label] = law.with_gains(G, found[label])
+        return found
+
+    def _gains_of(
+        self, entry: "_Entry", known: dict[str, Any], shared: Gains | None, G: MatrixLieGroup
+    ) -> Gains | None:
+        """Return the gains of a law; None after noting its problems."""
+        law, own, problems = entry.law, entry.gains, self._at(entry).at("gains")
+        if (group := law.gains_group(G)) is G:
+            if shared is None and not (own or law.reads_gains):
+                return Gains(np.eye(G.size), np.eye(G.dimension))  # which it never reads
+            return gains_from(known | own, G, problems) if own else shared
+        for name in {"kp", "kd"} - own.keys():
+            problems.at(name).add(
+                f"{MISSING}: {law.name} has gains of its own, those of its law on {group.name}, "
+                "such as gains: {kp: 4, kd: 2}"
+            )
+        return gains_from(own, group, problems)
+
+    def _at(self, entry: "_Entry") -> Problems:
+        return self.problems.at("controllers", entry.index)
+
+    def with_model(
+        self, G: MatrixLieGroup, inertia: InertiaLaw, vehicle: Vehicle, desired: DesiredTrajectory
+    ) -> DesiredTrajectory:
+        """Give laws, and the reference that is returned, what they know of the plant."""
+        sections, laws, pushes = self.sections, self.laws, vehicle.pushes(G)
+        forces, horizon = (
+            known_forces(sections, vehicle, G, self.problems),
+            sections["time"].duration,
         )
-    poses = _poses(section.pose, G, problems.at("pose"))
-    at_velocity = problems.at("velocity")
-    velocities = component(velocity_distributions, section.velocity, at_velocity, group=G)
-    if poses is None or velocities is None:
-        return None
-    resolved = {"pose": _poses_section(poses), "velocity": as_section(velocities)}
-    return Start(poses, velocities, resolved)
+        acts, model = sections["plant"], sections["model"]
+        acting = acts is not None and acts.forces and not (model and model.forces == "plant")
+        exact, flat = vehicle.is_direct and not acting, desired.reference.flat_output(G, 0.0)
+        plant = PlantModel(inertia, forces, pushes, exact, horizon, flat)
+        for label, entry in laws.items():
+            laws[label] = replace(entry, law=entry.law.knowing(G, plant, self._at(entry)))
+        if self.problems:
+            return desired
+        said: list[Any] = [entry.law.pushes_along for entry in laws.values()]
+        along = next((each for each in said if each), None)
+        if along is None and pushes is not None:
+            along = only_direction(pushes)
+        plant = plant._replace(along=along)
+        reference = desired.reference.knowing(G, plant, self.problems.at("reference"))
+        if reference is desired.reference:
+            return desired
+        pose, velocity = reference.initial(G, desired.pose, desired.velocity)
+        return replace(desired, reference=reference, pose=pose, velocity=velocity)
 
+    def start(self, section: InitialSection, desired: DesiredTrajectory | None) -> Start | None:
+        """Return where the runs start, by distributions or by the rows of a file."""
+        G, problems = self.group, self.problems.at("initial")
+        if section.file is not None:
+            return start_from_file(section, G, desired, self.source, problems)
+        for key in section.model_fields_set & {"relative", MAPPING}:
+            problems.at(key).add(
+                "applies only to poses from a `file`; give `file` too, or remove this key"
+            )
+        poses = _poses(section.pose, G, problems.at("pose"))
+        at_velocity = problems.at("velocity")
+        velocities = component(velocity_distributions, section.velocity, at_velocity, group=G)
+        if poses is None or velocities is None:
+            return None
+        resolved = {"pose": _poses_section(poses), "velocity": as_section(velocities)}
+        return Start(poses, velocities, resolved)
 
-def _agreeing(
-    source: ConfigSource,
-    read: dict[str, Any],
-    G: MatrixLieGroup | None,
-    desired: DesiredTrajectory | None,
-    laws: dict[int, Controller],
-    start: Start | None,
-    problems: Problems,
-) -> Config | None:
-    """The configuration, where its sections agree on how many runs there are, and how long."""
-    if problems or not (G and desired and start):
-        return None
-    # Dataclasses, as ranges are, pass strict validation as such, and not as mappings.
-    config = Config.model_validate(
-        source.data | {name: section for name, section in read.items() if section}
-    )
-    check_horizon(desired.reference, "reference", G, config.time.duration, problems)
-    for index, law in laws.items():
-        check_horizon(law, f"controllers[{index}]", G, config.time.duration, problems)
-    if start.rows is None:
+    def config(self, desired: DesiredTrajectory | None, start: Start | None) -> Config | None:
+        """Return the configuration, if its sections agree on the number of runs and the horizon."""
+        G, problems = self.group, self.problems
+        if problems or not (G and desired and start):
+            return None
+        # Dataclasses, as ranges are, pass strict validation as such, and not as mappings.
+        read = {name: self.sections[name] for name in (*SEARCHES, "initial") if self.sections[name]}
+        config = Config.model_validate(self.source.data | read)
+        parts: dict[str, Any] = {"reference": desired.reference}
+        parts |= {f"controllers[{entry.index}]": entry.law for entry in self.laws.values()}
+        for place, part in parts.items():
+            check_horizon(part, place, G, config.time.duration, problems)
+        if start.rows is None:
+            return config
+        if "runs" not in config.ensemble.model_fields_set:
+            ensemble = config.ensemble.model_copy(update={"runs": start.rows})
+            return config.model_copy(update={"ensemble": ensemble})
+        if config.ensemble.runs > start.rows:
+            problems.at("ensemble", "runs").add(
+                f"expected at most {start.rows}, the number of rows of {config.initial.file}, "
+                f"got {config.ensemble.runs}"
+            )
         return config
-    if "runs" not in config.ensemble.model_fields_set:
-        ensemble = config.ensemble.model_copy(update={"runs": start.rows})
-        return config.model_copy(update={"ensemble": ensemble})
-    if config.ensemble.runs > start.rows:
-        problems.at("ensemble", "runs").add(
-            f"expected at most {start.rows}, the number of rows of {config.initial.file}, "
-            f"got {config.ensemble.runs}"
-        )
-    return config
 
 
-def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
+def _reads_gains(entry: Any) -> bool:
+    """Whether an entry of `controllers` needs the section `gains`."""
+    own = entry.get("gains") if isinstance(entry, dict) else None
+    name = entry.get("kind") if isinstance(entry, dict) else entry
+    kind = controllers.get(name) if name in controllers.names() else Controller
+    return kind.reads_gains and not (isinstance(own, dict) and {"kp", "kd"} <= own.keys())
+
+
+def _designed(experiment: Experiment, index: dict[str, int], problems: Problems) -> Experiment:
+    """Return the experiment with the gains of the laws that are designed for their loops."""
+    made = {
+        label: loop for label, loop in experiment.loops.items() if loop.controller.design_pieces
+    }
+    if not made:
+        return experiment
+    shown, horizon = reference_over_horizon(experiment), float(experiment.times[-1])
+    if not shown.finite.all():
+        return experiment  # the checks of the reference say so
+    for label, loop in made.items():
+        with problems.catching("controllers", index[label]):
+            control, count = loop.vehicle.control, loop.controller.design_pieces
+            piece = horizon / count
+            if control is not None:  # a whole number of periods
+                piece = control.period * max(1, round(piece / control.period))
+            times = np.concatenate([[0.0], np.arange(piece / 2, horizon, piece), [horizon]])
+            where = np.minimum(np.searchsorted(shown.times, times), len(shown.times) - 1)
+            made[label] = designed(loop, times, shown.pose[where], shown.velocity[where])
+    return replace(experiment, loops=experiment.loops | made)
+
+
+def _sections(
+    data: dict[str, Any], group: MatrixLieGroup | None, problems: Problems
+) -> dict[str, Any]:
     """The validated sections by name; None for those that are missing or broken."""
     known = known_keys(Config, ())
     for key in data:
         if key not in known:
             problems.at(key).add(unknown_key(key, known, _elsewhere(key)))
-    return dict.fromkeys(known) | fields_of(Config, data, problems)
+    return dict.fromkeys(known) | fields_of(Config, data, problems, group)
 
 
 def _elsewhere(key: str) -> str | None:
@@ -222,10 +410,23 @@ def _elsewhere(key: str) -> str | None:
     return next((f"{name}.{key}" for name in found), None)
 
 
-def _group(name: str | None, problems: Problems) -> MatrixLieGroup | None:
-    if name is not None:
-        with problems.catching():
-            return group_named(name)
+OF_THE_GROUP = (
+    *("inertia", "gains", "reference", "target", "initial", "settling_threshold", "controllers"),
+    *VEHICLE,
+)
+"""Sections of which numbers can be checked only on a group."""
+
+
+def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
+    """The group; without one, the message says which sections could not be checked."""
+    if not isinstance(name := data.get("group"), str):
+        return None
+    try:
+        return group_named(name)
+    except InputError as error:
+        unchecked = ", ".join(key for key in OF_THE_GROUP if key in data)
+        more = f"; without it, the numbers of {unchecked} were not checked" if unchecked else ""
+        problems.add(f"{error.args[0]}{more}", error.remedies)
     return None
 
 
@@ -236,49 +437,20 @@ class _Entry:
     law: Controller
     index: int
     gains: dict[str, Any]
+    given: tuple[str, ...]
+    followed: tuple[str, ...] = ()
+
+    def with_gains(self, G: MatrixLieGroup, gains: Gains | None) -> "_Entry":
+        """The entry with the options that follow the gains, where they are not given."""
+        found = {} if gains is None else self.law.defaults(G, gains)
+        found = {name: value for name, value in found.items() if name not in self.given}
+        return replace(self, law=with_fields(self.law, **found), followed=tuple(found))
 
     @property
     def resolved(self) -> dict[str, Any]:
-        return as_section(self.law) | ({"gains": self.gains} if self.gains else {})
-
-
-def _controllers(
-    entries: list[Any],
-    task: str | None,
-    G: MatrixLieGroup | None,
-    code: LawsInCode,
-    problems: Problems,
-) -> tuple[dict[str, _Entry], dict[str, str]]:
-    """The control laws by label, and the contents of the files that they are given in."""
-    laws: dict[str, _Entry] = {}
-    files: dict[str, str] = {}
-    for index, entry in enumerate(entries):
-        here = problems.at(index)
-        entry = dict(entry) if isinstance(entry, dict) else entry
-        label = entry.pop("label", None) if isinstance(entry, dict) else None
-        own = entry.pop("gains", None) if isinstance(entry, dict) else None
-        gains = validated(OwnGainsSection, own, here.at("gains")) if own is not None else None
-        law = component(controllers, entry, here, OF_EVERY_LAW)
-        if law is not None and G is not None:
-            law, texts = with_data(law, code.source, here)
-            files |= texts
-            law.check(G, here)
-            law = code.running(law, G, here)
-        if law is None:
-            continue
-        if task is not None and law.tasks and task not in law.tasks:
-            here.add(_wrong_task(law, task))
-            continue
-        label = law.name if label is None else label
-        if not isinstance(label, str) or not label.strip() or not label.isprintable():
-            here.at("label").add(f"expected text on one line, got {shown(label)}")
-        elif label in laws:
-            here.add(
-                f"an earlier controller has the label '{label}'; give this one another `label`"
-            )
-        else:
-            laws[label] = _Entry(law, index, gains.model_dump(exclude_none=True) if gains else {})
-    return laws, files
+        """The section; options that follow the gains stay away, and follow them again."""
+        section = as_section(self.law) | ({"gains": self.gains} if self.gains else {})
+        return {name: value for name, value in section.items() if name not in self.followed}
 
 
 def _wrong_task(law: Controller, task: str) -> str:

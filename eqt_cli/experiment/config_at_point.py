@@ -4,8 +4,7 @@ import dataclasses
 from collections.abc import Collection
 
 from eqt_cli.config.source import ConfigSource, changed_at
-from eqt_cli.core.errors import EqtError
-from eqt_cli.core.problems import Problems, parse_key
+from eqt_cli.core.errors import EqtError, Problems, parse_key
 from eqt_cli.ensemble.sweep import Sweep
 
 

@@ -2,18 +2,24 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from eqt_cli.config.data_files import with_data
+from eqt_cli.config.named_files import with_data
 from eqt_cli.config.schema import TargetSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import InputError
-from eqt_cli.core.option_types import Real
-from eqt_cli.core.problems import Problems, parse_key
-from eqt_cli.core.validation import as_section, component, option_names, validated
+from eqt_cli.core.errors import InputError, Problems, parse_key
+from eqt_cli.core.option_types import (
+    VELOCITY,
+    Real,
+    Unit,
+    as_section,
+    component,
+    option_names,
+    validated,
+)
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.notation.poses import pose_from, vector
@@ -101,7 +107,7 @@ def _tracked(
         section = {name: value for name, value in section.items() if name != key}
     common = {key: section.get(key, DEFAULTS[key]) for key in takes}
     options = {"kind": "torque"} | {k: v for k, v in section.items() if k not in common}
-    reference = component(references, options, problems, takes)
+    reference = component(references, options, problems, takes, G, check=False)
     if G is None:
         return None
     texts: dict[str, str] = {}
@@ -113,7 +119,8 @@ def _tracked(
         found = pose_from(common["pose"], G, problems.at("pose"))
         pose = pose if found is None else found
     if "velocity" in common:
-        numbers = validated(Real | list[Real], common["velocity"], problems.at("velocity"))
+        coordinates: Any = Annotated[Real | list[Real], Unit(VELOCITY)]
+        numbers = validated(coordinates, common["velocity"], problems.at("velocity"), group=G)
         if numbers is not None:
             with problems.catching("velocity"):
                 velocity = vector(numbers, G.dimension, G)

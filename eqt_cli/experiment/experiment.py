@@ -4,7 +4,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
 from typing import Any
@@ -21,7 +21,7 @@ from eqt_cli.ensemble.poses import PoseDistribution
 from eqt_cli.ensemble.velocities import VelocityDistribution
 from eqt_cli.experiment.solver import Solver
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.rigid_body import not_rigid
+from eqt_cli.mechanics.inertia import not_rigid
 
 WORDS = ("name", "rigid")
 """Keys that affect texts about an experiment, but not its numbers."""
@@ -65,6 +65,12 @@ class Experiment:
     def name(self) -> str:
         """Name of the experiment."""
         return str(self.config.name)
+
+    def of_runs(self, most: int) -> "Experiment":
+        """Return the experiment with its first runs only."""
+        runs = min(most, self.config.ensemble.runs)
+        ensemble = self.config.ensemble.model_copy(update={"runs": runs})
+        return replace(self, config=self.config.model_copy(update={"ensemble": ensemble}))
 
     @property
     def engine(self) -> Engine:
@@ -114,18 +120,12 @@ class Experiment:
 
     @property
     def numeric_config(self) -> dict[str, Any]:
-        """Part of the resolved configuration that affects the numbers, with hashes of plugins."""
+        """Part of the resolved configuration that affects the numbers, with hashes of files.
+
+        The names of files do not count: the folder of a result holds them under names of its own.
+        """
         kept = {key: value for key, value in self.resolved.items() if key not in WORDS}
-        sources = {path: sha256(text.encode()).hexdigest() for path, text in self.plugins.items()}
-        laws = [
-            {
-                key: sources.get(value, value) if key == "file" else value
-                for key, value in law.items()
-            }
-            for law in kept["controllers"]
-        ]
-        named = {"controllers": laws, "plugins": list(sources.values())}
-        return kept | named | digests(self.files)
+        return renamed(kept, hashes(self.files | self.plugins))
 
     @cached_property
     def digest(self) -> str:
@@ -134,10 +134,18 @@ class Experiment:
         return sha256(text.encode()).hexdigest()
 
 
-def digests(files: dict[str, str]) -> dict[str, Any]:
-    """Return the hashes of files with data, for the digest of an experiment."""
-    found = {name: sha256(text.encode()).hexdigest() for name, text in sorted(files.items())}
-    return {"files": found} if found else {}
+def hashes(files: Mapping[str, str]) -> dict[str, str]:
+    """Return the hashes of files, by their names in the configuration."""
+    return {name: sha256(text.encode()).hexdigest() for name, text in files.items()}
+
+
+def renamed(data: Any, names: Mapping[str, str]) -> Any:
+    """Return configuration data with the names of files replaced."""
+    if isinstance(data, dict):
+        return {key: renamed(value, names) for key, value in data.items()}
+    if isinstance(data, list):
+        return [renamed(value, names) for value in data]
+    return names.get(data, data) if isinstance(data, str) else data
 
 
 def told_apart(titles: Mapping[str, str]) -> dict[str, str]:

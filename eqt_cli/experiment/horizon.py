@@ -1,4 +1,4 @@
-"""Checks the reference of an experiment over the whole horizon before any run."""
+"""Checks an experiment before any run: its reference over the horizon, and its numerics."""
 
 import json
 from collections.abc import Iterator
@@ -7,20 +7,135 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.closed_loop import ReferenceSystem
+from eqt_cli.closed_loop import ClosedLoop, ReferenceSystem
+from eqt_cli.closed_loop.linearised import flow
 from eqt_cli.core.arrays import Array, frobenius, norm
-from eqt_cli.core.error_origin import blamed
-from eqt_cli.core.errors import ComponentError, EqtWarning
-from eqt_cli.core.problems import Problems, dotted
+from eqt_cli.core.errors import ComponentError, EqtWarning, KeyPath, Problems, dotted, parse_key
+from eqt_cli.core.registry import blamed
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.experiment.local_stability import Along, unstable
-from eqt_cli.experiment.numerics import ill_conditioned, stiff
+from eqt_cli.experiment.local_stability import Along, small_loops, unstable_or_slow
+from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.notation.poses import ANGLES, many_turns
 from eqt_cli.vehicle.vehicle import ACTUATORS
+
+EPSILON = float(np.finfo(float).eps)
+
+ORDINARY = 20_000
+"""Largest number of evaluations of the vector field, or of steps, without a remark: two seconds for
+a single run. For stability, most shipped experiments need some hundreds, `se3_survey` 14,000."""
+
+TRIAL = 1_500
+"""Number of evaluations of a trial with an implicit method: half a second."""
+
+ENOUGH = 0.02
+"""Share of the horizon that a trial must reach to extrapolate its evaluations. On SO(3), a
+trial over 1 % of the horizon was right to 20 %. On the submersible, the first millisecond alone
+takes 3,000 evaluations."""
+
+TRIAL_SAMPLES = 4_001
+"""Number of samples that show how far the trial came."""
+
+
+def ill_conditioned(experiment: Experiment) -> str:
+    """Return the words for a remark on an ill-conditioned inertia; empty if it is not.
+
+    V = 𝕀⁻¹P is accurate to about ε κ, with ε = 2.2e-16 and the condition number κ of the inertia in
+    units that make its diagonal 1 (Higham 2002, Theorem 7.2 and Section 7.3). So units do not
+    matter, but nearly dependent axes do. If ε κ exceeds `rtol`, no step can be that accurate.
+    """
+    loop, rtol = next(iter(experiment.loops.values())), experiment.engine.rtol
+    times, numbers = _condition_numbers(loop.inertia, experiment.config.time.duration)
+    worst = int(numbers.argmax())
+    if numbers[worst] * EPSILON <= rtol:
+        return ""
+    when = "" if len(times) == 1 else f" at t = {times[worst]:.4g} s"
+    return (
+        f"its condition number is {numbers[worst]:.2g}{when}, so that rounding alone changes "
+        f"velocities by {numbers[worst] * EPSILON:.1g} of their size, more than solver.rtol = "
+        f"{rtol:g}; choose other axes, or increase solver.rtol"
+    )
+
+
+def _condition_numbers(law: InertiaLaw, horizon: float) -> tuple[Array, Array]:
+    """Return instants, and the condition numbers of the inertia with its diagonal scaled to 1."""
+    times = np.zeros(1) if isinstance(law, Inertia) else np.linspace(0.0, horizon, 101)
+    with np.errstate(all="ignore"):
+        found = law.matrix_at(times)
+    matrices = np.broadcast_to(found, (len(times), *found.shape[-2:]))
+    roots = np.sqrt(np.diagonal(matrices, axis1=-2, axis2=-1))
+    return times, np.linalg.cond(matrices / (roots[:, :, None] * roots[:, None, :]))
+
+
+def stiff(experiment: Experiment, along: Along) -> str:
+    """Return the words for a remark on the work for a stiff loop; empty if no loop is stiff.
+
+    A loop is stiff if the fastest decay of its errors needs more than `ORDINARY` evaluations, and
+    an implicit method needs fewer (Hairer and Wanner 1996, Section IV.1).
+
+    Parameters
+    ----------
+    along
+        Points of the reference at which loops are linearised.
+    """
+    found = _stiffest(experiment, along)
+    if found is None:
+        return ""
+    work, label, rates = found
+    loop, duration = experiment.loops[label], experiment.config.time.duration
+    chosen = experiment.engine
+    explicit = SolveIvp(rtol=chosen.rtol).work_for_stability(rates, duration)
+    implicit, reached = _radau_evaluations(experiment, loop)
+    # With fewer evaluations by the explicit method, the horizon is long, but the loop is not stiff.
+    if not implicit < min(explicit, work):
+        return ""
+    count = f"about {_rounded(implicit)} evaluations" if reached > ENOUGH else "fewer"
+    return (
+        f"the loop of '{label}' is stiff: its errors decay at up to "
+        f"{np.abs(rates).max():.2g} 1/s, for which engine {chosen.name} takes about "
+        f"{_rounded(work)} {chosen.counted} a run; `solver.method: Radau` {count}"
+    )
+
+
+def _rounded(count: float) -> str:
+    """Format a number with two digits: ``46,000``."""
+    return f"{float(f'{count:.2g}'):,.0f}"
+
+
+def _stiffest(experiment: Experiment, along: Along) -> tuple[float, str, Array] | None:
+    """Return the loop with the most work, if that is more than `ORDINARY`; else None.
+
+    Its work, in the units that the engine counts, the label of its law, and its eigenvalues, 1/s.
+    """
+    found, engine = [], experiment.engine
+    for label, loop in small_loops(experiment, along).items():
+        matrices = flow(loop, *along)
+        if np.isfinite(matrices).all():
+            rates = np.linalg.eigvals(matrices)
+            work = engine.work_for_stability(rates, experiment.config.time.duration)
+            found.append((work, label, rates))
+    slowest = max(found, key=lambda each: each[0], default=None)
+    return slowest if slowest and slowest[0] > ORDINARY else None
+
+
+def _radau_evaluations(experiment: Experiment, loop: ClosedLoop) -> tuple[float, float]:
+    """Estimate the evaluations of a run by an implicit method from the progress of a trial.
+
+    The trial starts without errors, because fast errors decay at once. The estimate is infinite if
+    the trial makes no progress. The second value is the share of the horizon that it reached.
+    """
+    Qd, Vd, stop = experiment.initial_pose, experiment.initial_velocity, experiment.times[-1]
+    engine = SolveIvp(method="Radau", rtol=experiment.engine.rtol, max_steps=TRIAL)
+    states = loop.initial_state(Qd, Vd, Qd, Vd)[None]
+    problem = Problem(loop, states, np.linspace(0.0, stop, TRIAL_SAMPLES))
+    solution = engine.solve(problem)
+    known = int(np.isfinite(solution.states[0]).all(axis=-1).sum()) - 1
+    reached = known / (TRIAL_SAMPLES - 1)
+    return (solution.steps[0] / reached if known else np.inf), reached
+
 
 SAMPLES = 2001
 """Number of times at which the reference is evaluated, besides both sides of known instants."""
@@ -36,6 +151,9 @@ MOST_WRITTEN = 1_000
 
 LINEARISED = 9
 """Number of times at which a loop is linearised."""
+
+MOST_NOISE = 1.0
+"""Largest standard deviation of a measured rotation without a remark, rad."""
 
 GOLDEN = (5**0.5 - 1) / 2
 """Golden ratio. The fractional parts of its multiples are spread evenly without equal gaps."""
@@ -82,7 +200,7 @@ def reference_over_horizon(experiment: Experiment) -> Horizon:
     """Compute Q_d, V_d, V̇_d and τ_d over the horizon."""
     system = ReferenceSystem.of(next(iter(experiment.loops.values())))
     stop = float(experiment.times[-1])
-    instants = np.array([t for t in system.instants if 0 < t < stop])
+    instants = np.array([t for t in system.instants(stop) if 0 < t < stop])
     times = np.unique([*np.linspace(0.0, stop, SAMPLES), *instants])
     Qd, Vd = experiment.initial_pose, experiment.initial_velocity
     state = system.initial_state(Qd, Vd, Qd, Vd)
@@ -149,7 +267,10 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
         problems.add(
             f"needs a torque of {sizes.max():.4g} at t = {t:.4g} s, more than {most_torque:g}"
         )
-    remarks = [f"{what} jumps by {by:.3g} at t = {t:g} s" for t, what, by in shown.jumps]
+    at: dict[str, list[str]] = {}
+    for t, what, by in shown.jumps:
+        at.setdefault(f"{what} jumps by {by:.3g} at t =", []).append(f"{t:g}")
+    remarks = [f"{jump} {', '.join(instants)} s" for jump, instants in at.items()]
     if shown.spent is not None:
         until = f"t = {shown.times[-1]:.4g} s only, after {shown.spent:,} evaluations"
         remarks.append(f"checked until {until}")
@@ -158,68 +279,78 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
 
 def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWarning]:
     """Return remarks on an experiment and its reference, to be shown before it is run."""
+    placed = [
+        *_angle_remarks(experiment),
+        *_component_remarks(experiment),
+        *_noise_remarks(experiment),
+        *_numerical_remarks(experiment, shown),
+    ]
     return [
         *experiment.remarks,
-        *_angle_remarks(experiment),
-        *_reference_remarks(experiment),
-        *_actuator_remarks(experiment),
-        *_estimator_remarks(experiment),
-        *_numerical_remarks(experiment, shown),
+        *(EqtWarning(f"{experiment.source.place(k)}: {dotted(k)}: {text}") for k, text in placed),
         *map(EqtWarning, limits_below_reference(experiment, shown)),
     ]
 
 
-def _angle_remarks(experiment: Experiment) -> Iterator[EqtWarning]:
+Placed = Iterator[tuple[KeyPath, str]]
+"""Remarks, each with the key that it is about."""
+
+
+def _angle_remarks(experiment: Experiment) -> Placed:
     """Remark on angles that are written as numbers and exceed a full turn."""
     data = experiment.source.data
     own = {*ANGLES, *(name for kind in pose_distributions.all() for name in kind.angles)}
     for section, angles in (("reference", ANGLES), ("target", ANGLES), ("initial", own)):
-        for path, text in many_turns(data.get(section), angles, (section,)):
-            yield EqtWarning(f"{experiment.source.place(path)}: {dotted(path)}: {text}")
+        yield from many_turns(data.get(section), angles, (section,))
 
 
-def _reference_remarks(experiment: Experiment) -> Iterator[EqtWarning]:
-    """Yield the remarks of the reference."""
-    place = experiment.source.place(("reference",))
-    for text in next(iter(experiment.loops.values())).reference.remarks(experiment.group):
-        yield EqtWarning(f"{place}: reference: {text}")
-
-
-def _actuator_remarks(experiment: Experiment) -> Iterator[EqtWarning]:
-    """Yield the remarks of the actuators."""
-    vehicle = next(iter(experiment.loops.values())).vehicle
-    for index, actuator in enumerate(vehicle.actuators):
-        place = experiment.source.place((ACTUATORS, index))
-        for text in actuator.remarks(experiment.group):
-            yield EqtWarning(f"{place}: {ACTUATORS}[{index}]: {actuator.name} {text}")
-
-
-def _estimator_remarks(experiment: Experiment) -> Iterator[EqtWarning]:
-    """Remark on parts of the pose that no sensor measures."""
-    vehicle = next(iter(experiment.loops.values())).vehicle
-    if vehicle.estimator is None:
-        return
-    place = experiment.source.place(("estimator",))
-    for part in vehicle.schedule(experiment.group).unmeasured:
-        yield EqtWarning(
-            f"{place}: estimator: nothing measures the {part}, so that the error of its estimate "
-            "grows without bound; add an entry for it to sensors.pose"
+def _component_remarks(experiment: Experiment) -> Placed:
+    """Yield the remarks of the reference, the actuators and the estimator."""
+    loops, G = experiment.loops.values(), experiment.group
+    loop = next(iter(loops))
+    yield from ((("reference",), text) for text in loop.reference.remarks(G))
+    # Laws that all push along one axis ask for no more than thrusters in one direction give.
+    if not all(loop.controller.reads_flat_output for loop in loops):
+        for index, actuator in enumerate(loop.vehicle.actuators):
+            for text in actuator.remarks(G):
+                yield (ACTUATORS, index), f"{actuator.name} {text}"
+    for part in loop.vehicle.schedule(G).unmeasured if loop.vehicle.estimator else ():
+        yield (
+            ("estimator",),
+            f"nothing measures the {part}, so that the error of its estimate "
+            "grows without bound; add an entry for it to sensors.pose",
         )
 
 
-def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[EqtWarning]:
+def _noise_remarks(experiment: Experiment) -> Placed:
+    """Remark on a noise of measured rotations that says nothing about them."""
+    vehicle, G = next(iter(experiment.loops.values())).vehicle, experiment.group
+    for path, sensor in vehicle.sensors().items():
+        if vehicle.control is None or not path.startswith("sensors.pose"):
+            continue
+        std = sensor.drawn(None).white_deviation(G, sensor.period or vehicle.control.period)
+        own = [part for part in G.parts if part.name == sensor.of] or G.parts
+        turns = [part.turns for part in own for _ in range(G.dimension)[part.axes]]
+        most = 0.0 if std is None else np.max(std, where=turns, initial=0.0)
+        if most > MOST_NOISE:
+            yield (
+                parse_key(path),
+                f"a noise of {most:g} rad leaves nothing of a measured rotation; "
+                f"if degrees or arc seconds were meant, write '{most:g} deg' or '{most:g} arcsec'",
+            )
+
+
+def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Remark on the effects of rounding, stiffness and instability, at the section to change."""
     along, found = along_reference(experiment, shown), [("inertia", ill_conditioned(experiment))]
     try:
         with blamed(), threadpool_limits(1):  # threads slow down small matrices
             found.append(("gains", stiff(experiment, along)))
             if len(along.times) > 1:
-                found += [("controllers", text) for text in unstable(experiment, along)]
+                found += [("controllers", text) for text in unstable_or_slow(experiment, along)]
     except ComponentError as error:
         found.append(("controllers", f"loops cannot be linearised: {error}"))
-    for section, text in found:
-        if text:
-            yield EqtWarning(f"{experiment.source.place((section,))}: {section}: {text}")
+    yield from (((section,), text) for section, text in found if text)
 
 
 def along_reference(experiment: Experiment, shown: Horizon | None) -> Along:
@@ -246,7 +377,11 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
     if not loop.vehicle.limits:
         return []
     shown = shown or reference_over_horizon(experiment)
-    times, torque, found = shown.times[shown.finite], shown.torque[shown.finite], []
+    parts = (shown.times, shown.torque, shown.pose, shown.velocity)
+    times, torque, pose, velocity = (part[shown.finite] for part in parts)
+    for force in loop.reference.known_forces:
+        torque = torque - force.in_body(loop.group, times, pose, velocity)
+    found = []
     for index, actuator in enumerate(loop.vehicle.actuators):
         sizes = actuator.most(loop.group, times, torque) if actuator.limits else None
         if sizes is None or not len(sizes[0]):

@@ -6,9 +6,8 @@ import numpy as np
 
 from eqt_cli.config.schema import FactoredInertiaSection, PrescribedInertiaSection
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import InputError
+from eqt_cli.core.errors import InputError, Problems
 from eqt_cli.core.expressions import Expression, formula
-from eqt_cli.core.problems import Problems
 from eqt_cli.experiment import matrices
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, PrescribedInertia

@@ -9,9 +9,9 @@ import numpy as np
 from eqt_cli.config.source import with_value
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import Problems, parse_key
 from eqt_cli.core.leaves import leaves
-from eqt_cli.core.problems import Problems, parse_key
-from eqt_cli.core.validation import component, option_names
+from eqt_cli.core.option_types import component, option_names
 from eqt_cli.experiment.build import OF_EVERY_LAW
 from eqt_cli.experiment.config_at_point import section_of
 from eqt_cli.experiment.study import Study
@@ -42,7 +42,9 @@ def law_names(study: Study) -> Array | None:
     for kind in controllers.all():
         if not option_names(kind):
             known.setdefault(_identity(kind()), kind.name)
-    alike = _Torques(study) if len(keys) == len(sweep.sets) else None
+    G, laws = study.base.group, [loop.controller for loop in study.base.loops.values()]
+    comparable = all(law.gains_group(G) is G for law in laws) and len(keys) == len(sweep.sets)
+    alike = _Torques(study) if comparable else None
     found = np.full((len(study), len(study.base.loops)), "", dtype=object)
     for point in range(len(study)):
         values = sweep.settings(point)

@@ -5,20 +5,22 @@ from __future__ import annotations
 import os
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from eqt_cli.config.code_files import code_text
+from eqt_cli.config.named_files import code_text
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import leaves
-from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Engine
 from eqt_cli.engines.native.own_code import OwnCode, compiled
 from eqt_cli.engines.native.trial import try_out
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import rigid_motions
+from eqt_cli.mechanics.flatness import ORDER
+from eqt_cli.mechanics.law_input import LawInput
 from eqt_cli.vehicle import Vehicle
 
 TRIED = 8
@@ -59,10 +61,18 @@ class LawsInCode:
             return None
         self.texts[needed.file] = text
         with problems.catching():
-            own = OwnCode(text=text, entries=G.size**2, axes=G.dimension, **asdict(needed))
+            space = G.space if rigid_motions(G) else 0
+            own = OwnCode(
+                text=text, entries=G.size**2, axes=G.dimension, space=space, **asdict(needed)
+            )
             function = compiled(own)
             if own not in _tried:
-                try_out(function, leaves(law).get("values", np.empty(0)), PERIOD, first_inputs(G))
+                try_out(
+                    function,
+                    leaves(law).get("values", np.empty(0)),
+                    PERIOD,
+                    first_inputs(G).rows(own.inputs),
+                )
                 _tried.add(own)
             return law.running(function, G)
         return None
@@ -80,7 +90,8 @@ def with_code(source: ConfigSource, file: Path, claimed: str | None) -> ConfigSo
     Parameters
     ----------
     claimed
-        The law that the code claims to be; None to keep the statement of the entry, if any.
+        The law that the code claims to be: a kind, or the label of an entry, with its options and
+        gains; None to keep the statement of the entry, if any.
     """
     name = os.path.relpath(file, source.folder)
     entries = source.data.get("controllers")
@@ -92,34 +103,28 @@ def with_code(source: ConfigSource, file: Path, claimed: str | None) -> ConfigSo
     code = next(kind.name for kind in controllers.all() if kind.code is not Controller.code)
     entry = {**(known[0] if known else {"kind": code, "file": name, "label": file.stem})}
     if claimed is not None:
-        entry["as"] = claimed
+        named = [e for e in entries if isinstance(e, dict)] if isinstance(entries, list) else []
+        meant = next((e for e in named if claimed in (e.get("label"), e.get("kind"))), {})
+        own = {key: value for key, value in meant.items() if key not in ("label", "gains")}
+        entry |= {"as": own or claimed} | {k: v for k, v in meant.items() if k == "gains"}
     given = source.overrides | {("controllers",): "--code"}
     return replace(source, data=source.data | {"controllers": [entry]}, overrides=given)
 
 
-def first_inputs(G: MatrixLieGroup) -> Array:
+def first_inputs(G: MatrixLieGroup) -> LawInput:
     """Return inputs at random states, at rest without error, and at half turns about every axis."""
     random, m = np.random.default_rng(0), G.dimension
-    poses = G.exp(random.standard_normal((2, TRIED, m)))
-    rates = random.standard_normal((3, TRIED, m))
-    rest, zero = G.exp(np.zeros((1, m))), np.zeros((1, m))
-    turned = G.exp(np.pi * np.eye(m))
-    still, none = np.broadcast_to(rest, turned.shape), np.zeros((m, m))
-    return np.concatenate(
-        [
-            input_rows(0.5, poses[0], rates[0], poses[1], rates[1], rates[2]),
-            input_rows(0.0, rest, zero, rest, zero, zero),
-            input_rows(0.0, turned, none, still, none, none),
-        ]
-    )
+    n = G.space if rigid_motions(G) else 0
 
+    def drawn(*shape: int) -> Array:
+        found = np.zeros((TRIED + 1 + m, *shape))
+        found[:TRIED] = random.standard_normal((TRIED, *shape))
+        return found
 
-def input_rows(t: Any, Q: Array, V: Array, Qd: Array, Vd: Array, Vd_dot: Array) -> Array:
-    """Return the inputs of a function in code, one row per state."""
-    runs = len(V)
-    times = np.broadcast_to(np.asarray(t, dtype=float), (runs,))[:, None]
-    flat = (Q.reshape(runs, -1), V, Qd.reshape(runs, -1), Vd, Vd_dot)
-    return np.concatenate([times, *flat], axis=1)
+    x, xd, V, Vd, Vd_dot, psi = map(drawn, (m, m, m, m, m, 3))
+    x[TRIED + 1 :] = np.pi * np.eye(m)
+    t = np.repeat([0.5, 0.0], [TRIED, 1 + m])
+    return LawInput(t, G.exp(x), V, G.exp(xd), Vd, Vd_dot, drawn(ORDER + 1, n), psi)
 
 
 def check_calls(law: Controller, vehicle: Vehicle, engine: Engine, problems: Problems) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import reduce
+from math import log
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +15,16 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.vehicle.vehicle import ACTUATORS, ESTIMATOR
 
-UNCERTAIN = 1e-5
-"""Largest rate, relative to the fastest one, below which stability is undecided. Derivatives are
-accurate to 1e-12, and double roots to the square root of that."""
+DERIVATIVE = 1e-10
+"""Largest error of an entry of a matrix, relative to its row: a hundred times that of the
+differences."""
 
-GONE = 0.1
-"""Multipliers below this are not rates: they belong to commands that leave the queue."""
+DEFECTIVE = 1e6
+"""Condition number of an eigenvalue above which it counts as one of several that are equal. They
+move as a root of the error, how far is tried."""
+
+TRIALS = 4
+"""Number of matrices, off by ten times the error, with which that is tried."""
 
 MOST_ENTRIES = 100_000
 """Largest number of matrix entries over all times; at 9 times, this allows 105 states."""
@@ -52,7 +58,7 @@ class Growth(NamedTuple):
     rate
         Growth rate of its errors, 1/s; negative if they decay.
     is_stable
-        Whether the errors decay; None if the rate is too near to 0.
+        Whether the errors decay; None if the errors of the matrix leave that open.
     """
 
     eigenvalue: complex
@@ -63,26 +69,80 @@ class Growth(NamedTuple):
 
 def growth(loop: Linearised, times: Array) -> Growth:
     """Return the growth of the errors of a loop at the worst time."""
-    eigenvalues = loop.eigenvalues.astype(complex)
-    rates, known = eigenvalues.real, np.abs(eigenvalues)
-    if loop.period is not None:
-        logarithms = np.log(np.where(known > 0.0, eigenvalues, np.finfo(float).tiny)) / loop.period
-        rates, known = logarithms.real, np.where(known > GONE, np.abs(logarithms), 0.0)
-    when, which = np.unravel_index(rates.argmax(), rates.shape)
-    rate = float(rates[when, which])
-    is_stable = None if abs(rate) <= UNCERTAIN * known.max() else rate < 0
-    return Growth(complex(eigenvalues[when, which]), float(times[when]), rate, is_stable)
+    found = [_grown(loop, place) for place in range(len(loop.closed))]
+    place = max(range(len(found)), key=lambda k: found[k].rate)
+    stable = {each.is_stable for each in found}
+    is_stable = False if False in stable else None if None in stable else True
+    return found[place]._replace(at=float(times[place]), is_stable=is_stable)
 
 
-def unstable(experiment: Experiment, along: Along) -> Iterator[str]:
-    """Yield sentences on unstable loops that do not depend on time."""
+def _grown(loop: Linearised, place: int) -> Growth:
+    """Return the growth at one of the times.
+
+    Each eigenvalue is known up to its condition number times the error of the matrix. LAPACK
+    balances the matrix; that error is relative to each row, and so no fast state hides a slow one.
+    """
+    matrix = loop.closed[place]
+    size = reduce(
+        lambda M, phase: np.abs(phase.closed[place]) @ M, loop.phases, np.eye(len(matrix))
+    )
+    error = DERIVATIVE * size.max(axis=1, keepdims=True)
+    eigenvalues, right = np.linalg.eig(matrix)
+    eigenvalues = eigenvalues.astype(complex)
+    scale = np.abs(right).max(axis=1, keepdims=True)
+    scale[scale == 0] = 1.0
+    try:
+        left = np.abs(np.linalg.inv(right / scale)) / scale.T
+    except np.linalg.LinAlgError:
+        left = np.full(right.shape, np.inf)
+    with np.errstate(invalid="ignore", over="ignore"):
+        moves = (left @ error)[:, 0] * np.abs(right).sum(axis=0)
+        rounding = np.finfo(float).eps * np.abs(eigenvalues).max()
+        moves += len(matrix) * rounding * (left * np.abs(right).T).sum(axis=1)
+    beyond = _beyond(loop, eigenvalues)
+    doubtful = ~(np.abs(beyond) > moves)
+    several = ~(moves < DEFECTIVE * error.max())
+    if (doubtful & several).any():
+        random = np.random.default_rng(0)
+        shape = (TRIALS, *matrix.shape)
+        tried = matrix + 10 * error * random.uniform(-1, 1, shape) * (matrix != 0)
+        worst = _beyond(loop, np.linalg.eigvals(tried)).max()
+        doubtful &= ~(several & (beyond < 0)) | (worst >= 0)
+    rates = beyond
+    if loop.cycle is not None:
+        rates = np.log(np.maximum(np.abs(eigenvalues), np.finfo(float).tiny)) / loop.cycle
+    which = int(rates.argmax())
+    certain = beyond[~doubtful]
+    is_stable = False if (certain > 0).any() else None if doubtful.any() else True
+    return Growth(complex(eigenvalues[which]), 0.0, float(rates[which]), is_stable)
+
+
+def _beyond(loop: Linearised, eigenvalues: Array) -> Array:
+    """Return how far eigenvalues are beyond the edge of stability; negative within."""
+    return eigenvalues.real if loop.cycle is None else np.abs(eigenvalues) - 1.0
+
+
+def unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
+    """Yield sentences on unstable loops, and on slow ones, that do not depend on time."""
+    horizon = experiment.config.time.duration
     for label, loop in small_loops(experiment, along).items():
-        found = linearised(loop, *along)
-        if not found.is_constant or (largest := growth(found, along.times)).is_stable is not False:
+        with np.errstate(all="ignore"):
+            found = linearised(loop, *along)
+        if not (found.is_constant and np.isfinite(found.closed).all()):
+            continue
+        largest = growth(found, along.times)
+        if largest.is_stable and -largest.rate * horizon < log(2.0):
+            yield (
+                f"the loop of '{label}' is slower than the runs last: small errors take "
+                f"{log(2.0) / -largest.rate:.3g} s to halve, and time.duration is {horizon:g} s; "
+                "check the sizes of its gains, or take a longer duration"
+            )
+        if largest.is_stable is not False:
             continue
         size = size_of(largest, found)
-        many = "" if found.period is None else f" (eigenvalue {size:.4g} a period)"
-        omitted = ", ".join(left_out(loop))
+        per = "a period" if found.period == found.cycle else f"in {found.cycle:g} s"
+        many = "" if found.period is None else f" (eigenvalue {size:.4g} {per})"
+        omitted = ", ".join(each.words for each in left_out(loop))
         yield (
             f"the loop of '{label}' is unstable: small errors grow at {largest.rate:.3g} 1/s{many}"
             + (f", leaving out {omitted}" if omitted else "")
@@ -104,16 +164,38 @@ def size_of(found: Growth, loop: Linearised) -> float:
     return found.eigenvalue.real if loop.period is None else abs(found.eigenvalue)
 
 
-def left_out(loop: ClosedLoop) -> Iterator[str]:
-    """Yield the parts that a linearised loop leaves out, by their places in the configuration."""
+class LeftOut(NamedTuple):
+    """A part that a linearised loop leaves out.
+
+    Attributes
+    ----------
+    words
+        Its place in the configuration, and what it does.
+    stabilises, destabilises
+        Whether an unstable loop could be stable with it, and a stable one unstable.
+    """
+
+    words: str
+    stabilises: bool = True
+    destabilises: bool = True
+
+
+def left_out(loop: ClosedLoop, found: Linearised | None = None) -> Iterator[LeftOut]:
+    """Yield the parts that a linearised loop leaves out."""
     vehicle = loop.vehicle
     for index, actuator in enumerate(vehicle.actuators):
         if actuator.linear_part is not actuator or actuator.limits:
-            yield f"{ACTUATORS}[{index}] ({actuator.departs})"
+            # At a limit no loop is pushed harder: what grows from small errors, grows.
+            yield LeftOut(f"{ACTUATORS}[{index}] ({actuator.departs})", not actuator.limits)
     for place, sensor in vehicle.sensors().items():
-        timing = [name for name in ("period", "dropout") if getattr(sensor, name)]
-        yield f"{place} ({', '.join([sensor.departs, *timing])})"
-    if vehicle.estimator is not None:
-        yield f"{ESTIMATOR} ({vehicle.estimator.departs})"
+        loses = ["dropout"] if getattr(sensor, "dropout", None) else []
+        if sensor.states(loop.group) and not loses:
+            continue  # its states are part of the loop
+        words = f"{place} ({', '.join([sensor.departs, *loses])})"
+        yield LeftOut(words, bool(loses), bool(loses))
+    if vehicle.estimator is not None and not (found and found.has_estimator):
+        yield LeftOut(f"{ESTIMATOR} ({vehicle.estimator.departs})")
+    elif found and not found.is_settled:
+        yield LeftOut(f"{ESTIMATOR} (its covariance has not settled)")
     if vehicle.varies:
-        yield "what is drawn for each run (means are used)"
+        yield LeftOut("what is drawn for each run (means are used)")

@@ -1,11 +1,58 @@
-"""Checks matrices of a configuration: symmetry, definiteness and size."""
+"""The `gains` section, and checks of matrices: symmetry, definiteness and size."""
+
+from typing import Any
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import InputError
+from eqt_cli.core.errors import InputError, Problems
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.product import ProductGroup
 from eqt_cli.mechanics import navigation
+from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.notation.poses import square
+
+
+def gains_from(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -> Gains | None:
+    """Return the gains of a section, or None after noting its problems.
+
+    Parameters
+    ----------
+    section
+        The keys `kp` and `kd` that are present and have the right type.
+    """
+    K = K_d = None
+    if "kp" in section:
+        with problems.catching("kp"):
+            K = _weight(section["kp"], G)
+            require_symmetric(K)
+            require_minimum(K, G)
+    if "kd" in section:
+        with problems.catching("kd"):
+            K_d = square(section["kd"], G.dimension, G)
+            require_definite(K_d)
+    return None if K is None or K_d is None else Gains(K, K_d)
+
+
+def _weight(value: Any, G: MatrixLieGroup) -> Array:
+    """Return the d×d weight, from one matrix or from one for each factor."""
+    if not isinstance(G, ProductGroup) or not isinstance(value, list):
+        return square(value, G.size, G)
+    if len(value) == G.size and len(value) != len(G.factors):
+        return square(value, G.size, G)
+    if len(value) != len(G.factors):
+        expected = f"expected {len(G.factors)} entries, one per factor of {G.name}"
+        raise InputError(f"{expected}, got {len(value)}")
+    blocks = []
+    for index, (entry, factor) in enumerate(zip(value, G.factors, strict=True)):
+        try:
+            blocks.append(square(entry, factor.size, factor))
+        except InputError as error:
+            raise InputError(f"entry {index}: {error}") from error
+    from scipy.linalg import block_diag  # slow to import, and readers of results do not need it
+
+    return block_diag(*blocks)
+
 
 SYMMETRY_TOLERANCE = 1e-12
 """Largest asymmetry relative to the largest entry, due to decimal rounding."""
@@ -39,9 +86,8 @@ def require_minimum(K: Array, group: MatrixLieGroup) -> None:
     eigenvalues = _eigenvalues(navigation.hessian_at_identity(group, K))
     if not _positive(eigenvalues):
         raise InputError(
-            "expected a weight whose navigation function has a non-degenerate minimum at I, that "
-            f"is, a Hessian on {group.name} with positive eigenvalues (on SO3: the sums of two "
-            f"eigenvalues of kp), got {_listed(eigenvalues)}"
+            f"must be positive, so that small errors on {group.name} have a positive stiffness (on "
+            f"SO3: every sum of two eigenvalues); got the stiffness {_listed(eigenvalues)}"
         )
 
 

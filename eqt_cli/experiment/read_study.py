@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from eqt_cli.config.schema import FIXED, Config
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.yaml_source import parse_value
-from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem, Problems
+from eqt_cli.core.option_types import shown
 from eqt_cli.core.reporting import reporter, step
-from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.sweep import EXPECTED
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import at_point, section_of, sweep_of, without_sweep
@@ -54,10 +53,7 @@ def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
 
 
 def study(
-    source: ConfigSource,
-    *,
-    trust_plugins: bool = False,
-    most_checked: int | None = None,
+    source: ConfigSource, *, trust_plugins: bool = False, most_checked: int | None = None
 ) -> Study:
     """Check a configuration and the points of its sweep.
 
@@ -146,7 +142,7 @@ def require_sweepable(key: str) -> None:
 def _check_points(found: Study, points: Sequence[int]) -> None:
     """Build points; a value that is wrong at many points is reported once."""
     problems: dict[InputProblem, None] = {}
-    first_of = {each: alike[0] for alike in found.shapes for each in alike}
+    first_of = {each: alike[0] for alike in found.shapes[1:] for each in alike}
     for point in points:
         reporter().advance(len(found) / len(points))
         try:
@@ -156,7 +152,9 @@ def _check_points(found: Study, points: Sequence[int]) -> None:
             if len(problems) >= MOST_PROBLEMS:
                 break
             continue
-        wrong = _unlike(experiment, found.base) or _unlike_states(found, point, first_of[point])
+        wrong = _unlike(experiment, found.base) or _unlike_states(
+            found, point, first_of.get(point, 0)
+        )
         if wrong:
             place = found.source.place(("sweep",))
             problems[InputProblem("sweep", f"point {point}: {wrong}", place)] = None

@@ -1,15 +1,30 @@
-"""The `solver` section: chooses one engine, and checks the keys of all engines."""
+"""The sections `solver` and `settling`: the engine of the runs, and when a run has settled."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import repeat
 from typing import Any
 
-from eqt_cli.config.schema import DEFAULT_ENGINE, Judgement
-from eqt_cli.core.errors import InputError
-from eqt_cli.core.problems import Problems
-from eqt_cli.core.registry import is_foreign
-from eqt_cli.core.validation import option_names, shown, unknown_key, validated
+from eqt_cli.config.schema import DEFAULT_ENGINE, SolverChecks
+from eqt_cli.core.errors import InputError, Problems
+from eqt_cli.core.option_types import option_names, shown, unknown_key, validated
 from eqt_cli.engines import Engine, engines
+from eqt_cli.groups import MatrixLieGroup
+
+
+def check_thresholds(
+    thresholds: Mapping[str, float], G: MatrixLieGroup, problems: Problems
+) -> None:
+    """Note unknown parts, and angles beyond a half-turn, among thresholds by part."""
+    parts = {part.name: part for part in G.parts}
+    for name, threshold in thresholds.items():
+        here = problems.at(name)
+        if name not in parts:
+            here.add(unknown_key(name, parts))
+        elif parts[name].turns and threshold > math.pi:
+            got = f"got {math.degrees(threshold):.6g} deg"
+            here.add(f"expected an angle of at most 180 deg, {got}")
 
 
 @dataclass(frozen=True)
@@ -20,8 +35,6 @@ class Solver:
     ----------
     engine
         The engine that integrates the runs.
-    other
-        Another available engine with its keys of the section, for the cross-check.
     judgement
         Settings of error estimates and cross-checks.
     resolved
@@ -29,8 +42,7 @@ class Solver:
     """
 
     engine: Engine
-    other: Engine | None
-    judgement: Judgement
+    judgement: SolverChecks
     resolved: dict[str, Any]
 
     @property
@@ -45,7 +57,7 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     name = section.get("engine", DEFAULT_ENGINE)
     with problems.catching("engine"):
         _require_available(name)
-    owners: list[type[Any]] = [Judgement, *engines.all()]
+    owners: list[type[Any]] = [SolverChecks, *engines.all()]
     known = ["engine", *dict.fromkeys(key for own in owners for key in option_names(own))]
     for key in section:
         if key not in known:
@@ -59,9 +71,7 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
         return None
     keys = {**section, **asdict(engine), **asdict(judgement), "engine": name}
     given = {key: value for key, value in keys.items() if value is not None}
-    others = [entry for entry in built if entry is not engine and _can_check(entry)]
-    other = min(others, key=_cross_check_order, default=None)
-    return Solver(engine, other, judgement, {"engine": name} | given)
+    return Solver(engine, judgement, {"engine": name} | given)
 
 
 def _require_available(name: Any) -> None:
@@ -71,15 +81,3 @@ def _require_available(name: Any) -> None:
     unavailable = engines.get(name).unavailable()
     if unavailable:
         raise InputError(unavailable)
-
-
-def _can_check(engine: Engine) -> bool:
-    """Whether an engine is available for the cross-check and accepts its keys."""
-    found = Problems()
-    engine.check(found)
-    return engine.cross_check_rank is not None and engine.unavailable() is None and not found
-
-
-def _cross_check_order(engine: Engine) -> tuple[bool, int]:
-    """Return the sort key of engines: eqt's engines come before those of plugins."""
-    return is_foreign(type(engine).__module__), engine.cross_check_rank or 0

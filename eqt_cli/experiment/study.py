@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -15,7 +15,7 @@ from eqt_cli.core.registry import load_plugin
 from eqt_cli.ensemble.sweep import Sweep
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import at_point, section_of
-from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.experiment.experiment import Experiment, hashes, renamed
 from eqt_cli.experiment.parts import MANY_PARTS, Plan, Plans
 from eqt_cli.experiment.vehicle import SECTIONS, decides_parts
 from eqt_cli.vehicle import Vehicle
@@ -139,18 +139,18 @@ class Study:
     # Points that differ in shape.
 
     @cached_property
-    def shapes(self) -> list[tuple[int, ...]]:
+    def shapes(self) -> list[Sequence[int]]:
         """Points grouped by shape."""
         keys = self.sweep.sets if self.sweep else ()
         shaping = [key for key in keys if self._shapes(key)]
         if self.sweep is None or not shaping:
-            return [tuple(range(len(self)))]
+            return [range(len(self))]
         found: dict[str, list[int]] = {}
         for point in range(len(self)):
             values = self.sweep.settings(point)
             shape = {key: values[key] for key in shaping if key in values}
             found.setdefault(json.dumps(shape), []).append(point)
-        return [tuple(points) for points in found.values()]
+        return list(found.values())
 
     def _shapes(self, key: str) -> bool:
         """Whether shapes of arrays can depend on a key."""
@@ -159,8 +159,7 @@ class Study:
         assert self.sweep is not None
         if section_of(key) not in SECTIONS:
             return False
-        values = (self.sweep.settings(point)[key] for point in range(len(self)))
-        return key not in self.sweep.always or decides_parts(key, values)
+        return key not in self.sweep.always or decides_parts(key, self.sweep.values_of(key))
 
     @property
     def is_ragged(self) -> bool:
@@ -232,7 +231,8 @@ class Study:
         whole = self._whole.digest
         if self.sweep is None:
             return whole
-        ordered = json.dumps(self.sweep.data)  # the order of the keys is that of the points
+        # The order of the keys is that of the points.
+        ordered = json.dumps(renamed(self.sweep.data, hashes(self.files)))
         return sha256(f"{whole} {ordered}".encode()).hexdigest()
 
     @property

@@ -1,4 +1,4 @@
-"""The sections `plant`, `actuators`, `control` and `sensors`, which describe the vehicle."""
+"""The sections `plant`, `actuators`, `control`, `sensors` and `estimator`: the vehicle."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
@@ -11,34 +11,107 @@ from eqt_cli.config.schema import (
     RelativeInertiaSection,
     SensorsSection,
 )
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.option_types import as_section, component, has_unit
 from eqt_cli.core.registry import Registry
-from eqt_cli.core.validation import as_section, component
-from eqt_cli.experiment.estimator import check_estimator
 from eqt_cli.experiment.inertia import inertia_from
-from eqt_cli.experiment.sensors import check_sensors
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.actuators import Actuator, actuators
+from eqt_cli.vehicle.component import check_numbers, drawn
 from eqt_cli.vehicle.estimators import Estimator, estimators
-from eqt_cli.vehicle.forces import forces
-from eqt_cli.vehicle.inertia import (
-    ConstantInertia,
-    RelativeInertia,
-    TrueInertia,
-    VaryingInertia,
-)
-from eqt_cli.vehicle.numbers import Distribution, check_numbers, drawn
+from eqt_cli.vehicle.forces import Force, forces
+from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, TrueInertia, VaryingInertia
 from eqt_cli.vehicle.sampling import Sampling
-from eqt_cli.vehicle.sensors import sensors
+from eqt_cli.vehicle.sensors import Sensor, sensors
+from eqt_cli.vehicle.sensors.channels import TIMING
 from eqt_cli.vehicle.vehicle import CONTROL
+
+ROUNDING = 1e-9
+"""Relative tolerance for a period that is a whole number of control periods."""
+
+
+def check_sensors(
+    sensors: Mapping[int, Sensor], G: MatrixLieGroup, period: float | None, problems: Problems
+) -> None:
+    """Note unknown parts, impossible timing, and entries that contradict each other.
+
+    Parameters
+    ----------
+    sensors
+        Sensors of the pose or of the velocity, by the numbers of their entries.
+    period
+        Control period, s; None if unknown.
+    """
+    known = [part.name for part in G.parts]
+    for index, sensor in sensors.items():
+        here = problems.at(index)
+        if sensor.of is not None and sensor.of not in known:
+            parts = ", ".join(known)
+            here.at("of").add(f"{G.name} has no part '{sensor.of}'; choose one of {parts}")
+        if sensor.dropout is not None and not 0 <= sensor.dropout < 1:
+            here.at("dropout").add(
+                f"expected a probability of at least 0 and less than 1, got {sensor.dropout:g}"
+            )
+        if sensor.period is not None and period is not None:
+            _check_period(sensor.period, period, here.at("period"))
+    for part in known:
+        _check_agreement(sensors, part, problems)
+
+
+def _check_period(own: float, control: float, problems: Problems) -> None:
+    """Note a period that is not a whole number of control periods."""
+    count = round(own / control)
+    if count >= 1 and abs(own - count * control) <= ROUNDING * own:
+        return
+    below = max(1, int(own / control))
+    near = f"{below * control:g} or {(below + 1) * control:g}"
+    problems.add(
+        f"expected a whole number of control periods of {control:g} s, such as {near}, got {own:g}"
+    )
+
+
+def _check_agreement(sensors: Mapping[int, Sensor], part: str, problems: Problems) -> None:
+    """Note timing in which two entries of one part differ."""
+    for name in TIMING:
+        first: tuple[int, Any] | None = None
+        for index, sensor in sensors.items():
+            value = getattr(sensor, name)
+            if value is None or sensor.of not in (None, part):
+                continue
+            if first is None:
+                first = index, value
+            elif first[1] != value:
+                problems.at(index, name).add(
+                    f"entries of one part share their {name}: {problems.at(first[0]).path} gives "
+                    f"{first[1]:g} for the {part}, and this entry {value:g}; give it at one of them"
+                )
+
+
+def check_estimator(
+    vehicle: Vehicle, G: MatrixLieGroup, without_clock: bool, problems: Problems
+) -> None:
+    """Note an estimator without a clock or without fixes, and what is wrong with it for them."""
+    here, estimator = problems.at("estimator"), vehicle.estimator
+    assert estimator is not None
+    if without_clock:
+        here.add("acts at control instants; set control.period")
+    if not vehicle.pose_sensors and not problems.at("sensors"):
+        here.add(
+            "nothing measures the pose, so that its error grows without bound; add an entry to "
+            "sensors.pose"
+        )
+    if vehicle.control is None or problems.at("sensors") or problems.at("control") or here:
+        return
+    estimator.check_sensors(vehicle.schedule(G), vehicle.deviations(G), here)
+
 
 T = TypeVar("T")
 
 MOST_INSTANTS = 1_000_000
 """Largest number of control instants of a run."""
 
-SECTIONS = ("plant", "actuators", "control", "sensors", "estimator")
+SECTIONS = ("model", "plant", "actuators", "control", "sensors", "estimator")
 """Sections that describe the vehicle between the laws and the motion."""
 
 
@@ -48,7 +121,7 @@ def decides_parts(key: str, values: Iterable[Any]) -> bool:
     Plain numbers do not, with two exceptions. Each period of a delay adds a waiting command or
     measurement, and without a dropout, a sensor need not hold measurements.
     """
-    numbers = all(isinstance(value, int | float) for value in values)
+    numbers = all(isinstance(value, int | float) or has_unit(value) for value in values)
     section, _, option = key.partition(".")
     late = section in (CONTROL, "sensors") and option.rpartition(".")[2] in ("delay", "dropout")
     return not numbers or late
@@ -65,6 +138,10 @@ def vehicle_from(
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
     clock, measured = sections["control"], sections["sensors"] or SensorsSection()
     at_sensors, at_actuators = problems.at("sensors"), problems.at("actuators")
+    known, at_forces = sections["model"] and sections["model"].forces, at_plant.at("forces")
+    forces_given = plant.forces
+    if forces_given is None and isinstance(known, list):
+        forces_given, at_forces = known, problems.at("model", "forces")
     acting = _parts(actuators, sections["actuators"], G, at_actuators)
     sensing = {
         name: _parts(sensors, getattr(measured, name), G, at_sensors.at(name))
@@ -72,7 +149,7 @@ def vehicle_from(
     }
     found = Vehicle(
         inertia,
-        tuple(_parts(forces, plant.forces, G, at_plant.at("forces")).values()),
+        tuple(_parts(forces, forces_given, G, at_forces).values()),
         tuple(acting.values()),
         None if clock is None else Sampling(clock.period, clock.delay),
         tuple(sensing["pose"].values()),
@@ -83,6 +160,11 @@ def vehicle_from(
     if found.measures and without_clock:
         at_sensors.add("act at control instants; set control.period")
     _check_order(acting, without_clock, at_actuators)
+    for index, sensor in sensing["pose"].items():
+        if sensor.states(G):
+            at_sensors.at("pose", index).add(
+                f"{sensor.name} measures velocities; move it to sensors.velocity"
+            )
     for name, parts in sensing.items():
         check_sensors(parts, G, None if clock is None else clock.period, at_sensors.at(name))
     if clock is not None and horizon / clock.period > MOST_INSTANTS:
@@ -97,6 +179,17 @@ def vehicle_from(
     return found.of_run(G)
 
 
+def known_forces(
+    sections: dict[str, Any], vehicle: Vehicle, G: MatrixLieGroup, problems: Problems
+) -> tuple[Force, ...]:
+    """Return the forces that laws with a model know, with their mean numbers."""
+    known = sections["model"] and sections["model"].forces
+    if known == "plant":
+        return vehicle.forces
+    here = problems.at("model", "forces")
+    return tuple(part.of_run(G, None) for part in _parts(forces, known, G, here).values())
+
+
 def _estimator(section: Any, G: MatrixLieGroup, problems: Problems) -> Estimator | None:
     return None if section is None else component(estimators, section, problems, group=G)
 
@@ -105,8 +198,11 @@ def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
     """Return the sections with all defaults; missing sections stay missing."""
     vehicle = vehicle.configured or vehicle
     dumped = config.model_dump(include=set(SECTIONS), exclude_none=True, warnings="none")
-    if "plant" in dumped and vehicle.forces:
-        dumped["plant"]["forces"] = [as_section(force) for force in vehicle.forces]
+    acting = [as_section(force) for force in vehicle.forces]
+    for name in ("plant", "model"):  # without forces of the plant, those of the model act
+        if dumped.get(name, {}).get("forces") and acting:
+            dumped[name]["forces"] = acting if isinstance(dumped[name]["forces"], list) else "plant"
+            break
     if vehicle.actuators:
         dumped["actuators"] = [as_section(actuator) for actuator in vehicle.actuators]
     by_signal = ("pose", vehicle.pose_sensors), ("velocity", vehicle.velocity_sensors)
@@ -156,15 +252,12 @@ def _inertia(
         law = inertia_from(section, G, horizon, problems)
         return None if law is None else VaryingInertia(law)
     if isinstance(section, RelativeInertiaSection):
-        _check_relative(section.relative, problems.at("relative"))
-        return RelativeInertia(section.relative)
+        value, here = section.relative, problems.at("relative")
+        check_numbers(value, here)
+        if not here and drawn(value, None) <= -1:
+            here.add(f"expected a number greater than -1, got {drawn(value, None):g}")
+        return RelativeInertia(value)
     check_numbers(section, problems)
     if problems or inertia_from(drawn(section, None), G, horizon, problems) is None:
         return None
     return ConstantInertia(section)
-
-
-def _check_relative(value: float | Distribution, problems: Problems) -> None:
-    check_numbers(value, problems)
-    if not problems and drawn(value, None) <= -1:
-        problems.add(f"expected a number greater than -1, got {drawn(value, None):g}")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
-from eqt_cli.analysis.evidence.program_error import DOUBLE, FLOAT, Arithmetic, bounded
+from eqt_cli.analysis.evidence.program_error import DOUBLE, Arithmetic
 from eqt_cli.closed_loop.law_program import (
     MEMORY,
     NUMBER,
@@ -21,11 +22,10 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.registry import description, meanings
 from eqt_cli.core.version import __version__
 from eqt_cli.exporting.filters import TOLERANCE
-from eqt_cli.exporting.laws import ExportedLaw, memory_of
+from eqt_cli.exporting.laws import CHECK, ExportedLaw, memory_of
 from eqt_cli.exporting.text import above, braced, comment, declared, filled, number, row, wrapped
 from eqt_cli.program import Program
-from eqt_cli.program.c_code import c_function
-from eqt_cli.program.c_parts import headers, needed
+from eqt_cli.program.c_code import c_function, headers, needed
 from eqt_cli.program.decimals import evaluated
 
 EXAMPLES = 32
@@ -49,6 +49,8 @@ TOLD_MEANINGS = {
     "desired_pose": "Q_d",
     "desired_velocity": "V_d",
     "desired_acceleration": "the rate of V_d",
+    "position": "p_d and its first four derivatives, in space",
+    "heading": "the heading and its first two derivatives",
 }
 
 NUMBER_MEANINGS = {
@@ -64,7 +66,7 @@ def files(law: ExportedLaw) -> dict[str, str]:
     return {
         f"{law.name}.h": header(law),
         f"{law.name}.c": source(law),
-        f"{law.name}_check.c": check(law),
+        f"{law.name}{CHECK}.c": check(law),
     }
 
 
@@ -73,7 +75,9 @@ def header(law: ExportedLaw) -> str:
     program, about = law.program, comment(description(type(law.loop.controller)))
     reference = ""
     if law.reference:
-        reference = filled("reference.h", label=law.name, real=law.by.name)
+        *told, last = (output.name for output in law.reference.motion.outputs)
+        words = f"t, {', '.join(told)} and {last}" if told else f"t and {last}"
+        reference = filled("reference.h", label=law.name, real=law.by.name, told=words)
     reference += filter_header(law)
     return filled(
         "law.h",
@@ -97,7 +101,7 @@ def header(law: ExportedLaw) -> str:
         numbers=declared([_field(law.by, each, meaning(law, each)) for each in program.numbers]),
         memory_about="Its memory, which a period changes." if program.memory else NO_MEMORY,
         memory=declared(
-            [_field(law.by, each, memory_meaning(law, each)) for each in program.memory]
+            [_field(law.by, each, f"the state {each.source} of the law") for each in program.memory]
             or [(law.by.name, "unused", "the law has no memory")]
         ),
         torque_unit=comment(program.torque.unit),
@@ -137,13 +141,9 @@ def meaning(law: ExportedLaw, entry: Entry) -> str:
     if entry.source == PERIOD:
         return "by which the memory goes on" if law.program.memory else "not used: no memory"
     name = name_of_number(entry.source)
-    said = NUMBER_MEANINGS.get(name) or meanings(type(law.loop.controller)).get(name, "")
+    last = name.rpartition(".")[2]
+    said = NUMBER_MEANINGS.get(name) or meanings(type(law.owner(entry))).get(last, "")
     return f"fixed by the law; leave it. {said}".strip() if entry.name in law.fixed else said
-
-
-def memory_meaning(law: ExportedLaw, entry: Entry) -> str:
-    """Return the meaning of a state of the law."""
-    return f"the state {entry.source} of the law"
 
 
 def _field(by: Arithmetic, entry: Entry, said: str) -> tuple[str, str, str]:
@@ -168,7 +168,8 @@ def source(law: ExportedLaw) -> str:
         starting = [declare, call(law, program.start, f"{name}_initial", own), keep]
         stepping = [declare, call(law, program.step, f"{name}_step", ["torque", *own]), keep]
     reference = reference_source(law) + filter_source(law)
-    body = filled(
+    body = partial(
+        filled,
         "law.c",
         version=__version__,
         title=comment(law.experiment.titles[law.label]),
@@ -176,7 +177,6 @@ def source(law: ExportedLaw) -> str:
         label=name,
         real=law.by.name,
         m=program.torque.size,
-        functions="$functions",
         defaults=",\n".join(_default(law, entry) for entry in program.numbers),
         step=step,
         start=start,
@@ -184,11 +184,11 @@ def source(law: ExportedLaw) -> str:
         stepping="\n".join(f"    {line}" for line in stepping),
         reference=reference,
     )
-    functions = needed(PRELUDE + body, headers(law.by.name))
+    functions = needed(PRELUDE + body(functions=""), headers(law.by.name))
     prelude = PRELUDE if re.search(r"eqt_uint|EQT_INLINE|EQT_RARE", functions) else ""
     if "eqt_uint" not in functions:
         prelude = "\n".join(line for line in prelude.splitlines() if "typedef" not in line).lstrip()
-    return body.replace("$functions", f"{prelude}\n{functions}".strip() + "\n")
+    return body(functions=f"{prelude}\n{functions}".strip() + "\n")
 
 
 def emitted(program: Program, name: str) -> str:
@@ -248,6 +248,7 @@ def reference_source(law: ExportedLaw) -> str:
         motion=motion,
         piece=piece,
         held=held,
+        told=", ".join(f"input->{output.name}" for output in found.motion.outputs),
     )
 
 
@@ -328,13 +329,13 @@ def filter_check(law: ExportedLaw) -> str:
 def check(law: ExportedLaw) -> str:
     """Return the program that compares the source with exact numbers."""
     program, chosen = law.program, examples(law)
-    states, numbers = law.states.at(chosen), _flat(law)
+    states = law.states.at(chosen)
     bounds = law.bounds(states)
     memory = memory_of(bounds, program)
     lines = []
     for k in range(len(chosen)):
         state = {name: values[k] for name, values in states.items()}
-        exact = evaluated(program.step, {**state, **numbers})
+        exact = evaluated(program.step, {**state, **law.flat_numbers})
         after = [float(x) for entry in program.memory for x in exact[MEMORY + entry.name]]
         told = [
             braced(state[TOLD + each.name], law.by)
@@ -351,6 +352,7 @@ def check(law: ExportedLaw) -> str:
             row(_stored(bounds[TORQUE].errors[k], bounds[TORQUE].values[k])),
             row(np.array([*after, 0.0])),
             row(np.array([*_stored(memory.errors[k], memory.values[k]), 0.0])),
+            str(int(law.singular[chosen[k]])),
         ]
         lines.append("    {\n" + ",\n".join(wrapped(part, " " * 9, " " * 8) for part in parts))
     started, start_bound = _started(law, {name: values[0] for name, values in states.items()})
@@ -391,19 +393,13 @@ def _started(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
     program = law.program
     if program.start is None:
         return np.empty(0), np.empty(0)
-    given = {**state, **_flat(law)}
-    errors = {name: np.abs(law.by.rounded(x) - x) for name, x in given.items()}
-    bounds = bounded(program.start, given, law.by, errors if law.by is FLOAT else None)
-    exact = evaluated(program.start, given)
+    bounds = law.bounded(program.start, state)
+    exact = evaluated(program.start, {**state, **law.flat_numbers})
     names = [MEMORY + entry.name for entry in program.memory]
     return (
         np.array([float(x) for name in names for x in exact[name]]),
         np.concatenate([bounds[name].errors[0] for name in names]),
     )
-
-
-def _flat(law: ExportedLaw) -> dict[str, Array]:
-    return {NUMBER + name: values.reshape(-1) for name, values in law.numbers.items()}
 
 
 def _stored(bounds: Array, values: Array) -> Array:

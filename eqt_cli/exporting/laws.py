@@ -1,27 +1,231 @@
-"""A law to export, with its program, numbers, states and error bounds."""
+"""A law to export: its program, numbers and error bounds, and the states at which it is checked.
+
+A reference in closed form is exported, too: from a time, and the piece it is in, to a motion.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row
-from eqt_cli.analysis.evidence.program_error import FLOAT, Arithmetic, Bounded, bounded
+from eqt_cli.analysis.evidence.program_error import FLOAT, Arithmetic, BoundedOutput, bounded
 from eqt_cli.analysis.verification import identities_of
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.law_program import CONTROLLER, MEMORY, NUMBER, TORQUE, LawProgram
-from eqt_cli.core.arrays import Array
+from eqt_cli.closed_loop.law_program import (
+    CONTROLLER,
+    MEMORY,
+    NUMBER,
+    TOLD,
+    TORQUE,
+    Entry,
+    LawProgram,
+)
+from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.errors import EqtError, Remedy, suggestion
-from eqt_cli.core.leaves import leaves
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.engines.traced_loop import law_of
+from eqt_cli.ensemble.spread import Stream, generator
+from eqt_cli.execution.batches import batches
 from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.experiment.study import Study
 from eqt_cli.exporting.filters import ExportedFilter, exported_filter
-from eqt_cli.exporting.reference import ReferenceProgram, reference_program
-from eqt_cli.exporting.states import States, states_of
-from eqt_cli.program.c_names import distinct
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.law_input import LawInput
+from eqt_cli.program import Program, traced
+from eqt_cli.program.c_code import distinct
+from eqt_cli.references import references
+from eqt_cli.references.base import ClosedReference
+
+
+@dataclass(frozen=True)
+class ReferenceProgram:
+    """The motion of a reference as a program.
+
+    Attributes
+    ----------
+    motion
+        What the law is told of it from ``t`` and the numbers ``held`` in a piece.
+    starts : (pieces,)
+        Times at which the pieces begin, s; empty for a single piece.
+    held : (pieces, n)
+        Numbers of each piece.
+    """
+
+    motion: Program
+    starts: Array
+    held: Array
+
+
+def _closed() -> str:
+    """Return the names of the references in closed form, for a message."""
+    names = [each.name for each in references.all() if issubclass(each, ClosedReference)]
+    return f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
+    """Return the program of the reference of a loop, for its law.
+
+    Raises
+    ------
+    EqtError
+        If the reference is integrated, or uses operations that programs do not have.
+    """
+    G, reference = loop.group, loop.reference
+    if not isinstance(reference, ClosedReference):
+        both = "velocity" in reference.starts_from
+        parts = "Q_d and V_d follow" if both else "Q_d follows"
+        raise EqtError(
+            f"--reference: the reference '{reference.name}' is integrated: its {parts} from a "
+            f"differential equation, and no formula gives {'them' if both else 'it'} at a time. "
+            f"Integrate it on the vehicle, or use a reference in closed form: {_closed()}"
+        )
+    starts = reference.instants(G, 0.0) if loop.holds else np.empty(0)
+    at = starts if len(starts) else np.zeros(1)
+    moving = reference.held(G, at)
+    numbers = {} if moving is None else leaves(moving)
+    rows = [values.reshape(len(at), -1) for values in numbers.values()]
+    held = np.concatenate([np.empty((len(at), 0)), *rows], axis=1)
+
+    def motion(given: Mapping[str, Array]) -> Mapping[str, Array]:
+        parts = np.split(given["held"], np.cumsum([row.shape[1] for row in rows]))
+        own = {
+            name: part.reshape(values.shape[1:])
+            for (name, values), part in zip(numbers.items(), parts, strict=False)
+        }
+        here: Any = reference if moving is None else with_leaves(moving, own)
+        t, names = given["t"][0], [entry.source for entry in law.told]
+        moves = [name for name in LawInput._fields if name.startswith("desired_")]
+        found = dict(zip(moves, here.motion(G, t), strict=True))
+        flat = here.flat_output(G, t) if loop.controller.reads_flat_output else None
+        found |= {} if flat is None else flat._asdict()
+        return {name: found[name] for name in names if name in found}
+
+    try:
+        program = traced(motion, {"t": 1, "held": held.shape[1]})
+    except Exception as error:
+        raise EqtError(
+            f"--reference: the reference '{reference.name}' cannot be written as C: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    return ReferenceProgram(program, starts, held)
+
+
+RUNS = 20
+"""Number of runs of a law that are integrated, unless there are fewer."""
+
+RANDOM = 1000
+"""Number of random states beside the states of the runs."""
+
+HALF_TURNS = 100
+"""Number of random states 1e-2 to 1e-16 rad from a half turn, where a group has such."""
+
+
+@dataclass(frozen=True)
+class States:
+    """The inputs and the memory of a law at many states.
+
+    Attributes
+    ----------
+    inputs
+        ``(states, length)`` for each group of inputs that varies.
+    runs
+        Number of runs.
+    along
+        Number of states from runs; the others are random.
+    """
+
+    inputs: Mapping[str, Array]
+    runs: int
+    along: int
+
+    @property
+    def count(self) -> int:
+        """Number of states."""
+        return len(next(iter(self.inputs.values())))
+
+    def at(self, states: Array | slice) -> dict[str, Array]:
+        """Return the inputs at some states."""
+        return {name: values[states] for name, values in self.inputs.items()}
+
+
+def states_of(experiment: Experiment, label: str, law: LawProgram, workers: int = 1) -> States:
+    """Return the states of a law in the first runs of an experiment, and random ones of that size.
+
+    Raises
+    ------
+    EqtError
+        If all of these runs fail.
+    """
+    few = experiment.of_runs(RUNS)
+    ensemble = few.config.ensemble
+    [batch] = batches(Study(None, few), label, np.arange(ensemble.runs))
+    solution = batch.engine.solve(batch.problem, workers)
+    good = np.flatnonzero(solution.status == 0)
+    if not len(good):
+        raise EqtError(
+            f"{label}: all of the first {ensemble.runs} runs fail, so that there is no state to "
+            f"check the exported law at: {solution.messages[0]}"
+        )
+    problem = batch.problem.select(good)
+    loop, states = problem.batched_loop(extra_axes=1), solution.states[good]
+    with np.errstate(all="ignore"):
+        told, memory = loop.told(problem.times, states), loop.memory(states)
+    told = told._replace(t=np.broadcast_to(problem.times, states.shape[:2]))
+    given = _rows(law, told, memory, states.shape[:2])
+    random = generator(ensemble.seed, Stream.EXPORTED_STATES, list(few.loops).index(label))
+    count = len(next(iter(given.values())))
+    drawn = _random(given, loop.group, random)
+    inputs = {name: np.concatenate([values, drawn[name]]) for name, values in given.items()}
+    return States(inputs, len(good), count)
+
+
+def _rows(
+    law: LawProgram, told: LawInput, memory: Mapping[str, Array], batch: tuple[int, ...]
+) -> dict[str, Array]:
+    found = {
+        TOLD + entry.name: np.broadcast_to(getattr(told, entry.source), (*batch, *entry.shape))
+        for entry in law.told
+    }
+    found |= {MEMORY + entry.name: memory[entry.source] for entry in law.memory}
+    rows = {name: np.array(values).reshape(np.prod(batch), -1) for name, values in found.items()}
+    finite = np.logical_and.reduce([np.isfinite(values).all(axis=1) for values in rows.values()])
+    return {name: values[finite] for name, values in rows.items()}
+
+
+def _random(
+    given: Mapping[str, Array], G: MatrixLieGroup, random: np.random.Generator
+) -> dict[str, Array]:
+    """Return states with any error of the pose, and all else as large as in the runs."""
+    chosen = random.integers(0, len(given[f"{TOLD}t"]), RANDOM)
+    errors = random.standard_normal((RANDOM, G.dimension))
+    for part in G.parts:
+        if part.turns:
+            turn = errors[:HALF_TURNS, part.axes]
+            angle = np.pi - 10.0 ** random.uniform(-16, -2, (HALF_TURNS, 1))
+            errors[:HALF_TURNS, part.axes] = turn * angle / norm(turn)[:, None]
+    error = G.exp(errors)
+    found = {}
+    for name, values in given.items():
+        if name in (f"{TOLD}t", f"{TOLD}desired_pose"):
+            found[name] = values[chosen]
+        elif name == f"{TOLD}pose":
+            about = f"{TOLD}desired_pose" if f"{TOLD}desired_pose" in given else name
+            desired = given[about][chosen].reshape(-1, G.size, G.size)
+            found[name] = (desired @ error).reshape(RANDOM, -1)
+        else:
+            size = np.abs(values).max(axis=0)
+            found[name] = size * random.uniform(-1, 1, (RANDOM, len(size)))
+    return found
+
+
+CHECK = "_check"
+"""After the name of a law: its program that checks it."""
 
 
 @dataclass(frozen=True)
@@ -62,25 +266,43 @@ class ExportedLaw:
     @cached_property
     def fixed(self) -> frozenset[str]:
         """Names of the numbers that are no options: the law fixes them."""
-        law = self.loop.controller
-        options = {field.name for field in fields(law) if field.init}
-        own = {CONTROLLER + path for path in leaves(law) if path not in options}
-        return frozenset(each.name for each in self.program.numbers if each.source in own)
+        own = [each for each in self.program.numbers if each.source.startswith(CONTROLLER)]
+        return frozenset(
+            each.name
+            for each in own
+            for field in fields(self.owner(each))
+            if field.name == each.source.rpartition(".")[2] and not field.init
+        )
 
-    def bounds(self, states: Mapping[str, Array]) -> dict[str, Bounded]:
+    def owner(self, number: Entry) -> Any:
+        """Return the part of the loop that has a number: the law, or a part of it."""
+        found: Any = self.loop
+        for name in re.findall(r"\w+", number.source)[:-1]:
+            found = found[int(name)] if name.isdigit() else getattr(found, name)
+        return found
+
+    def bounds(self, states: Mapping[str, Array]) -> dict[str, BoundedOutput]:
         """Return the output of the law at some states, with bounds of its rounding errors.
 
         In float, the inputs and the numbers of the law are rounded too.
         """
-        given = {NUMBER + name: values.reshape(-1) for name, values in self.numbers.items()}
-        inputs = {**states, **given}
+        return self.bounded(self.program.step, states)
+
+    def bounded(self, program: Program, states: Mapping[str, Array]) -> dict[str, BoundedOutput]:
+        """Return the output of a program of the law, with bounds of its rounding errors."""
+        inputs = {**states, **self.flat_numbers}
         errors = None
         if self.by is FLOAT:
             errors = {name: np.abs(self.by.rounded(x) - x) for name, x in inputs.items()}
-        return bounded(self.program.step, inputs, self.by, errors)
+        return bounded(program, inputs, self.by, errors)
 
     @cached_property
-    def judged(self) -> dict[str, Bounded]:
+    def flat_numbers(self) -> dict[str, Array]:
+        """`numbers` as inputs of the programs of the law."""
+        return {NUMBER + name: values.reshape(-1) for name, values in self.numbers.items()}
+
+    @cached_property
+    def judged(self) -> dict[str, BoundedOutput]:
         """Output of the law and bounds of its errors at all its states."""
         return self.bounds(self.states.inputs)
 
@@ -155,10 +377,11 @@ def exported(
                 f"controller {label!r} is not in this experiment; expected "
                 f"{', '.join(experiment.loops)}{suggestion(label, experiment.loops)}"
             )
-    names = dict(zip(experiment.loops, distinct(experiment.loops), strict=True))
+    names = dict(
+        zip(experiment.loops, distinct(experiment.loops, endings=("", CHECK)), strict=True)
+    )
     wanted = [label for label in experiment.loops if not labels or label in labels]
     programs = {label: _program(experiment, label) for label in wanted}
-    of_reference = reference_program(experiment) if reference else None
     laws = [
         ExportedLaw(
             experiment,
@@ -167,7 +390,7 @@ def exported(
             by,
             program,
             states_of(experiment, label, program, workers),
-            of_reference,
+            reference_program(experiment.loops[label], program) if reference else None,
             exported_filter(experiment.loops[label], label, experiment.config.ensemble.seed),
         )
         for label, program in programs.items()
@@ -193,11 +416,13 @@ def _program(experiment: Experiment, label: str) -> LawProgram:
     return program
 
 
-def memory_of(bounds: Mapping[str, Bounded], law: LawProgram) -> Bounded:
+def memory_of(bounds: Mapping[str, BoundedOutput], law: LawProgram) -> BoundedOutput:
     """Return the memory after a period, all states concatenated."""
     parts = [bounds[MEMORY + entry.name] for entry in law.memory]
     if not parts:
         count = len(next(iter(bounds.values())).values)
-        return Bounded(np.zeros((count, 0)), np.zeros((count, 0)), np.zeros(count, dtype=bool))
+        return BoundedOutput(
+            np.zeros((count, 0)), np.zeros((count, 0)), np.zeros(count, dtype=bool)
+        )
     values, errors = (np.concatenate([each[k] for each in parts], axis=1) for k in range(2))
-    return Bounded(values, errors, np.logical_or.reduce([each.singular for each in parts]))
+    return BoundedOutput(values, errors, np.logical_or.reduce([each.singular for each in parts]))

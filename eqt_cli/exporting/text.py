@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from eqt_cli.analysis.evidence.program_error import Arithmetic
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.printable import printable
+from eqt_cli.core.errors import printable
 
 _TEMPLATES = Path(__file__).parent / "templates"
 WIDTH = 100
@@ -56,6 +57,11 @@ def comment(text: str) -> str:
     return printable(text).replace("*/", "* /").replace("/*", "/ *").replace("\\", "\\ ")
 
 
+def markdown(text: str) -> str:
+    """Return a text for Markdown, without marks that format it, link or begin HTML."""
+    return re.sub(r"[\\`*_\[\]<>&|~$#!]", r"\\\g<0>", printable(text))
+
+
 def declared(fields: Sequence[tuple[str, str, str]]) -> str:
     """Return the fields of a structure, given by type, declaration and meaning."""
     lines = []
@@ -68,12 +74,12 @@ def declared(fields: Sequence[tuple[str, str, str]]) -> str:
     return "\n".join(lines)
 
 
-def above(value: float, digits: int = 2) -> str:
-    """Return a bound in few digits, rounded up."""
+def above(value: float) -> str:
+    """Return a bound in two digits, rounded up."""
     if not value > 0 or not math.isfinite(value):
         return f"{value:g}"
-    scale = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
-    return f"{math.ceil(value / scale) * scale:.{digits}g}"
+    scale = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return f"{math.ceil(value / scale) * scale:.2g}"
 
 
 def row(values: Array) -> str:

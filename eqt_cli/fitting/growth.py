@@ -12,6 +12,7 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.core.reporting import step
 from eqt_cli.engines import Engine
 from eqt_cli.fitting.prediction import WINDOWS, Windows, errors
+from eqt_cli.fitting.residuals import correlated, delayed, linear
 
 HORIZONS = 10
 """Largest number of horizons: rows of the first window, spread up to its last."""
@@ -60,8 +61,12 @@ class Growth:
     notes: tuple[str, ...] = ()
 
 
-def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int) -> Growth:
+def growth(
+    loop: ClosedLoop, engine: Engine, windows: Windows, count: int, delay: float = 0.0
+) -> Growth:
     """Measure the growth of the error over at most `count` windows, spread over the recording.
+
+    The wrench is recorded a `delay` late, s.
 
     Raises
     ------
@@ -71,15 +76,17 @@ def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int) -> Gr
     recording, variances = windows.recording, windows.noise**2
     measured = np.isfinite(windows.noise)
     parts = windows.parts
-    norms, by_noise, chosen = [], [], windows.spread(count)
+    norms, by_noise, left, chosen = [], [], [], windows.spread(count)
     first = recording.times[chosen[0].rows]
     sampled = np.unique(np.linspace(0, len(first) - 1, HORIZONS + 1).round().astype(int)[1:])
     horizons = first[sampled] - first[0]
     with step(WINDOWS, len(chosen)):
         for window in chosen:
-            found = errors([loop, loop], np.empty(0), engine, recording, window)
+            pair = [loop, loop]
+            found = errors(pair, np.empty(0), engine, recording, window, delay, windows.later)
             if found is None:
                 continue
+            left.append(linear(found, windows.noise))
             times = recording.times[window.rows]
             rows = np.abs(times[:, None] - times[0] - horizons).argmin(axis=0)
             start = np.where(measured, variances, 0.0)
@@ -105,4 +112,5 @@ def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int) -> Gr
         high,
         np.sqrt(np.mean(sizes**2, axis=0)),
         np.sqrt(np.mean(by_noise, axis=0)),
+        (*correlated(left, windows), *delayed(left, fitted=False)),
     )

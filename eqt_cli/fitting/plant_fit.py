@@ -6,22 +6,33 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
+from eqt_cli.analysis.comparison.intervals import FEWEST
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import ConfigError, EqtError, InputError
-from eqt_cli.core.problems import parse_key
+from eqt_cli.core.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, parse_key
+from eqt_cli.core.files import refusals
+from eqt_cli.core.option_types import shown
+from eqt_cli.core.own_files import FOUND_BY, check_entries, check_targets
 from eqt_cli.core.reporting import step
-from eqt_cli.core.validation import shown
+from eqt_cli.execution.folder import OWN_COPIES, ResultFolder
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import section_of
 from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.experiment.read_study import study
 from eqt_cli.fitting.prediction import WINDOWS, Window, Windows, errors
+from eqt_cli.fitting.residuals import (
+    DELAY,
+    DISTINCT,
+    Linear,
+    correlated,
+    delayed,
+    intervals,
+    linear,
+)
 from eqt_cli.tuning.law_search import entries_of, expanded, value_at
 
 SECTIONS = ("plant", "actuators", "inertia")
@@ -32,10 +43,6 @@ STEP = 1e-4
 
 RESOLVED = 10.0
 """Multiple of an engine's error above which a derivative counts as different from 0."""
-
-DISTINCT = 1e-3
-"""Smallest singular value of the derivatives, scaled to length 1 for each number, at which the
-recording distinguishes the numbers."""
 
 ROUNDS = 3
 """Largest number of rounds; after each, the first states of all windows are updated."""
@@ -128,8 +135,8 @@ class PlantFit:
     notes: tuple[str, ...] = ()
 
 
-def starting_values(keys: Sequence[str], base: Experiment) -> list[float]:
-    """Return the values of keys in a configuration.
+def starting_values(keys: Sequence[str], base: Experiment, delay: float) -> list[float]:
+    """Return the values of keys in a configuration; the delay of the wrench is not in it.
 
     Raises
     ------
@@ -138,12 +145,15 @@ def starting_values(keys: Sequence[str], base: Experiment) -> list[float]:
     """
     values = []
     for key in keys:
+        if key == DELAY:
+            values.append(delay)
+            continue
         first = entries_of(key)[0]
         value = value_at(base.resolved, parse_key(first))
         if section_of(first) not in SECTIONS:
             raise InputError(
                 f"{key}: expected a number of the plant, such as plant.inertia.relative or "
-                "plant.forces[0].linear"
+                "plant.forces[0].linear, or delay"
             )
         if value is None:
             raise InputError(f"{key}: is not in the configuration; add it with a value to start at")
@@ -156,24 +166,6 @@ def starting_values(keys: Sequence[str], base: Experiment) -> list[float]:
     return values
 
 
-class _Linear(NamedTuple):
-    """The errors of a window, linearised about some numbers, in units of the noise.
-
-    Attributes
-    ----------
-    residuals : (n,)
-        Its errors that remain for the best first state.
-    derivatives : (n, p)
-        Their derivatives by the numbers.
-    state : (2m,)
-        The correction of the first state.
-    """
-
-    residuals: Array
-    derivatives: Array
-    state: Array
-
-
 @dataclass
 class _Problem:
     """The errors of all windows as a function of the numbers.
@@ -183,8 +175,12 @@ class _Problem:
 
     Attributes
     ----------
+    keys, start
+        The numbers and their start values; the delay of the wrench, if it is one, is the last.
     driven
         Returns the plant of an experiment under the recorded wrench.
+    delay
+        The delay of the wrench if it is no number, s.
     """
 
     base: Experiment
@@ -193,11 +189,18 @@ class _Problem:
     windows: Windows
     cut: list[Window]
     driven: Callable[[Experiment], ClosedLoop]
+    delay: float
+
+    @property
+    def finds_delay(self) -> bool:
+        """Whether the delay of the wrench is a number to find."""
+        return self.keys[-1] == DELAY
 
     def at(self, numbers: Array) -> ConfigSource:
         """Return the configuration with other numbers."""
         source = self.base.source
         values = dict(zip(self.keys, numbers.tolist(), strict=True))
+        values.pop(DELAY, None)
         for key, value in expanded(values).items():
             source = changed_at(source, parse_key(key), value, "over")
         return source
@@ -209,50 +212,51 @@ class _Problem:
 
     @property
     def scales(self) -> Array:
-        """The magnitude of each start value, or 1 where it is 0."""
-        return np.where(self.start == 0.0, 1.0, np.abs(self.start))
+        """The magnitude of each start value, or 1 where it is 0; of a delay, a few rows."""
+        scales = np.where(self.start == 0.0, 1.0, np.abs(self.start))
+        if self.finds_delay:
+            scales[-1] = 10.0 * self.windows.later
+        return scales
 
-    def linearised(self, numbers: Array) -> list[_Linear] | None:
-        """Return all windows near some numbers; None for an invalid plant or a failed run."""
-        steps = STEP * self.scales
-        points = [numbers, *(numbers + np.diag(steps))]
+    def linearised(self, numbers: Array, *, by_delay: bool = False) -> list[Linear] | None:
+        """Return all windows near some numbers; None for an invalid plant or a failed run.
+
+        Parameters
+        ----------
+        by_delay
+            Whether the last derivative is that by the delay of the wrench, even if that is fixed.
+        """
+        steps = (STEP * self.scales)[: len(numbers) - self.finds_delay]
+        points = [numbers, *(numbers + np.eye(len(steps), len(numbers)) * steps[:, None])]
         try:
             plants = [self.driven(build(self.at(point), trust_plugins=True)) for point in points]
         except ConfigError:
             return None
         with step(WINDOWS, len(self.cut)):
-            return self._projected([self.first, *plants], steps)
-
-    def _projected(self, loops: list[ClosedLoop], steps: Array) -> list[_Linear] | None:
-        found = []
-        for window in self.cut:
-            one = errors(loops, steps, self.base.engine, self.windows.recording, window)
-            if one is None:
-                return None
-            r, by_state, by_number = map(
-                self._weighted, (one.values[..., None], one.by_state, one.by_number)
-            )
-            basis, R = np.linalg.qr(by_state)
-            found.append(
-                _Linear(
-                    (r - basis @ (basis.T @ r))[:, 0],
-                    by_number - basis @ (basis.T @ by_number),
-                    -np.linalg.lstsq(R, basis.T @ r)[0][:, 0],
+            found = []
+            delay = float(numbers[-1]) if self.finds_delay else self.delay
+            later = self.windows.later if by_delay or self.finds_delay else 0.0
+            for window in self.cut:
+                one = errors(
+                    [self.first, *plants],
+                    steps,
+                    self.base.engine,
+                    self.windows.recording,
+                    window,
+                    delay,
+                    later,
                 )
-            )
-        return found
+                if one is None:
+                    return None
+                found.append(linear(one, self.windows.noise))
+            return found
 
-    def _weighted(self, errors: Array) -> Array:
-        """Return errors of the measured coordinates in units of the noise, in one column."""
-        noise, measured = self.windows.noise, np.isfinite(self.windows.noise)
-        return (errors[:, measured] / noise[measured, None]).reshape(-1, errors.shape[-1])
-
-    def solved(self, start: Array) -> tuple[Array, list[_Linear]]:
+    def solved(self, start: Array) -> tuple[Array, list[Linear]]:
         """Return the numbers of the smallest sum of squares, and all windows near them."""
         from scipy.optimize import least_squares  # slow to import
 
         @lru_cache(maxsize=2)
-        def at(numbers: tuple[float, ...]) -> list[_Linear] | None:
+        def at(numbers: tuple[float, ...]) -> list[Linear] | None:
             return self.linearised(np.array(numbers))
 
         def residuals(numbers: Array) -> Array:
@@ -275,7 +279,7 @@ class _Problem:
         )
         return np.asarray(found.x), at(tuple(found.x.tolist())) or []
 
-    def require_distinct(self, found: list[_Linear]) -> Array:
+    def require_distinct(self, found: list[Linear]) -> Array:
         """Return the singular values of the derivatives, scaled to length 1 for each number.
 
         Raises
@@ -307,7 +311,7 @@ class _Problem:
         rows = sum(window.rows.stop - window.rows.start for window in self.cut)
         return rows * int(np.isfinite(self.windows.noise).sum())
 
-    def correct_states(self, found: list[_Linear]) -> float:
+    def correct_states(self, found: list[Linear]) -> float:
         """Correct the first states; return the largest correction in units of the noise."""
         G, noise = self.windows.recording.group, self.windows.noise
         pairs = zip(self.cut, found, strict=True)
@@ -315,7 +319,7 @@ class _Problem:
         corrections = np.abs([one.state for one in found])[:, np.isfinite(noise)]
         return float((corrections / noise[np.isfinite(noise)]).max())
 
-    def sizes(self, found: list[_Linear], fitted: int) -> Array:
+    def sizes(self, found: list[Linear], fitted: int) -> Array:
         """Return the root mean square of each coordinate, if `fitted` numbers were fitted."""
         measured = np.isfinite(self.windows.noise)
         residuals = np.concatenate([one.residuals for one in found])
@@ -331,6 +335,7 @@ def fit(
     keys: Sequence[str],
     windows: Windows,
     driven: Callable[[Experiment], ClosedLoop],
+    delay: float = 0.0,
 ) -> PlantFit:
     """Fit the numbers of a plant, so that it predicts the windows of a recording best.
 
@@ -342,8 +347,9 @@ def fit(
     EqtError
         If the recording does not determine a number, or has too few windows.
     """
-    start, name = np.array(starting_values(keys, base)), windows.recording.name
-    problem = _Problem(base, keys, start, windows, windows.disjoint(), driven)
+    keys = sorted(keys, key=DELAY.__eq__)
+    start, name = np.array(starting_values(keys, base, delay)), windows.recording.name
+    problem = _Problem(base, keys, start, windows, windows.disjoint(), driven, delay)
     if len(problem.cut) < FEWEST:
         raise EqtError(
             f"{name}: has {len(problem.cut)} windows of {windows.horizon:g} s that share no row; "
@@ -363,6 +369,9 @@ def fit(
             break
     singular = problem.require_distinct(found)
     after = problem.sizes(found, len(keys))
+    notes = list(correlated(found, windows))
+    if not problem.finds_delay:
+        notes += delayed(problem.linearised(numbers, by_delay=True) or [], fitted=True)
     low, high = intervals(found) + numbers
     columns = zip(keys, start, numbers, low, high, strict=True)
     return PlantFit(
@@ -374,24 +383,8 @@ def fit(
         sum(window.rows.stop - window.rows.start for window in problem.cut),
         windows.horizon,
         problem.at(numbers),
+        notes=tuple(notes),
     )
-
-
-def intervals(found: list[_Linear]) -> Array:
-    """Return the ends of the 95 % intervals, relative to the fitted numbers, ``(2, p)``.
-
-    The mean of the jackknife's pseudo-values is resampled. They follow from the numbers without
-    each window, to first order θ + (A − A_w)⁻¹ b_w with A_w = J_wᵀJ_w and b_w = J_wᵀr_w.
-    """
-    squares = [one.derivatives.T @ one.derivatives for one in found]
-    pulls = [one.derivatives.T @ one.residuals for one in found]
-    others, total = len(found) - 1, sum(squares)
-    values = [
-        -others * np.linalg.solve(total - square, pull)
-        for square, pull in zip(squares, pulls, strict=True)
-    ]
-    mean = intervals_of_means(np.array(values), Resampling())
-    return np.stack([mean.low - mean.mean, mean.high - mean.mean])
 
 
 def _residuals(windows: Windows, before: Array, after: Array) -> Iterator[Residual]:
@@ -400,3 +393,30 @@ def _residuals(windows: Windows, before: Array, after: Array) -> Iterator[Residu
             float(np.sqrt(np.mean(each[axes] ** 2))) for each in (before, after, windows.noise)
         ]
         yield Residual(name, unit, *sizes)
+
+
+FITTED = "fitted.yaml"
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder in which the configuration cannot be written, before any work.
+
+    Raises
+    ------
+    EqtError
+        If an entry is a link, or a file of this name that eqt did not write.
+    """
+    with refusals(folder / FITTED, "written", OTHER_FOLDER):
+        check_entries(folder, OWN_COPIES)
+    check_targets([folder / FITTED], folder)
+
+
+def write_fitted(result: PlantFit, folder: Path) -> Path:
+    """Write the complete configuration, and beside it the files it refers to; return its path."""
+    path, mark = folder / FITTED, FOUND_BY.format("fit")
+    with refusals(path, "written", OTHER_FOLDER):
+        folder.mkdir(parents=True, exist_ok=True)
+        ResultFolder(folder).write_config(
+            study(result.source, trust_plugins=True), path.name, mark.encode()
+        )
+    return path

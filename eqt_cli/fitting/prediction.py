@@ -176,12 +176,16 @@ class Windows:
         return found[0][1]
 
     @property
+    def later(self) -> float:
+        """A step of the delay of the wrench: a tenth of that from row to row, s."""
+        return 0.1 * float(np.median(np.diff(self.recording.times)))
+
+    @property
     def parts(self) -> list[tuple[str, str, slice]]:
         """Name, unit and axes of each part of the pose, and of the velocity where recorded."""
         found, m = [], self.recording.group.dimension
         for part in self.recording.group.parts:
-            unit = "rad" if part.turns else part.pose_unit
-            found.append((part.name, unit, part.axes))
+            found.append((part.name, part.error_unit, part.axes))
         for part in self.recording.group.parts:
             axes = slice(m + part.axes.start, m + part.axes.stop)
             if np.isfinite(self.noise[axes]).all():
@@ -205,7 +209,7 @@ class Windows:
 
 
 @dataclass(frozen=True)
-class Errors:
+class PredictionErrors:
     """Errors of the prediction of a window and their derivatives, in body coordinates.
 
     Attributes
@@ -229,7 +233,9 @@ def errors(
     engine: Engine,
     recording: Recording,
     window: Window,
-) -> Errors | None:
+    delay: float = 0.0,
+    later: float = 0.0,
+) -> PredictionErrors | None:
     """Return the errors of a window; None where a run fails.
 
     Parameters
@@ -240,23 +246,37 @@ def errors(
         compiles it.
     steps
         The increases of the numbers.
+    delay
+        The time by which the wrench was recorded late, s. The plant is moved in time instead, with
+        whatever else of it depends on time.
+    later
+        A step of the delay, s. If it is not 0, the last derivative by a number is that by the
+        delay.
     """
     G, m, p = recording.group, recording.group.dimension, len(loops) - 2
     moves = np.concatenate([np.zeros((1, 2 * m)), STEP * np.eye(2 * m), np.zeros((p, 2 * m))])
     which = np.append(np.ones(1 + 2 * m, dtype=int), np.arange(2, p + 2))
-    Q0, V0 = window.pose @ G.exp(moves[:, :m]), window.velocity + moves[:, m:]
-    times = recording.times[window.rows]
-    problem = Problem(loops[0], Q0, times, differing(list(loops), which))
-    loop = problem.batched_loop()
-    states = loop.initial_state(Q0, V0, G.identity[None], np.zeros((1, m)), float(times[0]))
-    problem = replace(problem, states=states)
-    solution = engine.solve(problem)
+
+    def predicted(moves: Array, which: Array, delay: float) -> Array | None:
+        Q0, V0 = window.pose @ G.exp(moves[:, :m]), window.velocity + moves[:, m:]
+        times = recording.times[window.rows] + delay
+        problem = Problem(loops[0], Q0, times, differing(list(loops), which))
+        loop = problem.batched_loop()
+        states = loop.initial_state(Q0, V0, G.identity[None], np.zeros((1, m)), float(times[0]))
+        problem = replace(problem, states=states)
+        solution = engine.solve(problem)
+        if solution.status.any():
+            return None
+        s = problem.batched_loop(1).tracking(times, solution.states)
+        measured = recording.poses[window.rows], recording.velocities[window.rows]
+        return np.concatenate([G.log(G.inverse(measured[0]) @ s.Q), s.V - measured[1]], axis=-1)
+
+    found = predicted(moves, which, delay)
+    late = predicted(moves[:1], which[:1], delay + later) if later else np.zeros((0, 1, 2 * m))
     reporter().advance(1)
-    if solution.status.any():
+    if found is None or late is None:
         return None
-    s = problem.batched_loop(1).tracking(times, solution.states)
-    measured = recording.poses[window.rows], recording.velocities[window.rows]
-    found = np.concatenate([G.log(G.inverse(measured[0]) @ s.Q), s.V - measured[1]], axis=-1)
     change = found[1:] - found[0]
     by_state, by_number = change[: 2 * m] / STEP, change[2 * m :] / steps[:, None, None]
-    return Errors(found[0], np.moveaxis(by_state, 0, -1), np.moveaxis(by_number, 0, -1))
+    by_number = np.concatenate([by_number, (late - found[:1]) / (later or 1.0)])
+    return PredictionErrors(found[0], np.moveaxis(by_state, 0, -1), np.moveaxis(by_number, 0, -1))

@@ -48,6 +48,11 @@ class Part:
     force_unit: str
     turns: bool = False
 
+    @property
+    def error_unit(self) -> str:
+        """Unit of the coordinates of a pose error, log Q_d⁻¹Q."""
+        return "rad" if self.turns else self.pose_unit
+
 
 class MatrixLieGroup(ABC):
     """A matrix Lie group G of d×d matrices with an m-dimensional Lie algebra g.
@@ -313,13 +318,10 @@ class MatrixLieGroup(ABC):
 
     def unpack(self, entries: Array) -> Array:
         """Return the pose with these entries, the others as in the identity; inverts `pack`."""
-        return self._with_entries(entries, self.identity)
-
-    def _with_entries(self, entries: Array, others: Array | float) -> Array:
         if self.pose_length == self.size**2:
             return entries.reshape(*entries.shape[:-1], self.size, self.size)
         Q = np.empty_like(entries, shape=(*entries.shape[:-1], self.size, self.size))
-        Q[...] = others
+        Q[...] = self.identity
         rows, columns = self._free_entries
         Q[..., rows, columns] = entries
         return Q

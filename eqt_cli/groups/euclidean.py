@@ -4,12 +4,13 @@ A pose is the matrix [[R, x_1 … x_k], [0, I]]. The exponentials of rotations a
 SciPy's; this module arranges them by columns and knows no law.
 """
 
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
 from eqt_cli.core.arrays import (
     Array,
+    apply,
     apply_matrix,
     cos,
     dot,
@@ -29,6 +30,9 @@ from eqt_cli.groups.base import MatrixLieGroup, Part
 SMALLEST_RATE = 1e-12
 """Smallest rate of rotation relative to the whole vector; a smaller one is rounding."""
 
+
+TINY = 1e-300
+"""A divisor in place of 0, which changes no other divisor."""
 
 FAR_TRACE = 0.0
 """Trace of a rotation by 120°; beyond this angle, a quaternion is divided by another entry than q₀.
@@ -58,6 +62,11 @@ class EuclideanGroup(MatrixLieGroup):
     rates: tuple[str, ...] = ()
     column_units: tuple[str, ...] = ()
     force_units: tuple[str, ...] = ()
+
+    @property
+    def rotation_group(self) -> "EuclideanGroup":
+        """SO(n), the group of its rotations; itself if it has no translations."""
+        return self
 
     def __init__(self) -> None:
         n, k = self.space, len(self.columns)
@@ -119,9 +128,13 @@ class EuclideanGroup(MatrixLieGroup):
         """The translation columns, ``(..., d, d) -> (..., n, k)``."""
         return Q[..., : self.space, self.space :]
 
-    def assemble(self, rotation: Array, translations: Array) -> Array:
+    def assemble(self, rotation: Any, translations: Array) -> Array:
         """The pose with these blocks, ``(..., n, n), (..., n, k) -> (..., d, d)``."""
-        Q = np.broadcast_to(self.identity, (*rotation.shape[:-2], self.size, self.size)).copy()
+        dtype = np.result_type(rotation, translations)
+        batch = np.broadcast_shapes(rotation.shape[:-2], translations.shape[:-2])
+        like = translations if isinstance(rotation, np.ndarray) else rotation
+        Q = np.zeros_like(like, shape=(*batch, self.size, self.size), dtype=dtype)
+        Q[...] = self.identity
         Q[..., : self.space, : self.space] = rotation
         Q[..., : self.space, self.space :] = translations
         return Q
@@ -174,19 +187,15 @@ class EuclideanGroup(MatrixLieGroup):
 
     def _exp_of_symbols(self, V: Array) -> Array:
         """R = I + c_1 ω^ + c_2 ω^², and (I + c_2 ω^ + c_3 ω^²) x of each column x."""
-        n, turn, columns = self.space, V[..., : self.rotations], self._columns(V)
-        Q = np.zeros_like(V, shape=(*V.shape[:-1], self.size, self.size))
-        Q[...] = self.identity
+        n, turn, columns = self.space, V[..., : self.rotations], transpose(self._columns(V))
         if not self.rotations:
-            Q[..., :n, n:] = transpose(columns)
-            return Q
+            return self.assemble(np.eye(n), columns)
         _, c1, c2, c3, *_ = (c[..., None] for c in stumpff(stack([dot(turn, turn)])))
         W = (turn @ self._generators.reshape(self.rotations, -1)).reshape(*turn.shape[:-1], n, n)
         W2 = W @ W
-        Q[..., :n, :n] = np.eye(n) + c1 * W + c2 * W2
-        if self.columns:
-            Q[..., :n, n:] = (np.eye(n) + c2 * W + c3 * W2) @ transpose(columns)
-        return Q
+        R = np.eye(n) + c1 * W + c2 * W2
+        moved = (np.eye(n) + c2 * W + c3 * W2) @ columns if self.columns else columns
+        return self.assemble(R, moved)
 
     def jacobian(self, x: Array) -> Array:
         """A polynomial in ad_x, whose eigenvalues are 0 and ±iθ, as in `log_force`."""
@@ -204,18 +213,15 @@ class EuclideanGroup(MatrixLieGroup):
 
     def cayley(self, V: Array) -> Array:
         """R = ((1 − |c|²)I + 2c^ + 2ccᵀ) / (1 + |c|²) of coordinates c; columns are unchanged."""
-        n, c = self.space, V[..., : self.rotations]
-        Q = np.zeros_like(V, shape=(*V.shape[:-1], self.size, self.size))
-        Q[...] = self.identity
+        n, c, R = self.space, V[..., : self.rotations], np.eye(self.space)
         if self.rotations:
             square = stack([dot(c, c)])[..., None]  # without batch axes, a symbol is no array
             c_hat = (c @ self._generators.reshape(self.rotations, -1)).reshape(*c.shape[:-1], n, n)
             even = np.eye(n) * (1 - square)
             if n == 3:
                 even = even + 2 * c[..., :, None] * c[..., None, :]
-            Q[..., :n, :n] = (even + 2 * c_hat) / (1 + square)
-        Q[..., :n, n:] = transpose(self._columns(V))
-        return Q
+            R = (even + 2 * c_hat) / (1 + square)
+        return self.assemble(R, transpose(self._columns(V)))
 
     def screw(self, V: Array) -> tuple[Array, Array, Array]:
         """Return a frame whose last axis is the axis of rotation (in space), numbers and the rate.
@@ -370,6 +376,27 @@ class EuclideanGroup(MatrixLieGroup):
 
     def _columns(self, V: Array) -> Array:
         return V[..., self.rotations :].reshape(*V.shape[:-1], len(self.columns), self.space)
+
+
+def rigid_motions(group: MatrixLieGroup) -> TypeGuard[EuclideanGroup]:
+    """Return whether a group is SE(n): one rotation and one translation."""
+    return isinstance(group, EuclideanGroup) and bool(group.rotations) and len(group.columns) == 1
+
+
+def rigid(group: MatrixLieGroup) -> EuclideanGroup:
+    """Return a group that is known to be SE(n)."""
+    assert rigid_motions(group)
+    return group
+
+
+def heading_of(G: EuclideanGroup, Q: Array) -> Array:
+    """ψ in the only split exp(ψ e_z) exp(θ e) of a rotation of space with e ⟂ e_z, ``(...)``, rad.
+
+    From −π to π; 0 for half turns about horizontal axes, which have no heading.
+    """
+    c, y = G.half_turn(Q)
+    sine = y[..., 2] / 2  # of ψ/2, as c is its cosine, both times the cosine of θ/2
+    return 4 * apply("atan", sine / (c + sqrt(c * c + sine * sine) + TINY))
 
 
 def _rotation_generators(n: int) -> Array:

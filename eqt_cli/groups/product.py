@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import cached_property, reduce
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -96,36 +96,25 @@ class ProductGroup(MatrixLieGroup):
 
     def inverse(self, Q: Array) -> Array:
         """Block by block."""
-        inverse = Q.copy()
-        for factor, block, _ in self._layout():
-            inverse[..., block, block] = factor.inverse(Q[..., block, block])
-        return inverse
+        return self.assemble([G.inverse(Q[..., own, own]) for G, own, _ in self._layout()])
 
     def Ad_matrix(self, Q: Array) -> Array:
         """Block by block."""
-        matrix = np.zeros_like(Q, shape=(*Q.shape[:-2], self.dimension, self.dimension))
-        for factor, block, coordinates in self._layout():
-            matrix[..., coordinates, coordinates] = factor.Ad_matrix(Q[..., block, block])
-        return matrix
+        blocks = [G.Ad_matrix(Q[..., own, own]) for G, own, _ in self._layout()]
+        return _block_diagonal(blocks, self.coordinates)
 
     def exp(self, V: Array) -> Array:
         """Block by block."""
-        return self.assemble(
-            [factor.exp(V[..., coordinates]) for factor, _, coordinates in self._layout()]
-        )
+        return self.assemble([G.exp(V[..., own]) for G, _, own in self._layout()])
 
     def jacobian(self, x: Array) -> Array:
         """Block by block."""
-        matrix = np.zeros_like(x, shape=(*x.shape[:-1], self.dimension, self.dimension))
-        for factor, _, own in self._layout():
-            matrix[..., own, own] = factor.jacobian(x[..., own])
-        return matrix
+        blocks = [G.jacobian(x[..., own]) for G, _, own in self._layout()]
+        return _block_diagonal(blocks, self.coordinates)
 
     def cayley(self, V: Array) -> Array:
         """Block by block."""
-        return self.assemble(
-            [factor.cayley(V[..., coordinates]) for factor, _, coordinates in self._layout()]
-        )
+        return self.assemble([G.cayley(V[..., own]) for G, _, own in self._layout()])
 
     def screw(self, V: Array) -> tuple[Array, Array, Array]:
         """Block by block; the numbers and rates of the factors are concatenated."""
@@ -137,8 +126,7 @@ class ProductGroup(MatrixLieGroup):
     def along(self, numbers: Array, angles: Array) -> Array:
         """Block by block."""
         return np.concatenate(
-            [G.along(numbers[..., n], angles[..., k]) for G, n, k in self._screws],
-            axis=-1,
+            [G.along(numbers[..., n], angles[..., k]) for G, n, k in self._screws], axis=-1
         )
 
     def exp_along(self, numbers: Array, angles: Array) -> Array:
@@ -171,15 +159,21 @@ class ProductGroup(MatrixLieGroup):
 
     def assemble(self, poses: list[Array]) -> Array:
         """Return the pose whose blocks are these poses of the factors."""
-        dtype = np.result_type(*poses)
-        shape = (*poses[0].shape[:-2], self.size, self.size)
-        Q = np.zeros_like(poses[0], shape=shape, dtype=dtype)
-        for pose, block in zip(poses, self.blocks, strict=True):
-            Q[..., block, block] = pose
-        return Q
+        return _block_diagonal(poses, self.blocks)
 
     def _layout(self) -> list[tuple[MatrixLieGroup, slice, slice]]:
         return list(zip(self.factors, self.blocks, self.coordinates, strict=True))
+
+
+def _block_diagonal(matrices: list[Any], blocks: list[slice]) -> Array:
+    """Return matrices with these blocks on the diagonal."""
+    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
+    like = next((each for each in matrices if not isinstance(each, np.ndarray)), matrices[0])
+    shape = (*batch, blocks[-1].stop, blocks[-1].stop)
+    whole = np.zeros_like(like, shape=shape, dtype=np.result_type(*matrices))
+    for matrix, block in zip(matrices, blocks, strict=True):
+        whole[..., block, block] = matrix
+    return whole
 
 
 def _all(answers: list[bool | None]) -> bool | None:

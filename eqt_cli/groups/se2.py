@@ -1,6 +1,7 @@
 """SE(2), the rigid motions of the plane (Hampsey et al. (2025), Remark 6.3)."""
 
 from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.groups.so2 import SO2
 
 
 class SE2(EuclideanGroup):
@@ -12,3 +13,4 @@ class SE2(EuclideanGroup):
     rates = ("v",)
     column_units = ("m",)
     force_units = ("N",)
+    rotation_group = SO2()

@@ -1,6 +1,7 @@
 """SE(3), the rigid motions of space (Hampsey et al. (2025), Remark 6.3)."""
 
 from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.groups.so3 import SO3
 
 
 class SE3(EuclideanGroup):
@@ -12,3 +13,4 @@ class SE3(EuclideanGroup):
     rates = ("v",)
     column_units = ("m",)
     force_units = ("N",)
+    rotation_group = SO3()

@@ -1,5 +1,6 @@
-"""Mapping of a recording file: its columns, units, frames and times. Does not read the file."""
+"""The mapping of a recording file: columns, units with their factors, frames and times."""
 
+import re
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
 
@@ -7,21 +8,65 @@ import numpy as np
 from pydantic import Tag
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import InputError
-from eqt_cli.core.option_types import Positive, Real
-from eqt_cli.core.problems import KeyPath, Problems
-from eqt_cli.core.validation import one_of
+from eqt_cli.core.errors import InputError, KeyPath, Problems
+from eqt_cli.core.option_types import Positive, Real, Unit, one_of
+from eqt_cli.core.units import factor, offered
+
+_UNITS_BY_NAME: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (r"t", ("s",)),
+    (r"(angle|roll|pitch|yaw)\d?", ("rad",)),
+    (r"[xyz]\d?", ("m",)),
+    (r"w[xyz]?\d?", ("rad", "rad/s")),
+    (r"[va][xyz]?\d{0,2}", ("m", "m/s", "m/s^2")),
+    (r"t[xyz]\d?", ("N m",)),
+    (r"f[xyz]\d?", ("N",)),
+)
+"""Units of eqt, one for each dimension, by a pattern of column names; other columns have none."""
+
+
+def units_of(name: str) -> tuple[str, ...]:
+    """Return the units of eqt that a column may be in; the first is the default."""
+    matching = (units for pattern, units in _UNITS_BY_NAME if re.fullmatch(pattern, name))
+    return next(matching, ())
+
+
+def is_angular(name: str) -> bool:
+    """Whether a pose column of this name holds an angle or a rotation vector's component."""
+    return "rad" in units_of(name)
+
+
+def is_known(name: str, unit: str) -> bool:
+    """Whether a column may have this unit; an empty unit stands for the default."""
+    return not unit or any(factor(unit, own) for own in units_of(name))
+
+
+def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:
+    """Return the factor that converts a column to eqt's units.
+
+    Raises
+    ------
+    InputError
+        If the column cannot have this unit; a `MappingError` where `path` is given.
+    """
+    if not unit:
+        return 1.0
+    units = units_of(name)
+    found = next(filter(None, (factor(unit, own) for own in units)), None)
+    if found is not None:
+        return found
+    expected = " or ".join(map(offered, units)) if units else "no unit"
+    message = f"column {name}: expected {expected}, got '{unit}'"
+    raise MappingError(path, message) if path else InputError(message)
+
 
 TrajectoryFormat: TypeAlias = Literal["csv", "tum", "euroc"]
 
 
-def trajectory_format(text: str) -> TrajectoryFormat:
-    """Return the format of this name, or raise an `InputError` if there is none."""
-    known: tuple[TrajectoryFormat, ...] = get_args(TrajectoryFormat)
-    for name in known:
-        if text == name:
-            return name
-    raise InputError(f"format: expected one of {', '.join(known)}, got {text!r}")
+def literal(kind: Any, option: str, text: str) -> Any:
+    """Return a text that is one of a `Literal`'s, or raise an `InputError`."""
+    if text not in get_args(kind):
+        raise InputError(f"{option}: expected one of {', '.join(get_args(kind))}, got {text!r}")
+    return text
 
 
 MAPPING = "mapping"
@@ -78,8 +123,8 @@ class TimeMapping:
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     scale: Positive = 1.0
-    begin: Real | None = None
-    end: Real | None = None
+    begin: Annotated[Real | None, Unit("s")] = None
+    end: Annotated[Real | None, Unit("s")] = None
     offset: _Offset | None = None
 
 

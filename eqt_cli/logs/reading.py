@@ -1,25 +1,270 @@
-"""Reads poses with their times, and initial states, from the text of a file."""
+"""Reads poses with their times, and initial states, from the columns of a file."""
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, transpose
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.logs.columns import (
-    PoseColumns,
-    RecordedColumns,
-    coordinate_names,
-    recorded_columns,
-    require_norms,
-    require_pose,
-    table_poses,
-)
+from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.groups.product import ProductGroup
 from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
-from eqt_cli.logs.table import Sheet, Table, open_sheet, with_units
+from eqt_cli.logs.table import LOOKS_LIKE, QUATERNION, LogTable, Sheet, open_sheet, with_units
+from eqt_cli.notation.poses import QUATERNION_TOLERANCE
+
+EULER = ("yaw", "pitch", "roll")
+"""Columns of Euler angles: about z, y and x."""
+
+
+@dataclass(frozen=True)
+class PoseColumns:
+    """The columns of a table that hold poses.
+
+    Attributes
+    ----------
+    names
+        Names of the columns.
+    layout
+        ``parts`` (a rotation and translations), ``coordinates`` or ``entries`` of the matrix.
+    rotation
+        The columns of a rotation in space: a quaternion, or Euler angles.
+    """
+
+    names: list[str]
+    layout: str
+    rotation: tuple[str, ...] = QUATERNION
+
+
+VELOCITY = {"rates": "w", "velocity": "v"}
+WRENCH = {"torque": "t", "force": "f"}
+"""Quantities measured beside poses, each with the letter of its columns.
+
+Each quantity is also the key of a mapping that gives its frame.
+"""
+
+
+class RecordedColumns(NamedTuple):
+    """Columns of a velocity or a wrench that was recorded beside the poses.
+
+    Attributes
+    ----------
+    kind
+        The key in `VELOCITY` or `WRENCH`.
+    names
+        Names of the columns.
+    axes
+        Their coordinates in the Lie algebra, or in its dual.
+    group, block
+        The factor of the group that they belong to, and the block of this factor in a pose.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    axes: slice
+    group: EuclideanGroup
+    block: slice
+
+
+def recorded_columns(G: MatrixLieGroup, suffix: str = "") -> Iterator[RecordedColumns]:
+    """Return the columns that velocities and wrenches of a group may have; none if not known."""
+    if isinstance(G, ProductGroup):
+        for k, (factor, first, block) in enumerate(
+            zip(G.factors, G.coordinates, G.blocks, strict=True), start=1
+        ):
+            for each in recorded_columns(factor, str(k)):
+                axes = slice(first.start + each.axes.start, first.start + each.axes.stop)
+                yield each._replace(axes=axes, block=block)
+    if not isinstance(G, EuclideanGroup) or G.space > 3:
+        return
+    translations = [part.axes for part in G.parts if part.velocity_unit == "m/s"]
+    for kinds in (VELOCITY, WRENCH):
+        angular, linear = kinds
+        if G.rotations:
+            about = "xyz" if G.rotations == 3 else "z"
+            names = tuple(kinds[angular] + axis + suffix for axis in about)
+            yield RecordedColumns(angular, names, slice(0, G.rotations), G, slice(0, G.size))
+        for axes in translations:
+            names = tuple(kinds[linear] + axis + suffix for axis in "xyz"[: G.space])
+            yield RecordedColumns(linear, names, axes, G, slice(0, G.size))
+
+
+def recorded_names(G: MatrixLieGroup, kinds: Collection[str]) -> list[str]:
+    """Return the names of all columns of some kinds."""
+    return [name for each in recorded_columns(G) if each.kind in kinds for name in each.names]
+
+
+def coordinate_names(G: MatrixLieGroup) -> list[str]:
+    """Return the coordinates of the algebra as they are typed: ``wz`` for ωz, ``v2`` for v₂."""
+    digits = {ord("₀") + digit: str(digit) for digit in range(10)}
+    return [axis.replace("ω", "w").translate(digits) for axis in G.axis_names]
+
+
+def pose_columns(
+    G: MatrixLieGroup, suffix: str = "", rotation: tuple[str, ...] = QUATERNION
+) -> list[str]:
+    """Return the columns of a pose, the rotation first; none if not known."""
+    if isinstance(G, ProductGroup):
+        parts = [pose_columns(each, str(k), rotation) for k, each in enumerate(G.factors, start=1)]
+        return [column for part in parts for column in part] if all(parts) else []
+    if not isinstance(G, EuclideanGroup) or G.space > 3:
+        return []
+    letters = {"position": "", "velocity": "v"}
+    translations = [
+        letters.get(column, column) + axis for column in G.columns for axis in "xyz"[: G.space]
+    ]
+    return [column + suffix for column in (*_rotation(G, rotation), *translations)]
+
+
+def _rotation(G: EuclideanGroup, in_space: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the columns of a rotation of the group."""
+    return {0: (), 1: ("angle",)}.get(G.rotations, in_space)
+
+
+def _layouts(G: MatrixLieGroup) -> list[PoseColumns]:
+    """Return the layouts that poses of a group may have, the usual one first."""
+    digits = range(1, G.size + 1)
+    layouts = (
+        PoseColumns(pose_columns(G), "parts"),
+        PoseColumns(pose_columns(G, rotation=EULER), "parts", EULER),
+        # Entries come before coordinates, because velocities have the coordinates' names, too.
+        PoseColumns([f"Q{row}{column}" for row in digits for column in digits], "entries"),
+        PoseColumns(coordinate_names(G), "coordinates"),
+    )
+    return [layout for layout in layouts if layout.names]
+
+
+def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | None:
+    """Return the columns that hold the poses of a table; None where some are missing.
+
+    Where the table has a part of a rotation or a position, coordinates are taken for a velocity.
+    """
+    found = next((layout for layout in _layouts(G) if set(layout.names) <= set(names)), None)
+    if found and found.layout == "coordinates":
+        parts = {*pose_columns(G), *pose_columns(G, rotation=EULER)} - {*found.names}
+        return None if parts & {*names} else found
+    return found
+
+
+def require_pose(sheet: Sheet, G: MatrixLieGroup, time: bool = False) -> PoseColumns:
+    """Return the columns of the poses, or raise an `InputError` if poses or times are missing."""
+    if time and "t" not in sheet.names:
+        alias = next((each for each in LOOKS_LIKE["t"] if each in sheet.names), None)
+        hint = f"; add `columns: {{t: {alias}}}` if that is what {alias} holds" if alias else ""
+        raise InputError(f"{sheet.header_place}: missing column t, the time in seconds{hint}")
+    if found := used_columns(sheet.names, G):
+        sheet.require_distinct()
+        return found
+    columns, coordinates = pose_columns(G), coordinate_names(G)
+    expected, euler = columns or coordinates, pose_columns(G, rotation=EULER)
+    layouts = (columns, euler) if columns else (coordinates,)
+    likely = max(layouts, key=lambda names: len({*names} & {*sheet.names}))
+    missing = ", ".join(name for name in likely if name not in sheet.names)
+    others = [", ".join(euler)] if euler != columns else []
+    others += [f"the coordinates {', '.join(coordinates)}"] if columns else []
+    also = f" (or {', or '.join(others)})" if others else ""
+    raise InputError(
+        f"{sheet.header_place}: missing column {missing}; a pose of {G.name} has "
+        f"{', '.join(expected)}{also}"
+    )
+
+
+def table_poses(
+    table: LogTable, columns: PoseColumns, G: MatrixLieGroup, mapping: LogMapping
+) -> Array:
+    """Return the pose of each row, ``(rows, d, d)``, in the wanted axes."""
+    if mapping.euler != LogMapping.euler and columns.rotation != EULER:
+        raise MappingError(
+            ("euler",), f"the poses of {table.name} have no yaw, pitch and roll; remove this key"
+        )
+    if columns.layout == "parts":
+        return _assembled(table, G, "", columns.rotation, mapping)
+    if columns.layout == "coordinates":
+        poses = G.exp(table.get(columns.names))
+    else:
+        poses = table.get(columns.names).reshape(len(table), G.size, G.size)
+    if isinstance(G, EuclideanGroup):
+        return _in_axes(G, G.rotation(poses), G.translations(poses), mapping)
+    _require_no_axes(mapping, G)
+    return poses
+
+
+@np.errstate(over="ignore")  # an infinite norm is reported as different from 1
+def quaternion_norms(table: LogTable, columns: PoseColumns) -> dict[str, Array]:
+    """Return the norm of the quaternion in each row, by the suffix of its columns."""
+    suffixes = [name.removeprefix("qw") for name in columns.names if name.startswith("qw")]
+    return {
+        suffix: np.linalg.norm(table.get([each + suffix for each in QUATERNION]), axis=-1)
+        for suffix in suffixes
+    }
+
+
+def require_norms(table: LogTable, columns: PoseColumns) -> None:
+    """Raise an `InputError` for the first quaternion whose norm is not 1."""
+    for norms in quaternion_norms(table, columns).values():
+        wrong = np.flatnonzero(abs(norms - 1) > QUATERNION_TOLERANCE)
+        if len(wrong):
+            row = int(wrong[0])
+            raise table.error(row, f"expected a quaternion of norm 1, got norm {norms[row]:.6g}")
+
+
+def _assembled(
+    table: LogTable, G: MatrixLieGroup, suffix: str, in_space: tuple[str, ...], mapping: LogMapping
+) -> Array:
+    """Return poses from the columns of rotations and translations."""
+    if isinstance(G, ProductGroup):
+        return G.assemble(
+            [
+                _assembled(table, factor, str(k), in_space, mapping)
+                for k, factor in enumerate(G.factors, start=1)
+            ]
+        )
+    assert isinstance(G, EuclideanGroup)
+    columns = pose_columns(G, suffix, in_space)
+    rotation = columns[: len(_rotation(G, in_space))]
+    rotations = np.broadcast_to(np.eye(G.space), (len(table), G.space, G.space))
+    if len(rotation) == 1:
+        angle = table.get(rotation)
+        rotations = G.rotation(G.exp(np.pad(angle, ((0, 0), (0, G.dimension - 1)))))
+    elif rotation and in_space == EULER:
+        rotations = _from_euler(mapping.euler, table, suffix)
+    elif rotation:
+        rotations = G.rotation_towards(table.get(rotation))
+    rows = table.get(columns[len(rotation) :]) if G.columns else np.zeros((len(table), 0))
+    translations = rows.reshape(len(table), len(G.columns), G.space).swapaxes(-1, -2)
+    return _in_axes(G, rotations, translations, mapping)
+
+
+def _from_euler(sequence: str, table: LogTable, suffix: str) -> Array:
+    from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
+
+    axis = dict(zip("zyx", EULER, strict=True))
+    angles = table.get([axis[letter] + suffix for letter in sequence.lower()])
+    return Rotation.from_euler(sequence, angles).as_matrix()
+
+
+def _in_axes(
+    G: EuclideanGroup, rotations: Array, translations: Array, mapping: LogMapping
+) -> Array:
+    """Return poses, body to world, in the wanted axes: A_w R A_bᵀ and A_w x."""
+    if mapping.attitude == "world_to_body":
+        rotations = transpose(rotations)
+    if G.space != 3:
+        _require_no_axes(mapping, G)
+        return G.assemble(rotations, translations)
+    world, body = mapping.axes("world"), mapping.axes("body")
+    rotations = world @ rotations @ body.T if G.rotations else rotations
+    return G.assemble(rotations, world @ translations)
+
+
+def _require_no_axes(mapping: LogMapping, G: MatrixLieGroup) -> None:
+    for key in ("world", "body"):
+        if value := getattr(mapping, key):
+            raise MappingError((key,), f"{value} are axes of space, which {G.name} does not have")
+
 
 GAP = 5.0
 """Multiple of the median step beyond which a step is a gap."""
@@ -46,7 +291,7 @@ class Log:
     """
 
     sheet: Sheet
-    table: Table
+    table: LogTable
     columns: PoseColumns
     times: Array
     recorded: list[RecordedColumns]
@@ -135,7 +380,7 @@ def read_log(
     return Log(sheet, table, columns, times, recorded, G, mapping)
 
 
-def _timed(table: Table, form: TrajectoryFormat, mapping: LogMapping) -> tuple[Table, Array]:
+def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tuple[LogTable, Array]:
     """Return the rows that the mapping keeps, and their times."""
     time, times, since = mapping.time, table.columns["t"], table.since
     if form != "csv":
@@ -154,7 +399,7 @@ def _timed(table: Table, form: TrajectoryFormat, mapping: LogMapping) -> tuple[T
             )
         columns = {column: numbers[kept] for column, numbers in table.columns.items()}
         lines = [table.lines[row] for row in np.flatnonzero(kept).tolist()]
-        table, times = Table(table.name, columns, lines, table.since), times[kept]
+        table, times = LogTable(table.name, columns, lines, table.since), times[kept]
     if time.offset == "first":
         return table, times - times[0]
     late = since + (time.offset or 0.0)

@@ -8,16 +8,23 @@ import math
 import re
 from collections import Counter
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError, suggestion
-from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
+from eqt_cli.logs.mapping import (
+    LogMapping,
+    MappingError,
+    TrajectoryFormat,
+    factor_of,
+    is_known,
+    units_of,
+)
 from eqt_cli.logs.ulog import DAMAGED, SUFFIX
 from eqt_cli.logs.ulog import NAMES as PX4
-from eqt_cli.logs.units import factor_of, is_known, units_of
 
 QUATERNION = ("qx", "qy", "qz", "qw")
 
@@ -59,7 +66,7 @@ _HEADING = re.compile(r"(.*?)\s*(?:\[(?!\d+\])([^\]]*)\]|\((?!\d+\))([^)]*)\))")
 
 
 @dataclass(frozen=True)
-class Table:
+class LogTable:
     """Numbers in named columns.
 
     Attributes
@@ -142,7 +149,7 @@ class Sheet:
         if repeated := next((name for name in self.names if counts[name] > 1), None):
             raise InputError(f"{self.header_place}: two columns are named {repeated}")
 
-    def table(self, wanted: Collection[str]) -> Table:
+    def table(self, wanted: Collection[str]) -> LogTable:
         """Return the numbers of some of the columns.
 
         Raises
@@ -163,7 +170,7 @@ class Sheet:
             for column, name in zip(numbers.T, names, strict=True):
                 factor = factor_of(name, self.units.get(name, ""))
                 columns[name] = column if factor == 1.0 else column * factor
-        return Table(self.name, columns, self.numbers, since)
+        return LogTable(self.name, columns, self.numbers, since)
 
     def _require_widths(self) -> None:
         width = len(self.names)
@@ -171,29 +178,32 @@ class Sheet:
             if self.delimiter and '"' not in line:
                 found = line.count(self.delimiter) + 1
             elif self.delimiter and line.count('"') % 2:
-                raise InputError(f"{self.name}:{number}: expected quotes in pairs")
+                raise self._error(number, "expected quotes in pairs")
             else:
                 found = len(_entries(line, self.delimiter))
             if found < width or (found > width and not self.more):
-                raise InputError(f"{self.name}:{number}: expected {width} entries, got {found}")
+                raise self._error(number, f"expected {width} entries, got {found}")
+
+    def _error(self, number: int, message: str) -> InputError:
+        """Return the error of a line."""
+        return InputError(f"{self.name}:{number}: {message}")
 
     def _numbers(self, names: list[str]) -> Array:
         places = [self.names.index(name) for name in names]
         found = np.empty((len(self.lines), len(places)))
         for first in range(0, len(self.lines), CHUNK):
             chunk = self.lines[first : first + CHUNK]
-            try:
+            quote, rows = '"' if self.delimiter else None, None
+            with suppress(ValueError):
                 rows = np.loadtxt(
                     chunk,
                     delimiter=self.delimiter,
                     comments=None,
-                    quotechar='"' if self.delimiter else None,
+                    quotechar=quote,
                     usecols=places,
                     ndmin=2,
                 )
-            except ValueError:
-                raise self._wrong(first, len(chunk), names, places) from None
-            if not np.isfinite(rows).all():
+            if rows is None or not np.isfinite(rows).all():
                 raise self._wrong(first, len(chunk), names, places)
             found[first : first + len(chunk)] = rows
         return found
@@ -205,12 +215,10 @@ class Sheet:
             for name, place in zip(names, places, strict=True):
                 entry = entries[place]
                 if not (_is_number(entry) and math.isfinite(float(entry))):
-                    return InputError(
-                        f"{self.name}:{self.numbers[row]}: expected a finite number in column "
-                        f"{name}, got {_shown(entry)}"
-                    )
+                    expected = f"expected a finite number in column {name}, got {_shown(entry)}"
+                    return self._error(self.numbers[row], expected)
         last = self.numbers[first + count - 1]
-        return InputError(f"{self.name}:{self.numbers[first]}: expected numbers up to line {last}")
+        return self._error(self.numbers[first], f"expected numbers up to line {last}")
 
     def _nanoseconds(self) -> tuple[float, Array]:
         """Return the first time and the times since then, s, subtracted as whole numbers."""
@@ -219,9 +227,7 @@ class Sheet:
             entry = _entries(line, self.delimiter)[place] if '"' in line else ""
             entry = entry or line.split(self.delimiter, place + 1)[place].strip()
             if not (entry.isdecimal() and len(entry) <= MAX_DIGITS):
-                raise InputError(
-                    f"{self.name}:{number}: expected whole nanoseconds, got {_shown(entry)}"
-                )
+                raise self._error(number, f"expected whole nanoseconds, got {_shown(entry)}")
             times.append(int(entry))
         first = times[0]
         return first / 1e9, np.array([float(time - first) for time in times]) / 1e9

@@ -17,8 +17,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, InputError
-from eqt_cli.core.files import text_of
-from eqt_cli.core.regular_files import TooLargeError, content_of
+from eqt_cli.core.files import TooLargeError, content_of, text_of
 from eqt_cli.notation.poses import QUATERNION_TOLERANCE
 
 SUFFIX = ".ulg"
@@ -215,7 +214,9 @@ def _headings(series: _Series, unit: str) -> list[str]:
 def _topics(content: bytes, name: str) -> tuple[dict[str, Mapping[str, Array]], bool]:
     """Return the fields of each topic in use, and whether parts of the file were skipped."""
     if find_spec("pyulog") is None:
-        raise EqtError(f"{name}: a PX4 ULog needs pyulog; install it with: pip install pyulog")
+        raise EqtError(
+            f"{name}: a PX4 ULog needs pyulog (extra logs); install it with: pip install pyulog"
+        )
     from pyulog import ULog
 
     if not content.startswith(_START):

@@ -131,8 +131,11 @@ def critical_sets(G: MatrixLieGroup, K: Array) -> list[CriticalSet] | None:
 def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
     """Return the least ‖Q − Q_c‖_F over critical points of Υ other than I, ``(...)``.
 
-    NaN where there are none, or they are not known. K may vary along the first axis of Q.
+    NaN where there are none, or they are not known. K may vary along the first axis of Q. A weight
+    of another group, as that of a cascade's attitude law, has none.
     """
+    if K.shape[-1] != G.size:
+        return np.full(Q.shape[:-2], np.nan)
     if K.ndim > 2:
         weights = K.reshape(len(K), *K.shape[-2:])
         return np.stack([distance_to_unstable(G, *pair) for pair in zip(weights, Q, strict=True)])

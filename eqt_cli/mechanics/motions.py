@@ -171,9 +171,7 @@ class Pieces:
 
     def at(self, t: Any) -> tuple[Array, Array]:
         """Return the start and the numbers of the piece at a time, or at each of some times."""
-        # An engine may begin a span at a sample time that differs from t_i by rounding.
-        late = t + SAME_TIME * np.maximum(1.0, np.abs(t))
-        index = np.maximum(np.searchsorted(self.starts, late, side="right") - 1, 0)
+        index = piece_at(self.starts, t)
         return np.asarray(self.starts[index]), self._flat[index][..., self._varying]
 
     def motion(self, G: MatrixLieGroup, t: Array) -> tuple[Array, Array, Array]:
@@ -191,6 +189,13 @@ class Pieces:
             parts.append(flat[..., first:last].reshape(*flat.shape[:-1], *shape))
             first = last
         return Piece(since, *parts)
+
+
+def piece_at(starts: Array, t: Any) -> Any:
+    """Return the index of the piece at a time, or at each of some times."""
+    # An engine may begin a span at a sample time that differs from a start by rounding.
+    late = t + SAME_TIME * np.maximum(1.0, np.abs(t))
+    return np.maximum(np.searchsorted(starts, late, side="right") - 1, 0)
 
 
 def derivative(polynomials: Array) -> Array:

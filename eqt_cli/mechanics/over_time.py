@@ -33,8 +33,8 @@ class GivenOverTime:
 
     # Instants, known in advance, at which it changes.
 
-    def instants(self, G: MatrixLieGroup) -> Array:
-        """Return the sorted times at which an engine must end a step, s."""
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the sorted times up to `until` at which an engine must end a step, s."""
         return np.empty(0)
 
     def held(self, G: MatrixLieGroup, t: Any) -> Any:

@@ -13,6 +13,7 @@ from typing import Any
 from eqt_cli.core.arrays import Array, apply_matrix, dot
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics import navigation
+from eqt_cli.mechanics.flatness import FlatOutput
 from eqt_cli.mechanics.inertia import Inertia
 
 
@@ -50,6 +51,8 @@ class Tracking:
         The law's own states by name, ``(..., length)`` each.
     vehicle
         The states of actuators by name, which a law must not read.
+    flat
+        The flat output of the reference, for laws that read it.
     """
 
     G: MatrixLieGroup
@@ -63,6 +66,7 @@ class Tracking:
     tau_d: Array
     memory: Mapping[str, Array] = field(default_factory=dict)
     vehicle: Mapping[str, Array] = field(default_factory=dict)
+    flat: FlatOutput | None = None
 
     @cached_property
     def V(self) -> Array:

@@ -7,15 +7,13 @@ also a list with one pose per factor.
 import re
 from collections.abc import Callable, Container, Iterator
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import InputError
-from eqt_cli.core.option_types import Angle, Real
-from eqt_cli.core.problems import KeyPath, Problems
-from eqt_cli.core.validation import shown, validated
+from eqt_cli.core.errors import InputError, KeyPath, Problems
+from eqt_cli.core.option_types import Angle, Real, Unit, shown, validated
 from eqt_cli.groups.base import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
@@ -38,6 +36,8 @@ def square(value: float | list[Any], n: int, group: MatrixLieGroup) -> Array:
         if len(value) != n:
             raise InputError(f"expected {n} diagonal entries for {group.name}, got {len(value)}")
         return np.diag(np.array(value, dtype=float))
+    if single := [row for row in value if not isinstance(row, list)]:
+        raise InputError(f"expected rows, or numbers of the diagonal, got both: {single[0]:g}")
     widths = {len(row) for row in value}
     if len(widths) > 1:
         listed = ", ".join(str(len(row)) for row in value)
@@ -72,11 +72,11 @@ def pose_from(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None
         poses = [pose for pose in parts if pose is not None]
         return G.assemble(poses) if len(poses) == len(parts) else None
     if isinstance(value, dict) and isinstance(G, EuclideanGroup):
-        is_matrix = G.columns and value.keys() == {"matrix"} and _rows(value["matrix"]) == G.size
-        if not is_matrix:
+        matrix = value["matrix"] if G.columns and value.keys() == {"matrix"} else None
+        if not isinstance(matrix, list) or len(matrix) != G.size:
             return _from_parts(value, G, problems)
         problems = problems.at("matrix")
-        value = value["matrix"]
+        value = matrix
     if not isinstance(value, list):
         problems.add(f"expected {_alternatives(G)}, got {shown(value)}")
         return None
@@ -85,19 +85,18 @@ def pose_from(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None
         return None
     with problems.catching():
         Q = square(rows, G.size, G)
-        violation = G.violation(Q)
-        if violation <= GROUP_TOLERANCE:
-            return Q
-        raise InputError(
-            f"expected an element of {G.name}, got a matrix that is {violation:.2g} away from one "
-            f"(rounding may leave {GROUP_TOLERANCE:g}); write all digits, or give "
-            f"{_alternatives(G)}"
-        )
+        _require_near(G, Q, f"an element of {G.name}", f", or give {_alternatives(G)}")
+        return Q
     return None
 
 
-def _rows(value: Any) -> int:
-    return len(value) if isinstance(value, list) else 0
+def _require_near(G: MatrixLieGroup, Q: Array, expected: str, advice: str = "") -> None:
+    """Raise an `InputError` for a matrix that is no element of a group but for rounding."""
+    if not (violation := G.violation(Q)) <= GROUP_TOLERANCE:
+        raise InputError(
+            f"expected {expected}, got a matrix that is {violation:.2g} away from one "
+            f"(rounding may leave {GROUP_TOLERANCE:g}); write all digits{advice}"
+        )
 
 
 def _alternatives(G: MatrixLieGroup) -> str:
@@ -127,7 +126,9 @@ def _from_parts(value: dict[str, Any], G: EuclideanGroup, problems: Problems) ->
         if key not in known:
             problems.at(key).add(f"unknown key; a pose of {G.name} takes {', '.join(known)}")
         elif key in G.columns:
-            numbers = validated(Real | list[Real], entry, problems.at(key))
+            unit = dict(zip(G.columns, G.column_units, strict=True))[key]
+            kind = Annotated[Real | list[Real], Unit(unit)]
+            numbers = validated(kind, entry, problems.at(key))
             if numbers is not None:
                 with problems.catching(key):
                     parts[key] = vector(numbers, lengths[key], G)
@@ -174,13 +175,8 @@ def _rotation_matrix(value: Any, G: EuclideanGroup, problems: Problems) -> Array
     if rows is None:
         return None
     R = square(rows, G.space, G)
-    Q = G.assemble(R, np.zeros((G.space, len(G.columns))))
-    if (violation := G.violation(Q)) <= GROUP_TOLERANCE:
-        return R
-    raise InputError(
-        f"expected a rotation matrix, got a matrix that is {violation:.2g} away from one "
-        f"(rounding may leave {GROUP_TOLERANCE:g}); write all digits"
-    )
+    _require_near(G, G.assemble(R, np.zeros((G.space, len(G.columns)))), "a rotation matrix")
+    return R
 
 
 def _quaternion(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:

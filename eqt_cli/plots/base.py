@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, Generic, NamedTuple, Protocol, TypeVar, cast
 
 from eqt_cli.analysis.certificates.base import Row
-from eqt_cli.core.component import Component
-from eqt_cli.core.error_origin import blamed
-from eqt_cli.core.errors import EqtError, suggestion
-from eqt_cli.core.problems import Problems
-from eqt_cli.core.registry import Registry
+from eqt_cli.core.errors import EqtError, Problems, suggestion
+from eqt_cli.core.option_types import Count, validated
+from eqt_cli.core.registry import Component, Registry, blamed
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.drawing.layout import add_letters, add_remarks, freeze
 from eqt_cli.plots.drawing.style import HOUSE, house_style
 from eqt_cli.plots.shown.certificates import ShownCertificates
 from eqt_cli.plots.shown.controllers import Chosen, TimeRange
-from eqt_cli.plots.shown.fronts import ShownFronts
-from eqt_cli.plots.shown.measured import ShownMeasured
 from eqt_cli.plots.shown.metrics import ShownMetrics
 from eqt_cli.plots.shown.reference import ShownReference
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.plots.shown.trajectories import ShownRuns
-from eqt_cli.plots.shown.worst import ShownWorst
 from eqt_cli.results.result import Result
 
 if TYPE_CHECKING:
@@ -34,7 +29,7 @@ if TYPE_CHECKING:
     from eqt_cli.plots.drawing.style import Style, Width
 
 
-class Alongside(NamedTuple):
+class Extras(NamedTuple):
     """Data that figures show beside results.
 
     Attributes
@@ -49,7 +44,7 @@ class Alongside(NamedTuple):
     measured: Recording | None = None
 
 
-NOTHING = Alongside()
+NO_EXTRAS = Extras()
 
 
 class Subject(Protocol):
@@ -77,6 +72,8 @@ class Figure(Component, Generic[S]):
         Labels of the controllers to show; all if empty.
     focus
         Controllers in colour, with the others in grey; the first six laws if empty.
+    colours
+        Colours by controller, as Matplotlib names them; those of the style for the others.
     """
 
     needs_runs: ClassVar[bool] = True
@@ -84,6 +81,7 @@ class Figure(Component, Generic[S]):
 
     controllers: Sequence[str] = ()
     focus: Sequence[str] = ()
+    colours: Mapping[str, str] = field(default_factory=dict)
 
     def draw(
         self,
@@ -91,7 +89,7 @@ class Figure(Component, Generic[S]):
         width: Width = "column",
         *,
         style: Style | None = None,
-        alongside: Alongside = NOTHING,
+        extras: Extras = NO_EXTRAS,
         arranged: bool = True,
         captions: list[str] | None = None,
     ) -> Drawing:
@@ -105,7 +103,7 @@ class Figure(Component, Generic[S]):
             One ``column`` of a journal (3.5 in), the ``page`` (7.16 in) or a ``slide`` (13.3 in).
         style
             Style of the figure; eqt's own if None.
-        alongside
+        extras
             Data that some figures show beside the results.
         arranged
             Whether to arrange the panels. The numbers behind the curves do not need it, and it
@@ -120,12 +118,13 @@ class Figure(Component, Generic[S]):
             in this style.
         """
         problems = Problems(lambda path: f"figure '{self.name}'")
+        validated(type(self), vars(self), problems)
         self.check(problems)
         problems.raise_if_any()
         if self.needs_runs:
             self._require_results(results)
-        shown = self.subject(cast(Sequence[Result], results), alongside)
         with house_style(replace(style or HOUSE, width=width)):
+            shown = self.subject(cast(Sequence[Result], results), extras)
             with blamed():
                 drawing = self.compose(shown, width)
             add_letters(drawing)
@@ -142,8 +141,8 @@ class Figure(Component, Generic[S]):
 
     @property
     def chosen(self) -> Chosen:
-        """Selection of controllers and of those in colour."""
-        return Chosen(self.controllers, self.focus)
+        """Selection of controllers and their colours."""
+        return Chosen(self.controllers, self.focus, colours=self.colours)
 
     def _require_results(self, results: Sequence[Result | Experiment]) -> None:
         for one in results:
@@ -161,7 +160,7 @@ class Figure(Component, Generic[S]):
         return results[0]
 
     @abstractmethod
-    def subject(self, results: Sequence[Result], alongside: Alongside) -> S:
+    def subject(self, results: Sequence[Result], extras: Extras) -> S:
         """Return the data of the results that is shown."""
 
     @abstractmethod
@@ -223,7 +222,7 @@ class Panelled:
 class OverTime(Timed[ShownRuns]):
     """A figure of trajectories, of one result or several."""
 
-    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownRuns:
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownRuns:
         """Return the runs that did not fail."""
         return ShownRuns(results, self.name, self.chosen)
 
@@ -240,13 +239,8 @@ class OfFirstRuns(OverTime):
         Shade where all runs pass.
     """
 
-    runs: int = 5
+    runs: Count = 5
     density: bool = True
-
-    def check(self, problems: Problems) -> None:
-        """Require at least one run."""
-        if self.runs < 1:
-            problems.at("runs").add(f"expected 1 or more, got {self.runs}")
 
 
 @dataclass(frozen=True)
@@ -261,7 +255,7 @@ class OfMetrics(Figure[ShownMetrics]):
 
     metrics: Sequence[str] = ()
 
-    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownMetrics:
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownMetrics:
         """Return the metrics of the runs that did not fail."""
         return ShownMetrics(results, self.name, self.chosen, self.metrics)
 
@@ -270,7 +264,7 @@ class OfMetrics(Figure[ShownMetrics]):
 class OfSweep(Figure[ShownSweep]):
     """A figure of the metrics of one sweep."""
 
-    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownSweep:
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownSweep:
         """Return the points and the metrics at each."""
         return ShownSweep(self._only(results, "sweep"), self.name, self.chosen)
 
@@ -294,37 +288,50 @@ class OfOneMetric(OfSweep):
 
 
 @dataclass(frozen=True)
-class OfCertificates(Figure[ShownCertificates]):
-    """A figure of the verification of one result."""
-
-    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownCertificates:
-        """Return the certificates with a measured number and a bound."""
-        shown = self._only(results, "result")
-        return ShownCertificates(shown, alongside.certificates, self.name, self.chosen)
-
-
-@dataclass(frozen=True)
-class OfMeasured(Timed[ShownMeasured]):
-    """A figure of a recording beside a run of one result.
+class OfDifferences(OfOneMetric):
+    """A figure of differences between laws in one metric of a sweep.
 
     Attributes
     ----------
-    run
-        Number of the run.
+    confidence
+        Confidence of each interval on its own; of a map, 1 minus the allowed share of false wins.
     """
 
-    run: int = 0
+    confidence: float = 0.95
 
     def check(self, problems: Problems) -> None:
-        """Require a run number of 0 or more."""
-        if self.run < 0:
-            problems.at("run").add(f"expected 0 or more, got {self.run}")
+        """Require a confidence between 0 and 1."""
+        if not 0 < self.confidence < 1:
+            expected = "expected a number between 0 and 1"
+            problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
 
-    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownMeasured:
-        """Return the run of one controller, aligned in time with the recording."""
+
+@dataclass(frozen=True)
+class OfSettled(OfSweep):
+    """A figure of the share of runs that settle.
+
+    Attributes
+    ----------
+    by
+        Time by which a run must have settled for good, s; its end if 0.
+    """
+
+    by: float = 0.0
+
+    def check(self, problems: Problems) -> None:
+        """Require a time of 0 or more."""
+        if not self.by >= 0:
+            problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
+
+
+@dataclass(frozen=True)
+class OfCertificates(Figure[ShownCertificates]):
+    """A figure of the verification of one result."""
+
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownCertificates:
+        """Return the certificates with a measured number and a bound."""
         shown = self._only(results, "result")
-        time = self.chosen.time
-        return ShownMeasured(shown, alongside.measured, self.name, self.controllers, self.run, time)
+        return ShownCertificates(shown, extras.certificates, self.name, self.chosen)
 
 
 @dataclass(frozen=True)
@@ -333,31 +340,11 @@ class OfReference(Timed[ShownReference]):
 
     needs_runs: ClassVar[bool] = False
 
-    def subject(
-        self, results: Sequence[Result | Experiment], alongside: Alongside
-    ) -> ShownReference:
+    def subject(self, results: Sequence[Result | Experiment], extras: Extras) -> ShownReference:
         """Return the reference in the chosen range of time."""
         if len(results) > 1:
             raise EqtError(f"figure '{self.name}' shows one reference at a time")
         return ShownReference(results[0], self.name, self.chosen)
-
-
-@dataclass(frozen=True)
-class OfTuning(Figure[ShownFronts]):
-    """A figure of the fronts of a search, on its held-out runs."""
-
-    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownFronts:
-        """Return the fronts of the laws."""
-        return ShownFronts(self._only(results, "search"), self.name, self.chosen)
-
-
-@dataclass(frozen=True)
-class OfWorst(Figure[ShownWorst]):
-    """A figure of a search for the worst run."""
-
-    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownWorst:
-        """Return the worst runs along each key."""
-        return ShownWorst(self._only(results, "search"), self.name, self.chosen)
 
 
 # In this module, so that a plugin that imports the base class is registered here.

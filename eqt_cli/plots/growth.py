@@ -2,21 +2,14 @@
 
 from pathlib import Path
 
+from eqt_cli.core.own_files import write_all
 from eqt_cli.fitting.growth import Growth
+from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.curves import band_look
 from eqt_cli.plots.drawing.labels import in_words
-from eqt_cli.plots.drawing.layout import (
-    add_legend,
-    add_letters,
-    add_remarks,
-    freeze,
-    name_scale,
-    rows_of,
-    sheet,
-)
 from eqt_cli.plots.drawing.style import house_style, ink, line_style
 from eqt_cli.plots.render import FORMATS
-from eqt_cli.plots.save import encode, write
+from eqt_cli.plots.save import encode
 
 NAME = "replay"
 
@@ -31,7 +24,9 @@ def save_growth(found: Growth, folder: Path) -> list[Path]:
     """
     t = found.horizons
     with house_style():
-        drawing, panels = sheet("column", rows_of(found.parts, 1), (0.0, float(t[-1])), "s")
+        drawing, panels = layout.sheet(
+            "column", layout.rows_of(found.parts, 1), (0.0, float(t[-1])), "s"
+        )
         for k, (part, unit) in enumerate(zip(found.parts, found.units, strict=True)):
             axes = panels[part]
             look = line_style(0)
@@ -39,16 +34,18 @@ def save_growth(found: Growth, folder: Path) -> list[Path]:
             band = axes.fill_between(t, found.low[k], found.high[k], **band_look(look["color"]))
             (noise,) = axes.plot(t, found.noise[k], color=ink(), linestyle=(0, (1.2, 1)))
             axes.set_ylim(bottom=0.0)
-            name_scale(axes, in_words(part, unit))
-        add_legend(drawing, [median, band, noise], ["median", "10 % to 90 %", "noise alone, rms"])
-        add_letters(drawing)
+            layout.name_scale(axes, in_words(part, unit))
+        layout.add_legend(
+            drawing, [median, band, noise], ["median", "10 % to 90 %", "noise alone, rms"]
+        )
+        layout.add_letters(drawing)
         panels[found.parts[-1]].set_xlabel(in_words("horizon", "s"))
-        add_remarks(drawing, [f"Errors of {found.windows} windows of {found.name}."])
-        freeze(drawing)
+        layout.add_remarks(drawing, [f"Errors of {found.windows} windows of {found.name}."])
+        layout.freeze(drawing)
     title = f"{found.name}: {NAME}"
     files = {
         folder / f"{NAME}.{format}": encode(drawing, format, title, "Errors of a prediction")
         for format in FORMATS
     }
-    write(files, folder)
+    write_all(files, folder)
     return list(files)

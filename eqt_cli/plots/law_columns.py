@@ -5,13 +5,7 @@ from collections.abc import Callable, Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.plots.drawing.layout import (
-    EMPTY,
-    add_title,
-    hide_inner_scales,
-    share_scale,
-    sheet,
-)
+from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.style import WIDTHS, Width
 from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
@@ -57,17 +51,17 @@ def law_columns(
             f"has a column of panels per controller, and width '{width}' has room for "
             f"{MOST[width]}, not {len(laws)}; choose some with the option 'controllers'"
         )
-    mosaic = [[f"{row} {e.label}" if shows(row, e) else EMPTY for e in laws] for row in rows]
-    drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"), tallest)
+    mosaic = [[f"{row} {e.label}" if shows(row, e) else layout.EMPTY for e in laws] for row in rows]
+    drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), tallest)
     found: dict[str, Row] = {row: {} for row in rows}
     for row, names in zip(rows, mosaic, strict=True):
         for law, name in zip(laws, names, strict=True):
-            if name != EMPTY:
+            if name != layout.EMPTY:
                 found[row][law.label] = panels[name]
-        share_scale(found[row].values())
+        layout.share_scale(found[row].values())
     for k, law in enumerate(laws):
-        top = next((names[k] for names in mosaic if names[k] != EMPTY), EMPTY)
-        if top != EMPTY:
-            add_title(panels[top], law.title, (WIDTHS[width] - _BESIDE) / len(laws))
-    hide_inner_scales(panels, mosaic)
+        top = next((names[k] for names in mosaic if names[k] != layout.EMPTY), layout.EMPTY)
+        if top != layout.EMPTY:
+            layout.add_title(panels[top], law.title, (WIDTHS[width] - _BESIDE) / len(laws))
+    layout.hide_inner_scales(panels, mosaic)
     return drawing, found

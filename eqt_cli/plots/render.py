@@ -1,25 +1,156 @@
-"""Rendering of results to the files of one figure; it knows no single figure."""
+"""The files of one figure: its drawing, and the numbers behind its curves; no single figure."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+import json
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
-from eqt_cli.core.errors import EqtError, suggestion
-from eqt_cli.core.problems import Problems
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError, Problems, suggestion
+from eqt_cli.core.option_types import option_names, validated
+from eqt_cli.core.own_files import write_all
 from eqt_cli.core.registry import summary
-from eqt_cli.core.validation import option_names, validated
 from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.plots import kept_numbers
-from eqt_cli.plots.base import NOTHING, Alongside, Figure, OfCertificates
-from eqt_cli.plots.curve_data import curves
+from eqt_cli.plots.base import NO_EXTRAS, Extras, Figure
 from eqt_cli.plots.drawing.latex import sentence
+from eqt_cli.plots.drawing.layout import COLOUR_SCALE, NO_NUMBERS
 from eqt_cli.plots.drawing.style import HOUSE, WIDTHS, Style
 from eqt_cli.plots.figures import figures
-from eqt_cli.plots.kept_numbers import Check
-from eqt_cli.plots.save import Format, encode, write
+from eqt_cli.plots.save import Format, encode
 from eqt_cli.plots.shown.controllers import names
 from eqt_cli.results.result import Result
+
+MOST_SAMPLES = 101
+"""Most samples that are kept of a curve: the first, the last, and others evenly between."""
+
+DIGITS = 9
+"""Significant digits that a file keeps."""
+
+_UNNAMED = re.compile(r"_child\d+")
+"""Matplotlib's labels of unnamed curves."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Numbers of one curve.
+
+    Attributes
+    ----------
+    panel
+        Name of its panel, unique in the figure.
+    name
+        Name of the curve, unique in the panel.
+    across, up
+        Labels of the scales with their units, in plain text.
+    x, y : (samples,)
+        Numbers in these units; at most `MOST_SAMPLES`.
+    """
+
+    panel: str
+    name: str
+    across: str
+    up: str
+    x: Array
+    y: Array
+
+
+def curves(drawing: Drawing) -> list[Curve]:
+    """Return lines, edges of bands, points and maps, panel by panel.
+
+    Only the lowest panels name the time axis, and the leftmost the vertical one; the other panels
+    take the names from there.
+    """
+    kept = []
+    named = [text for axes in drawing.axes if (text := plain(axes.get_xlabel()))]
+    up = ""
+    for number, axes in enumerate(drawing.axes, start=1):
+        across = plain(axes.get_xlabel()) or (named[-1] if named else "")
+        up = plain(axes.get_ylabel()) or up
+        panel = str(axes.get_label()) or f"panel {number}"
+        if panel == COLOUR_SCALE:
+            continue
+        for name, x, y in _shown(axes):
+            chosen = _kept(len(x))
+            kept.append(Curve(panel, name, across, up, x[chosen], y[chosen]))
+    return kept
+
+
+def plain(label: str) -> str:
+    r"""Strip a label of typesetting: ``‖τ‖ (N m)`` for ``$\|\tau\|$ $(\mathrm{N\,m})$``."""
+    words = label.replace(r"\|", "‖").replace(r"\,", " ")
+    return re.sub(r"[${}\\]", "", re.sub(r"\\([a-z]+)(?: (?=\w))?", _letter, words))
+
+
+def _letter(command: re.Match[str]) -> str:
+    r"""Return the Greek letter of a command such as ``\tau``; empty for commands of fonts."""
+    name = command[1].upper().replace("LAMBDA", "LAMDA")
+    try:
+        return unicodedata.lookup(f"GREEK SMALL LETTER {name}")
+    except KeyError:
+        return ""
+
+
+def _shown(axes: Axes) -> Iterator[tuple[str, Array, Array]]:
+    """Yield name and numbers of everything drawn in a panel."""
+    for index, line in enumerate(axes.lines, start=1):
+        x, y = map(_numbers, line.get_data(orig=False))
+        yield _name(line.get_label(), f"line {index}"), x, y
+    for index, shape in enumerate(axes.collections, start=1):
+        if shape.get_label() == NO_NUMBERS:
+            continue
+        name = _name(shape.get_label(), f"{index}")
+        if isinstance(shape, QuadMesh):
+            cells = _numbers(shape.get_array()).ravel()
+            yield f"cells {name}", np.arange(len(cells)), cells
+        elif isinstance(shape, PathCollection):
+            points = _numbers(shape.get_offsets())
+            yield f"points {name}", points[:, 0], points[:, 1]
+        elif isinstance(shape, PolyCollection):
+            corners = np.concatenate([_numbers(path.vertices) for path in shape.get_paths()])
+            corners = corners[np.argsort(corners[:, 0], kind="stable")]
+            x, first = np.unique(corners[:, 0], return_index=True)
+            y = corners[:, 1]
+            yield f"lower edge {name}", x, np.minimum.reduceat(y, first)
+            yield f"upper edge {name}", x, np.maximum.reduceat(y, first)
+
+
+def _name(label: object, otherwise: str) -> str:
+    return otherwise if not label or _UNNAMED.fullmatch(str(label)) else str(label)
+
+
+def _numbers(values: object) -> Array:
+    """Return numbers, with NaN where Matplotlib masks them."""
+    return np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
+
+
+def _kept(count: int) -> Array:
+    step = max(1, -(-(count - 1) // (MOST_SAMPLES - 1)))
+    return np.unique(np.append(np.arange(0, count, step), count - 1))
+
+
+def to_json(curves: Sequence[Curve]) -> bytes:
+    """Return the content of a file, a line per name and list of numbers for readable diffs."""
+    return b"[\n" + b",\n".join(_record(curve).encode() for curve in curves) + b"\n]\n"
+
+
+def _record(curve: Curve) -> str:
+    names = ("panel", "name", "across", "up")
+    texts = [f'"{k}": {json.dumps(getattr(curve, k), ensure_ascii=False)}' for k in names]
+    numbers = [f'"{k}": [{", ".join(map(_text, getattr(curve, k)))}]' for k in ("x", "y")]
+    return "{" + ",\n ".join([*texts, *numbers]) + "}"
+
+
+def _text(value: float) -> str:
+    return f"{value:.{DIGITS}g}" if np.isfinite(value) else "null"
+
 
 Choice = TypeVar("Choice", bound=str)
 
@@ -39,7 +170,7 @@ def render(
     options: Mapping[str, Any] | None = None,
     *,
     style: Style = HOUSE,
-    alongside: Alongside = NOTHING,
+    extras: Extras = NO_EXTRAS,
     caption: bool = False,
 ) -> list[Path]:
     """Draw one figure of results and write it as ``<folder>/<figure_name>.<format>``.
@@ -58,7 +189,7 @@ def render(
         Fields of the figure to set, as data from a configuration or a command line.
     style
         Style of the figure.
-    alongside
+    extras
         Data that some figures show beside the results.
     caption
         Whether to write the remarks to ``<folder>/<figure_name>-caption.tex``, and not below the
@@ -85,22 +216,25 @@ def render(
         results,
         of_width,
         style=style,
-        alongside=alongside,
+        extras=extras,
         arranged=set(wanted) != {NUMBERS},
         captions=told if caption else None,
     )
     title = f"{', '.join(_names(results))}: {figure.name}"
-    digests = ", ".join(map(_digest, results))
+    digests = ", ".join(
+        one.digest if isinstance(one, Experiment) else str(one.attributes.get("digest", ""))
+        for one in results
+    )
     description = f"{summary(type(figure))} Experiment {digests}"
     files = {
-        folder / f"{figure.name}.{format}": kept_numbers.to_json(curves(drawing))
+        folder / f"{figure.name}.{format}": to_json(curves(drawing))
         if format == NUMBERS
         else encode(drawing, format, title, description, style)
         for format in wanted
     }
     if caption:
         files[folder / caption_name(figure.name)] = as_caption(told, title)
-    write(files, folder)
+    write_all(files, folder)
     return list(files)
 
 
@@ -114,39 +248,9 @@ def as_caption(remarks: Sequence[str], title: str) -> bytes:
     return f"% caption by eqt: {title}\n{' '.join(map(sentence, remarks))}%\n".encode()
 
 
-def check(
-    results: Sequence[Result | Experiment],
-    figure_name: str,
-    folder: Path,
-    options: Mapping[str, Any] | None = None,
-    alongside: Alongside = NOTHING,
-) -> Check:
-    """Compare the numbers behind the curves of a figure with ``<folder>/<figure_name>.json``.
-
-    Raises
-    ------
-    EqtError
-        If there is no such figure or option, the result lacks what the figure shows, its numbers
-        are rounding errors, or there is no such file, which `render` writes as format ``json``.
-    """
-    figure = figure_from(figure_name, options or {})
-    if isinstance(figure, OfCertificates):
-        raise EqtError(
-            f"figure '{figure.name}' shows rounding errors, which differ from machine to machine; "
-            "`eqt verify` checks them against their bounds"
-        )
-    expected = kept_numbers.read(folder / f"{figure.name}.{NUMBERS}")
-    drawing = figure.draw(results, alongside=alongside, arranged=False)
-    return kept_numbers.compare(curves(drawing), expected)
-
-
 def _names(shown: Sequence[Result | Experiment]) -> list[str]:
     results = [one for one in shown if isinstance(one, Result)]
     return names(results) + [one.name for one in shown if isinstance(one, Experiment)]
-
-
-def _digest(one: Result | Experiment) -> str:
-    return one.digest if isinstance(one, Experiment) else str(one.attributes.get("digest", ""))
 
 
 def options_of(name: str) -> list[str]:

@@ -3,21 +3,16 @@
 import logging
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from hashlib import sha256
 from io import BytesIO
-from pathlib import Path
 from string import ascii_uppercase
 from typing import Any, Literal
 
 from matplotlib import rc_context, rcParams
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
-from eqt_cli.core.files import refusals
-from eqt_cli.core.own_files import check_within, is_eqts
-from eqt_cli.core.replacement import replace_file
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.drawing.style import ENLARGED, HOUSE, Style, house_style
 
@@ -32,11 +27,7 @@ _MAKER = f"eqt {__version__}"
 
 
 def encode(
-    drawing: Drawing,
-    format: Format,
-    title: str = "",
-    description: str = "",
-    style: Style = HOUSE,
+    drawing: Drawing, format: Format, title: str = "", description: str = "", style: Style = HOUSE
 ) -> bytes:
     """Return the content of a file of a drawing, in its style; its panels are frozen already.
 
@@ -56,58 +47,6 @@ def encode(
     return _enlarged(buffer.getvalue(), times) if format == "svg" else buffer.getvalue()
 
 
-def check_targets(paths: Iterable[Path], home: Path) -> None:
-    """Refuse, before the work, to write where it would fail or replace what is not eqt's.
-
-    Parameters
-    ----------
-    home
-        Folder below which no link is followed.
-
-    Raises
-    ------
-    EqtError
-        If a path is a folder, a link or a file that eqt did not write, or its parent is no folder
-        that can be written to.
-    """
-    for path in paths:
-        with refusals(path, "written", OTHER_FOLDER):
-            if path.is_dir():
-                example = path / "report.html"
-                raise EqtError(f"{path}: is a folder; expected a file, such as {example}")
-            check_within(home, path)
-            if path.exists() and not is_eqts(path):
-                raise EqtError(
-                    f"{path}: exists, and is no figure or page that eqt wrote",
-                    Remedy("choose another place with {}", "out"),
-                )
-            folder = next(parent for parent in path.absolute().parents if parent.exists())
-            if not folder.is_dir():
-                raise NotADirectoryError("not a directory")
-            if not os.access(folder, os.W_OK | os.X_OK):
-                raise PermissionError("permission denied")
-
-
-def write(contents: Mapping[Path, bytes], home: Path) -> None:
-    """Write each file atomically; missing folders are made.
-
-    Parameters
-    ----------
-    home
-        Folder below which no link is followed.
-
-    Raises
-    ------
-    EqtError
-        If a folder or file cannot be written, or would replace what eqt did not write.
-    """
-    check_targets(contents, home)
-    for path, content in contents.items():
-        with refusals(path, "written", OTHER_FOLDER):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            replace_file(path, content)
-
-
 def _arranged() -> AbstractContextManager[None]:
     """Switch off the layout of the style, for which Matplotlib draws everything twice."""
     return rc_context({"figure.constrained_layout.use": False})
@@ -119,23 +58,27 @@ def _enlarged(svg: bytes, times: float) -> bytes:
 
 
 @contextmanager
-def _larger_pages(times: float) -> Iterator[None]:
+def _replaced(owner: Any, name: str, by: Any) -> Iterator[None]:
+    """Replace an attribute within a block."""
+    own = vars(owner)[name]  # static methods as they are
+    setattr(owner, name, by)
+    try:
+        yield
+    finally:
+        setattr(owner, name, own)
+
+
+def _larger_pages(times: float) -> AbstractContextManager[None]:
     """Enlarge the pages of PDF files by a factor, with all that is on them."""
     from matplotlib.backends.backend_pdf import Op, PdfFile  # slow to import
 
-    file: Any = PdfFile
-    own = file.newPage
+    own: Any = PdfFile.newPage
 
     def new_page(self: Any, width: float, height: float) -> None:
         own(self, times * width, times * height)
         self.output(times, 0, 0, times, 0, 0, Op.concat_matrix)
 
-    if times != 1:
-        file.newPage = new_page
-    try:
-        yield
-    finally:
-        file.newPage = own
+    return _replaced(PdfFile, "newPage", new_page) if times != 1 else nullcontext()
 
 
 @contextmanager
@@ -161,29 +104,21 @@ def _quiet_font_tools() -> Iterator[None]:
         log.setLevel(level)
 
 
-@contextmanager
-def _steady_names_of_fonts() -> Iterator[None]:
+def _steady_names_of_fonts() -> AbstractContextManager[None]:
     """Name the subsets of fonts in PDF files after their content.
 
     For fonts of TeX, Matplotlib uses Python's hash, which differs between processes.
     """
     from matplotlib.backends.backend_pdf import PdfFile  # slow to import
 
-    file: Any = PdfFile
-    own = getattr(file, "_get_subset_prefix", None)
-    if own is None:  # Matplotlib before 3.10 embeds fonts of TeX whole
-        yield
-        return
-
     def prefix(glyphs: Iterable[object]) -> str:
         digest = sha256(" ".join(sorted(map(str, glyphs))).encode()).digest()
         return "".join(ascii_uppercase[byte % 26] for byte in digest[:6]) + "+"
 
-    file._get_subset_prefix = staticmethod(prefix)
-    try:
-        yield
-    finally:
-        file._get_subset_prefix = staticmethod(own)
+    name = "_get_subset_prefix"
+    if name not in vars(PdfFile):  # Matplotlib before 3.10 embeds fonts of TeX whole
+        return nullcontext()
+    return _replaced(PdfFile, name, staticmethod(prefix))
 
 
 def _metadata(format: Format, title: str, description: str) -> dict[str, str | None]:

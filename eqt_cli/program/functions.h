@@ -263,8 +263,12 @@ EQT_INLINE eqt_reduced eqt_reduce_far(eqt_real x)
     int lane, part;
     __builtin_memcpy(given, &x, sizeof given);
     for (lane = 0; lane < EQT_LANES; lane++) {
+#if EQT_LANES == 1
+        eqt_far_turn(given[lane], fraction, &quadrant[lane]);
+#else /* some lane is far */
         const double size = given[lane] < 0.0 ? -given[lane] : given[lane];
         eqt_far_turn(size < 1e8 ? 1e8 : given[lane], fraction, &quadrant[lane]);
+#endif
         for (part = 0; part < 3; part++)
             parts[part][lane] = fraction[part];
     }

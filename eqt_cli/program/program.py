@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
+
+Places: TypeAlias = Mapping[int, int] | Sequence[int]
+"""The new places of values, by their old ones."""
 
 
 class Input(NamedTuple):
@@ -32,6 +36,10 @@ class Operation(NamedTuple):
     name: str
     operands: tuple[int, ...]
 
+    def moved(self, places: Places) -> Operation:
+        """Return the operation on values that have moved to these places."""
+        return Operation(self.name, tuple(places[operand] for operand in self.operands))
+
 
 Value: TypeAlias = Input | Constant | Operation
 
@@ -45,6 +53,10 @@ class Output(NamedTuple):
     name: str
     shape: tuple[int, ...]
     entries: tuple[int, ...]
+
+    def moved(self, places: Places) -> Output:
+        """Return the output of values that have moved to these places."""
+        return self._replace(entries=tuple(places[entry] for entry in self.entries))
 
 
 @dataclass(frozen=True)
@@ -70,21 +82,3 @@ class Program:
     def operations(self) -> int:
         """The number of operations."""
         return sum(isinstance(value, Operation) for value in self.values)
-
-    def operands_of(self, name: str) -> list[tuple[int, ...]]:
-        """Return the operands of every operation of this name, in the order of the program."""
-        return [
-            value.operands
-            for value in self.values
-            if isinstance(value, Operation) and value.name == name
-        ]
-
-    def following_from(self, name: str) -> set[int]:
-        """Return the places of all values that depend on an operation of this name."""
-        found: set[int] = set()
-        for place, value in enumerate(self.values):
-            if isinstance(value, Operation) and (
-                value.name == name or not found.isdisjoint(value.operands)
-            ):
-                found.add(place)
-        return found

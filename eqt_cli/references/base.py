@@ -1,20 +1,22 @@
 """Base classes of references: a desired motion Q_d(t), V_d(t), V̇_d(t) and its force τ_d."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, stack
-from eqt_cli.core.component import Component
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.leaves import STRUCTURE
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.registry import Component
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.flatness import FlatOutput, PlantModel
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.motions import Piece, Pieces
 from eqt_cli.mechanics.over_time import GivenOverTime
@@ -43,24 +45,38 @@ class InExpressions:
         vars(other)["expressions"] = [new() for _ in self.expressions]
         return other
 
-    def instants(self, *group: MatrixLieGroup) -> Array:
-        """Return the times at which an expression changes its piece."""
-        return instants_of(self.expressions)
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which an expression changes its piece, and of short pulses."""
+        return instants_of(self.expressions, until)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note expressions that do not parse, and a wrong number of them."""
-        problems, entries = problems.at(self.expressed), getattr(self, self.expressed)
-        if len(entries) != G.dimension:
-            expected = f"expected {G.dimension} expressions for {G.name}"
-            problems.add(f"{expected}, got {len(entries)}")
-        for index, entry in enumerate(entries):
-            with problems.catching(index):
-                formula(entry)
+        entries = getattr(self, self.expressed)
+        check_expressions(entries, G.dimension, G, problems.at(self.expressed))
 
 
-def instants_of(expressions: Iterable[Expression]) -> Array:
-    """Return the sorted times at which expressions change their piece."""
-    return np.unique([t for expression in expressions for t in expression.instants])
+def check_expressions(
+    entries: Sequence[str | float], count: int, G: MatrixLieGroup, problems: Problems
+) -> None:
+    """Note expressions that do not parse, and a wrong number of them."""
+    if len(entries) != count:
+        problems.add(f"expected {count} expressions for {G.name}, got {len(entries)}")
+    for index, entry in enumerate(entries):
+        with problems.catching(index):
+            formula(entry)
+
+
+def check_rising(points: Sequence[Any], problems: Problems) -> None:
+    """Note points that are not in the order of time."""
+    for index, (before, point) in enumerate(pairwise(points), 1):
+        if not point.t > before.t:
+            wanted = f"expected a time after {before.t:g} s, got {point.t:g} s"
+            problems.at(index, "t").add(wanted)
+
+
+def instants_of(expressions: Iterable[Expression], until: float) -> Array:
+    """Return the sorted times at which expressions change their piece, and of short pulses."""
+    return np.unique([t for expression in expressions for t in expression.instants(until)])
 
 
 class Desired(NamedTuple):
@@ -95,6 +111,8 @@ class Reference(GivenOverTime, Component):
     """Whether V_d(t) = V_d(0) by construction."""
     starts_from: ClassVar[tuple[str, ...]] = ("pose", "velocity")
     """The initial values given in addition to the options; these states are integrated."""
+    smooth: ClassVar[bool] = False
+    """Whether it has a method ``series(G, t, order)``, as `path`: Q_d as a Taylor series."""
 
     @abstractmethod
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
@@ -116,6 +134,23 @@ class Reference(GivenOverTime, Component):
     def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
         """Return Q_d(0) and V_d(0) from the given `pose` and `velocity`."""
         return pose, velocity
+
+    def flat_output(self, G: MatrixLieGroup, t: Any) -> FlatOutput | None:
+        """Return position and heading with their derivatives at time t; None if there are none."""
+        return None
+
+    def given_at(self, G: MatrixLieGroup) -> Array | None:
+        """Return the times of the poses that give it, by points or rows; None for other kinds."""
+        return None
+
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the reference with what it knows of the plant, after noting what does not fit."""
+        return self
+
+    @property
+    def known_forces(self) -> tuple[Any, ...]:
+        """The forces that act along the motion besides those of the actuators, as far as known."""
+        return ()
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Return the reference with a new function of time for each of its expressions."""
@@ -206,7 +241,7 @@ class PiecewiseReference(ClosedReference):
         """Return the motion of the pieces at the times."""
         return self.held(G, t).motion(G, t)
 
-    def instants(self, G: MatrixLieGroup) -> Array:
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which a piece begins."""
         return self.prepared(G, self.pieces).starts
 

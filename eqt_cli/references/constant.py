@@ -1,13 +1,12 @@
 """A reference that moves with a constant body velocity."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.core.errors import InputError
-from eqt_cli.core.option_types import Real
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import InputError, Problems
+from eqt_cli.core.option_types import VELOCITY, Real, Unit
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.motions import Pieces
 from eqt_cli.notation.poses import pose_from, vector
@@ -30,7 +29,7 @@ class ConstantReference(PiecewiseReference):
     keeps_velocity: ClassVar[bool] = True
 
     pose: Any = "identity"
-    velocity: Real | list[Real] = 0.0
+    velocity: Annotated[Real | list[Real], Unit(VELOCITY)] = 0.0
 
     def pieces(self, G: MatrixLieGroup) -> Pieces:
         """Return one piece of one factor with a(t) = t."""

@@ -6,9 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.logs.in_file import RecordingInFile
+from eqt_cli.logs.recording import RecordingInFile
 from eqt_cli.mechanics.motions import Pieces, spline, through
 from eqt_cli.references.base import PiecewiseReference
 
@@ -30,6 +31,10 @@ class LogReference(RecordingInFile, PiecewiseReference):
         if np.isnan(log.velocities).any():
             return spline(G, log.times, log.poses)
         return through(G, log.times, log.poses, log.velocities)
+
+    def given_at(self, G: MatrixLieGroup) -> Array:
+        """Return the times of the rows."""
+        return self.recording(G).times
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
         """Yield the oddities of the file."""

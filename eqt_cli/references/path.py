@@ -6,14 +6,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from eqt_cli.core import units
 from eqt_cli.core.arrays import Array, stack
-from eqt_cli.core.differentiation import value_and_derivatives
-from eqt_cli.core.errors import InputError
+from eqt_cli.core.errors import InputError, Problems
 from eqt_cli.core.expressions import Expression, formula
-from eqt_cli.core.option_types import Real, written_in_degrees
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.jets import Jet, series
+from eqt_cli.core.option_types import Real
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.logs.columns import coordinate_names
+from eqt_cli.logs.reading import coordinate_names
 from eqt_cli.mechanics.motions import Factor, motion_along, screws
 from eqt_cli.notation.poses import pose_from, vector
 from eqt_cli.references.base import ClosedReference, instants_of
@@ -28,7 +28,7 @@ class PathFactor:
     axis
         ξ: the name of a coordinate of the algebra, such as wz, or m numbers.
     by
-        a(t), an expression in t; about an axis of rotation also in degrees, such as 30*t deg.
+        a(t), an expression in t, in rad or m; or with its unit, such as 30*t deg.
     """
 
     axis: str | list[Real]
@@ -37,8 +37,14 @@ class PathFactor:
     @cached_property
     def expression(self) -> Expression:
         """The parsed expression of `by`, in rad and m."""
-        degrees = written_in_degrees(self.by)
-        return formula(self.by if degrees is None else f"({degrees})*pi/180")
+        text, unit = self._written
+        size = "pi/180" if unit == "deg" else repr(units.factor(unit, units.base_of(unit)))
+        return formula(f"({text})*{size}" if unit else text)
+
+    @property
+    def _written(self) -> tuple[str | float, str]:
+        found = units.split(self.by) if isinstance(self.by, str) else None
+        return found or (self.by, "")
 
     def vector(self, G: MatrixLieGroup) -> Array:
         """Return ξ in coordinates, or raise an `InputError` if the group has no such axis."""
@@ -52,11 +58,13 @@ class PathFactor:
             )
         return np.eye(G.dimension)[names.index(self.axis)]
 
-    def require_rotation(self, G: MatrixLieGroup) -> None:
-        """Raise an `InputError` for degrees along an axis of translation."""
-        axis, linear = self.vector(G), [part for part in G.parts if not part.turns]
-        if written_in_degrees(self.by) and any(np.any(axis[part.axes]) for part in linear):
-            raise InputError(f"expected no deg along an axis of translation, got '{self.by}'")
+    def require_unit(self, G: MatrixLieGroup) -> None:
+        """Raise an `InputError` for a unit that is not that of the axis."""
+        axis, unit = self.vector(G), self._written[1]
+        for part in G.parts:
+            own = part.error_unit
+            if unit and np.any(axis[part.axes]) and units.factor(unit, own) is None:
+                raise InputError(f"expected {units.offered(own)}, got '{self.by}'")
 
 
 @dataclass(frozen=True)
@@ -73,6 +81,7 @@ class PathReference(ClosedReference):
     """
 
     name: ClassVar[str] = "path"
+    smooth: ClassVar[bool] = True
 
     factors: list[PathFactor]
     pose: Any = "identity"
@@ -81,19 +90,33 @@ class PathReference(ClosedReference):
         """Return the product, its velocity and its acceleration."""
         links, numbers, rates = self.prepared(G, self._constants)
         factors = []
-        for factor, of_factor, rate in zip(self.factors, numbers, rates, strict=True):
-            derivatives = value_and_derivatives(factor.expression, t)
-            factors.append(Factor(of_factor, stack(derivatives)[..., None] * rate))
+        for each, of_each, rate in zip(self.factors, numbers, rates, strict=True):
+            angle = series(each.expression, {"t": t}, 2)
+            derivatives = stack([angle.derivative(k) for k in range(3)])
+            factors.append(Factor(of_each, derivatives[..., None] * rate))
         return motion_along(G, links, factors)
+
+    def series(self, G: MatrixLieGroup, t: Any, order: int) -> Jet:
+        """Return Q_d as a series; a factor E has the rate ȧ E ξ^."""
+        links, numbers, rates = self.prepared(G, self._constants)
+        Q: Any = links[0]
+        for each, of_each, rate, link in zip(self.factors, numbers, rates, links[1:], strict=True):
+            angle: Any = stack([series(each.expression, {"t": t}, order)])
+            E: Any = Jet([G.exp_along(of_each, angle.value * rate)])
+            axis = G.hat(G.along(of_each, rate))
+            while E.order < order:
+                E = E.extended((angle.rate[..., None] * E @ axis).derivative(E.order))
+            Q = Q @ E @ link
+        return Q
 
     def _constants(self, G: MatrixLieGroup) -> tuple[Array, Array, Array]:
         pose = pose_from(self.pose, G, Problems())
         assert pose is not None
         return screws(G, pose, np.stack([factor.vector(G) for factor in self.factors]))
 
-    def instants(self, G: MatrixLieGroup) -> Array:
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression changes its piece."""
-        return instants_of(factor.expression for factor in self.factors)
+        return instants_of([factor.expression for factor in self.factors], until)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid pose, axis or expression, and missing factors."""
@@ -109,4 +132,4 @@ class PathReference(ClosedReference):
             with here.catching("by"):
                 _ = factor.expression
                 if not here.at("axis"):
-                    factor.require_rotation(G)
+                    factor.require_unit(G)

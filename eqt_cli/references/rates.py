@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from eqt_cli.core.arrays import Array, stack
-from eqt_cli.core.differentiation import value_and_derivative
+from eqt_cli.core.jets import value_and_derivative
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.references.base import InExpressions, ReferenceByRates
 

@@ -1,10 +1,10 @@
 """A reference that moves from one pose to another, at rest before and after."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from eqt_cli.core.option_types import Positive, Real
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.option_types import Positive, Real, Unit
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.motions import Pieces, eased
 from eqt_cli.notation.poses import pose_from
@@ -33,9 +33,9 @@ class SlewReference(PiecewiseReference):
     name: ClassVar[str] = "slew"
 
     to: Any
-    duration: Positive
+    duration: Annotated[Positive, Unit("s")]
     from_: Any = "identity"
-    start: Real = 0.0
+    start: Annotated[Real, Unit("s")] = 0.0
     profile: Literal["quintic"] = "quintic"
 
     def pieces(self, G: MatrixLieGroup) -> Pieces:

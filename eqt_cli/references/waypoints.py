@@ -1,25 +1,248 @@
-"""A reference through given poses at given times, or near them."""
+"""A reference through given poses at given times, or near them.
+
+Measured poses are smoothed on their group. In a vector space this is the cubic smoothing spline,
+which minimises Σ|y_i − f(t_i)|² + λ ∫|f''|² (Reinsch, Numerische Mathematik 10, 1967). With QᵀQ and
+R of that article, the second derivatives at the inner knots solve (R + λQᵀQ)u = Qᵀy, and the
+residual is λQu. On a group, differences of neighbours are logarithms, and residuals are
+log(Q_i⁻¹P_i); motions of constant velocity are not changed.
+"""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import InputError
-from eqt_cli.core.option_types import Positive, PositiveAngle, Real
-from eqt_cli.core.problems import Problems
-from eqt_cli.core.validation import unknown_key, validated
+from eqt_cli.core.errors import InputError, Problems
+from eqt_cli.core.option_types import Positive, Real, Unit, unknown_key, validated
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.logs.check import notes
-from eqt_cli.logs.in_file import InFile
 from eqt_cli.logs.mapping import MAPPING
+from eqt_cli.logs.recording import InFile
 from eqt_cli.mechanics.motions import Pieces, spline
-from eqt_cli.mechanics.smoothing import Smoothed, smoothed
 from eqt_cli.notation.poses import pose_from
-from eqt_cli.references.base import PiecewiseReference
+from eqt_cli.references.base import PiecewiseReference, check_rising
+
+SMALLEST, LARGEST = 1e-6, 1e11
+"""Range of λ relative to the cube of the mean step: below it, nothing is smoothed; above it,
+rounding becomes visible."""
+
+SETTLED = 1e-12
+"""Change of the poses at which the iteration has converged, relative to the largest residual."""
+
+MATCHED = 1e-4
+"""Relative tolerance of a residual with respect to the requested deviation."""
+
+MAX_ITERATIONS, MAX_MATCHES = 200, 20
+
+FEWEST = 5
+"""Smallest number of poses for cross-validation."""
+
+
+class Smoothed(NamedTuple):
+    """Poses on a smooth motion.
+
+    Attributes
+    ----------
+    poses : (n, d, d)
+    residuals
+        For each part, the root mean square of |log(Q_i⁻¹P_i)|.
+    weights
+        λ of each part.
+    """
+
+    poses: Array
+    residuals: list[float]
+    weights: list[float]
+
+
+class _Bending:
+    """The banded matrices of the second derivatives at the knots."""
+
+    def __init__(self, times: Array) -> None:
+        h = np.diff(times)
+        self.steps, self.mean = h, float(h.mean())
+        self.inverse = 1 / h
+        a, c = self.inverse[:-1], self.inverse[1:]
+        self.middle = -(a + c)
+        self.R = np.zeros((3, len(h) - 1))
+        self.R[0] = (h[:-1] + h[1:]) / 3
+        self.R[1, :-1] = h[1:-1] / 6
+        self.squares = np.zeros_like(self.R)
+        self.squares[0] = a**2 + self.middle**2 + c**2
+        self.squares[1, :-1] = self.middle[:-1] * c[:-1] + c[:-1] * self.middle[1:]
+        self.squares[2, :-2] = c[:-2] * c[1:-1]
+
+    def of_steps(self, steps: Array) -> Array:
+        """Return Qᵀy from the differences of neighbours, ``(n − 1, m)``."""
+        return np.diff(steps * self.inverse[:, None], axis=0)
+
+    def spread(self, u: Array) -> Array:
+        """Return Qu."""
+        product = np.zeros((len(self.steps) + 1, u.shape[1]))
+        product[:-2] += u * self.inverse[:-1, None]
+        product[1:-1] += u * self.middle[:, None]
+        product[2:] += u * self.inverse[1:, None]
+        return product
+
+    def residual(self, weight: float, differences: Array) -> Array:
+        """Return λQu for the solution u of (R + λQᵀQ)u = Qᵀy."""
+        from scipy.linalg import solveh_banded  # slow to import, and not needed to read results
+
+        bands = self.R + weight * self.squares
+        return weight * self.spread(solveh_banded(bands, differences, lower=True))
+
+    def freedom(self, weight: float) -> float:
+        """Return tr(I − A) of the smoothing matrix A: n − 2 − tr(R(R + λQᵀQ)⁻¹).
+
+        The inverse is needed on the bands of R only (Hutchinson and de Hoog, Numerische Mathematik
+        47, 1985).
+        """
+        from scipy.linalg import cholesky_banded
+
+        factor = cholesky_banded(self.R + weight * self.squares, lower=True)
+        pivots, first, second = factor[0] ** 2, factor[1] / factor[0], factor[2] / factor[0]
+        here = beside = next_here = 0.0  # entries of the inverse in the two rows below
+        trace = 0.0
+        for d, one, two, r, s in zip(
+            *(np.flip(each).tolist() for each in (pivots, first, second, self.R[0], self.R[1])),
+            strict=True,
+        ):
+            far = -one * beside - two * next_here
+            near = -one * here - two * beside
+            entry = 1 / d - one * near - two * far
+            trace += r * entry + 2 * s * near
+            next_here, here, beside = here, entry, near
+        return len(self.steps) - 1 - trace
+
+
+def smoothed(
+    G: MatrixLieGroup, times: Array, poses: Array, deviations: Sequence[float | None]
+) -> Smoothed:
+    """Return poses on a smooth motion near the given ones.
+
+    Parameters
+    ----------
+    times : (n,)
+    poses : (n, d, d)
+    deviations
+        The residual requested for each part of the group; None for the λ that minimises
+        generalised cross-validation.
+
+    Raises
+    ------
+    InputError
+        If there are too few poses, or they are too far apart.
+    """
+    if len(times) < FEWEST:
+        raise InputError(f"expected at least {FEWEST} waypoints to smooth, got {len(times)}")
+    bending, axes = _Bending(times), [part.axes for part in G.parts]
+    differences = bending.of_steps(_steps(G, poses))
+    aims = list(deviations)
+    for _ in range(MAX_MATCHES):
+        weights = [
+            _cross_validated_weight(bending, differences[:, part])
+            if aim is None
+            else _weight_of(bending, differences[:, part], aim)
+            for part, aim in zip(axes, aims, strict=True)
+        ]
+        found, remaining = _solved(G, bending, poses, list(zip(axes, weights, strict=True)))
+        residuals = [_size(remaining[:, part]) for part in axes]
+        largest = LARGEST * bending.mean**3
+        off = [
+            deviation is not None
+            and abs(residual / deviation - 1) > MATCHED
+            and not (weight >= largest and residual < deviation)
+            for deviation, residual, weight in zip(deviations, residuals, weights, strict=True)
+        ]
+        if not any(off):
+            break
+        for k, deviation in enumerate(deviations):
+            if off[k] and deviation is not None:  # the λ of a vector space is not exact on a group
+                aims[k] = aims[k] * deviation / residuals[k]  # type: ignore[operator]  # None only where the deviation is
+    return Smoothed(found, residuals, weights)
+
+
+def _solved(
+    G: MatrixLieGroup, bending: _Bending, poses: Array, parts: list[tuple[slice, float]]
+) -> tuple[Array, Array]:
+    """Return poses whose residuals are λQu with their second derivatives u, and the residuals.
+
+    Newton's method with the matrix of a vector space, where one iteration suffices.
+    """
+    found = poses
+    for _ in range(MAX_ITERATIONS):
+        actual = G.log(G.inverse(found) @ poses)
+        differences = bending.of_steps(_steps(G, found))
+        differences += bending.of_steps(np.diff(actual, axis=0))
+        wanted = np.zeros_like(actual)
+        for part, weight in parts:
+            wanted[:, part] = bending.residual(weight, differences[:, part])
+        change = actual - wanted
+        found = found @ G.exp(change)
+        size = float(np.abs(change).max())
+        if size <= SETTLED * max(float(np.abs(wanted).max()), 1.0):
+            return found, G.log(G.inverse(found) @ poses)
+        if not np.isfinite(size):
+            break
+    raise InputError(
+        "no smooth motion was found near these poses; give a smaller deviation, or more poses "
+        "where they turn"
+    )
+
+
+def _steps(G: MatrixLieGroup, poses: Array) -> Array:
+    return G.log(G.inverse(poses[:-1]) @ poses[1:])
+
+
+def _size(residuals: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(residuals * residuals, axis=1))))
+
+
+def _range(bending: _Bending) -> tuple[float, float]:
+    """Return the logarithms of the smallest and the largest λ."""
+    return tuple(np.log(np.array([SMALLEST, LARGEST]) * bending.mean**3).tolist())
+
+
+def _weight_of(bending: _Bending, differences: Array, aim: float) -> float:
+    """Return the λ that gives a residual, which grows with λ."""
+
+    def excess(power: float) -> float:
+        size = _size(bending.residual(float(np.exp(power)), differences))
+        return float(np.log(max(size, 1e-300) / aim))
+
+    from scipy.optimize import brentq
+
+    low, high = _range(bending)
+    if excess(low) >= 0:
+        return float(np.exp(low))
+    if excess(high) <= 0:
+        return float(np.exp(high))
+    return float(np.exp(brentq(excess, low, high, xtol=1e-6)))
+
+
+def _cross_validated_weight(bending: _Bending, differences: Array) -> float:
+    """Return the λ that minimises generalised cross-validation, n Σ|r_i|² / tr(I − A)²."""
+
+    def score(power: float) -> float:
+        weight = float(np.exp(power))
+        size, freedom = _size(bending.residual(weight, differences)), bending.freedom(weight)
+        return float(np.log(max(size, 1e-300)) - np.log(freedom))
+
+    return float(np.exp(_minimum(score, *_range(bending))))
+
+
+def _minimum(score: Callable[[float], float], low: float, high: float) -> float:
+    """Return the point of the minimum of a function: the best of a grid, refined."""
+    from scipy.optimize import minimize_scalar
+
+    grid = np.linspace(low, high, 41)
+    best = int(np.argmin([score(float(each)) for each in grid]))
+    bounds = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    return float(minimize_scalar(score, bounds=bounds, method="bounded", options={"xatol": 1e-8}).x)
+
 
 LATEST, CLOSEST = 1e9, 1e-9
 """Bounds of the times and of the time between two of them, s; beyond, a rate overflows."""
@@ -40,7 +263,7 @@ class Waypoint:
         The pose.
     """
 
-    t: Real
+    t: Annotated[Real, Unit("s")]
     pose: Any
 
 
@@ -86,6 +309,10 @@ class WaypointsReference(InFile, PiecewiseReference):
             poses = self.prepared(G, self._smoothed, "smoothed").poses
         return spline(G, times, poses)
 
+    def given_at(self, G: MatrixLieGroup) -> Array:
+        """Return the times of the waypoints."""
+        return self._waypoints(G)[0]
+
     def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
         """Return the times of the first and the last waypoint."""
         times, _ = self._waypoints(G)
@@ -119,7 +346,7 @@ class WaypointsReference(InFile, PiecewiseReference):
         if missing := [name for name in parts if name not in deviations]:
             expected = f"expected a deviation for each of {', '.join(parts)}"
             problems.add(f"{expected}; missing {', '.join(missing)}")
-        kinds = {name: PositiveAngle if part.turns else Positive for name, part in parts.items()}
+        kinds = {name: Annotated[Positive, Unit(part.error_unit)] for name, part in parts.items()}
         return [
             None
             if deviations.get(name) is None
@@ -161,9 +388,7 @@ class WaypointsReference(InFile, PiecewiseReference):
             problems.add(f"expected at least two waypoints, got {len(points)}")
         for index, point in enumerate(points):
             pose_from(point.pose, G, problems.at(index, "pose"))
-            if index and not point.t > points[index - 1].t:
-                wanted = f"expected a time after {points[index - 1].t:g} s"
-                problems.at(index, "t").add(f"{wanted}, got {point.t:g} s")
+        check_rising(points, problems)
 
 
 def _in_words(part: Part, residual: float) -> str:

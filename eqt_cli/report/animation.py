@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.animation.motion import Course, Motion, motion
+from eqt_cli.plots.animation.motion import BodyPath, Motion, motion
 from eqt_cli.plots.animation.scene import (
     AXES,
     AZIMUTH,
@@ -20,8 +20,7 @@ from eqt_cli.plots.animation.scene import (
 )
 from eqt_cli.plots.drawing.labels import norm_symbol
 from eqt_cli.report.environment import page
-from eqt_cli.report.run_curves import looks
-from eqt_cli.report.run_table import columns
+from eqt_cli.report.run_curves import columns, looks
 from eqt_cli.results.quantity import plain
 from eqt_cli.results.result import Result
 
@@ -65,7 +64,7 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
         "times": _rounded(shown.times[kept]),
         "controllers": [styles[ensemble.controller] for ensemble in shown.ensembles],
         "bodies": [
-            _course(Course(shown.body.rotation[c], shown.body.position[c]), kept, shown)
+            _course(BodyPath(shown.body.rotation[c], shown.body.position[c]), kept, shown)
             for c in range(len(shown.ensembles))
         ],
         "reference": _course(shown.reference, kept, shown),
@@ -92,7 +91,7 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
     }
 
 
-def _course(course: Course, kept: Array, shown: Motion) -> dict[str, Any]:
+def _course(course: BodyPath, kept: Array, shown: Motion) -> dict[str, Any]:
     flat = course.rotation[kept].reshape(len(kept), 9)
     return {
         "rotation": [_rounded(row) for row in flat],

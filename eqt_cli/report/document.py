@@ -12,24 +12,20 @@ from markupsafe import Markup
 from eqt_cli.analysis.certificate_table import certificate_table, titled
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.comparison import compare
-from eqt_cli.analysis.comparison.findings import findings
 from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.records import findings
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.sweep_summary import sweep_tables
 from eqt_cli.core.errors import EqtError
 from eqt_cli.report.animation import animation
 from eqt_cli.report.environment import TEMPLATES, page
-from eqt_cli.report.experiment import given, laws
 from eqt_cli.report.figures import CASES, COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
-from eqt_cli.report.point_table import point_table
-from eqt_cli.report.run_curves import curves
-from eqt_cli.report.run_table import columns, run_table
-from eqt_cli.report.summary import accuracy, day, lead, provenance
+from eqt_cli.report.run_curves import columns, curves, run_table
+from eqt_cli.report.summary import accuracy, day, given, laws, lead, point_table, provenance
 from eqt_cli.results.result import HEADLINE, Result
 from eqt_cli.tuning.folder import TUNE, WORST
 from eqt_cli.tuning.held_out import side_by_side
-from eqt_cli.tuning.tables import tuning_tables
-from eqt_cli.tuning.worst_tables import worst_tables
+from eqt_cli.tuning.tables import tuning_tables, worst_tables
 
 RANKS = ("mean_pose_error", "early_torque")
 """Metrics by which the median run is animated; the first that is stored is used."""
@@ -181,7 +177,7 @@ def _compared(result: Result) -> dict[str, Any]:
     return {
         "findings": findings(comparison, result.titled),
         "confidence": f"{100 * comparison.confidence:g}",
-        "claims": made.get("claims"),
+        "claims": None if comparison.departures else made.get("claims"),
         "levels": made.get("controllers"),
         "pairs": made.get("pairs"),
         "missing": comparison.missing,

@@ -9,7 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eqt_cli.analysis.comparison.notation import significant
-from eqt_cli.core.printable import printable
+from eqt_cli.core.errors import printable
 from eqt_cli.core.version import __version__
 
 _NORM = re.compile("‖[^‖]*‖")

@@ -10,7 +10,7 @@ from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import description
 from eqt_cli.core.reporting import reporter, step
-from eqt_cli.plots.base import Alongside, OfCertificates
+from eqt_cli.plots.base import Extras, OfCertificates
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import DRAWN, figure_from
 from eqt_cli.plots.save import encode
@@ -135,9 +135,7 @@ FRONTS = (
 
 
 def inline_figures(
-    result: Result,
-    wanted: Sequence[Wanted],
-    certificates: Sequence[Row] = (),
+    result: Result, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
 ) -> tuple[list[InlineFigure], list[str]]:
     """Return the figures that can be drawn of a result, and remarks on those that cannot."""
     drawn: list[InlineFigure] = []
@@ -187,7 +185,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
 
 def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> InlineFigure:
     figure = figure_from(wanted.name, wanted.options)
-    text = encode(figure.draw([result], "page", alongside=Alongside(certificates)), "svg")
+    text = encode(figure.draw([result], "page", extras=Extras(certificates)), "svg")
     caption = wanted.caption or description(type(figure))
     svg = inlined(text, key, caption)
     if len(svg) > LARGEST:

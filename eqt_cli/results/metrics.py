@@ -6,6 +6,7 @@ A new metric needs only this file. It knows neither files nor controllers.
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -47,13 +48,7 @@ def _as_it_flies(vehicle: Vehicle) -> bool:
     return not vehicle.is_ideal
 
 
-def _estimates(vehicle: Vehicle) -> bool:
-    return vehicle.estimates
-
-
-def _knows_covariance(vehicle: Vehicle) -> bool:
-    return vehicle.knows_covariance
-
+_estimates, _knows_covariance = attrgetter("estimates"), attrgetter("knows_covariance")
 
 # Formulas, (samples of runs, signals (runs, samples, …)) -> (runs,) ------------------------------
 
@@ -307,6 +302,7 @@ METRICS = (
         stored=False,
         of=mean_turn,
         of_turns=True,
+        compared=(WHOLE,),
     ),
     _less_is_better(
         "final_attitude_error",
@@ -317,6 +313,42 @@ METRICS = (
         stored=False,
         of=final_turn,
         of_turns=True,
+    ),
+    _less_is_better(
+        "position_rms",
+        "root mean square of ||p - pd|| over the horizon",
+        signals=("position_error",),
+        label="rms of {}",
+        of=root_mean_square,
+        compared=(WHOLE,),
+    ),
+    _less_is_better(
+        "peak_position_error",
+        "largest ||p - pd|| at the samples",
+        signals=("position_error",),
+        label="largest {}",
+        of=peak,
+    ),
+    _less_is_better(
+        "final_position_error",
+        "||p - pd|| at the end",
+        signals=("position_error",),
+        label="final {}",
+        of=final,
+    ),
+    _less_is_better(
+        "heading_rms",
+        "root mean square of the heading error over the horizon",
+        signals=("heading_error",),
+        label="rms of the heading error",
+        of=root_mean_square,
+    ),
+    _less_is_better(
+        "attitude_command_rms",
+        "root mean square of ||R - Rc||_F over the horizon",
+        signals=("attitude_command_error",),
+        label="rms of {}",
+        of=root_mean_square,
     ),
     _less_is_better(
         "mean_velocity_error",

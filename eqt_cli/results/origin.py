@@ -1,4 +1,9 @@
-"""The origin of a result: laws, group, configuration, versions, and cross-check."""
+"""The origin of a result: laws, group, configuration, versions, and cross-check.
+
+A result file is validated when it is opened, so that every reader can rely on its content.
+"""
+
+from __future__ import annotations
 
 import json
 from collections.abc import Mapping
@@ -9,19 +14,176 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
 
+import numpy as np
+from pydantic import BaseModel, Json, NonNegativeInt, TypeAdapter, ValidationError
+
+from eqt_cli.config.schema import Config
 from eqt_cli.config.signal_path import loop_in_words
 from eqt_cli.config.source import ConfigSource, source_of
 from eqt_cli.config.yaml_source import dump, load
 from eqt_cli.controllers import controllers
-from eqt_cli.core.errors import ComponentError, ConfigError, EqtError, suggestion
-from eqt_cli.core.printable import printable
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import (
+    ComponentError,
+    ConfigError,
+    EqtError,
+    Problems,
+    printable,
+    suggestion,
+)
+from eqt_cli.core.option_types import fields_of
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import config_at
 from eqt_cli.experiment.experiment import Experiment, told_apart
+from eqt_cli.experiment.vehicle import SECTIONS, vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named
-from eqt_cli.results.contract import CROSS_CHECK, check_attributes, check_coordinates
 from eqt_cli.store.reader import ResultFile
-from eqt_cli.store.table import Attribute
+from eqt_cli.store.writer import Attribute
+
+CROSS_CHECK = ("method", "runs", "difference", "bound")
+"""Fields of a cross-check, each an attribute; a file has all of them or none."""
+
+
+def check_attributes(result: ResultFile) -> None:
+    """Refuse attributes of another kind than eqt writes.
+
+    Raises
+    ------
+    ResultError
+        For the first such attribute.
+    """
+    for name, expected in _EXPECTED.items():
+        if name in result.attributes:
+            try:
+                value = _KINDS[expected].validate_python(result.attributes[name], strict=True)
+            except ValidationError:
+                raise result.refusal(f"its attribute '{name}' is not {expected}") from None
+            if isinstance(value, _AboutLaws):
+                _check_labels(result, name, value)
+    there = [name for name in CROSS_CHECK if f"cross_check_{name}" in result.attributes]
+    if there and len(there) < len(CROSS_CHECK):
+        lacking = next(name for name in CROSS_CHECK if name not in there)
+        raise result.refusal(f"it lacks the attribute 'cross_check_{lacking}'")
+
+
+def _check_labels(result: ResultFile, name: str, value: _AboutLaws) -> None:
+    """Refuse an attribute about controllers that the file does not have."""
+    if "controller" not in result.coordinates:
+        return
+    for label in value.labels():
+        if label not in result.coordinate("controller").tolist():
+            raise result.refusal(f"its attribute '{name}' names '{label}', which is no controller")
+
+
+def check_coordinates(result: ResultFile) -> None:
+    """Refuse times that do not increase, runs that are not numbered, and invalid labels.
+
+    Raises
+    ------
+    ResultError
+        For the first invalid coordinate.
+    """
+    for name in result.coordinates:
+        if name == "time" and not _rises(result.coordinate(name)):
+            raise result.refusal("its 'time' does not rise from one finite number to the next")
+        if name in ("run", "stored_run", "point"):
+            _check_numbers(result, name)
+    if "controller" in result.coordinates:
+        labels = result.coordinate("controller").tolist()
+        if not all(isinstance(label, str) and label for label in labels):
+            raise result.refusal("its controllers have no labels")
+        if len(set(labels)) < len(labels):
+            raise result.refusal("two of its controllers have one label")
+
+
+def check_status(result: ResultFile, status: Array) -> None:
+    """Refuse a status that is not a whole number of at least 0.
+
+    Raises
+    ------
+    ResultError
+        If a status is invalid.
+    """
+    if status.dtype.kind not in "iu" and not (status == np.round(status)).all():  # NaN is not
+        raise result.refusal("its 'status' is not whole numbers")
+    if status.size and status.min() < 0:
+        raise result.refusal(f"its 'status' is {status.min():g} for a run")
+
+
+def _check_numbers(result: ResultFile, name: str) -> None:
+    numbers = result.coordinate(name)
+    size = result.dimensions.get("run" if name == "stored_run" else name, 0)
+    whole = numbers.dtype.kind in "iu"
+    if not whole or (numbers.size and not (_rises(numbers) and numbers[0] >= 0)):
+        raise result.refusal(f"its '{name}' does not count from 0")
+    if numbers.size and numbers[-1] >= size:
+        raise result.refusal(f"its '{name}' counts to {numbers[-1]}, and there are {size}")
+
+
+def _rises(values: Array) -> bool:
+    if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+        return False
+    return bool((values[1:] > values[:-1]).all())
+
+
+# Attributes ---------------------------------------------------------------------------------------
+
+
+class _Origin(BaseModel):
+    """Versions and times of a session, and those of other sessions."""
+
+    eqt: str = ""
+    python: str = ""
+    started: str = ""
+    other_sessions: list[dict[str, Any]] = []
+
+
+class _AboutLaws(BaseModel):
+    """An attribute about some laws, by their labels.
+
+    Attributes
+    ----------
+    functions, unclaimed
+        Name of each law's function L, and the laws that claim no decrease of it.
+    not_matched
+        Laws whose stiffness and damping are not those of the gains.
+    """
+
+    functions: dict[str, str] = {}
+    unclaimed: list[str] = []
+    not_matched: list[str] = []
+
+    def labels(self) -> list[str]:
+        """Return the labels of all of them."""
+        return [*self.functions, *self.unclaimed, *self.not_matched]
+
+
+_KINDS: dict[str, TypeAdapter[Any]] = {
+    "text": TypeAdapter(str),
+    "a number": TypeAdapter(float),
+    "a whole number of at least 0": TypeAdapter(NonNegativeInt),
+    "a mapping in JSON from names to texts": TypeAdapter(Json[dict[str, str]]),
+    "versions and times in JSON": TypeAdapter(Json[_Origin]),
+    "names of functions in JSON": TypeAdapter(Json[_AboutLaws]),
+    "labels of laws in JSON": TypeAdapter(Json[_AboutLaws]),
+}
+
+_EXPECTED = {
+    **dict.fromkeys(("title", "group", "digest", "config", "plugins"), "text"),
+    "titles": "a mapping in JSON from names to texts",
+    "provenance": "versions and times in JSON",
+    "lyapunov_functions": "names of functions in JSON",
+    "matching": "labels of laws in JSON",
+    "cross_check_method": "text",
+    "cross_check_runs": "a whole number of at least 0",
+    "cross_check_difference": "a number",
+    "cross_check_bound": "a number",
+}
+"""Expected kind of each attribute that a file may have."""
+
+
+OUT_OF_TIME = "ended by its limit of time"
+"""What `CrossCheck.method` says of a check that ran out of time."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +212,20 @@ class CrossCheck:
     def holds(self) -> bool:
         """Whether the difference is within the bound."""
         return not self.difference > self.bound
+
+    @property
+    def described(self) -> str:
+        """The outcome in a sentence without its full stop."""
+        runs = f"{self.runs} run{'' if self.runs == 1 else 's'} per controller"
+        if np.isnan(self.difference):
+            method, ended, _ = self.method.partition(f", {OUT_OF_TIME}")
+            why = f"{method.split()[0]} was {OUT_OF_TIME}" if ended else "its runs failed"
+            return f"cross-check: nothing to compare, since {why}"
+        beyond = "" if self.holds else ", BEYOND its bound"
+        return (
+            f"cross-check: {runs} by {self.method}, largest difference {self.difference:.2g} "
+            f"(bound {self.bound:.1g}){beyond}"
+        )
 
 
 class KnownResult(ResultFile):
@@ -231,6 +407,21 @@ class KnownResult(ResultFile):
         with suppress(KeyError, TypeError, AttributeError, ValueError):
             return loop_in_words(self.config)
         return ""
+
+    @cached_property
+    def departures(self) -> str:
+        """Departures of the loop from the one of the theorems, in words, as verify says them.
+
+        Empty if it is ideal. They follow from the configuration; where it needs a plugin that is
+        not loaded, they are in the words of `loop_in_words`.
+        """
+        if not self.loop_in_words or self.group is None:
+            return self.loop_in_words
+        problems = Problems()
+        given = {name: self.config[name] for name in SECTIONS if name in self.config}
+        sections = dict.fromkeys(SECTIONS) | fields_of(Config, given, Problems())
+        found = vehicle_from(sections, self.group, 0.0, problems).departures
+        return found or self.loop_in_words
 
     @cached_property
     def config(self) -> dict[str, Any]:

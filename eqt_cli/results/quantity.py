@@ -13,7 +13,7 @@ import numpy as np
 from eqt_cli.closed_loop.signals import signal_of
 from eqt_cli.core.over_time import OverTime
 from eqt_cli.results.time_windows import WHOLE, Window
-from eqt_cli.store.table import Attribute
+from eqt_cli.store.writer import Attribute
 from eqt_cli.vehicle import Vehicle
 
 FLOAT = np.dtype("f8")
@@ -37,6 +37,7 @@ _IN_PLAIN = (
     (r"\hat{b}", "b̂"),
     (r"\tilde{b}", "b̃"),
     (r"\sigma", "σ"),
+    (r"\psi", "ψ"),
     (r"\varepsilon", "ε"),
     (r"\mathrm{NEES}", "NEES"),
     (r"\nu", "ν"),

@@ -13,7 +13,7 @@ from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.results.metrics import CONSISTENCY, METRICS, by_thresholds_of_parts, energy_residual
 from eqt_cli.results.quantity import Quantity, ValuePer
-from eqt_cli.store.table import Variable
+from eqt_cli.store.writer import Variable
 from eqt_cli.vehicle import Vehicle
 
 STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status in Status)
@@ -150,11 +150,14 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     for quantity in QUANTITIES.values():
         # Points with and without thrusters have different shapes.
         of = [own] if THRUSTER in quantity.dims else vehicles
-        if not (quantity.stored and any(map(quantity.stored_of, of))):
+        if not (quantity.stored and any(map(quantity.stored_of, of)) and _exists(quantity, group)):
             continue
         quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         signal = _SIGNALS.get(quantity.signals[0]) if quantity.signals else None
+        laws = [loop.controller for loop in experiment.loops.values()]
+        if signal and not any(map(signal.exists_for, laws)):
+            continue
         units = quantity.unit(signal.units(group) if signal else "")
         found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
         if signal and (quantity.per is ValuePer.TRAJECTORY or quantity.stored_by_part):
@@ -163,6 +166,11 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
                 for part in _parts_of_their_own(quantity, signal, group)
             ]
     return found
+
+
+def _exists(quantity: Quantity, group: MatrixLieGroup) -> bool:
+    """Return whether a group has the signals of a quantity."""
+    return all(_SIGNALS[name].exists_on(group) for name in quantity.signals if name in _SIGNALS)
 
 
 def _parts_of_their_own(
@@ -175,7 +183,7 @@ def _parts_of_their_own(
 
 def measured_of(config: Config, group: MatrixLieGroup) -> list[Quantity]:
     """Return the quantities computed from signals on a group, including those of parts."""
-    rows = [with_keys_of(config, quantity) for quantity in MEASURED]
+    rows = [with_keys_of(config, quantity) for quantity in MEASURED if _exists(quantity, group)]
     return rows + [
         row.part(part.name)
         for row in rows

@@ -1,7 +1,9 @@
-"""The class `Result`: reads the numbers of the runs of a result with their meaning."""
+"""The class `Result`: reads the runs of a result and their numbers with their meaning."""
 
+import copy
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -9,15 +11,270 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.closed_loop.signals import signal_of
+from eqt_cli.closed_loop.signals import MIXED, signal_of
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.errors import EqtError, printable, suggestion
 from eqt_cli.core.over_time import Samples
+from eqt_cli.core.units import in_wished, offered, size_of
+from eqt_cli.engines import Status
+from eqt_cli.ensemble.designs.base import CASE
+from eqt_cli.experiment.law_names import LAW
 from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.origin import KnownResult, check_status, law_title
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.results.quantity_table import QUANTITIES, quantity_of
-from eqt_cli.results.stored_runs import StoredRuns, lacks
+from eqt_cli.results.swept_key import SweptKey, constant_of, log_keys, with_unit
 from eqt_cli.results.time_windows import WHOLE, Window
+from eqt_cli.store.reserved_names import POINT
+
+
+class StoredRuns(KnownResult):
+    """An open result with its runs. A run is good if its status is 0."""
+
+    # Runs.
+
+    @property
+    def is_sweep(self) -> bool:
+        """Whether the result has points, each of which is an experiment."""
+        return POINT in self.dimensions
+
+    @property
+    def points(self) -> int:
+        """Number of points; 1 for a single experiment."""
+        return self.dimensions.get(POINT, 1)
+
+    @property
+    def runs(self) -> int:
+        """Number of runs per controller and point."""
+        return self.dimensions["run"]
+
+    @cached_property
+    def times(self) -> Array:
+        """Sample times of trajectories, s."""
+        return _fixed(self.coordinate("time"))
+
+    @property
+    def horizon(self) -> float | None:
+        """Duration of the runs, s; None if it differs between points."""
+        if not self.has("time"):
+            return None
+        times = self.times
+        return float(times[-1] - times[0])
+
+    @cached_property
+    def status(self) -> Array:
+        """Status of every run, ``(controllers, runs)``; a sweep has a leading axis of points."""
+        found = self["status"]
+        check_status(self, found)
+        return _fixed(found)
+
+    @property
+    def good(self) -> Array:
+        """Whether each run is good, in the shape of `status`."""
+        return self.status == 0
+
+    @property
+    def failed(self) -> dict[str, int]:
+        """Number of failed runs of each controller, by label."""
+        counts = np.count_nonzero(self.status, axis=-1)
+        totals = counts.sum(axis=0) if self.is_sweep else counts
+        return {label: int(total) for label, total in zip(self.labels, totals, strict=True)}
+
+    @property
+    def failures(self) -> Array:
+        """Indices (point,) controller and run of the failed runs, one per row."""
+        return np.argwhere(self.status)
+
+    @property
+    def endings(self) -> dict[str, int]:
+        """Number of failed runs by kind of failure, the most frequent first."""
+        codes, counts = np.unique(self.status[self.status != 0], return_counts=True)
+        order = np.argsort(-counts, kind="stable")
+        return {meaning_of(int(codes[i])): int(counts[i]) for i in order}
+
+    def messages(self, where: Array) -> list[str]:
+        """Return the messages of failed runs, given rows of `failures`."""
+        # Reading all messages of a million runs takes seconds, so only these rows are read.
+        axes = [np.unique(where[:, axis], return_inverse=True) for axis in range(where.shape[1])]
+        chosen = {dim: k for dim, (k, _) in zip(self.dims("status"), axes, strict=True)}
+        found = self.read("message", **chosen)[tuple(position for _, position in axes)]
+        return [printable(str(message)) for message in found]
+
+    def place(self, where: Sequence[int]) -> str:
+        """Describe a run given a row of `failures`: ``point 3 eqt run 17``."""
+        *point, controller, run = where
+        return f"{f'point {point[0]} ' if point else ''}{self.labels[controller]} run {run}"
+
+    # Sweeps.
+
+    @cached_property
+    def swept_keys(self) -> list[SweptKey]:
+        """Swept keys with more than one value; keys that change together appear once."""
+        found: list[SweptKey] = []
+        for name in self.coordinates:
+            if name != POINT and self.dims(name) == (POINT,):
+                key = self._swept_key(name)
+                if max(key.levels) > 0 and key.levels not in [other.levels for other in found]:
+                    found.append(key)
+        return found
+
+    def _swept_key(self, name: str) -> SweptKey:
+        values = self.coordinate(name)
+        key = self.long_name(name).removesuffix(", swept")
+        if values.dtype != object:
+            return SweptKey(key, values.astype(float), {}, key in self._on_log_scales)
+        written = [printable(str(value)) for value in values]
+        numbers = [found for text in written if (found := with_unit(text)) is not None]
+        units = {unit for _, unit in numbers}
+        if len(numbers) == len(written) and len(units) == 1:
+            return SweptKey(key, np.array([value for value, _ in numbers]), {}, unit=units.pop())
+        constants = [found for text in written if (found := constant_of(text)) is not None]
+        if len(constants) == len(written):
+            return SweptKey(key, np.array([value for value, _ in constants]), dict(constants))
+        order: dict[str, float] = {}  # in the order of the points
+        places = [order.setdefault(text, float(len(order))) for text in written]
+        texts = {place: text for text, place in order.items()}
+        return SweptKey(key, np.array(places), texts, is_number=False)
+
+    @cached_property
+    def _on_log_scales(self) -> set[str]:
+        """Keys with a logarithmic range in the sweep."""
+        with suppress(KeyError, TypeError, RecursionError):
+            return set(log_keys(self.config["sweep"]))
+        return set()
+
+    def point_name(self, point: int) -> str:
+        """Describe a point of a sweep: ``kp 2, kd 0.5``; a case by its name only."""
+        keys = [swept.key.rpartition(".")[2] for swept in self.swept_keys]
+        if len(set(keys)) < len(keys):
+            keys = [swept.key for swept in self.swept_keys]
+        pairs = zip(keys, self.swept_keys, strict=True)
+        return ", ".join(
+            swept.at(point) if key == CASE else f"{key} {swept.at(point)}" for key, swept in pairs
+        )
+
+    def laws(self, controller: int) -> dict[int, str]:
+        """Return the titles of the registered laws that a controller equals, by point.
+
+        Empty if the sweep does not vary the controllers' options.
+        """
+        if not self.has(LAW):
+            return {}
+        names = self.read(LAW, controller=controller)
+        return {int(point): law_title(str(names[point])) for point in np.flatnonzero(names != "")}
+
+    # Trajectories.
+
+    @property
+    def run_dimension(self) -> str:
+        """Dimension of the runs with trajectories: ``run`` or ``stored_run``."""
+        return next(dim for dim in self.dims("lyapunov") if dim.endswith("run"))
+
+    @cached_property
+    def stored_runs(self) -> Array:
+        """Numbers of the runs with stored trajectories; empty if there are none."""
+        if not self.is_over_time("lyapunov"):
+            return np.array([], dtype=int)
+        return _fixed(self.coordinate(self.run_dimension))
+
+    def is_over_time(self, name: str) -> bool:
+        """Whether the file holds this variable over time."""
+        return self.has(name) and "time" in self.dims(name)
+
+    def check_stored(self, *signals: str, who: str) -> None:
+        """Check that signals are stored over time.
+
+        Parameters
+        ----------
+        who
+            Name of the caller with the verb: ``figure 'paper' needs``.
+
+        Raises
+        ------
+        EqtError
+            If the file lacks a signal; the message says how to store it.
+        """
+        for name in signals:
+            if not self.is_over_time(name):
+                raise self.error(f"{who} {lacks([name])}")
+
+    def good_stored(self, controller: int) -> Array:
+        """Whether each run with a trajectory is good, ``(stored runs,)``."""
+        return self.good[controller][self.stored_runs]
+
+    def trajectories(self, signal: str, controller: int, most: int | None = None) -> Array:
+        """Return a signal of the good runs of a controller, ``(runs, samples, …)``.
+
+        Parameters
+        ----------
+        most
+            Largest number of runs to read, from the first on; all if None.
+        """
+        good = self.good_stored(controller)
+        if most is None:
+            return self.read(signal, controller=controller)[good]
+        first = np.flatnonzero(good)[:most]
+        return self.read(signal, controller=controller, **{self.run_dimension: first})
+
+    def trajectory(self, signal: str, run: int) -> Array:
+        """Return a signal of one run of every controller, ``(controllers, samples, …)``.
+
+        Raises
+        ------
+        EqtError
+            If the trajectory of that run is not stored.
+        """
+        stored = self.stored_runs.tolist()
+        if run not in stored:
+            has = f"; stored are runs {stored[0]} to {stored[-1]}" if stored else ""
+            raise self.error(f"the trajectory of run {run} is not stored{has}")
+        return self.read(signal, **{self.run_dimension: stored.index(run)})
+
+    def parts(self, norm: str) -> list[str]:
+        """Return the parts of a norm that are stored separately, such as ``rotation``."""
+        return [
+            name.removeprefix(f"{norm}_")
+            for name in self.names
+            if name.startswith(f"{norm}_") and self.is_over_time(name)
+        ]
+
+    @cached_property
+    def attitude_errors(self) -> list[str]:
+        """Stored norms that are distances ‖I − R‖_F of rotations, from which angles follow.
+
+        Empty for a group of a plugin that is not loaded.
+        """
+        parts = () if self.group is None else self.group.parts
+        turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
+        return [name for end in turns if self.is_over_time(name := f"pose_error{end}")]
+
+    def split(self, norm: str) -> list[str]:
+        """Return the names of the stored parts of a norm, or else its own name."""
+        return [f"{norm}_{part}" for part in self.parts(norm)] or [norm]
+
+
+def meaning_of(status: int) -> str:
+    """Describe a status in words."""
+    try:
+        return Status(status).name.lower().replace("_", " ")
+    except ValueError:
+        return f"status {status}"
+
+
+def _fixed(values: Array) -> Array:
+    """Make an array read-only, because it is cached."""
+    values.setflags(write=False)
+    return values
+
+
+def lacks(signals: Sequence[str]) -> str:
+    """Return the words about missing signals over time, for messages."""
+    needed = " and ".join(f"'{name}'" for name in signals)
+    return (
+        f"the trajectories of {needed}, which the result does not hold; set store.trajectories to "
+        "all and run the experiment again"
+    )
+
 
 HEADLINE: dict[str, Callable[[Array], Any]] = {
     "early_torque": np.mean,
@@ -64,6 +321,80 @@ class Result(StoredRuns):
     It reads variables by name as `ResultFile` does, and provides the numbers of its runs.
     """
 
+    _wished: tuple[tuple[str, str], ...] = ()
+    """Units of a user, each with the quantity that has it, or with "" for all."""
+
+    def in_units(self, texts: Sequence[str]) -> "Result":
+        """Return this result with its numbers and signals in other units.
+
+        Variables that are read by name stay as they are stored.
+
+        Parameters
+        ----------
+        texts
+            ``QUANTITY=UNIT``, or ``UNIT`` for every quantity of its dimension, the last one first.
+
+        Raises
+        ------
+        EqtError
+            If a quantity or a unit is unknown, or nothing here has the dimension of the unit.
+        """
+        found = copy.copy(self)
+        found._wished = tuple(
+            (name.strip(), unit.strip()) for name, _, unit in (t.rpartition("=") for t in texts)
+        )
+        known = {name: super(Result, self).units(name) for name in self.names}
+        known |= {name: self._unit_of(quantity) for name, quantity in self.comparable.items()}
+        for name, wish in found._wished:
+            if size_of(wish) is None:
+                raise EqtError(f"unit '{wish}': unknown; write for example mN m, deg/s or arcsec")
+            if name and name not in known:
+                raise EqtError(f"unit of '{name}': no such quantity{suggestion(name, known)}")
+            if name and in_wished(known[name], wish) is None:
+                raise EqtError(f"unit of '{name}': expected {offered(known[name])}, got '{wish}'")
+            if not any(in_wished(unit, wish) for unit in known.values()):
+                units = ", ".join(dict.fromkeys(u for u in known.values() if u not in ("", "1")))
+                raise EqtError(f"unit '{wish}': nothing here has its dimension; there are: {units}")
+        return found
+
+    def shown_in(self, name: str, unit: str) -> tuple[str, float]:
+        """Return the unit in which a quantity is shown, and the factor to it."""
+        for of, wish in reversed(self._wished):
+            if of in ("", name) and (found := in_wished(unit, wish)) is not None:
+                return found
+        return unit, 1.0
+
+    def units(self, name: str) -> str:
+        """Return the unit of a variable, or that in which it is shown."""
+        unit = super().units(name)
+        return unit if name in self.coordinates else self.shown_in(name, unit)[0]
+
+    def factor(self, name: str) -> Any:
+        """Return the factor from a variable in the file to what is shown; one for each axis."""
+        if not (self._wished and self.has(name)):
+            return 1.0
+        signal, units = signal_of(name.removeprefix("desired_")), [super().units(name)]
+        if units == [MIXED] and signal and self.group and self.dims(name)[-1] == "axis":
+            units = [
+                signal.unit_in(p)
+                for p in self.group.parts
+                for _ in range(self.group.dimension)[p.axes]
+            ]
+        found = [self.shown_in(name, unit)[1] for unit in units]
+        return np.array(found) if len(found) > 1 else found[0]
+
+    def _unit_of(self, quantity: Quantity) -> str:
+        """Return the unit in which a number per run is computed or stored."""
+        for name in (quantity.name, *(like.name for like in self._metrics_like(quantity))):
+            if self.has(name):
+                return super().units(name)
+        signal = quantity.signals[0] if quantity.signals else ""
+        return quantity.unit(super().units(signal) if self.has(signal) else "")
+
+    def unit_of(self, quantity: Quantity) -> str:
+        """Return the unit in which a number per run is shown."""
+        return self.shown_in(quantity.name, self._unit_of(quantity))[0]
+
     @cached_property
     def metrics(self) -> list[str]:
         """Names of all numbers that are stored for every run."""
@@ -85,7 +416,7 @@ class Result(StoredRuns):
             If there is no number of that name.
         """
         self.check_metrics([name])
-        found = np.where(self.good, self._number(name), np.nan)
+        found = np.where(self.good, self._number(name), np.nan) * self.factor(name)
         return found if controller is None else found[..., controller, :]
 
     def _number(self, name: str) -> Array:
@@ -110,7 +441,7 @@ class Result(StoredRuns):
         is a lower bound of the true mean, while leaving them out would average only the settled
         runs. If the points of a sweep differ in the horizon, the value stays NaN.
         """
-        end = np.nan if self.horizon is None else self.horizon
+        end = np.nan if self.horizon is None else self.horizon * self.factor(name)
         return np.where(self.censored(name), end, self.metric(name))
 
     @property
@@ -121,8 +452,7 @@ class Result(StoredRuns):
         """
         if not {"settled", self.quantity("settled").told_by} & set(self.metrics):
             return None
-        found: Array = self.metric("settled") > 0  # NaN (a failed run) is not settled
-        return found
+        return self.metric("settled") > 0  # NaN (a failed run) is not settled
 
     def means(self, name: str) -> Array:
         """Return the mean of a number over all runs, ``(controllers,)``; a sweep adds points.
@@ -144,9 +474,10 @@ class Result(StoredRuns):
         EqtError
             With the existing names.
         """
+        known = [*self.metrics, *(row.name for row in METRICS if self._follows(row.name))]
         for name in names:
-            if name not in self.metrics and not self._follows(name):
-                hint = suggestion(name, self.metrics) or f"; there are: {', '.join(self.metrics)}"
+            if name not in known:
+                hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
                 raise self.error(f"{f'{who} ' if who else ''}finds no metric '{name}'{hint}")
 
     def quantity(self, name: str) -> Quantity:
@@ -237,7 +568,7 @@ class Result(StoredRuns):
         """Return a number per run, or those of its parts if it has some; empty if it is unknown."""
         known = self.comparable
         if name not in known:
-            return []
+            return [known[at] for at in known if at.startswith(f"{name}_")]
         parts = self._parts_of(known[name])
         return [known[at] for part in parts if (at := f"{name}_{part}") in known] or [known[name]]
 
@@ -276,17 +607,17 @@ class Result(StoredRuns):
         EqtError
             If the result lacks the data.
         """
-        window = window.within(self.times)
+        window, unit = window.within(self.times), self._unit_of(quantity)
         stored = self._stored_as(quantity, window)
         if stored is not None:
-            runs, unit = np.arange(self.runs), self.units(stored)
+            runs = np.arange(self.runs)
             columns = self[stored]
         elif self._has_signals(quantity):
-            runs, unit = self.stored_runs, quantity.unit(self.units(quantity.signals[0]))
+            runs = self.stored_runs
             each = [self._computed(quantity, window, c) for c in range(len(self.labels))]
             columns = np.stack(each)
         elif self._follows(quantity.name):
-            runs, unit = np.arange(self.runs), quantity.units
+            runs = np.arange(self.runs)
             columns = self._number(quantity.name)
         else:
             raise self._not_stored(quantity, window)
@@ -297,7 +628,8 @@ class Result(StoredRuns):
             values[[label in self.unclaimed for label in self.labels]] = np.nan
         censored = self.good & np.isnan(values) & quantity.censored
         values[censored] = window.stop
-        return PerRun(quantity, window, unit, values, censored, len(runs))
+        unit, factor = self.shown_in(quantity.name, unit)
+        return PerRun(quantity, window, unit, values * factor, censored, len(runs))
 
     def _computed(self, quantity: Quantity, window: Window, controller: int) -> Array:
         signals = {name: self.read(name, controller=controller) for name in quantity.signals}

@@ -12,7 +12,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ExpressionError
 from eqt_cli.core.expressions import constant
-from eqt_cli.core.option_types import written_in_degrees
+from eqt_cli.core.units import split
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class SweptKey:
     asks_log
         Whether the range of the sweep is logarithmic.
     unit
-        ``deg`` for angles written in degrees; empty if the key has its own unit.
+        The unit with which all values are written; empty if the key has its own unit.
     is_number
         Whether the values are numbers; else they number texts or matrices.
     """
@@ -80,12 +80,11 @@ class SweptKey:
         return value if isinstance(value, str) else f"{value:.4g}".replace("-", "−")
 
 
-def degrees_of(text: str) -> float | None:
-    """Return the number of an angle such as ``90 deg``; None for other texts."""
-    written = written_in_degrees(text)
-    if written is not None:
+def with_unit(text: str) -> tuple[float, str] | None:
+    """Return number and unit of ``90 deg``; None for other texts."""
+    if found := split(text):
         with suppress(ExpressionError):
-            return constant(written)
+            return constant(found[0]), found[1]
     return None
 
 

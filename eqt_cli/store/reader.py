@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eqt_cli.core.errors import Remedy, ResultError, suggestion
-from eqt_cli.core.files import YAML, near
-from eqt_cli.core.regular_files import NotRegularError, open_regular
+from eqt_cli.core.files import YAML, NotRegularError, near, open_regular
 from eqt_cli.core.version import __version__
 from eqt_cli.store import safety
 from eqt_cli.store.reserved_names import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE, POINT
-from eqt_cli.store.table import Attribute
+from eqt_cli.store.writer import Attribute
 
 Positions = int | slice | Sequence[int] | NDArray[np.integer[Any]]
 """Positions along one dimension; counted from the end when negative, as in NumPy."""
@@ -262,7 +261,7 @@ class ResultFile:
         """Return all attributes of a variable or coordinate."""
         return self._entry(name).attributes
 
-    def _entry(self, name: str) -> safety.Entry:
+    def _entry(self, name: str) -> safety.CheckedArray:
         if name not in self._entries:
             raise ResultError(
                 f"{self.path}: holds no variable '{name}'{suggestion(name, self._entries)}; "

@@ -1,8 +1,7 @@
-"""Refuses a hostile HDF5 file before any of its data are decoded.
+"""Checks the heaps in which HDF5 keeps strings, because HDF5 trusts their contents.
 
-An HDF5 file can refer to other files and declare sizes that it does not hold. Only the features
-that eqt uses are accepted: datasets of numbers or strings, in disjoint bytes, in the root or in
-one group for each point of a sweep.
+A broken object size makes the HDF5 library loop for ever (its issue 1707, open in 2.0). Unlike the
+rest of a result file, these heaps have no checksum.
 """
 
 import re
@@ -27,8 +26,61 @@ from eqt_cli.store.reserved_names import (
     VERSION_ATTRIBUTE,
     point_group,
 )
-from eqt_cli.store.string_heaps import BrokenHeapError, read_heaps
-from eqt_cli.store.table import Attribute
+from eqt_cli.store.writer import Attribute
+
+_SIGNATURE = b"GCOL\x01"
+_HEADER = 16  # size of the header of a collection, and of each object in it, bytes
+
+
+class BrokenHeapError(Exception):
+    """Raised for a collection whose objects do not fill it exactly."""
+
+
+def read_heaps(view: mmap, gaps: Iterable[tuple[int, int]]) -> dict[int, dict[int, int]]:
+    """Return the sizes of all strings in a file: address of collection → index of object → bytes.
+
+    Parameters
+    ----------
+    view
+        The bytes of the file.
+    gaps
+        The spans, begin and end, outside the data of datasets, where data could look like heaps.
+
+    Raises
+    ------
+    BrokenHeapError
+        If a collection is broken.
+    """
+    heaps = {}
+    for begin, end in gaps:
+        at = view.find(_SIGNATURE, begin, end)
+        while at >= 0:
+            stop = at + _number(view, at + 8, 8)
+            if stop > end:
+                raise BrokenHeapError
+            heaps[at] = _objects(view, at + _HEADER, stop)
+            at = view.find(_SIGNATURE, stop, end)
+    return heaps
+
+
+def _objects(view: mmap, at: int, stop: int) -> dict[int, int]:
+    """Return the sizes in a collection; object 0, and a rest shorter than a header, are free."""
+    sizes: dict[int, int] = {}
+    while at + _HEADER <= stop:
+        index, size = _number(view, at, 2), _number(view, at + 8, 8)
+        step = _HEADER + -(-size // 8) * 8 if index else size
+        if index in sizes or step < _HEADER:
+            raise BrokenHeapError
+        sizes[index] = size
+        at += step
+    if at > stop:
+        raise BrokenHeapError
+    return sizes
+
+
+def _number(view: mmap, at: int, size: int) -> int:
+    return int.from_bytes(view[at : at + size], "little")
+
 
 _LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
 _OBJECTS = {h5py.h5o.TYPE_GROUP: "a group", h5py.h5o.TYPE_NAMED_DATATYPE: "a named type"}
@@ -41,12 +93,16 @@ _VERSION = re.compile(r"[0-9A-Za-z.+-]{1,32}")
 _REFERENCE = np.dtype([("length", "<u4"), ("collection", "<u8"), ("index", "<u4")])
 
 
+MOST_DATASETS = 1000
+"""Largest number of datasets in the root or in a group of a point; eqt writes about 40."""
+
+
 class Refusal(Exception):
     """Raised for a refused file; the message follows the file's path in a sentence."""
 
 
 @dataclass(frozen=True)
-class Entry:
+class CheckedArray:
     """An array of a checked file."""
 
     dataset: Any
@@ -59,7 +115,7 @@ class Entry:
 class Contents:
     """Contents of a checked file or group; entries and dimensions are in the order of writing."""
 
-    entries: dict[str, Entry]
+    entries: dict[str, CheckedArray]
     coordinates: set[str]
     dimensions: dict[str, int]
     attributes: dict[str, Attribute]
@@ -139,7 +195,9 @@ def _contents(owner: Any, datasets: Mapping[str, Any], size: int) -> Contents:
     )
     return Contents(
         entries={
-            name: Entry(dataset, dims[name], attributes_of(dataset, size), _is_text(dataset.id))
+            name: CheckedArray(
+                dataset, dims[name], attributes_of(dataset, size), _is_text(dataset.id)
+            )
             for name, dataset in stored.items()
         },
         coordinates={*scales, *further.split()},
@@ -221,6 +279,9 @@ def _kind(parent: Any, raw: bytes, path: str) -> int:
 
 def _datasets(parent: Any, names: Iterable[bytes], path: str) -> dict[str, Any]:
     """Open objects in `path`, which must all be datasets."""
+    names = list(names)
+    if len(names) > MOST_DATASETS:
+        raise Refusal(f"it holds {len(names)} datasets in '{path or '/'}'")
     return {raw.decode(): _dataset(parent, raw, path) for raw in names}
 
 

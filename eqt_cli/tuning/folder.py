@@ -1,15 +1,13 @@
-"""The folder of a search: its generations, the configurations that it found, and its record.
-
-The folder is also the result folder of the runs that judge the outcome.
-"""
+"""The folder of a search, and its record, which is validated because it may come from anyone."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
 from eqt_cli.core.files import read_record, refusals, write_record
@@ -26,12 +24,91 @@ from eqt_cli.core.own_files import (
 from eqt_cli.execution.folder import OWN_COPIES, OWN_RESULT, ResultFolder
 from eqt_cli.execution.part_files import MANIFEST
 from eqt_cli.experiment.study import Study
+from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.result import Result
-from eqt_cli.tuning.law_search import LawSearch
-from eqt_cli.tuning.record_shape import fits_tuning, fits_worst
+from eqt_cli.tuning.law_search import LawSearch, coordinate_of
 
-if TYPE_CHECKING:
-    from eqt_cli.tuning.searches import Searches
+_BOUND = {"metric", "bound", "above", "every_run"}
+_METRICS = {metric.name for metric in METRICS}
+
+
+def fits_tuning(record: dict[str, Any], result: Result) -> bool:
+    """Whether a record has the form that `tune` writes, with laws and metrics of the result."""
+    with suppress(TypeError, KeyError, AttributeError, ValueError):
+        searches = [found for law in record["laws"] for found in law["searches"]]
+        winners = [winner for law in record["laws"] for winner in law["winners"]]
+        labels = [*(law["start"] for law in record["laws"]), *(w["label"] for w in winners)]
+        wanted = list(record["objectives"])
+        metrics = [*wanted, *(bound["metric"] for bound in record["constraints"])]
+        numbers = [
+            *(value for winner in winners for value in winner["values"].values()),
+            *(bound["bound"] for bound in record["constraints"]),
+            *(record[name] for name in ("generations", "population", "runs")),
+            *(number for found in searches for row in found["objectives"] for number in row),
+        ]
+        order = [
+            (result.labels.index(winner["label"]), result.labels.index(law["start"]))
+            for law in record["laws"]
+            for winner in law["winners"]
+        ]
+        flags = [bound[name] for bound in record["constraints"] for name in ("above", "every_run")]
+        return (
+            0 < len(wanted) <= 2
+            and len(record["cases"]) == (result.points if result.is_sweep else 0)
+            and all(isinstance(case, str) for case in record["cases"])
+            and record["over_cases"] in ("mean", "worst")
+            and bool(labels)
+            and len(set(wanted)) == len(wanted)
+            and all(name in _METRICS and result.has(name) for name in metrics)
+            and len(set(labels)) == len(labels)
+            and {*labels, *(found["label"] for found in searches)} - {None} <= set(result.labels)
+            and all(len(row) == len(wanted) for found in searches for row in found["objectives"])
+            and all(law["searches"] for law in record["laws"])
+            and all(isinstance(law["label"], str) for law in record["laws"])
+            and all(isinstance(number, int | float) for number in numbers)
+            and all(isinstance(flag, bool) for flag in flags)
+            and all(set(bound) == _BOUND for bound in record["constraints"])
+            and all(winner < start for winner, start in order)
+        )
+    return False
+
+
+def fits_worst(record: dict[str, Any], result: Result) -> bool:
+    """Whether a record has the form that `worst` writes, with laws and a metric of the result."""
+    with suppress(TypeError, KeyError, AttributeError, ValueError):
+        laws = record["laws"]
+        labels = [law["label"] for law in laws]
+        lines = [line for law in laws for line in law["lines"]]
+        ends = [end for line in lines for end in line["points"]]
+        found = [one for law in laws for one in (law, *law["searches"])]
+        numbers = [
+            *(value for law in laws for value in law["values"].values()),
+            *(one["value"] for one in found if not one["failed"]),
+            *(law["first"][name] for law in laws for name in ("runs", "unsettled")),
+            *(record[name] for name in ("generations", "population", "runs")),
+        ]
+        counts = [law[name] for law in laws for name in ("run", "unsettled", "runs", "agreeing")]
+        names = {coordinate_of(key) for law in laws for key in law["values"]}
+        return (
+            bool(labels)
+            and result.is_sweep
+            and len(set(labels)) == len(labels)
+            and set(labels) <= set(result.labels)
+            and record["objective"] in _METRICS
+            and result.has(record["objective"])
+            and names <= set(result.coordinates)
+            and all(line["key"] in law["values"] for law in laws for line in law["lines"])
+            and all(law["lines"] and law["searches"] for law in laws)
+            and all(set(law["log"]) <= set(law["values"]) for law in laws)
+            and all(len(line["points"]) == 2 for line in lines)
+            and all(isinstance(number, int) for number in (*ends, *counts, *record["seeds"]))
+            and all(0 <= line["points"][0] < line["points"][1] <= result.points for line in lines)
+            and all(isinstance(number, int | float) for number in numbers)
+            and all(isinstance(one["failed"], bool) for one in found)
+            and all(isinstance(law["config"], str) for law in laws)
+        )
+    return False
+
 
 GENERATIONS = "generations"
 
@@ -150,20 +227,20 @@ class SearchFolder:
                 if path.relative_to(self.path).as_posix() not in names:
                     remove_own(path, _NUMBERED)
 
-    def check(self, search: Searches[Any]) -> None:
-        """Check the folder before anything in it changes.
+    def check(self, laws: Sequence[LawSearch]) -> None:
+        """Check the folder of a search for these laws before anything in it changes.
 
         Raises
         ------
         EqtError
             If an entry that eqt would write or remove is a link, or was not written by eqt.
         """
-        slugs = "|".join(re.escape(law.slug) for law in search.laws)
+        slugs = "|".join(re.escape(law.slug) for law in laws)
         with refusals(self.path, "used", OTHER_FOLDER):
             check_entries(self.path, (*OWN_RESULT, *_own(self.kind, slugs, marked=False).values()))
 
-    def claim(self, search: Searches[Any], force: bool) -> None:
-        """Claim the folder for this search.
+    def claim(self, name: str, digest: str, force: bool) -> None:
+        """Claim the folder for the search of this name and digest.
 
         Raises
         ------
@@ -175,20 +252,20 @@ class SearchFolder:
         there = [name for name in own if kind_of(self.path / name)]
         if there and record is None:
             raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
-        other = record is not None and record["digest"] != search.digest
+        other = record is not None and record["digest"] != digest
         result = record is None and ResultFolder(self.path).manifest is not None
         if (other or result) and not force:
             foreign = f"a result that eqt {self.kind.command} did not write"
             holds = f"another {self.kind.title}" if other else foreign
-            raise EqtError(
-                f"{self.path}: holds {holds}", OTHER_FOLDER, Remedy("replace it with {}", "force")
-            )
+            # Generations are not to be computed twice, so nobody is told how to remove them.
+            force_too = [] if other else [Remedy("replace it with {}", "force")]
+            raise EqtError(f"{self.path}: holds {holds}", OTHER_FOLDER, *force_too)
         with refusals(self.path, "used", OTHER_FOLDER):
-            for name in (GENERATIONS, self.kind.found) if force else ():
-                remove_own(self.path / name, own[name])
+            for entry in (GENERATIONS, self.kind.found) if force else ():
+                remove_own(self.path / entry, own[entry])
             remove_left_over(self.path, list(own.values()))
         if force or record is None:
-            self.write_record({"name": search.name, "digest": search.digest})
+            self.write_record({"name": name, "digest": digest})
 
 
 def found_files(kind: Kind, law: LawSearch, count: int, numbered: bool = False) -> list[str]:

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.intervals import Resampling, relative_difference
 from eqt_cli.analysis.comparison.notation import Plain, significant
-from eqt_cli.analysis.comparison.ratios import relative_difference
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.origin import law_title

@@ -1,4 +1,4 @@
-"""Runs the generations of a search; each generation is an ordinary sweep in a folder."""
+"""Carries out a search in its folder; each generation is an ordinary sweep in its own folder."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.reporting import reporter
-from eqt_cli.execution.cost import estimate
+from eqt_cli.core.reporting import RUNS_DONE, reporter, step
+from eqt_cli.execution.cost import PROBE_SECONDS, estimate
 from eqt_cli.execution.executors import Executor
 from eqt_cli.execution.folder import ResultFolder
+from eqt_cli.execution.lock import LOCK, locked
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.read_study import study
 from eqt_cli.results.result import Result, open_result
@@ -109,32 +110,39 @@ class Expected:
     runs
         Largest number of runs, including those that judge the outcome.
     seconds
-        Wall time, s.
+        Wall time, s; None if a moment of the horizon takes longer than an estimate may.
     workers
         Number of workers.
     """
 
     points: int
     runs: int
-    seconds: float
+    seconds: float | None
     workers: int
 
 
 def expected(search: Searches[Any], executor: Executor) -> Expected:
     """Estimate the cost of a search from part of the first generation of each law."""
-    section, seconds, workers = search.section, 0.0, 1
+    section, workers = search.section, 1
+    seconds: float | None = 0.0
+    share = PROBE_SECONDS / sum(len(search.in_cases(law)) for law in search.laws)
     for law in search.laws:
         shares = first_points(section.population, list(law.axes), law.start, section.seed)
         for case in search.in_cases(law).values():
             generation = study(_swept(case, _columns(law, shares)), trust_plugins=True)
-            found = estimate(generation, executor)
+            if seconds is None:
+                break
+            found = estimate(generation, executor, share)
+            workers = max(workers, found.workers)
+            if found.seconds is None:
+                seconds = None
+                break
             groups = len(generation) if generation.is_ragged else 0
             seconds += (found.seconds + SWEEP + groups * GROUP) * search.all_generations
-            workers = max(workers, found.workers)
     points = len(search.laws) * search.all_generations * section.population
-    return Expected(
-        points, search.all_runs, seconds * search.all_runs / search.searched_runs, workers
-    )
+    if seconds is not None:
+        seconds *= search.all_runs / search.searched_runs
+    return Expected(points, search.all_runs, seconds, workers)
 
 
 def _columns(law: LawSearch, shares: Array) -> dict[str, list[float]]:
@@ -166,3 +174,54 @@ def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
             np.array_equal(result.coordinate(coordinate_of(key)), values)
             for key, values in columns.items()
         )
+
+
+S = TypeVar("S", bound=Searches[Any])
+
+Conclude = Callable[[S, SearchFolder, Computing], tuple[Execution, dict[str, Any]]]
+"""Searches for every law; returns the runs that judge the outcome, and the outcome's record."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """The outcome of a finished search.
+
+    Attributes
+    ----------
+    search
+        The search.
+    judged
+        Result of the runs that judge the outcome.
+    record
+        The record of the search, as its folder holds it.
+    """
+
+    search: Searches[Any]
+    judged: Execution
+    record: dict[str, Any]
+
+
+def carry_out(
+    search: S, out: Path, conclude: Conclude[S], do: Computing, *, force: bool = False
+) -> Found:
+    """Carry out a search in a folder, reusing the generations that it already holds.
+
+    Parameters
+    ----------
+    force
+        Whether to start over.
+
+    Raises
+    ------
+    EqtError
+        If the folder holds something else, is in use, or cannot be written.
+    """
+    folder = SearchFolder(out, search.kind)
+    folder.check(search.laws)
+    with locked(out, name=f"{LOCK}-{search.kind.command}"):
+        folder.claim(search.name, search.digest, force)
+        with step(RUNS_DONE, search.all_runs):
+            judged, outcome = conclude(search, folder, do)
+        record = search.settings | outcome
+        folder.write_record(record)
+    return Found(search, judged, record)

@@ -43,8 +43,7 @@ class OverCases(Result):
     @cached_property
     def status(self) -> Array:
         """Status as in `Result`; a run that fails in any case has failed."""
-        found: Array = np.max([case.status for case in self._cases], axis=0)
-        return found
+        return np.max([case.status for case in self._cases], axis=0)
 
     def metric(self, name: str, controller: int | None = None) -> Array:
         """Return the same as in `Result`, combined over the cases."""
@@ -71,8 +70,7 @@ class OverCases(Result):
         """Combine the numbers ``(controllers, runs)`` of all cases."""
         cases = np.stack(values)
         if not self._worst:
-            found: Array = cases.mean(axis=0)
-            return found
+            return cases.mean(axis=0)
         costs = quantity.cost(mean_over_runs(cases))
         worst = np.where(np.isnan(costs), -np.inf, costs).argmax(axis=0)
         return cases[worst, np.arange(len(worst))]

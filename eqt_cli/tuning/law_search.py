@@ -8,9 +8,16 @@ from typing import Any, TypeVar
 
 from eqt_cli.config.schema import SEARCHES, LogRange, TunedAxis
 from eqt_cli.config.source import ConfigSource, with_value
-from eqt_cli.core.errors import ConfigError, InputError, suggestion
-from eqt_cli.core.file_names import file_name
-from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
+from eqt_cli.core.errors import (
+    ConfigError,
+    InputError,
+    KeyPath,
+    Problems,
+    dotted,
+    parse_key,
+    suggestion,
+)
+from eqt_cli.core.files import file_name
 from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.ensemble.designs.base import overlap
 from eqt_cli.experiment.build import build
@@ -137,13 +144,17 @@ def require_metric(name: str, base: Experiment) -> None:
 def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch, ...]:
     """Return one search for each law, over its own keys and the shared keys."""
     found: list[LawSearch] = []
-    shared = base.resolved["gains"]
+    shared = base.resolved.get("gains", {})
     ranges = dict(sorted(ranges.items(), key=lambda item: item[0].startswith("controllers[")))
     for index, entry in enumerate(base.resolved["controllers"]):
-        own = entry.get("gains", {})
-        law = {key: value for key, value in entry.items() if key != "gains"}
-        data = without_search(base.source.data) | {"controllers": [law], "gains": shared | own}
-        keys = {own: key for key in ranges if (own := _own_key(key, index))}
+        law = base.loops[str(entry["label"])].controller
+        keeps = law.gains_group(base.group) is not base.group
+        data = without_search(base.source.data) | {"controllers": [entry]}
+        if not keeps:
+            of_law = {key: value for key, value in entry.items() if key != "gains"}
+            own = shared | entry.get("gains", {})
+            data |= {"controllers": [of_law], "gains": own}
+        keys = {own: key for key in ranges if (own := _own_key(key, index, keeps))}
         axes = {own: ranges[key] for own, key in keys.items()}
         label = str(entry["label"])
         slug = _slug(label, [other.slug for other in found])
@@ -154,15 +165,19 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
     return tuple(found)
 
 
-def _own_key(key: str, index: int) -> str:
-    """Return a key in the configuration of one law; empty if it belongs to another law."""
+def _own_key(key: str, index: int, keeps: bool) -> str:
+    """Return a key in the configuration of one law; empty if it belongs to another law.
+
+    A law that `keeps` its gains does not read the section `gains`.
+    """
     path = parse_key(entries_of(key)[0])
     if path[0] != "controllers":
-        return key
+        return "" if keeps and path[0] == "gains" else key
     if path[1] != index:
         return ""
     own = dotted(path[:2])
-    return key.removeprefix(f"{own}.") if path[2] == "gains" else f"controllers[0]{key[len(own) :]}"
+    moved = path[2] == "gains" and not keeps
+    return key.removeprefix(f"{own}.") if moved else f"controllers[0]{key[len(own) :]}"
 
 
 def _slug(label: str, taken: Sequence[str]) -> str:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.results.quantity_table import QUANTITIES
+from eqt_cli.results.result import Result, mean_over_runs
 
 
 @dataclass(frozen=True)
@@ -155,3 +157,61 @@ def survivors(points: Scores, tried: Scores) -> Array:
             alike = np.delete(alike, np.argmin(crowding(scores.objectives[alike])))
         chosen += alike.tolist()
     return kept[np.array(chosen)]
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """A bound on a metric.
+
+    Attributes
+    ----------
+    metric, bound
+        Name of the metric, and its bound.
+    above
+        Whether the bound is an upper bound; else it is a lower bound.
+    every_run
+        Whether the bound applies to every run; else to the mean.
+    """
+
+    metric: str
+    bound: float
+    above: bool
+    every_run: bool
+
+    def __str__(self) -> str:
+        who = "in every run" if self.every_run else "in the mean"
+        return f"{self.metric} {'≤' if self.above else '≥'} {self.bound:g} {who}"
+
+
+def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Constraint]) -> Scores:
+    """Return the scores of all points of a sweep with one law.
+
+    A run that failed or has no value is left out of the means, and the share of such runs is added
+    to the violation. A run whose time is beyond the horizon counts with the horizon.
+    """
+    good = result.good[:, 0]
+    values = {
+        name: result.counted(name)[:, 0]
+        for name in {*objectives, *(bound.metric for bound in constraints)}
+    }
+    missing = ~good
+    for each in values.values():
+        missing = missing | ~np.isfinite(each)
+    violation = missing.mean(axis=1)
+    for bound in constraints:
+        violation = violation + excess(bound, values[bound.metric])
+    means = [QUANTITIES[name].cost(mean_over_runs(values[name])) for name in objectives]
+    found = np.stack(means, axis=1)
+    settling = result.metric("settling_time")[:, 0]
+    return Scores(found, violation, (~good).sum(axis=1), (good & np.isnan(settling)).sum(axis=1))
+
+
+def excess(bound: Constraint, values: Array) -> Array:
+    """Return the violation of a bound at each point as a share of the bound; 0 where it holds."""
+    if bound.every_run:
+        reduced = np.nanmax if bound.above else np.nanmin
+        found = np.array([reduced(row) if np.isfinite(row).any() else np.nan for row in values])
+    else:
+        found = mean_over_runs(values)
+    over = (found - bound.bound) * (1 if bound.above else -1) / (abs(bound.bound) or 1.0)
+    return np.where(np.isfinite(over), np.maximum(over, 0.0), 1.0)

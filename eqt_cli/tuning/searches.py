@@ -11,8 +11,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.core.errors import EqtError
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import EqtError, Problems
 from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
@@ -159,6 +158,9 @@ class Searches(ABC, Generic[S]):
         """Number of runs of all laws and generations."""
         each = self.all_generations * self.section.population
         return len(self.laws) * each * self.runs_at_a_point
+
+    judging: ClassVar[str] = "to judge the outcome"
+    """What further runs are for."""
 
     @property
     @abstractmethod

@@ -1,18 +1,22 @@
-"""Tables of the outcome of a tuning, from its record and its held-out runs."""
+"""Tables of the outcome of a search, from its record and its judged runs."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.analysis.comparison import Comparison, compare
-from eqt_cli.analysis.comparison.bootstrap import Resampling, intervals_of_means
-from eqt_cli.analysis.comparison.findings import listed
-from eqt_cli.analysis.comparison.notation import Plain, decimals, fixed
+from eqt_cli.analysis.comparison.intervals import (
+    Resampling,
+    intervals_of_means,
+    relative_difference,
+)
+from eqt_cli.analysis.comparison.notation import Plain, in_one_form, significant
 from eqt_cli.analysis.comparison.pairs import resolved_differences
-from eqt_cli.analysis.comparison.ratios import relative_difference
+from eqt_cli.analysis.comparison.records import listed
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
@@ -21,11 +25,63 @@ from eqt_cli.results.result import Result, mean_over_runs
 from eqt_cli.tuning.fronts import equal_cost_table
 from eqt_cli.tuning.held_out import cases_of, held_out
 from eqt_cli.tuning.law_search import values_text
-from eqt_cli.tuning.luck import luck_table, measured, seed_labels
-from eqt_cli.tuning.scores import excess
-from eqt_cli.tuning.search import Constraint
+from eqt_cli.tuning.ranking import Constraint, excess
+from eqt_cli.tuning.worst import AGREEING
 
 Record = Mapping[str, Any]
+
+Range = tuple[float, float]
+
+
+def measured(result: Result, name: str, write: Plain) -> str:
+    """Return the name of a metric with its unit, for captions."""
+    unit = write.unit(result.units(name))
+    return f"{write.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
+
+
+def seed_labels(law: Record) -> list[str]:
+    """Return the labels of the winners of a law's searches."""
+    return [found["label"] for found in law["searches"] if found["label"] is not None]
+
+
+def differences(result: Result, record: Record, metric: str) -> list[tuple[str, str, Range]]:
+    """Return the range of the difference of means over all searches, for each pair of laws.
+
+    Only laws with at least two successful searches are compared.
+    """
+    means = dict(zip(result.labels, mean_over_runs(result.counted(metric)).tolist(), strict=True))
+    found = {law["label"]: [means[label] for label in seed_labels(law)] for law in record["laws"]}
+    several = [label for label, values in found.items() if len(values) > 1]
+    return [
+        (one, two, (min(found[one]) - max(found[two]), max(found[one]) - min(found[two])))
+        for one, two in combinations(several, 2)
+    ]
+
+
+def searches_table(result: Result, record: Record, write: Plain) -> TextTable:
+    """Return the table of the differences between laws over all searches of both."""
+    (name,) = record["objectives"]
+    what = measured(result, name, write)
+    rows = [
+        [
+            write.text(f"{law_title(one)} − {law_title(two)}"),
+            *(write.number(significant(end, 3)) for end in ends),
+            "yes" if ends[0] > 0 or ends[1] < 0 else "no",
+        ]
+        for one, two, ends in differences(result, record, name)
+    ]
+    return TextTable(
+        "searches",
+        f"Differences of {what} between any search for one law and any search for the other, means "
+        "over held-out runs",
+        ["laws", "smallest", "largest", "the same sign in all"],
+        [Block("", rows)] if rows else [],
+        [
+            write.text(
+                "Where the sign is not the same in all, the search decides which law is ahead."
+            )
+        ],
+    )
 
 
 def tuning_tables(result: Result, record: Record) -> list[TextTable]:
@@ -49,9 +105,11 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     tuned = {winner["label"] for law in record["laws"] for winner in law["winners"]}
     between = [pair for pair in comparison.pairs if {pair.first, pair.second} <= tuned]
     pairs = text_tables(replace(comparison, pairs=between, levels=[], judgements=[]), write)
-    luck = luck_table(result, record, write)
+    searches = searches_table(result, record, write)
     by_case = _by_case(cases, record, write)
-    made = [_winners(result, record, comparison, write), by_case, bounds, *pairs.values(), luck]
+    violated = _violated(cases, record)
+    winners = _winners(result, record, comparison, violated, write)
+    made = [winners, by_case, bounds, *pairs.values(), searches]
     return [table for table in made if table.blocks]
 
 
@@ -109,7 +167,26 @@ def compared(result: Result, record: Record) -> Comparison:
     return compare(result, metrics=list(dict.fromkeys(names)))
 
 
-def _winners(result: Result, record: Record, comparison: Comparison, write: Plain) -> TextTable:
+def _violated(cases: Mapping[str, Result], record: Record) -> dict[str, list[str]]:
+    """Return the metrics whose bounds the held-out runs violate, in any case, by label."""
+    found: dict[str, list[str]] = {}
+    for entry in record["constraints"]:
+        bound = Constraint(**entry)
+        for result in cases.values():
+            over = excess(bound, result.counted(bound.metric))
+            for label in [one for one, by in zip(result.labels, over, strict=True) if by > 0]:
+                names = found.setdefault(label, [])
+                names += [bound.metric] if bound.metric not in names else []
+    return found
+
+
+def _winners(
+    result: Result,
+    record: Record,
+    comparison: Comparison,
+    violated: Mapping[str, Sequence[str]],
+    write: Plain,
+) -> TextTable:
     blocks = []
     for name in record["objectives"]:
         levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}
@@ -123,6 +200,8 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
                 after = write.spread(found.mean, found.low, found.high)
                 change = _relative(values[winner["label"]], values[law["start"]])
                 named = result.titled[winner["label"]]
+                if beyond := violated.get(winner["label"]):
+                    named += f" (violates {listed(beyond)})"
                 means = [levels[label].mean for label in seed_labels(law)]
                 over = _range(means, (found.high - found.low) / 2)
                 rows.append([named, values_text(winner["values"]), before, after, over, change])
@@ -175,7 +254,7 @@ def _counted(result: Result) -> Iterator[str]:
     """Count the held-out runs that failed, or had not settled at the end."""
     unsettled = result.censored("settling_time").sum(axis=-1)
     for what, counts in (("failed", result.failed.values()), ("unsettled at the end", unsettled)):
-        listed = [f"{x}: {n}" for x, n in zip(result.titles, counts, strict=True) if n]
+        listed = [f"{x} {n}" for x, n in zip(result.titles, counts, strict=True) if n]
         if listed:
             yield f"Runs {what}, of {result.runs}: {'; '.join(listed)}."
 
@@ -206,7 +285,7 @@ def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iter
             yield [
                 f"{result.titles[k]}{where}",
                 str(bound),
-                fixed(float(found[k]), 3),
+                significant(float(found[k])),
                 str(int(beyond[k].sum())),
                 "holds" if over[k] == 0 else f"violated by {100 * over[k]:.2g} %",
             ]
@@ -223,6 +302,55 @@ def _relative(found: Array, start: Array) -> str:
 
 def _range(means: Sequence[float], half: float) -> str:
     """Format a range: ``0.1790 to 0.1812``; one number for one search, - for none."""
-    digits = decimals(half, means[0] if means else 0.0)
-    ends = dict.fromkeys(fixed(end, digits) for end in (min(means), max(means)) if means)
-    return " to ".join(ends) or "-"
+    return " to ".join(dict.fromkeys(in_one_form(half, min(means), max(means)))) if means else "-"
+
+
+def worst_tables(result: Result, record: Record) -> list[TextTable]:
+    """Return the table of the worst run of each law, its place, and the agreement of the searches.
+
+    Parameters
+    ----------
+    result
+        The opened result of all laws along each key.
+    record
+        Record of the search.
+    """
+    what = measured(result, record["objective"], Plain())
+    rows = [
+        [
+            law_title(law["label"]),
+            "a run failed" if law["failed"] else significant(law["value"]),
+            values_text(law["values"]),
+            str(law["run"]),
+            f"{law['unsettled']} of {law['runs']}",
+            f"{law['first']['unsettled']} of {law['first']['runs']}",
+            f"{law['agreeing']} of {len(law['searches'])}",
+        ]
+        for law in record["laws"]
+    ]
+    header = ["law", "worst found", "at", "run", "not settled there", "in the box", "agree"]
+    title = f"The worst run that was found: {what}"
+    return [TextTable("worst", title, header, [Block("", rows)], list(_worst_notes(record)))]
+
+
+def _worst_notes(record: Record) -> Iterator[str]:
+    yield f"{searched(record)} Worse runs may exist: a search is not a proof."
+    for law in record["laws"]:
+        seen = [one["value"] for one in law["searches"]]
+        if not law["failed"] and (None in seen or not _same(law["value"], seen)):
+            values = ", ".join("a failed run" if v is None else f"{v:.4g}" for v in seen)
+            yield (
+                f"{law_title(law['label'])}: together with other points, the searches found "
+                f"{values}; the run amplifies rounding, so its value is no more certain than that."
+            )
+    yield (
+        "Not settled there: of the runs at the point that was found; in the box: of all runs of "
+        "the first generations, whose points are spread over the ranges. A failed run has not "
+        "settled. "
+        f"Agree: searches whose worst is within {100 * AGREEING:g} % of the worst of all."
+    )
+
+
+def _same(value: float, seen: list[float]) -> bool:
+    """Whether a run computed alone has the value that some search found."""
+    return any(abs(value - other) <= AGREEING * abs(other) for other in seen)

@@ -2,22 +2,255 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial, reduce
 from typing import Any
 
 import numpy as np
 
+from eqt_cli.config.schema import TuneSection, WorstRunSection
+from eqt_cli.config.source import ConfigSource, changed_at
+from eqt_cli.core.errors import ConfigError, InputError, Problems, parse_key
+from eqt_cli.core.option_types import shown
+from eqt_cli.ensemble.axes import DrawnRange
+from eqt_cli.ensemble.designs.cases import Cases
 from eqt_cli.execution.run_study import Execution
-from eqt_cli.experiment.read_study import study
-from eqt_cli.results.result import Result
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.config_at_point import section_of
+from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.experiment.read_study import require_sweepable, study
+from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.tuning.evolution import Population, selected
 from eqt_cli.tuning.folder import TUNE, SearchFolder, found_files
 from eqt_cli.tuning.generations import Computing, evolve
-from eqt_cli.tuning.law_search import LawSearch
-from eqt_cli.tuning.ranking import Scores
-from eqt_cli.tuning.scores import scores
-from eqt_cli.tuning.search import Search, seeded, started
+from eqt_cli.tuning.law_search import (
+    LawSearch,
+    entries_of,
+    require_metric,
+    values_text,
+    without_search,
+)
+from eqt_cli.tuning.ranking import Constraint, Scores, scores
+from eqt_cli.tuning.searches import Searches
+
+MOST_TRAJECTORIES = 50
+"""Trajectories of each law that the confirmation stores unless the configuration sets the number.
+The confirmation of a front stores none, because it has too many laws."""
+
+
+class Search(Searches[TuneSection]):
+    """A search for gains, checked: the section `tune`."""
+
+    kind = TUNE
+    example = "{over: {gains.kp: {log: [0.1, 10]}}, objective: mean_pose_error}"
+    continuing = frozenset({"budget", "seeds", "confirm"})
+
+    @cached_property
+    def objectives(self) -> tuple[str, ...]:
+        """The metrics to optimise."""
+        return _objective_names(self.section)
+
+    @cached_property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The bounds that a feasible point satisfies."""
+        return tuple(_constraints(self.section))
+
+    @property
+    def confirm_seed(self) -> int:
+        """Seed of the held-out runs."""
+        seed = self.section.confirm.seed
+        return self.base.config.ensemble.seed + 1 if seed is None else seed
+
+    @property
+    def seeks_front(self) -> bool:
+        """Whether there are two objectives, so that a law can have several winners."""
+        return len(self.objectives) > 1
+
+    @property
+    def cases(self) -> dict[str, dict[str, Any]]:
+        """The changed settings of each case, by its name."""
+        return self.section.cases or {}
+
+    def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
+        found = {
+            name: replace(law, source=_in_case(law.source, name, settings))
+            for name, settings in self.cases.items()
+        }
+        return found or super().in_cases(law)
+
+    def over_cases(self, cases: Sequence[Scores]) -> Scores:
+        if not self.cases:
+            return super().over_cases(cases)
+        return Scores.over_cases(cases, worst=self.section.over_cases == "worst")
+
+    @property
+    def runs_at_a_point(self) -> int:
+        return super().runs_at_a_point * max(1, len(self.cases))
+
+    @property
+    def judging_runs(self) -> int:
+        """Largest number of held-out runs of all winners and starting gains."""
+        section = self.section
+        winners = section.population if self.seeks_front else section.seeds
+        each = section.confirm.runs * max(1, len(self.cases))
+        return len(self.laws) * (winners + 1) * each
+
+    def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> ConfigSource:
+        """Return the experiment of the winners and the starting gains on held-out initial states.
+
+        Parameters
+        ----------
+        chosen
+            Values by key, by the label in the confirmation, by law.
+        """
+        tuned = [
+            _entry(law.at(values).data, label)
+            for law in self.laws
+            for label, values in chosen[law.label].items()
+        ]
+        starts = [_entry(law.source.data, started(law.label)) for law in self.laws]
+        data = self.base.source.data
+        ensemble = {"runs": self.section.confirm.runs, "seed": self.confirm_seed}
+        store = dict(data.get("store") or {})
+        few = min(MOST_TRAJECTORIES, ensemble["runs"])
+        store.setdefault("trajectories", "none" if self.seeks_front else few)
+        own = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
+        own |= {"sweep": [{"cases": self.cases}]} if self.cases else {}
+        return replace(self.base.source, data=without_search(data) | own)
+
+    def so_far(self, law: LawSearch, population: Population) -> str:
+        """Describe the best point of a law so far."""
+        best, scored = population.best, population.scores
+        if not scored.feasible[best]:
+            return f"no feasible point so far, least violation {scored.violation[best]:.3g}"
+        values = values_text(law.values(population.shares[best].tolist()))
+        cost = QUANTITIES[self.objectives[0]].cost(scored.objectives[best, 0])
+        front = f", {len(population.front)} on the front" if self.seeks_front else ""
+        return f"best so far: {self.objectives[0]} {cost:.4g} at {values}{front}"
+
+    @classmethod
+    def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
+        """Return the range of a key that belongs to the laws."""
+        path = parse_key(entries_of(key)[0])
+        if path[0] == "gains" and len(path) > 1:
+            return axis
+        if path[0] != "controllers":
+            raise InputError(
+                "expected a key of gains or controllers; all other keys define the task, which is "
+                "the same for all laws"
+            )
+        count = len(base.loops)
+        if len(path) < 3 or not isinstance(path[1], int) or path[1] >= count:
+            raise InputError(
+                f"expected an option of one of the {count} controllers, as controllers[0].gains.kp"
+            )
+        return axis
+
+    @classmethod
+    def _check(cls, section: TuneSection, base: Experiment, problems: Problems) -> None:
+        for each in [base, *_build_cases(section, base, problems)]:
+            _check_objectives(section, each, problems)
+            for name in section.subject_to:
+                with problems.catching("subject_to", name):
+                    require_metric(name, each)
+            if each.config.initial.file is not None:
+                problems.add(
+                    "initial.file sets the states of all runs, so none can be held out; draw them"
+                )
+        for name, bound in section.subject_to.items():
+            if isinstance(bound, WorstRunSection) and bound.max is None and bound.min is None:
+                problems.at("subject_to", name).add("expected `max` or `min`, got neither")
+        if section.confirm.seed == base.config.ensemble.seed:
+            problems.at("confirm", "seed").add(
+                f"expected another seed than ensemble.seed, got {section.confirm.seed}; winners "
+                "are judged on runs that did not choose them"
+            )
+
+
+def started(label: str) -> str:
+    """Return the label of a law at its starting gains."""
+    return f"{label}, start"
+
+
+def seeded(label: str, seed: int) -> str:
+    """Return the label of the winner of one search, where another search found a better one."""
+    return f"{label}, seed {seed}"
+
+
+OF_LAWS = {
+    "gains": "belongs to the laws, and is tuned by `over`",
+    "controllers": "belongs to the laws, and is tuned by `over`",
+    "ensemble": "is that of the search and of `confirm`",
+}
+"""Sections that cases cannot change, with the reasons."""
+
+
+def _build_cases(section: TuneSection, base: Experiment, problems: Problems) -> list[Experiment]:
+    """Build the experiment with all laws in each case, and note the problems of the cases."""
+    if section.cases is None:
+        if section.over_cases is not None:
+            problems.at("over_cases").add("there are no cases; add `cases`, or leave it out")
+        return []
+    here = problems.at("cases")
+    Cases.read(section.cases, here)
+    for name, settings in section.cases.items() if not here else ():
+        for key in settings:
+            with here.catching(name, key):
+                require_sweepable(key)
+                if reason := OF_LAWS.get(section_of(key)):
+                    raise InputError(f"no case can change it: {section_of(key)} {reason}")
+    found = []
+    for name, settings in section.cases.items() if not here else ():
+        try:
+            found.append(build(_in_case(base.source, name, settings), trust_plugins=True))
+        except ConfigError as error:
+            for problem in error.problems:
+                here.at(name).add(f"{problem.path}: {problem.message}")
+    return found
+
+
+def _in_case(source: ConfigSource, case: str, settings: dict[str, Any]) -> ConfigSource:
+    """Return a configuration with the settings of a case."""
+    for key, value in settings.items():
+        place = source.place(("tune", "cases", case, key))
+        source = changed_at(source, parse_key(key), value, place)
+    return source
+
+
+def _objective_names(section: TuneSection) -> tuple[str, ...]:
+    return tuple(section.objectives or (str(section.objective),))
+
+
+def _check_objectives(section: TuneSection, base: Experiment, problems: Problems) -> None:
+    given = section.objectives
+    if (section.objective is None) == (given is None):
+        problems.add("expected either `objective`, a metric, or `objectives`, two of them")
+    elif given is not None and (len(given) != 2 or given[0] == given[1]):
+        problems.at("objectives").add(f"expected two different metrics, got {shown(given)}")
+    else:
+        for index, name in enumerate(_objective_names(section)):
+            with problems.catching(*(("objectives", index) if given else ("objective",))):
+                require_metric(name, base)
+
+
+def _constraints(section: TuneSection) -> Iterator[Constraint]:
+    for name, bound in section.subject_to.items():
+        if not isinstance(bound, WorstRunSection):
+            higher = next(q.better == "higher" for q in METRICS if q.name == name)
+            yield Constraint(name, float(bound), above=not higher, every_run=False)
+            continue
+        if bound.max is not None:
+            yield Constraint(name, bound.max, above=True, every_run=True)
+        if bound.min is not None:
+            yield Constraint(name, bound.min, above=False, every_run=True)
+
+
+def _entry(data: dict[str, Any], label: str) -> dict[str, Any]:
+    """Return the only law of a configuration with its gains, under another label."""
+    law = data["controllers"][0]
+    return law | {"gains": dict(law.get("gains") or data["gains"]), "label": label}
 
 
 @dataclass(frozen=True)
@@ -100,6 +333,7 @@ class Tuned:
 
 def tune(search: Search, folder: SearchFolder, do: Computing) -> tuple[Execution, dict[str, Any]]:
     """Search for the best gains of each law, and run the winners on held-out initial states."""
+    scored = partial(scores, objectives=search.objectives, constraints=search.constraints)
     found = []
     for law in search.laws:
 
@@ -108,7 +342,7 @@ def tune(search: Search, folder: SearchFolder, do: Computing) -> tuple[Execution
             studies = [study(law.at(values), trust_plugins=True) for values in so_far.chosen]
             folder.write_found(law, studies, search.seeks_front)
 
-        searches = evolve(search, law, folder, do, partial(_scored, search), after)
+        searches = evolve(search, law, folder, do, scored, after)
         found.append(Tuned(law, searches, search.seeks_front))
     chosen = {each.law.label: each.confirmed for each in found}
     confirmed = do.execute(search.confirmation(chosen), folder.path)
@@ -119,10 +353,6 @@ def tune(search: Search, folder: SearchFolder, do: Computing) -> tuple[Execution
         "constraints": [asdict(bound) for bound in search.constraints],
         "laws": [_law_record(search, each) for each in found],
     }
-
-
-def _scored(search: Search, result: Result) -> Scores:
-    return scores(result, search.objectives, search.constraints)
 
 
 def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:

@@ -1,17 +1,257 @@
 """The base class of all parts of a vehicle, whose numbers may differ from run to run."""
 
 import dataclasses
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeAlias
 
 import numpy as np
+from pydantic import Tag
 
-from eqt_cli.core.component import Component
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import with_fields
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.option_types import Real, has_unit, one_of
+from eqt_cli.core.registry import Component
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.notation.poses import square, vector
-from eqt_cli.vehicle.numbers import Numbers, check_numbers, drawn, is_drawn, lowest
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution from which each run draws a number."""
+
+    # Not strict: a strict model takes no mapping for a dataclass. Numbers are strict by themselves.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    @property
+    @abstractmethod
+    def mean(self) -> float:
+        """The mean, which stands for the number outside of runs."""
+
+    @property
+    @abstractmethod
+    def variance(self) -> float:
+        """The variance."""
+
+    @abstractmethod
+    def draw(self, random: np.random.Generator) -> float:
+        """Return the number of one run."""
+
+    @abstractmethod
+    def check(self, problems: Problems, positive: bool) -> None:
+        """Note what is wrong with the distribution; `positive` numbers must be greater than 0."""
+
+
+@dataclass(frozen=True)
+class Uniform(Distribution):
+    """A uniform distribution between two numbers.
+
+    Attributes
+    ----------
+    uniform
+        The least and the greatest.
+    """
+
+    uniform: list[Real]
+
+    @property
+    def mean(self) -> float:
+        """The mean of the two bounds."""
+        return (self.uniform[0] + self.uniform[1]) / 2
+
+    @property
+    def variance(self) -> float:
+        """The variance, (b − a)²/12 with the bounds a and b."""
+        return (self.uniform[1] - self.uniform[0]) ** 2 / 12
+
+    def draw(self, random: np.random.Generator) -> float:
+        """Return a number in the half-open interval."""
+        return float(random.uniform(self.uniform[0], self.uniform[1]))
+
+    def check(self, problems: Problems, positive: bool) -> None:
+        """Note anything but two numbers in order."""
+        problems = problems.at("uniform")
+        if len(self.uniform) != 2:
+            got = f"got {len(self.uniform)}"
+            problems.add(f"expected two numbers, the lowest and the highest, {got}")
+        elif self.uniform[0] > self.uniform[1]:
+            low, high = self.uniform
+            problems.add(f"expected the smaller number first, got [{low:g}, {high:g}]")
+        elif positive:
+            _check_positive("numbers", self.uniform, problems)
+
+
+@dataclass(frozen=True)
+class Normal(Distribution):
+    """A normal distribution, truncated to numbers greater than 0 where these are required.
+
+    Attributes
+    ----------
+    normal
+        Mean and standard deviation.
+    """
+
+    normal: list[Real]
+
+    @property
+    def mean(self) -> float:
+        """The first of the two numbers."""
+        return self.normal[0]
+
+    @property
+    def variance(self) -> float:
+        """The square of the second number."""
+        return self.normal[1] ** 2
+
+    def draw(self, random: np.random.Generator) -> float:
+        """Return one number, of either sign."""
+        return float(random.normal(self.normal[0], self.normal[1]))
+
+    def check(self, problems: Problems, positive: bool) -> None:
+        """Note anything but a mean and a standard deviation that is not negative."""
+        problems = problems.at("normal")
+        if len(self.normal) != 2:
+            got = f"got {len(self.normal)}"
+            problems.add(f"expected two numbers, the mean and the standard deviation, {got}")
+        elif self.normal[1] < 0:
+            problems.add(f"expected a standard deviation of at least 0, got {self.normal[1]:g}")
+        elif positive:
+            _check_positive("a mean", self.normal[:1], problems)
+
+
+def _kind(value: Any) -> str | None:
+    if isinstance(value, dict | Distribution):
+        keys = value if isinstance(value, dict) else vars(value)
+        return next((name for name in ("uniform", "normal") if name in keys), None)
+    return None if isinstance(value, bool | list) else "number"
+
+
+def _rank(value: Any) -> str | None:
+    if not isinstance(value, list):
+        return "one"
+    return "matrix" if any(isinstance(row, list) for row in value) else "list"
+
+
+if TYPE_CHECKING:  # The parts that `of_run` returns have arrays in their place.
+    Number: TypeAlias = Any
+    NumberOrExpression: TypeAlias = Any
+    Numbers: TypeAlias = Any
+    Matrix: TypeAlias = Any
+else:
+    Number = Annotated[
+        Annotated[Real, Tag("number")]
+        | Annotated[Uniform, Tag("uniform")]
+        | Annotated[Normal, Tag("normal")],
+        one_of(_kind, "a number, {uniform: [least, greatest]} or {normal: [mean, std]}"),
+    ]
+    """A number, or a distribution from which every run draws its own."""
+
+    NumberOrExpression = Annotated[
+        Annotated[Real, Tag("number")]
+        | Annotated[str, Tag("expression")]
+        | Annotated[Uniform, Tag("uniform")]
+        | Annotated[Normal, Tag("normal")],
+        one_of(
+            lambda value: (
+                "expression" if isinstance(value, str) and not has_unit(value) else _kind(value)
+            ),
+            "a number, an expression in t, {uniform: [least, greatest]} or {normal: [mean, std]}",
+        ),
+    ]
+    """A number, a distribution, or an expression in t."""
+
+    Numbers = Annotated[
+        Annotated[Number, Tag("one")] | Annotated[list[Number], Tag("list")],
+        one_of(
+            lambda value: None if _rank(value) == "matrix" else _rank(value),
+            "a number or a list of numbers",
+        ),
+    ]
+    """A number, or one for each of the coordinates."""
+
+    Matrix = Annotated[
+        Annotated[Number, Tag("one")]
+        | Annotated[list[Number], Tag("list")]
+        | Annotated[list[list[Number]], Tag("matrix")],
+        one_of(_rank, "a number, a list (the diagonal) or a list of rows"),
+    ]
+    """A number (times the identity), a list (a diagonal) or a list of rows."""
+
+
+def is_drawn(value: Any) -> bool:
+    """Return whether a value is a distribution, or a list that contains one."""
+    if isinstance(value, list):
+        return any(map(is_drawn, value))
+    return isinstance(value, Distribution)
+
+
+def drawn(value: Any, random: np.random.Generator | None, positive: bool = False) -> Any:
+    """Return a value with a number drawn from each distribution; without a generator, its mean."""
+    if isinstance(value, list):
+        return [drawn(entry, random, positive) for entry in value]
+    if not isinstance(value, Distribution):
+        return value
+    if random is None:
+        return value.mean
+    number = value.draw(random)
+    while positive and number <= 0:  # the mean is greater, so this ends soon
+        number = value.draw(random)
+    return number
+
+
+def mean_square(value: float | Distribution) -> float:
+    """Return the mean of the square of a number."""
+    if isinstance(value, Distribution):
+        return value.mean**2 + value.variance
+    return float(value) ** 2
+
+
+def lowest(value: float | Distribution) -> float:
+    """Return a number, the lower bound of a uniform distribution, or the mean of a normal one."""
+    return value.uniform[0] if isinstance(value, Uniform) else float(drawn(value, None))
+
+
+LEAST, GREATEST = 1e-15, 1e15
+"""Bounds of numbers that must be positive, in SI units; no lag or limit of a vehicle is beyond."""
+
+
+def check_numbers(value: Any, problems: Problems, positive: bool = False) -> None:
+    """Note invalid distributions, and numbers that are not positive where they must be."""
+    if isinstance(value, list):
+        for index, entry in enumerate(value):
+            check_numbers(entry, problems.at(index), positive)
+    elif isinstance(value, Distribution):
+        value.check(problems, positive)
+    elif positive:
+        _check_positive("a number", [value], problems)
+
+
+def _check_positive(expected: str, values: list[float], problems: Problems) -> None:
+    for value in values:
+        if value <= 0:
+            problems.add(f"expected {expected} greater than 0, got {value:g}")
+        elif not LEAST <= value <= GREATEST:
+            problems.add(f"expected {expected} from {LEAST:g} to {GREATEST:g}, got {value:g}")
+
+
+def check_limits(
+    low: Any, high: Any, problems: Problems, names: tuple[str, str] = ("low", "high")
+) -> None:
+    """Note a limit without the other one, and a lower limit not below the upper, by the means."""
+    for name, value, other in zip(names, (low, high), (high, low), strict=True):
+        if value is None and other is not None:
+            problems.at(name).add(f"missing; give both limits, {names[0]} and {names[1]}")
+        elif value is not None:
+            check_numbers(value, problems.at(name))
+    if problems or low is None:
+        return
+    lows, highs = (value if isinstance(value, list) else [value] for value in (low, high))
+    count = max(len(lows), len(highs))
+    pairs = zip(lows * (count // len(lows)), highs * (count // len(highs)), strict=False)
+    for index, (least, most) in enumerate((drawn(a, None), drawn(b, None)) for a, b in pairs):
+        if least >= most:
+            here = problems.at(names[0], index) if len(lows) > 1 else problems.at(names[0])
+            here.add(f"expected a number less than {names[1]}, {most:g}, got {least:g}")
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from eqt_cli.core.leaves import with_fields
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 from eqt_cli.notation.poses import square
-from eqt_cli.vehicle.numbers import Matrix, Number, drawn, is_drawn
+from eqt_cli.vehicle.component import Matrix, Number, drawn, is_drawn
 
 
 class TrueInertia(ABC):

@@ -14,7 +14,7 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle.actuators import Actuator
 from eqt_cli.vehicle.estimators import Estimator
-from eqt_cli.vehicle.estimators.base import Deviations, Measured
+from eqt_cli.vehicle.estimators.base import Deviations, Measurement
 from eqt_cli.vehicle.estimators.schedule import Schedule
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.inertia import TrueInertia
@@ -30,6 +30,9 @@ FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
 
 POSE, VELOCITY = "sensors.pose", "sensors.velocity"
 """Keys of the lists of measurement errors."""
+
+SENSOR = "sensor"
+"""Beginning of the names of the states of sensors that follow the motion."""
 
 ESTIMATOR = "estimator"
 """Key of the estimator; the names of its states begin with it."""
@@ -64,6 +67,8 @@ class Vehicle:
         Clock of the law; None where it acts continuously.
     pose_sensors, velocity_sensors
         Measurement errors of the signals, which add up.
+    moving_sensors
+        For the vehicle of a run, the sensors of the velocity with states that follow the motion.
     estimator
         Estimator from which the law reads pose and velocity; None where it reads measurements.
     configured
@@ -76,6 +81,7 @@ class Vehicle:
     control: Sampling | None = field(default=None, metadata=STRUCTURE)
     pose_sensors: tuple[Sensor, ...] = field(default=(), metadata=STRUCTURE)
     velocity_sensors: tuple[Sensor, ...] = field(default=(), metadata=STRUCTURE)
+    moving_sensors: tuple[Sensor, ...] = field(default=(), kw_only=True)
     estimator: Estimator | None = None
     configured: Self | None = field(default=None, compare=False, repr=False, metadata=STRUCTURE)
 
@@ -104,25 +110,29 @@ class Vehicle:
     def of_run(self, G: MatrixLieGroup, random_of: RandomOf | None = None) -> Self:
         """Return the vehicle of one run; without generators, with the means."""
         configured = self.configured or self
+        estimator = configured.estimator
 
-        def flying(place: str) -> Any:
+        def flying(place: str, part: Any = None) -> Any:
             random = random_of(place) if random_of else None
-            return configured.parts[place].of_run(G, random)
+            return (part or configured.parts[place]).of_run(G, random)
+
+        if estimator is not None:
+            completed = estimator.completed(G, configured.deviations(G))
+            estimator = flying(ESTIMATOR, completed)
 
         return dataclasses.replace(
             self,
             inertia=None if self.inertia is None else flying(INERTIA),
             forces=tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces))),
             actuators=tuple(flying(f"{ACTUATORS}[{k}]") for k in range(len(self.actuators))),
-            estimator=configured._flying_estimator(G, random_of),
+            moving_sensors=tuple(
+                flying(f"{VELOCITY}[{k}]")
+                for k, sensor in enumerate(self.velocity_sensors)
+                if sensor.states(G)
+            ),
+            estimator=estimator,
             configured=configured,
         )
-
-    def _flying_estimator(self, G: MatrixLieGroup, random_of: RandomOf | None) -> Estimator | None:
-        if self.estimator is None:
-            return None
-        random = random_of(ESTIMATOR) if random_of else None
-        return self.estimator.completed(G, self.deviations(G)).of_run(G, random)
 
     @property
     def linear_part(self) -> Self:
@@ -130,6 +140,13 @@ class Vehicle:
         return dataclasses.replace(
             self, actuators=tuple(part.linear_part for part in self.actuators), estimator=None
         )
+
+    def pushes(self, G: MatrixLieGroup) -> Array | None:
+        """Return the forces of unit thrusts on a rigid body, ``(n, k)``; None without thrusters."""
+        for actuator in self.actuators:
+            if actuator.thruster_names and G.translation is not None:
+                return actuator.columns(G)[G.translation.axes]  # type: ignore[attr-defined]
+        return None
 
     # Measurements.
 
@@ -142,6 +159,23 @@ class Vehicle:
         """Return all sensors by their places in a configuration."""
         pairs = (POSE, self.pose_sensors), (VELOCITY, self.velocity_sensors)
         return {f"{name}[{k}]": part for name, parts in pairs for k, part in enumerate(parts)}
+
+    def started(self, G: MatrixLieGroup, V: Array) -> dict[str, Array]:
+        """Return the states of the sensors at t = 0."""
+        moving = enumerate(self.moving_sensors)
+        return {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
+
+    def read(
+        self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return the velocity that sensors measure before errors, and the rates of their states."""
+        rates = {}
+        for k, sensor in enumerate(self.moving_sensors):
+            axes, x = sensor.axes(G), states[f"{SENSOR}_{k}"]
+            part, V = V[..., axes], V.copy()
+            rates[f"{SENSOR}_{k}"] = sensor.state_rate(part, x)
+            V[..., axes] = sensor.reading(part, x)
+        return V, rates
 
     def channels(self, G: MatrixLieGroup) -> list[Channel]:
         """Return the parts of the measured pose and velocity that have sensors."""
@@ -196,7 +230,7 @@ class Vehicle:
     ) -> dict[str, Array]:
         """Return the states of sensors and estimator after an instant with the true Q and V."""
         found, holding = {}, self.holding(G)
-        Q_m, V_m = Q @ errors.pose, V + errors.velocity
+        Q_m, V_m = Q @ errors.pose, self.read(G, V, states)[0] + errors.velocity
         for k, channel in enumerate(holding):
             value, flags = Q_m if channel.signal == "pose" else V_m, errors.arrived[..., k]
             found[channel.name] = channel.measured(value, states[channel.name], flags)
@@ -209,7 +243,7 @@ class Vehicle:
             for fix in schedule.fixes
         ]
         now = stack([flag + 0.0 * V[..., 0] for flag in fresh])
-        measured = Measured(*self.as_arrived(G, Q_m, V_m, found), now, Q, errors.bias)
+        measured = Measurement(*self.as_arrived(G, Q_m, V_m, found), now, Q, errors.bias)
         after = self.estimator.after(schedule, measured, own)
         return found | {f"{ESTIMATOR}_{name}": values for name, values in after.items()}
 
@@ -257,6 +291,13 @@ class Vehicle:
         return not self.parts
 
     @property
+    def is_direct(self) -> bool:
+        """Whether forces are all that acts beside the command: it arrives, of the true state."""
+        arrives = all(a.thruster_names and not (a.limits or a.moves) for a in self.actuators)
+        other = self.inertia or self.control or self.measures or self.estimator
+        return arrives and not other
+
+    @property
     def departures(self) -> str:
         """Departures of the loop from the one of the theorems, in words; empty if ideal."""
         return ", ".join(dict.fromkeys(part.departs for part in self.parts.values()))
@@ -275,6 +316,11 @@ class Vehicle:
     def limits(self) -> bool:
         """Whether any actuator can be at a limit."""
         return any(actuator.limits for actuator in self.actuators)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the states of any actuator follow from the first command of a run."""
+        return any(actuator.runs for actuator in self.actuators)
 
     @property
     def thruster_names(self) -> tuple[str, ...]:
@@ -309,25 +355,6 @@ class Vehicle:
         moving = (k for k, actuator in enumerate(self.actuators) if actuator.moves)
         return next(moving, len(self.actuators))
 
-    @property
-    def first_moving(self) -> Actuator | None:
-        """The first actuator that `moves`, to which a sampled law gives a held command."""
-        rest = self.actuators[self._at_instants :]
-        return rest[0] if rest and rest[0].moves else None
-
-    def first_moving_after(
-        self,
-        G: MatrixLieGroup,
-        states: Mapping[str, Array],
-        later: Mapping[str, Array],
-        duration: Array,
-    ) -> tuple[Array, Array]:
-        """Return the states of `first_moving` after a hold, in closed form and from `later`."""
-        place, actuator = next(self._chain(self._at_instants))
-        held = self._held(G, states)
-        found = actuator.after(G, held, states[place], duration)
-        return found, later[place][..., -found.shape[-1] :]
-
     def _held(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
         """Return the held command, as it leaves the actuators that act at instants."""
         return states[HELD] if self._at_instants else states[COMMANDS][..., : G.dimension]
@@ -342,9 +369,24 @@ class Vehicle:
         if self.control is None:
             return found
         held = {HELD: G.dimension} if self._at_instants else {}
-        told = {channel.name: channel.states for channel in self.holding(G)}
+        moving = enumerate(self.moving_sensors)
+        measured = {f"{SENSOR}_{k}": sensor.states(G) for k, sensor in moving}
+        measured |= {channel.name: channel.states for channel in self.holding(G)}
         commands = {COMMANDS: (self.control.delay + 1) * G.dimension}
-        return {**commands, **held, **found, **told, **self.estimator_lengths(G)}
+        return {**commands, **held, **found, **measured, **self.estimator_lengths(G)}
+
+    def running(self, G: MatrixLieGroup, command: Array) -> dict[str, Array]:
+        """Return the states at the start of a run that are not 0, if anything `runs`.
+
+        The first command has then been given before, too.
+        """
+        parts = self._chain()
+        found = {place: part.running(G, command) for place, part in parts if part.runs}
+        if self.control is None:
+            return found
+        before = np.concatenate([command] * (self.control.delay + 1), axis=-1)
+        held = {HELD: command} if self._at_instants else {}
+        return {**found, COMMANDS: before, **held}
 
     def estimator_lengths(self, G: MatrixLieGroup) -> dict[str, int]:
         """Return the number of states of the estimator, which come last and are held, by name."""
@@ -443,27 +485,30 @@ class Vehicle:
         assert self.control is not None
         return self.control.period
 
-    def thrust(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
-        """Return the thrust of each thruster, ``(..., k)``."""
+    def _inputs(
+        self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
+    ) -> Iterator[tuple[Actuator, Array, Array]]:
+        """Yield the actuators, each with the command that it gets and its states."""
         if self.control is not None:
             command = states[COMMANDS][..., : G.dimension]
         for place, actuator in self._chain():
             x = states.get(place, command[..., :0])
-            if actuator.thruster_names:
-                return actuator.thrust(G, command, x)
+            yield actuator, command, x
             command = actuator.output(G, command, x)
+
+    def thrust(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
+        """Return the thrust of each thruster, ``(..., k)``."""
+        for actuator, given, x in self._inputs(G, command, states):
+            if actuator.thruster_names:
+                return actuator.thrust(G, given, x)
         return command[..., :0]
 
     def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
         """Return where the input of any actuator exceeds its limit, ``(...)``."""
         found = np.zeros(command.shape[:-1], dtype=bool)
-        if self.control is not None:
-            command = states[COMMANDS][..., : G.dimension]
-        for place, actuator in self._chain():
-            x = states.get(place, command[..., :0])
-            here = actuator.at_limit(G, command, x)
+        for actuator, given, x in self._inputs(G, command, states):
+            here = actuator.at_limit(G, given, x)
             found = found if here is None else found | here
-            command = actuator.output(G, command, x)
         return found
 
     def acting(self, s: Tracking, torque: Array) -> Array:

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from eqt_cli.analysis.comparison import bootstrap
-from eqt_cli.analysis.comparison.bootstrap import Resampling, intervals_of_means
-from eqt_cli.analysis.comparison.runs_needed import POWER, runs_to_decide, runs_without_exception
+from eqt_cli.analysis.comparison import intervals as bootstrap
+from eqt_cli.analysis.comparison.intervals import (
+    POWER,
+    Resampling,
+    intervals_of_means,
+    runs_to_decide,
+    runs_without_exception,
+)
 
 
 def intervals(columns, confidence=0.95, resamples=9999, seed=0):

@@ -34,8 +34,6 @@ from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInerti
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.references.torque import TorqueReference
-from eqt_cli.vehicle import Vehicle
-from eqt_cli.vehicle.sampling import Sampling
 
 LAWS = [kind.name for kind in controllers.all() if kind.tasks]
 """Formulas; code of a user's own is none."""
@@ -85,7 +83,6 @@ def runs(**changes):
         "group_drift": np.array([1e-10, 2e-10]),
         "final_pose_error": np.array([0.01, 0.02]),
         "final_velocity_error": np.array([0.03, 0.01]),
-        "error_system": 1e-8,
         "pose_error": shown,
         "velocity_error": shown,
         "desired_speed": 1.0,
@@ -120,17 +117,18 @@ def test_identities_hold_on_every_group_for_every_law(law_on_group):
     unmatched = [row for row in rows if row.verdict is Verdict.UNCLAIMED]
     assert [row.name for row in unmatched] == [SMALL] * (not law.matched)
     assert {row.verdict for row in rows} - {Verdict.UNCLAIMED} == {Verdict.HOLDS}, rows
+    # The bounds are a few thousand roundings: a formula that is wrong by a millionth is seen.
+    assert law.name != "eqt" or all(row.measured <= row.bound < 1e-8 for row in rows)
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_identities_of_laws_hold_for_a_varying_inertia(name):
-    """For both ways in which an inertia is given; the choice of S differs between them."""
+@pytest.mark.parametrize(("name", "way"), [(name, k % 2) for k, name in enumerate(LAWS)])
+def test_identities_of_laws_hold_for_a_varying_inertia(name, way):
+    """An inertia is given in two ways, between which the choice of S differs; laws take turns."""
     G, law = group_named("SO3"), controllers.get(name)()
     at_rest = "track" not in law.tasks
     parts = {"reference": ConstantReference()} if at_rest else {}
-    for inertia in varying_inertias(G):
-        rows = identities(closed_loop(G, law, inertia=inertia, **parts))
-        assert {row.verdict for row in rows} - {Verdict.UNCLAIMED} == {Verdict.HOLDS}, rows
+    rows = identities(closed_loop(G, law, inertia=varying_inertias(G)[way], **parts))
+    assert {row.verdict for row in rows} - {Verdict.UNCLAIMED} == {Verdict.HOLDS}, rows
 
 
 def varying_inertias(G):
@@ -153,50 +151,20 @@ def test_identities_hold_for_a_varying_inertia(G):
     assert {row.verdict for row in found} == {Verdict.HOLDS}
 
 
-def test_bounds_are_a_few_thousand_roundings_and_not_loose(G):
-    """A formula that is wrong by a millionth would be seen."""
-    for row in identities(closed_loop(G)):
-        assert row.measured <= row.bound < 1e-8
-
-
-@pytest.mark.parametrize(
-    ("name", "rows"),
-    [
-        ("eqt", {"EqT on SO(3)", "control through G ⋉ g*"}),
-        ("gt", {"GT on SO(3)"}),
-        ("nog", {"nog on SO(3)"}),
-        ("asym", {"asym on SO(3)"}),
-    ],
-)
-def test_laws_of_section_7_have_their_own_rows_on_SO3(name, rows):
-    found = identities(closed_loop(group_named("SO3"), controllers.get(name)()))
+@pytest.mark.parametrize("law", [EqT(), Family(0.5, 0.5, 0.5, "body")])
+def test_rows_of_a_law_of_the_family(law):
+    found = identities(closed_loop(group_named("SO3"), law))
     about_laws = {row.name for row in found if row.controller == "law"}
-    assert about_laws == rows | {WEIGHTS, "power of the feedforward", "rate of L", SMALL}
+    assert about_laws == {WEIGHTS, "power of the feedforward", "rate of L", SMALL}
 
 
-def test_a_point_of_the_family_is_what_its_options_say():
-    found = identities(closed_loop(group_named("SO3"), Family(0.5, 0.5, 0.5, "body")))
-    assert "GT on SO(3)" in {row.name for row in found}
-
-
-def test_every_shipped_law_has_a_literal_form():
-    written = {found.law for found in certificates.all() if issubclass(found, LiteralForm)}
-    assert set(LAWS) <= written
-
-
-def test_every_shipped_law_is_compared_with_its_literal_form_on_every_group(law_on_group):
-    loop = closed_loop(*law_on_group)
-    asked = [found for found in certificates.all() if issubclass(found, LiteralForm)]
-    assert any(found().applies(loop) for found in asked)
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_every_shipped_law_has_its_rows_for_a_varying_inertia_too(name):
+@pytest.mark.parametrize("name", ["eqt", "gt", "nog", "asym", "stabilising"])
+def test_the_paper_s_laws_are_compared_with_its_equations_for_a_varying_inertia_too(name):
     G = group_named("SO3")
-    asked = [found for found in certificates.all() if issubclass(found, LiteralForm)]
+    written = [found for found in certificates.all() if issubclass(found, LiteralForm)]
     for inertia in varying_inertias(G):
         loop = closed_loop(G, controllers.get(name)(), inertia=inertia)
-        assert any(found().applies(loop) for found in asked)
+        assert any(found().applies(loop) for found in written)
 
 
 @dataclass(frozen=True)
@@ -244,23 +212,6 @@ def test_what_the_integral_adds_to_the_stiffness_is_its_gain():
     np.testing.assert_allclose(value_of(torque / stiffness)[0], 1.1, rtol=1e-12)
 
 
-class TwiceAsFast(Goodarzi2013):
-    """A memory at twice its rate."""
-
-    def memory_rate(self, s):
-        return {name: 2 * rate for name, rate in super().memory_rate(s).items()}
-
-
-@pytest.mark.parametrize("control", [None, Sampling(0.1), Sampling(0.1, delay=2)])
-@pytest.mark.parametrize(
-    ("law", "verdict"), [(Goodarzi2013(), Verdict.HOLDS), (TwiceAsFast(), Verdict.FAILS)]
-)
-def test_the_integral_of_the_errors_of_a_continuous_and_of_a_sampled_law(law, verdict, control):
-    loop = closed_loop(group_named("SO3"), law, vehicle=Vehicle(control=control))
-    rows = {row.name: row for row in identities(loop)}
-    assert rows["integral of the errors"].verdict is verdict
-
-
 def changed(name, **numbers):
     """A law of this registered name whose class has other numbers."""
     law = controllers.get(name)
@@ -273,11 +224,11 @@ def changed(name, **numbers):
 @pytest.mark.parametrize(
     ("name", "numbers", "rows"),
     [
-        ("gt", {"gyroscopic": 0.6}, {"GT on SO(3)", WEIGHTS}),
-        ("gt", {"damping": "spatial"}, {"GT on SO(3)", WEIGHTS}),
-        ("nog", {"gyroscopic": 0.1}, {"nog on SO(3)", WEIGHTS}),
-        ("eqt", {"gyroscopic": 0.0}, {"EqT on SO(3)", WEIGHTS, "control through G ⋉ g*"}),
-        ("asym", {"transport": 1.0}, {"asym on SO(3)", WEIGHTS, "power of the feedforward"}),
+        ("gt", {"gyroscopic": 0.6}, {WEIGHTS}),
+        ("gt", {"damping": "spatial"}, {WEIGHTS}),
+        ("nog", {"gyroscopic": 0.1}, {WEIGHTS}),
+        ("eqt", {"gyroscopic": 0.0}, {WEIGHTS}),
+        ("asym", {"transport": 1.0}, {WEIGHTS, "power of the feedforward"}),
     ],
 )
 def test_a_named_law_whose_numbers_are_changed_fails_its_rows(name, numbers, rows):
@@ -294,13 +245,8 @@ def test_the_frame_of_K_d_is_seen_also_where_K_d_is_a_multiple_of_the_identity(n
     in_space = property(lambda s: s.G.Ad_star(s.Qd, s.spatial_damping))
     monkeypatch.setattr(Tracking, "body_damping", in_space)
     found = identities(closed_loop(G, law, **parts))
-    rows = {"stabilising control"} if name == "stabilising" else {"GT on SO(3)", WEIGHTS}
+    rows = {"stabilising control"} if name == "stabilising" else {WEIGHTS}
     assert {row.name for row in found if row.verdict is Verdict.FAILS} == rows
-
-
-def test_formulas_of_SO3_are_not_for_other_groups_of_three_dimensions():
-    found = identities(closed_loop(group_named("SE2")))
-    assert not any("SO(3)" in row.name for row in found)
 
 
 @dataclass(frozen=True)
@@ -428,7 +374,6 @@ def test_good_runs_hold():
     [
         ("energy balance", {"energy_residual": np.array([1e-12, 1e-6])}, 1e-6),
         ("poses stay in the group", {"group_drift": np.array([1e-3, 1e-12])}, 1e-3),
-        ("error system by itself", {"error_system": 1e-3}, 1e-3),
         ("decrease of L", {"lyapunov": np.array([[2.0, 1.0, 1.5]]), "times": np.arange(3.0)}, 0.25),
     ],
 )
@@ -442,7 +387,6 @@ def test_a_trajectory_row_fails_beyond_its_bound(name, changes, measured):
     [
         ("energy balance", {"energy_residual": np.array([np.nan, 1e-12])}),
         ("poses stay in the group", {"group_drift": np.array([np.nan, 1e-12])}),
-        ("error system by itself", {"error_system": np.nan}),
         ("decrease of L", {"lyapunov": np.array([[2.0, np.nan, 1.5]]), "times": np.arange(3.0)}),
     ],
 )
@@ -482,14 +426,14 @@ def velocity_errors(*levels, stays=(), scale=1.0):
 def test_runs_under_way_are_counted_and_their_decay_is_measured():
     row = trajectory("Q → Q_d", **pose_errors(0.005, 0.15))
     assert (row.verdict, row.measured, row.bound) == ("undecided", pytest.approx(0.3), 0.05)
-    assert row.remark == "1 of 2 runs not settled at 10 s; L decays at 0.5 1/s (median)"
+    assert row.remark == "1 of 2 runs not converged at 10 s; L decays at 0.5 1/s (median)"
 
 
 def test_a_pose_error_that_stays_below_the_threshold_is_an_offset():
     row = trajectory("Q → Q_d", **pose_errors(0.001, 0.01, stays=[1]))
     assert row.verdict == "undecided"
     assert row.remark.startswith(
-        "1 of 2 runs not settled at 10 s; an error of 0.02 stays in 1 of 2 runs"
+        "1 of 2 runs not converged at 10 s; an error of 0.02 stays in 1 of 2 runs"
     )
 
 
@@ -507,7 +451,7 @@ def test_runs_that_settle_part_by_part_have_no_bound_of_the_pose_error():
     late = trajectory("Q → Q_d", **known, settled=np.array([True, False]))
     assert [far.verdict, there.verdict, late.verdict] == ["undecided", "holds", "undecided"]
     assert there.bound is None
-    assert late.remark.startswith("1 of 2 runs not settled at 10 s;")
+    assert late.remark.startswith("1 of 2 runs not converged at 10 s;")
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
@@ -572,7 +516,7 @@ def test_the_offset_of_a_loop_that_no_theorem_covers_is_named():
         "Q → Q_d", **pose_errors(0.01, 0.01, stays=[0, 1]), departures="a constant force"
     )
     assert row.verdict == "not covered"
-    assert "a constant force; 2 of 2 runs not settled" in row.remark
+    assert "a constant force; 2 of 2 runs not converged" in row.remark
     assert "an error of 0.02 stays in 2 of 2 runs" in row.remark
 
 
@@ -595,15 +539,12 @@ def test_a_run_that_is_not_there_and_whose_error_grows_speaks_against_convergenc
 
 
 @pytest.mark.parametrize(
-    ("final", "counted"), [(0.3, "1 of 1 runs not settled at 10 s; "), (0.01, "")]
+    ("final", "counted"), [(0.3, "1 of 1 runs not converged at 10 s; "), (0.01, "")]
 )
 def test_convergence_without_trajectories_is_undecided(final, counted):
     none = {"lyapunov": None, "pose_error": None}
     row = trajectory("Q → Q_d", final_pose_error=np.array([final]), **none)
-    assert (row.verdict, row.remark) == (
-        "undecided",
-        f"{counted}the result holds no trajectories",
-    )
+    assert (row.verdict, row.remark) == ("undecided", f"{counted}the result holds no trajectories")
 
 
 def test_velocities_without_trajectories_have_no_bound():
@@ -646,7 +587,6 @@ def test_without_a_good_run_nothing_is_decided():
                 group_drift=none,
                 final_pose_error=none,
                 final_velocity_error=none,
-                error_system=None,
                 failed=3,
             )
         ]

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import eqt_cli
-from eqt_cli.analysis.citations import PAPER, PROGRAM, citations
+from eqt_cli.api.citing import PAPER, PROGRAM, citations
 from eqt_cli.controllers import controllers
 from eqt_cli.results.result import Result
 

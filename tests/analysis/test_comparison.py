@@ -1,5 +1,6 @@
 """Comparisons of controllers on results whose numbers are known."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 from scipy.stats import binomtest
 
 from eqt_cli.analysis.comparison import Window, compare
-from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.claims import AtMost
+from eqt_cli.analysis.comparison.intervals import Resampling
+from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.records import records
 from eqt_cli.analysis.comparison.verdicts import judge_at_most, judge_less
@@ -170,15 +172,15 @@ def test_trajectories_of_a_single_run_are_told(make_result):
 
 
 def test_shares_are_compared_on_the_runs_that_neither_law_has_failed(make_result):
-    """Of four pairs, one has settled under the first law only; p is ½ from either side."""
-    settled = [[1.0, 1.0, 0.0, 0.0, 1.0, 1.0], [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]]
-    status = [[0, 0, 0, 0, 0, 1], [0, 0, 0, 0, 1, 0]]
+    """Of five pairs, one has settled under the first law only; p is ½ from either side."""
+    settled = [[1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0], [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]]
+    status = [[0, 0, 0, 0, 0, 0, 1], [0, 0, 0, 0, 0, 1, 0]]
     results = make_result(["a", "b"], metrics={"settled": settled}, status=status)
     comparison = compare(results, metrics=["settled"])
     pair = only(comparison.pairs)
-    assert (pair.pairs, pair.difference, pair.p_value) == (4, 0.25, 1.0)
-    assert [level.mean for level in comparison.levels] == [3 / 5, 1 / 5]
-    assert pair.low < 0.25 < pair.high
+    assert (pair.pairs, pair.ties, pair.difference, pair.p_value) == (5, 4, 0.2, 1.0)
+    assert [level.mean for level in comparison.levels] == [3 / 6, 1 / 6]
+    assert pair.low < 0.2 < pair.high
     # Beside a mean, which has no such test.
     beside = compare(make_result(["a", "b"], metrics={"effort": settled}), metrics=["effort"])
     assert only(beside.pairs).p_value is None
@@ -287,10 +289,7 @@ def test_norms_with_mixed_units_are_compared_by_their_parts(make_result):
     ]
     assert [
         (r["metric"], r["verdict"]) for r in records(comparison)["claims"] if "held" not in r
-    ] == [
-        ("mean_torque_rotation", "supported"),
-        ("mean_torque_translation", "supported"),
-    ]
+    ] == [("mean_torque_rotation", "supported"), ("mean_torque_translation", "supported")]
 
 
 def test_claims_about_attitude_leave_translations_out(make_result):
@@ -563,3 +562,20 @@ def test_what_is_claimed_of_runs_that_have_not_settled_is_only_seen(make_result)
 def test_the_claim_about_the_first_5_seconds_is_judged_over_these(torques):
     found = compare(torques, how=Resampling(resamples=99)).judgements
     assert [str(each.pair.measured.window) for each in found if each.pair] == ["0:5"]
+
+
+@pytest.mark.parametrize(
+    ("mean", "low", "high", "written"),
+    [
+        (-0.000009, -0.000033, 0.000013, "-9e-06 [-3.3e-05, 1.3e-05]"),
+        (-1.9e-05, -3.04e-05, -1.06e-05, "-1.90e-05 [-3.04e-05, -1.06e-05]"),
+        (0.5, 0.5 - 1.2e-9, 0.5 + 1.2e-9, "0.5000000000 [0.4999999988, 0.5000000012]"),
+        (2e-05, math.nan, math.nan, "2.00e-05"),
+        (1.23e300, math.nan, math.nan, "1.23e+300"),
+        (0.0, 0.0, 0.0, "0.000 [0.000, 0.000]"),
+        (0.0, -0.16, 0.16, "0.00 [-0.16, 0.16]"),
+        (math.nan, math.nan, math.nan, "-"),
+    ],
+)
+def test_a_number_and_its_interval_have_one_form(mean, low, high, written):
+    assert Plain().interval(mean, low, high) == written

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.certificates.base import Verdict
-from eqt_cli.analysis.certificates.estimate import Consistent, WhiteInnovations
+from eqt_cli.analysis.certificates.vehicle import Consistent, WhiteInnovations
 from eqt_cli.config.signal_path import loop_in_words, signal_path
 
 RUNS, SAMPLES, FREEDOM, COUNT = 20, 11, 6, 60

@@ -19,7 +19,7 @@ from eqt_cli.analysis.evidence.exact import (
 from eqt_cli.analysis.evidence.numbers import rate_of, with_rate
 from eqt_cli.core import arrays
 from eqt_cli.core.arrays import FUNCTIONS, inverse_spd
-from eqt_cli.core.differentiation import slope
+from eqt_cli.core.jets import slope
 
 integers = st.integers(-50, 50)
 others = integers.filter(bool)

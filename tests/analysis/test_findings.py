@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison import compare
-from eqt_cli.analysis.comparison.findings import findings
+from eqt_cli.analysis.comparison.records import findings
 
 TITLES = {"eqt": "EqT", "gt": "GT", "nog": "nog", "asym": "asym", "a": "A", "b": "B"}
 
@@ -88,7 +88,7 @@ def test_a_claim_that_the_runs_refute(found):
 def test_a_difference_that_the_runs_do_not_tell(found):
     first = found(["eqt", "gt"], [LOW, LOW[::-1]], [HIGH, LOW])["the EqT cont"]
     assert first.verdict == "undecided"
-    assert first.words.startswith("EqT and GT do not differ clearly in mean ‖τ‖ over 0–5 s (")
+    assert first.words.startswith("no difference seen between EqT and GT in mean ‖τ‖ over 0–5 s (")
 
 
 def test_of_several_comparisons_those_that_do_not_support_are_named(found):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import false_discovery_control, ttest_rel
 
-from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.intervals import Resampling
 from eqt_cli.analysis.comparison.maps import NOBODY, Map, compare_map
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.result import Result
@@ -68,7 +68,7 @@ def test_a_law_wins_only_where_it_is_better_than_every_other(random: np.random.G
     assert [cell.winner for cell in found.cells] == [0, NOBODY]
     assert [found.wins(law) for law in range(3)] == [1, 0, 0]
     cell = found.cells[0]
-    assert cell.low < cell.difference < cell.high < -0.9
+    assert cell.difference.low < cell.difference.value < cell.difference.high < -0.9
     assert cell.lead.value == pytest.approx(-1 / 11, rel=0.1)
     assert cell.lead.low < cell.lead.value < cell.lead.high < 0
 
@@ -77,12 +77,10 @@ def test_more_is_better_where_the_metric_says_so(random: np.random.Generator) ->
     values = random.normal(0, 0.1, (1, 2, RUNS)) + np.array([[1], [2]])
     (cell,) = compared(Stored(values, "decay_rate")).cells
     assert cell.winner == 1
-    assert cell.difference > 0
+    assert cell.difference.value > 0
 
 
-def test_many_points_without_a_difference_have_hardly_a_winner(
-    random: np.random.Generator,
-) -> None:
+def test_many_points_without_a_difference_have_hardly_a_winner(random: np.random.Generator) -> None:
     """Of 400 tests at 5 %, twenty would be false without adjustment."""
     assert sum(c.wins for c in compared(Stored(random.normal(0, 1, (400, 2, 30)))).cells) == 0
 
@@ -109,7 +107,7 @@ def test_a_law_that_settles_in_no_run_does_not_win(random: np.random.Generator) 
 def test_equal_laws_do_not_win(random: np.random.Generator) -> None:
     same = np.repeat(random.normal(10, 1, (1, 1, RUNS)), 2, axis=1)
     (cell,) = compared(Stored(same)).cells
-    assert (cell.winner, cell.p_value, cell.difference) == (NOBODY, 1.0, 0.0)
+    assert (cell.winner, cell.p_value, cell.difference.value) == (NOBODY, 1.0, 0.0)
 
 
 def test_the_survivors_of_a_law_do_not_win(random: np.random.Generator) -> None:

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.analysis import delay_margin as searched
-from eqt_cli.analysis.delay_margin import CutLoop, delay_margin
-from eqt_cli.analysis.margins import LARGEST_FACTOR, LawMargins
+from eqt_cli.analysis import margins as searched
+from eqt_cli.analysis.margins import LARGEST_FACTOR, CutLoop, LawMargins, delay_margin, delayed
 from eqt_cli.closed_loop.linearised import Linearised, linearised
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ConfigError
@@ -191,9 +190,7 @@ def test_runs_decay_inside_of_the_gain_margins_and_grow_outside() -> None:
 def test_further_delay_is_what_the_queue_of_the_loop_makes_of_it() -> None:
     _, once = loop_of(LATE)
     _, thrice = loop_of(LATE, control={"period": 0.5, "delay": 3})
-    cut = CutLoop(once.A[0], once.B[0], once.C[0], once.period)
-    np.testing.assert_array_equal(cut.delayed(0), once.closed[0])
-    later = cut.delayed(2)
+    later = delayed([(once.A[0], once.B[0], once.C[0])], 2)
     expected = by_size(thrice.eigenvalues[0])
     np.testing.assert_allclose(by_size(np.linalg.eigvals(later)), expected, atol=1e-6)
 
@@ -400,6 +397,114 @@ def test_a_loop_that_is_unstable_without_delay_has_no_margins() -> None:
     assert law.size == abs(law.growth.eigenvalue) > 1
 
 
+def cycle_of_an_axis(
+    J: float, T: float, pose: tuple[int, int], rate: tuple[int, int], gains: tuple[float, float]
+) -> Array:
+    """The map of Jë = u over a cycle of its sensors (periods between and until), by hand."""
+    k, d = gains
+    P = np.array([[1, T, T**2 / (2 * J)], [0, 1, T / J]])
+
+    def after(x: Array, tick: int) -> Array:
+        motion, angles, rates = x[:2], x[2 : 3 + pose[1]], x[3 + pose[1] :]
+        angles = np.append(angles[1:], motion[0] if tick % pose[0] == 0 else angles[-1])
+        rates = np.append(rates[1:], motion[1] if tick % rate[0] == 0 else rates[-1])
+        command = -k * angles[0] - d * rates[0]
+        return np.concatenate([P @ np.append(motion, command), angles, rates])
+
+    found = np.eye(4 + pose[1] + rate[1])
+    for tick in range(int(np.lcm(pose[0], rate[0]))):
+        found = np.stack([after(column, tick) for column in found.T], axis=1)
+    return found
+
+
+SLOW = {**LATE, "actuators": [], "control": {"period": 0.1}, "time": {"duration": 10.0}}
+
+
+def slow(pose: tuple[int, int], rate: tuple[int, int], **changes: Any) -> dict[str, Any]:
+    """The body of LATE with sensors that are slower than the law, in its periods."""
+    pairs = (("pose", pose), ("velocity", rate))
+    sensors = {
+        name: [{"kind": "noise", "std": 0.0, "period": 0.1 * every, "delay": delay}]
+        for name, (every, delay) in pairs
+    }
+    return {**SLOW, "sensors": sensors, **changes}
+
+
+@pytest.mark.parametrize(
+    ("pose", "rate", "kp", "kd"),
+    [((10, 0), (1, 0), 1.0, 0.5), ((10, 0), (1, 0), 0.1, 0.8), ((4, 3), (6, 1), 0.1, 0.5)],
+)
+def test_slow_sensors_are_part_of_the_loop(
+    pose: tuple[int, int], rate: tuple[int, int], kp: float, kd: float
+) -> None:
+    """Against a cycle by hand; the first grows by 1.15 a second."""
+    _, loop = loop_of(slow(pose, rate, gains={"kp": kp, "kd": kd}))
+    hand = [cycle_of_an_axis(J, 0.1, pose, rate, (2 * kp, kd)) for J in (1.0, 2.0, 3.0)]
+    expected = max(np.abs(np.linalg.eigvals(each)).max() for each in hand)
+    assert np.abs(loop.eigenvalues).max() == pytest.approx(expected, rel=1e-9)
+    assert loop.cycle == pytest.approx(0.1 * np.lcm(pose[0], rate[0]))
+
+
+def test_the_delay_margin_with_slow_sensors() -> None:
+    """The commands of one axis wait 15 periods of 0.1 s, and not 16."""
+    law = of(slow((10, 0), (1, 0), gains={"kp": 0.1, "kd": 0.8}))
+    assert (law.delay_periods, law.delay_is_least, law.is_indicative) == (15, False, False)
+    [unstable] = eqt_cli.margins(slow((10, 0), (1, 0), gains={"kp": 1.0, "kd": 0.5})).laws
+    assert unstable.is_unstable
+
+
+def test_an_estimator_is_part_of_the_loop() -> None:
+    """A complementary filter with fixes once a second, against a cycle of one axis by hand."""
+    h, kp, ki, k, d = 0.1, 0.7, 0.2, 0.2, 0.8
+
+    def cycle(J: float) -> Array:
+        motion = np.array([[1, h, h**2 / (2 * J)], [0, 1, h / J]])
+
+        def after(x: Array, tick: int) -> Array:
+            angle, rate, guess, bias, before = x
+            guess = guess + h * ((before + rate) / 2 - bias)
+            sigma = (angle - guess) * (1.0 if tick == 0 else 0.0)
+            guess, bias = guess + kp * sigma, bias - ki * sigma
+            command = -k * guess - d * (rate - bias)
+            return np.array([*motion @ [angle, rate, command], guess, bias, rate])
+
+        found = np.eye(5)
+        for tick in range(10):
+            found = np.stack([after(column, tick) for column in found.T], axis=1)
+        return found
+
+    estimator = {"kind": "complementary", "kp": kp, "ki": ki}
+    law = of(slow((10, 0), (1, 0), gains={"kp": 0.1, "kd": 0.8}, estimator=estimator))
+    expected = max(np.abs(np.linalg.eigvals(cycle(J))).max() for J in (1.0, 2.0, 3.0))
+    assert law.size == pytest.approx(expected, rel=1e-9)
+    assert (law.growth.is_stable, law.is_indicative) == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("kd", "lags", "stable"),
+    [(0.8, [1e-4], True), (0.24, [0.3, 1e-4], False), (0.24, [0.3, 1e-5], False)],
+)
+def test_a_fast_lag_does_not_hide_a_slow_rate(kd: float, lags: list[float], stable: bool) -> None:
+    law = of(
+        WHEEL,
+        gains={"kp": 0.04 if stable else 1.0, "kd": kd},
+        actuators=[{"kind": "lag", "time_constant": each} for each in lags],
+    )
+    assert (law.growth.is_stable, law.is_indicative) == (stable, False)
+
+
+@pytest.mark.parametrize(
+    ("more", "indicative"),
+    [
+        ({"actuators": [{"kind": "limit", "limit": 5.0}]}, True),
+        ({"sensors": {"pose": [{"kind": "noise", "std": 0.1, "dropout": 0.1}]}}, True),
+        ({"sensors": {"pose": [{"kind": "noise", "std": 0.1}]}}, False),
+    ],
+)
+def test_what_is_left_out_makes_a_verdict_indicative(more: Any, indicative: bool) -> None:
+    assert of({**SLOW, **more}).is_indicative is indicative
+
+
 def test_every_law_counts(told: Any) -> None:
     eqt_cli.margins({**WHEEL, "controllers": ["eqt", "gt", "sliding"]})
     assert ("laws", 3) in told.steps
@@ -424,7 +529,8 @@ def test_the_delay_margin_of_any_sampled_loop_is_the_first_period_that_makes_it_
         B = random.normal(size=(n, m))
         C = random.choice([0.02, 0.1, 0.3, 1.0]) * random.normal(size=(m, n))
         loop = CutLoop(A, B, C, 0.5)
-        sizes = (np.abs(np.linalg.eigvals(loop.delayed(k))).max() for k in range(20))
+        maps = (delayed([(A, B, C)], k) if k else A + B @ C for k in range(20))
+        sizes = (np.abs(np.linalg.eigvals(each)).max() for each in maps)
         first = next((k for k, size in enumerate(sizes) if size > 1 + 1e-9), 20)
         if first > 0:  # else it is unstable without delay
             assert delay_margin(loop) == pytest.approx(0.5 * (first - 1)) or first == 20

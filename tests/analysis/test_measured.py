@@ -8,9 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
-from eqt_cli.analysis.measured.alignment import aligned
 from eqt_cli.analysis.measured.explained import explained
-from eqt_cli.analysis.measured.run import Course, State, measured_runs
+from eqt_cli.analysis.measured.run import Course, State, aligned, measured_runs
 from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.groups import group_named
 from eqt_cli.logs.mapping import LogMapping, TimeMapping
@@ -259,7 +258,9 @@ def test_shares_are_those_of_their_definition(pair):
     Qd = pair.reference.at(seen.times).pose
     error = G.log(G.inverse(Qd) @ seen.poses)[:, 1]
     left = G.log(G.inverse(pair.simulated.at(seen.times).pose) @ seen.poses)[:, 1]
-    share = next(each for each in explained(pair).shares if each.axis == "ωy")
+    share = next(
+        each for each in explained(pair, lambda name, unit: (unit, 1.0)).shares if each.axis == "ωy"
+    )
     assert share.measured == pytest.approx(np.sqrt(np.mean(error**2)))
     assert share.difference == pytest.approx(np.sqrt(np.mean(left**2)))
     assert share.explained == pytest.approx(1 - np.sum(left**2) / np.sum(error**2))

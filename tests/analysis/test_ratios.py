@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import ttest_1samp
 
-from eqt_cli.analysis.comparison.ratios import relative_difference
+from eqt_cli.analysis.comparison.intervals import relative_difference
 from eqt_cli.core.arrays import Array
 
 

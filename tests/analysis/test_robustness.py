@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eqt_cli.analysis.comparison.intervals import share
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.robustness import reaches, robustness_table, runs_to_show
-from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
@@ -73,10 +73,7 @@ def test_a_law_that_does_not_settle_anywhere_has_no_range() -> None:
 def test_each_value_of_another_key_has_ranges_of_its_own() -> None:
     keys = key("control.delay", [0, 1, 0, 1]), key("gains.kp", [1, 1, 2, 2])
     _, found = reaches(Stored([[100], [100], [100], [0]], *keys), 0.9, 0.95)
-    assert [(each.other, each.highest) for each in found] == [
-        ("gains.kp 1", 1),
-        ("gains.kp 2", 0),
-    ]
+    assert [(each.other, each.highest) for each in found] == [("gains.kp 1", 1), ("gains.kp 2", 0)]
 
 
 def test_too_few_runs_for_a_share_are_told() -> None:

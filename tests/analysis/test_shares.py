@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison import compare
+from eqt_cli.analysis.comparison.intervals import PairedShares, share, shares
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.records import records
-from eqt_cli.analysis.comparison.shares import PairedShares, share, shares
 from eqt_cli.analysis.comparison.tables import text_tables
 
 # Complete response before and after consolidation therapy (Cavo et al. 2012), and airway

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.certificates import Runs, Verdict
-from eqt_cli.analysis.certificates.trajectories import Tracks
-from eqt_cli.analysis.evidence.tracking import Fifths
+from eqt_cli.analysis.certificates.trajectories import Fifths, Tracks
 from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.config import shipped
 from eqt_cli.config.source import read_config
@@ -49,6 +48,13 @@ def row(pose=GONE, velocity=GONE, lyapunov=None, **changes):
         ({"velocity": 0.05 * OFFSET}, "holds", "pose 1.1e-07, velocity 0.84"),
         ({"velocity": 0.05 * OFFSET, "desired_speed": 0.1}, "FAILS", None),
         ({"pose": GROWS}, "FAILS", "pose 1.5, velocity 1.1e-07; the error no longer falls"),
+        ({"pose": OFFSET, "rate": 0.1}, "FAILS", None),
+        (
+            {"pose": OFFSET, "rate": 0.08},
+            "undecided",
+            "pose 0.84, velocity 1.1e-07; small errors decay at 0.08 1/s, too slowly for this "
+            "horizon",
+        ),
         ({"pose": GROWS, "lyapunov": GONE}, "undecided", None),
         (
             {"pose": LATE, "velocity": LATE},

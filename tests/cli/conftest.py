@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,12 +49,6 @@ def _no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(autouse=True)
-def _no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is printed must not depend on how fast this machine is."""
-    monkeypatch.setattr("eqt_cli.cli.shared.progress.SHOW_AFTER", threading.TIMEOUT_MAX)
-
-
-@pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The current folder, with a small configuration in it."""
     monkeypatch.chdir(tmp_path)
@@ -65,12 +58,43 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture(scope="session")
+def _kept() -> dict[tuple[str, ...], tuple[Done, Path]]:
+    """How a command ended and a copy of its folder."""
+    return {}
+
+
 @pytest.fixture
-def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Eqt:
-    """Calls the command within this process."""
+def eqt(
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path_factory: pytest.TempPathFactory,
+    _kept: dict[tuple[str, ...], tuple[Done, Path]],
+) -> Eqt:
+    """Calls the command within this process.
+
+    What `run` or `sweep` makes with ``--quiet`` in the untouched folder is computed once.
+    """
 
     def call(*arguments: object) -> Done:
-        monkeypatch.setattr(sys, "argv", ["eqt", *map(str, arguments)])
+        words = tuple(map(str, arguments))
+        makes = words[:1] in (("run",), ("sweep",)) and words[1:2] == ("c.yaml",)
+        makes = makes and bool({"-q", "--quiet"} & set(words))
+        config = folder / "c.yaml"
+        alone = makes and list(folder.iterdir()) == [config] and config.read_text() == CONFIG
+        if alone and words in _kept:
+            done, copy = _kept[words]
+            shutil.copytree(copy, folder, dirs_exist_ok=True)
+            return done
+        done = called(words)
+        if alone:
+            _kept[words] = done, tmp_path_factory.mktemp("kept") / "folder"
+            shutil.copytree(folder, _kept[words][1])
+        return done
+
+    def called(words: tuple[str, ...]) -> Done:
+        monkeypatch.setattr(sys, "argv", ["eqt", *words])
         # Click would call the program after the module that Python was started with.
         monkeypatch.setattr(sys.modules["__main__"], "__package__", None)
         with pytest.raises(SystemExit) as exit_:
@@ -79,34 +103,6 @@ def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
         return Done(int(exit_.value.code or 0), out, err)
 
     return call
-
-
-@pytest.fixture(scope="session")
-def _prepared() -> dict[tuple[object, ...], Path]:
-    """Copies of the current folder, by the commands that were called in it."""
-    return {}
-
-
-@pytest.fixture
-def prepare(
-    eqt: Eqt,
-    folder: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    _prepared: dict[tuple[object, ...], Path],
-) -> Callable[..., None]:
-    """Calls commands in the untouched folder, or lays down what they made for an earlier test."""
-
-    def laid_down(*commands: tuple[object, ...]) -> None:
-        if commands in _prepared:
-            shutil.copytree(_prepared[commands], folder, dirs_exist_ok=True)
-            return
-        with sys.modules["processor_time"].for_others():
-            for command in commands:
-                assert eqt(*command, "--quiet").code == 0
-        _prepared[commands] = tmp_path_factory.mktemp("prepared") / "folder"
-        shutil.copytree(folder, _prepared[commands])
-
-    return laid_down
 
 
 @pytest.fixture

@@ -3,14 +3,47 @@
 import csv
 import io
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from eqt_cli.report import report
+from eqt_cli.results.result import open_result
 
-@pytest.fixture(scope="module")
-def compared(invoke, paper_result):
-    return invoke("compare", paper_result, "--verbose")
+BREAKS = Path(__file__).parents[2] / "configs" / "satellite_breaks.yaml"
+
+
+@pytest.fixture(scope="session")
+def breaks_result(invoke, made_once):
+    """The folder of a shipped experiment whose third law has another function L."""
+    short = ["--set=ensemble.runs=2", "--set=time.duration=2", "--set=time.samples=5"]
+    run = ["run", BREAKS, *short, "--quiet", "--set=solver.rtol=1e-6", "--out"]
+    return made_once("breaks", lambda folder: invoke(*run, folder / "result")) / "result"
+
+
+@pytest.mark.usefixtures("unarranged")
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("eqt", "lee2010"),
+        pytest.param("gt", "eqt", marks=pytest.mark.slow("draws another pair of laws")),
+    ],
+)
+def test_a_pair_of_laws_can_be_chosen_in_every_format(
+    invoke, breaks_result, tmp_path, first, second
+):
+    folder, pair = breaks_result, ["--controller", first, "--controller", second]
+    compare = ["compare", folder, *pair, "--resamples", 9]
+    for options in (["--verbose"], ["--format", "csv"], ["--format", "latex"]):
+        assert invoke(*compare, *options).stdout.strip()
+    document = json.loads(invoke(*compare, "--json").stdout)
+    assert set(document["controllers"]) == {first, second}
+    invoke("plot", folder, *pair, "--format", "json", "--out", tmp_path)
+    kept = json.loads((tmp_path / "paper.json").read_text())
+    assert {curve["name"] for curve in kept} == {first, second}
+    invoke("animate", folder, *pair, "--format", "html", "--out", tmp_path)
 
 
 def claim(invoke, paper_result, text):
@@ -56,23 +89,21 @@ def test_all_four_are_stabilising(invoke, paper_result):
     ]
 
 
-def test_tables_in_the_terminal(compared):
-    lines = compared.stdout.splitlines()
-    assert "Means over 60 runs per controller; ± half the 95 % bootstrap interval" in lines
-    asked = "Claims of Hampsey et al. (2025), section 7, tested on this experiment"
-    assert f"{asked}, at 60 runs per controller" in lines
-
-
-def test_by_default_the_findings_and_the_means(invoke, paper_result):
+def test_by_default_the_differences_then_the_means_then_the_claims(invoke, paper_result):
     done = invoke("compare", paper_result)
     lines = done.stdout.splitlines()
+    pairs = "Paired differences from the same initial states, with 95 % bootstrap intervals"
+    means = "Means over 60 runs per controller; ± half the 95 % bootstrap interval"
     claims = "Claims of Hampsey et al. (2025), section 7, tested on 60 runs per controller"
-    assert lines[:2] == [
-        claims,
-        "  seen, not all settled: “All four of these controls are stabilising”",
-    ]
-    assert "Means over 60 runs per controller; ± half the 95 % bootstrap interval" in lines
-    assert not [line for line in lines if line.startswith("EqT −")]
+    assert 0 == lines.index(pairs) < lines.index(means) < lines.index(claims)
+    says = "  seen, not all settled: “All four of these controls are stabilising”"
+    assert lines[lines.index(claims) + 1] == says
+    titled = [line for line in lines if line.startswith(("EqT −", "GT −"))]
+    assert titled == ["EqT − GT", "EqT − nog", "EqT − asym"]
+    first = lines[lines.index("EqT − GT") + 1]
+    assert re.fullmatch(
+        r"  mean ‖τ‖, 0–5 s, N m +-0\.\d+ \[-0\.\d+, -0\.\d+\] +EqT \d+ of 60 +-\d+\.\d %", first
+    )
     assert done.stderr == "next: --verbose prints all pairs and claims, --list all metrics\n"
 
 
@@ -91,10 +122,12 @@ def test_two_results_are_refused_with_what_to_do(invoke, paper_result):
 
 def test_verbose_adds_all_pairs_to_the_findings(invoke, paper_result):
     brief, done = invoke("compare", paper_result), invoke("compare", paper_result, "--verbose")
-    findings, _, _ = brief.stdout.partition("Means over 60 runs")
-    assert done.stdout.startswith(findings)
+    _, _, findings = brief.stdout.partition("Claims of")
+    assert done.stdout.endswith(findings)
     titled = [line for line in done.stdout.splitlines() if line.startswith(("EqT −", "GT −"))]
     assert titled == ["EqT − GT", "EqT − nog", "EqT − asym", "GT − nog", "GT − asym"]
+    asked = "Claims of Hampsey et al. (2025), section 7, tested on this experiment"
+    assert f"{asked}, at 60 runs per controller" in done.stdout.splitlines()
     assert done.stderr == ""
 
 
@@ -135,9 +168,9 @@ def test_csv_has_full_precision(invoke, paper_result):
 def test_latex_is_a_booktabs_table(invoke, paper_result):
     out = invoke("compare", paper_result, "--format", "latex", "--table", "pairs").stdout
     assert out.splitlines()[1:4] == [
-        r"\begin{tabular}{llllrrr}",
+        r"\begin{tabular}{lllllrr}",
         r"\toprule",
-        r"measure & window & unit & difference & relative & $d$ & $P(\text{better})$ \\",
+        r"measure & window & unit & difference & better in & relative & $d$ \\",
     ]
     assert out.count(r"\midrule") == 6
     assert "−" not in out.partition(r"\bottomrule")[0]
@@ -147,12 +180,45 @@ def test_latex_has_a_row_for_each_chosen_law_and_seven_columns(invoke, paper_res
     laws = ["--controller", "GT", "--controller", "eqt"]
     out = invoke("compare", paper_result, *laws, "--format", "latex", "--table", "controllers")
     tables = [each.splitlines() for each in out.stdout.split("\n\n")]
-    assert len(tables) == 2
+    assert len(tables) == 3
     for table in tables:
         header, rows = table[3], [line for line in table if line.startswith(("EqT &", "GT &"))]
         assert header.startswith(r"controller & \shortstack[l]{") and header.count(" & ") <= 6
         assert [row.count(" & ") for row in rows] == 2 * [header.count(" & ")]
         assert not any(line.startswith("nog") for line in table)
+
+
+def test_units_of_a_user(invoke, paper_result):
+    def levels(*options):
+        document = json.loads(invoke("compare", paper_result, *options, "--json").stdout)
+        return {
+            (row["metric"], row["window_stop"]): (row["mean"], row["units"])
+            for row in document["levels"]
+            if row["controller"] == "eqt"
+        }
+
+    usual, other = levels(), levels("--unit", "mN m", "--unit", "mean_attitude_error=arcsec")
+    factors = {"mean_torque": 1e3, "effort": 1e6, "mean_attitude_error": 3600.0}
+    units = {"mean_torque": "mN m", "effort": "(mN m)^2 s", "mean_attitude_error": "arcsec"}
+    for (name, window), (mean, unit) in usual.items():
+        factor = 1e3 if unit == "N m" else factors.get(name, 1.0)
+        wanted = "mN m" if unit == "N m" else units.get(name, unit)
+        assert other[name, window] == (pytest.approx(factor * mean, rel=1e-14, nan_ok=True), wanted)
+
+
+@pytest.mark.parametrize(
+    ("wish", "message"),
+    [
+        ("foo", "unit 'foo': unknown; write for example mN m, deg/s or arcsec"),
+        ("efort=mN m", "unit of 'efort': no such quantity; did you mean 'effort'?"),
+        (
+            "mean_torque=deg",
+            "unit of 'mean_torque': expected a torque in N m, mN m or uN m, got 'deg'",
+        ),
+    ],
+)
+def test_a_unit_that_fits_nothing_is_a_message(invoke, paper_result, wish, message):
+    assert invoke("compare", paper_result, "--unit", wish, code=2).stderr == f"eqt: {message}\n"
 
 
 def test_chosen_laws_are_all_that_is_compared(invoke, paper_result):
@@ -201,6 +267,21 @@ def test_a_claim_about_controllers_that_are_not_there_says_so(eqt, folder):
     assert says in out.splitlines()
 
 
+def test_claims_about_the_ideal_loop_are_not_judged_on_another(eqt, folder):
+    """Of a sampled loop, EqT and GT differ; of three runs, there are no intervals."""
+    eqt("run", "c.yaml", "--set", "control.period=0.05", "--quiet")
+    out = eqt("compare", "results/c").out
+    claims = "claims of Hampsey et al. (2025), section 7. Beyond their theorems: sampled control."
+    assert out.endswith(f"\n\nnot covered: {claims}\n")
+    assert "supported" not in out and " [" not in out.partition("Means")[0]
+    rows = json.loads(eqt("compare", "results/c", "--json").out)["claims"]
+    assert {row["verdict"] for row in rows} == {"not covered"}
+    with open_result("results/c") as result:
+        page = report(result, wanted=())
+    assert page.count(f"not covered</span>: {claims}") == 1
+    assert 'id="claims"' not in page
+
+
 def test_a_window_beyond_the_end_is_cut_with_a_remark(eqt, folder):
     eqt("run", "c.yaml", "--quiet")
     done = eqt("compare", "results/c", "--window", "0:50", "-m", "mean_torque")
@@ -217,15 +298,6 @@ def test_the_window_of_a_stored_metric_is_its_own(invoke, paper_result):
     assert (windows["early_torque"], windows["energy_residual"]) == ("0:5 s", "whole run")
 
 
-def test_one_form_is_printed(eqt, folder):
-    eqt("run", "c.yaml", "--quiet")
-    done = eqt("compare", "results/c", "--format", "csv", "--json")
-    assert (done.code, done.err) == (
-        2,
-        "eqt: --json prints one document for all tables; leave --format out\n",
-    )
-
-
 def test_csv_is_of_one_table_and_says_so(eqt, folder):
     eqt("run", "c.yaml", "--quiet")
     done = eqt("compare", "results/c", "--format", "csv")
@@ -235,11 +307,18 @@ def test_csv_is_of_one_table_and_says_so(eqt, folder):
     )
     assert eqt("compare", "results/c", "--format", "csv", "-q").err == ""
     assert eqt("compare", "results/c", "-q").err == ""
+    done = eqt("compare", "results/c", "--format", "csv", "--json")
+    assert (done.code, done.err) == (
+        2,
+        "eqt: --json prints one document for all tables; leave --format out\n",
+    )
+
+
+SWEEP = ["sweep", "c.yaml", "--grid", "gains.kp=1,2", "--set", "ensemble.runs=6", "--out", "s"]
 
 
 def test_a_sweep_is_compared_point_by_point(eqt, folder):
-    sweep = ["--grid", "gains.kp=1,2", "--set", "ensemble.runs=6", "--out", "s", "-q"]
-    assert eqt("sweep", "c.yaml", *sweep).code == 0
+    assert eqt(*SWEEP, "-q").code == 0
     done = eqt("compare", "s", "--metric", "effort")
     assert done.code == 0
     assert "at 2 points of 6 runs each" in done.out
@@ -255,16 +334,12 @@ def test_a_sweep_is_compared_point_by_point(eqt, folder):
 
 
 def test_how_far_laws_carry_is_asked_of_a_sweep(eqt, folder):
-    sweep = ["--grid", "gains.kp=1,2", "--out", "s", "-q"]
-    assert eqt("sweep", "c.yaml", *sweep).code == 0
+    assert eqt(*SWEEP, "-q").code == 0
     done = eqt("compare", "s", "--robust", "--share", "0.3")
     assert done.code == 0
-    assert "Range of gains.kp in which 0.3 of the runs settle, at 3 runs per value" in done.out
+    assert "Range of gains.kp in which 0.3 of the runs settle, at 6 runs per value" in done.out
     rows = json.loads(eqt("compare", "s", "--robust", "--json").out)["tested"]
     assert [(row["law"], row["value"]) for row in rows[:3]] == [("eqt", 1), ("eqt", 2), ("gt", 1)]
     assert eqt("run", "c.yaml", "--out", "r", "-q").code == 0
     done = eqt("compare", "r", "--robust")
-    assert (done.code, done.err) == (
-        2,
-        "eqt: --robust needs a sweep; r is a single experiment\n",
-    )
+    assert (done.code, done.err) == (2, "eqt: --robust needs a sweep; r is a single experiment\n")

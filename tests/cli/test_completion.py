@@ -12,13 +12,12 @@ from typing import Any
 import pytest
 
 from eqt_cli.cli.shared import completion
-from eqt_cli.cli.shared.run_table import FORMATS
+from eqt_cli.cli.shared.result_tables import FORMATS
 from eqt_cli.config import shipped
 from eqt_cli.config.catalogue import KINDS, registry
-from eqt_cli.config.json_schema import json_schema
-from eqt_cli.config.key_descriptions import keys_of
+from eqt_cli.config.json_schema import json_schema, keys_of
+from eqt_cli.core.option_types import option_names
 from eqt_cli.core.registry import summary
-from eqt_cli.core.validation import option_names
 from eqt_cli.engines import engines
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import FORMATS as PICTURES
@@ -60,7 +59,7 @@ def complete(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> Complete:
         ("eqt pl", ["plot"]),
         ("eqt run c.yaml --exe", ["--executor"]),
         ("eqt run c.yaml --executor l", ["local"]),
-        ("eqt run c.yaml --engine t", ["taylor"]),
+        ("eqt run c.yaml --engine n", ["native"]),
         ("eqt verify c.yaml --engine s", ["solve_ivp"]),
         ("eqt run c.yaml --set gains.k", ["gains.kp=", "gains.kd="]),
         ("eqt sweep c.yaml --grid controllers[0].gy", ["controllers[0].gyroscopic="]),

@@ -16,8 +16,8 @@ from eqt_cli.analysis import differences
 
 
 @pytest.fixture(autouse=True)
-def first(prepare: Any, folder: Path) -> str:
-    prepare(("run", "c.yaml", "--out", "first"))
+def first(eqt: Any) -> str:
+    eqt("run", "c.yaml", "--out", "first", "--quiet")
     return "first"
 
 

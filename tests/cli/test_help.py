@@ -7,6 +7,7 @@ The layout is that of the version of typer named in help/VERSION, and compared w
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -81,6 +82,8 @@ def test_help_names_and_explains_every_argument_and_option(
         assert parameter.help in shown
         for name in (option for option in parameter.opts if option.startswith("-")):
             assert name in shown
+    texts = re.findall(r"^ +(--\w\S*)", COMMANDS[words].callback.__doc__ or "", re.M)
+    assert {*texts} <= {name for each in COMMANDS[words].params for name in each.opts}
 
 
 @pytest.mark.parametrize("words", COMMANDS)

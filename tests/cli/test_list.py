@@ -80,7 +80,7 @@ def test_one_kind(eqt: Eqt) -> None:
         ("designs", "sobol", ["points", "seed", "axes"]),
         ("designs", "grid", []),  # its section is the axes
         ("executors", "local", ["workers"]),
-        ("executors", "dask", ["workers", "scheduler"]),
+        ("executors", "dask", ["workers", "scheduler", "tls_ca", "tls_cert", "tls_key"]),
     ],
 )
 def test_options(eqt: Eqt, kind: str, name: str, options: list[str]) -> None:

@@ -15,8 +15,8 @@ Eqt = Callable[..., Any]
 
 
 @pytest.fixture
-def result(prepare: Callable[..., None]) -> str:
-    prepare(("run", "c.yaml", "--out", "out"))
+def result(eqt: Eqt) -> str:
+    eqt("run", "c.yaml", "--out", "out", "--quiet")
     return "out"
 
 
@@ -58,6 +58,7 @@ def test_names_and_remarks_are_for_print(eqt: Eqt, result: str) -> None:
             "titles: 'eqx' is neither a controller nor a metric; did you mean 'eqt'?",
         ),
         (("--title", "eqt"), "--title: expected NAME=TEXT, got 'eqt'"),
+        (("--colour", "eqt"), "--colour: expected LAW=COLOUR, got 'eqt'"),
         (("--figure", "distributions", "--from", "1"), "--from: distributions has no time axis"),
         (("--figure", "runs", "--panel", "x"), "--panel: runs has no panels to choose from"),
     ],
@@ -120,8 +121,8 @@ def test_options_go_to_the_figures_that_have_them(eqt: Eqt, result: str) -> None
         ("lgo=true", "none of paper, torque has an option 'lgo'; did you mean 'log'?"),
         (
             "x=1",
-            "none of paper, torque has an option 'x'; they have: controllers, focus, start, end, "
-            "panels, log, log_torque, bands, degrees, share",
+            "none of paper, torque has an option 'x'; they have: controllers, focus, colours, "
+            "start, end, panels, log, log_torque, bands, degrees, share",
         ),
         ("papr.log=true", "figure 'papr' is not drawn; did you mean 'paper'?"),
         ("sweep.metric=effort", "figure 'sweep' is not drawn; drawn are: paper, torque"),

@@ -28,15 +28,12 @@ HOW = "choose one of 0 to 3 with --point, as `eqt show out --table` lists them"
 
 
 @pytest.fixture(
-    params=[
-        RAGGED,
-        pytest.param(RECTANGULAR, marks=pytest.mark.slow("computes another sweep")),
-    ],
+    params=[RAGGED, pytest.param(RECTANGULAR, marks=pytest.mark.slow("computes another sweep"))],
     ids=["ragged", "rectangular"],
 )
-def grid(request: pytest.FixtureRequest, prepare: Callable[..., None]) -> tuple[str, ...]:
+def grid(request: pytest.FixtureRequest, eqt: Eqt) -> tuple[str, ...]:
     """A sweep of four points in the folder `out`."""
-    prepare(("sweep", "c.yaml", *request.param, "--out", "out"))
+    eqt("sweep", "c.yaml", *request.param, "--out", "out", "--quiet")
     chosen: tuple[str, ...] = request.param
     return chosen
 
@@ -160,20 +157,17 @@ def test_report_and_animate(eqt: Eqt) -> None:
     )
 
 
-@pytest.mark.slow("computes sweeps")
 @pytest.mark.parametrize(
     "command",
     [
         "show",
-        "plot",
-        *(
-            pytest.param(name, marks=pytest.mark.slow("one of many commands"))
-            for name in ("compare", "report", "animate", "verify")
-        ),
+        pytest.param("plot", marks=pytest.mark.slow("computes an experiment")),
+        pytest.param("verify", marks=pytest.mark.slow("computes an experiment")),
     ],
 )
-def test_points_that_are_not_there(eqt: Eqt, prepare: Callable[..., None], command: str) -> None:
-    prepare(("sweep", "c.yaml", *RAGGED, "--out", "out"), ("run", "c.yaml", "--out", "single"))
+def test_points_that_are_not_there(eqt: Eqt, command: str) -> None:
+    eqt("sweep", "c.yaml", *RAGGED, "--out", "out", "--quiet")
+    eqt("run", "c.yaml", "--out", "single", "--quiet")
     done = eqt(command, "out", "--point", 4)
     file = Path("out/results.h5")
     assert (done.code, done.err) == (2, f"eqt: {file}: has no point 4; choose one of 0 to 3\n")
@@ -185,19 +179,16 @@ def test_points_that_are_not_there(eqt: Eqt, prepare: Callable[..., None], comma
     )
 
 
-def test_the_summary_of_a_sweep_over_durations_names_none(
-    eqt: Eqt, prepare: Callable[..., None]
-) -> None:
-    prepare(("sweep", "c.yaml", *RAGGED, "--out", "out"))
+def test_the_summary_of_a_sweep_over_durations_names_none(eqt: Eqt) -> None:
+    eqt("sweep", "c.yaml", *RAGGED, "--out", "out", "--quiet")
     shown = eqt("show", "out").out
     assert "sizes    point 4, controller 2, run 3\n" in shown
     assert re.search(r"^  EqT +best +\d", shown, re.M) and "mean ‖τ‖, first 5 s, N m\n" in shown
 
 
-@pytest.mark.slow("computes sweeps")
 def test_dry_run_tells_the_size_of_groups(eqt: Eqt) -> None:
-    expected = json.loads(eqt("sweep", "c.yaml", *RAGGED, "--dry-run", "--json").out)
     eqt("sweep", "c.yaml", *RAGGED, "--out", "out", "--quiet")
+    expected = json.loads(eqt("sweep", "c.yaml", *RAGGED, "--dry-run", "--json").out)
     size = Path("out/results.h5").stat().st_size
     # The rest of the file is structure, attributes and coordinates, of five groups.
     assert expected["bytes"] < size < expected["bytes"] + 5 * 60_000

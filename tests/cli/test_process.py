@@ -19,7 +19,7 @@ import eqt_cli
 
 Eqt = Callable[..., Any]
 
-HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray", "heyoka"]
+HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray"]
 
 
 @pytest.mark.slow("starts an interpreter")
@@ -57,6 +57,11 @@ def test_wrong_usage_is_2(process: Eqt) -> None:
     [
         ("ruun", "unknown command 'ruun'; did you mean 'run'?; see `eqt --help`"),
         ("run", "CONFIG: missing; see `eqt run --help`"),
+        ("compare r --latex", "unknown option --latex; did you mean '--format latex'?; see `eqt c"),
+        (
+            "fit c.yaml --measured m.csv --over gains=[1,2]",
+            "--over: expected keys without values, such as 'gains', got 'gains=[1,2]'",
+        ),
         ("run c.yaml d", "unexpected argument: d; see `eqt run --help`"),
         ("run c.yaml --forse", "unknown option --forse; did you mean '--force'?; see `eqt run -"),
         ("run c.yaml --set", "--set: expected a value; see `eqt --help`"),
@@ -110,7 +115,7 @@ def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: P
     assert re.fullmatch(
         r"eqt: interrupted; \d+ of 2000000 runs are kept in results/c"
         r"( \(whole parts of \d+ are\))?: "
-        r"run the same command again to continue, or with --force to start over",
+        r"run the same command again to continue",
         last,
     ), last
     assert process("run", "c.yaml").code == 0
@@ -184,7 +189,7 @@ def loaded_by(*arguments: str) -> set[str]:
 @pytest.mark.slow("starts an interpreter")
 def test_show_does_without_scipy(eqt: Eqt) -> None:
     eqt("run", "c.yaml", "--out", "out")
-    assert not {"scipy", "matplotlib", "heyoka", "xarray"} & loaded_by("show", "out")
+    assert not {"scipy", "matplotlib", "xarray"} & loaded_by("show", "out")
 
 
 def test_show_on_an_unfinished_folder_does_without_numpy(folder: Path) -> None:
@@ -209,7 +214,7 @@ from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.ensemble.poses.haar import Haar
 from eqt_cli.ensemble.velocities.normal import Normal
 from eqt_cli.groups.so3 import SO3
-from eqt_cli.plots.figures.runs import Runs
+from eqt_cli.plots.figures.runs import RunsFigure
 from eqt_cli.references.torque import TorqueReference
 
 
@@ -243,7 +248,7 @@ class MyEngine(SolveIvp):
 
 
 @dataclass(frozen=True)
-class MyFigure(Runs):
+class MyFigure(RunsFigure):
     name: ClassVar[str] = "my_figure"
 '''
 DECLARED = {

@@ -18,8 +18,8 @@ Eqt = Callable[..., Any]
 
 
 @pytest.fixture
-def result(prepare: Callable[..., None]) -> str:
-    prepare(("run", "c.yaml", "--out", "out"))
+def result(eqt: Eqt) -> str:
+    eqt("run", "c.yaml", "--out", "out", "--quiet")
     return "out"
 
 
@@ -37,19 +37,36 @@ def test_the_summary(eqt: Eqt, result: str) -> None:
     assert header.startswith("law  runs  mean ‖τ‖")
 
 
+def test_units_of_a_user_are_in_headings_and_numbers(eqt: Eqt, result: str) -> None:
+    def rows(*options: str) -> list[list[str]]:
+        return [
+            line.split(",") for line in eqt("show", result, "--table", *options).out.splitlines()
+        ]
+
+    (header, *usual), (heading, *other) = rows(), rows("--unit", "mN m")
+    at = header.index("peak_torque")
+    assert heading[at] == "peak_torque (mN m)"
+    assert [float(row[at]) for row in other] == pytest.approx(
+        [1e3 * float(row[at]) for row in usual], rel=1e-15
+    )
+    out = eqt("show", result, "--unit", "mN m", "--unit", "arcsec").out
+    assert "mean ‖τ‖, first 5 s, mN m" in out
+    assert re.search(r"final attitude error  EqT: \S+ arcsec; GT: \S+ arcsec", out)
+
+
 def test_a_file_shows_the_same_as_its_folder(eqt: Eqt, result: str) -> None:
     assert eqt("show", "out/results.h5") == eqt("show", result)
 
 
 def test_the_summary_tells_of_failed_runs(eqt: Eqt) -> None:
-    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out")
+    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out", "--quiet")
     done = eqt("show", "out")
     assert done.code == 0
     assert "6 runs failed: 6 step limit" in done.err
 
 
 def test_the_summary_names_versions_of_other_sessions(eqt: Eqt) -> None:
-    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out")
+    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out", "--quiet")
     manifest = json.loads(Path("out/manifest.json").read_text(encoding="utf-8"))
     here = manifest["provenance"]["numpy"]
     manifest["provenance"]["numpy"] = "1.0"
@@ -76,7 +93,7 @@ def test_variables(eqt: Eqt, result: str) -> None:
 
 
 def test_failed_lists_every_failed_run(eqt: Eqt) -> None:
-    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out")
+    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out", "--quiet")
     done = eqt("show", "out", "--failed")
     lines = done.out.splitlines()
     assert [line.split(":")[0] for line in lines] == [
@@ -184,7 +201,7 @@ def test_json_is_one_document(eqt: Eqt, result: str) -> None:
 
 
 def test_every_part_is_json_too(eqt: Eqt) -> None:
-    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out")
+    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out", "--quiet")
 
     def document(*options: str) -> Any:
         done = eqt("show", "out", *options, "--json")
@@ -216,9 +233,8 @@ def test_a_table_is_no_json_document(eqt: Eqt, result: str) -> None:
 
 
 @pytest.mark.parametrize("part", ["--table", "--config", "--variables", "--failed"])
-def test_parts_of_an_unfinished_result_are_not_there(eqt: Eqt, folder: Path, part: str) -> None:
-    eqt("run", "c.yaml", "--out", "out")
-    (folder / "out/results.h5").unlink()
+def test_parts_of_an_unfinished_result_are_not_there(eqt: Eqt, result: str, part: str) -> None:
+    Path("out/results.h5").unlink()
     assert eqt("show", "out").out.startswith("c, unfinished  (out)\n")
     done = eqt("show", "out", part)
     assert (done.code, done.out) == (2, "")
@@ -231,10 +247,7 @@ def test_parts_of_an_unfinished_result_are_not_there(eqt: Eqt, folder: Path, par
     ("path", "said"),
     [
         ("no", "eqt: no: not found; give a result folder or its results.h5\n"),
-        (
-            ".",
-            "eqt: .: the folder holds no results.h5; run its experiment to the end first\n",
-        ),
+        (".", "eqt: .: the folder holds no results.h5; run its experiment to the end first\n"),
         (
             "c.yaml",
             "eqt: c.yaml is a configuration, not a result; run it with `eqt run c.yaml`, then give "
@@ -247,9 +260,8 @@ def test_what_is_no_result(eqt: Eqt, path: str, said: str) -> None:
     assert (done.code, done.out, done.err) == (2, "", said)
 
 
-def test_a_format_is_of_the_table(eqt: Eqt) -> None:
-    eqt("run", "c.yaml", "--quiet")
-    done = eqt("show", "results/c", "--format", "csv")
+def test_a_format_is_of_the_table(eqt: Eqt, result: str) -> None:
+    done = eqt("show", result, "--format", "csv")
     assert (done.code, done.out) == (2, "")
     assert done.err == "eqt: --format: is of --table; --json prints the rest for programs\n"
 

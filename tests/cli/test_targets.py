@@ -10,13 +10,13 @@ import pytest
 
 Eqt = Callable[..., Any]
 
-FOREIGN = "exists, and is no figure or page that eqt wrote; choose another place with --out"
+FOREIGN = "exists, and is no file that eqt wrote; choose another place with --out"
 
 
 @pytest.fixture
-def result(prepare: Callable[..., None]) -> Path:
+def result(eqt: Callable[..., Any]) -> Path:
     """A result in the folder `out`."""
-    prepare(("run", "c.yaml", "--out", "out"))
+    eqt("run", "c.yaml", "--out", "out", "--quiet")
     return Path("out")
 
 

@@ -23,7 +23,7 @@ Eqt = Callable[..., Any]
 
 @pytest.fixture
 def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr("eqt_cli.tuning.worst_search.MOST_ON_A_LINE", 2)
+    monkeypatch.setattr("eqt_cli.tuning.worst.MOST_ON_A_LINE", 2)
     path = folder / "t.yaml"
     path.write_text((folder / "c.yaml").read_text() + WORST, encoding="utf-8")
     return path
@@ -32,7 +32,8 @@ def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.slow("searches, and draws what it finds")
 def test_it_prints_what_was_found_and_draws_it(eqt: Eqt, config: Path) -> None:
     done = eqt("worst", config, "--fail-above", "100")
-    assert (done.code, done.err) == (0, "")
+    runs = "runs     30 (3 runs at each point), and at most 42 along each key (worst.profile)\n"
+    assert (done.code, done.err) == (0, runs)
     for line in (
         "The worst run that was found: mean ‖I − Q_E‖",
         "Searched: 1 generation of 5 points, each of 3 runs, for every law, with the seed 0. Worse",

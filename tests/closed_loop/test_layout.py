@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from eqt_cli.closed_loop import ClosedLoop, ErrorSystem, StateLayout
+from eqt_cli.closed_loop import ClosedLoop, StateLayout
 from eqt_cli.closed_loop.law_program import law_program
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
@@ -104,17 +104,10 @@ def test_memory_follows_the_stretches_of_the_closed_loop():
     np.testing.assert_array_equal(start(remembering)[:, 25:], [[0, 0, 0, 2]] * 4)
 
 
-@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
-@pytest.mark.parametrize("kind", [ClosedLoop, ErrorSystem])
-def test_memory_is_integrated(engine, kind):
-    if engine == "taylor":
-        pytest.importorskip("heyoka")
+@pytest.mark.parametrize("engine", ["solve_ivp", "native"])
+def test_memory_is_integrated(engine):
     loop, times = loop_with(Remembering()), np.linspace(0.0, 2.0, 201)
-    states = start(loop)
-    if kind is ErrorSystem:
-        loop = ErrorSystem.of(loop)
-        states = loop.state_from(states, 0.0)
-    solution = engines.get(engine)(rtol=RTOL).solve(Problem(loop, states, times))
+    solution = engines.get(engine)(rtol=RTOL).solve(Problem(loop, start(loop), times))
     s = loop.tracking(times, solution.states)
     np.testing.assert_allclose(s.memory["clock"][..., 0], 2.0 + times + np.zeros((4, 1)), atol=RTOL)
     h = times[1]  # Simpson's rule errs by h⁴ times a fourth derivative of at most some thousands

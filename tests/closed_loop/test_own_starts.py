@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from eqt_cli.closed_loop.own_starts import STARTS, OwnStarts
+from eqt_cli.closed_loop.system import STARTS, OwnStarts
 from eqt_cli.config.shipped import folder, names
 from eqt_cli.config.source import read_config
 from eqt_cli.execution.batches import batches

@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.code_rows import random_states
-from eqt_cli.analysis.evidence.code_question import Question
-from eqt_cli.analysis.evidence.code_terms import explained
+from eqt_cli.analysis.evidence.code_states import drawn_states
+from eqt_cli.analysis.evidence.code_terms import Question, explained
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import controllers
 from eqt_cli.groups import group_named
@@ -35,7 +34,7 @@ def question(request):
             law,
             Vehicle(control=Sampling(0.02)),
         )
-        return Question(loop, *random_states(loop, 5.0, random))
+        return Question(loop, *drawn_states(loop, 5.0, random))
 
     return ask
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from eqt_cli.config import yaml_source
 from eqt_cli.engines.native import compiler, trial
 
 EVERYWHERE = "t = 0.5, pose = {"
@@ -39,11 +40,7 @@ EVERYWHERE = "t = 0.5, pose = {"
             {"memory": ["ei"]},
             "controllers[0]: memory: lee_memory in lee.c has no field ei; it has unused",
         ),
-        (
-            [],
-            {"memory": ["e i"]},
-            "controllers[0].memory[0]: expected a name in C, got 'e i'",
-        ),
+        ([], {"memory": ["e i"]}, "controllers[0].memory[0]: expected a name in C, got 'e i'"),
         (
             [("real unused;", "real ei[3], more;")],
             {"memory": ["ei"]},
@@ -73,11 +70,7 @@ EVERYWHERE = "t = 0.5, pose = {"
             "controllers[0]: lee_torque in lee.c has other arguments; expected void lee_torque"
             "(const lee_numbers *, lee_memory *, const lee_input *, double *)",
         ),
-        (
-            [],
-            {"function": "lee"},
-            "controllers[0].function: expected a name X_torque, got 'lee'",
-        ),
+        ([], {"function": "lee"}, "controllers[0].function: expected a name X_torque, got 'lee'"),
         (
             [],
             {"function": "lee()_torque"},
@@ -108,15 +101,15 @@ def test_what_does_not_fit(changes, options, said, written, config, told):
 
 def test_what_the_compiler_says(written, config, told):
     written(body="torque[0] = in->velocty[0];")
-    assert "controllers[0]: lee.c cannot be compiled: lee.c:4:" in told(config())
+    assert "controllers[0]: lee.c cannot be compiled: lee.c:5:" in told(config())
 
 
 def test_no_compiler(written, config, told, monkeypatch):
     written()
     monkeypatch.setattr(compiler, "missing", lambda: "there is none")
     assert told(config(numbers={"kR": 1.25})) == (
-        "controllers[0]: lee.c is C, and this machine has no C compiler; install gcc or clang, or "
-        "'pip install ziglang', a clang in a wheel"
+        "controllers[0].file: lee.c is C, and this machine has no C compiler; install gcc or "
+        "clang, or 'pip install ziglang' (extra native), a clang in a wheel"
     )
 
 
@@ -155,10 +148,8 @@ def test_a_crash_of_the_start(written, config, told):
 # When it is called -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("engine", ["native", "taylor"])
+@pytest.mark.parametrize("engine", ["native"])
 def test_only_solve_ivp_calls_code_at_any_time(engine, written, config, told):
-    if engine == "taylor":
-        pytest.importorskip("heyoka")
     written()
     over = {"control": None, "solver": {"engine": engine}}
     assert told(config(over=over)) == (
@@ -175,7 +166,46 @@ def test_memory_needs_a_period(written, config, told):
     )
 
 
+# What it includes --------------------------------------------------------------------------------
+
+
 def test_a_header_that_includes_itself(written, config, told):
     written()
     Path("lee.h").write_text('#include "lee.h"\n', encoding="utf-8")
-    assert told(config()) == ("controllers[0].file: lee.h includes itself: 20 files deep")
+    said = told(config())
+    assert said.startswith("controllers[0].file: lee.c cannot be compiled: lee.h:1:")
+    assert said.endswith("; compile it with your own compiler to see all of it")
+
+
+def test_headers_without_end_are_bounded(written, config, told):
+    """Each includes the next one three times, 18 deep."""
+    written(body="", more='#include "h0.h"')
+    for k in range(18):
+        Path(f"h{k}.h").write_text(f'#include "h{k + 1}.h"\n' * 3, encoding="utf-8")
+    Path("h18.h").touch()
+    assert "lee.c cannot be compiled: " in told(config())
+
+
+def test_a_device_that_never_ends_is_bounded(written, config, told):
+    written(body="", more='#include "/dev/zero"')
+    assert "lee.c cannot be compiled: " in told(config())
+
+
+def test_a_header_of_the_current_folder_is_foreign(written, config, told, monkeypatch, tmp_path):
+    written(body="", more='#include "gain.h"')
+    Path("c.yaml").write_text(yaml_source.dump(config()), encoding="utf-8")
+    (tmp_path / "foreign").mkdir()
+    monkeypatch.chdir("foreign")
+    Path("gain.h").touch()
+    said = told("../c.yaml")
+    assert "controllers[0].file: lee.c cannot be compiled: lee.c:2:" in said and "gain.h" in said
+
+
+def test_a_header_of_another_folder_is_not_kept(written, config, told, tmp_path_factory):
+    path = tmp_path_factory.mktemp("other") / "gain.h"
+    path.touch()
+    written(body="", more=f'#include "{path}"')
+    assert told(config()) == (
+        f"controllers[0].file: lee.c includes {path}, which is not in its folder; a result keeps "
+        "what is in this folder and below; copy the file there"
+    )

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.linearised import designed
 from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.controllers import controllers
 from eqt_cli.core import registry as registries
@@ -25,6 +26,7 @@ from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references import references
+from eqt_cli.references.flat import Knot
 from eqt_cli.references.path import PathFactor
 from eqt_cli.references.waypoints import Waypoint
 from eqt_cli.vehicle.forces import Force
@@ -66,6 +68,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         ]
     },
     "log": {"file": "motion.csv"},
+    "flat": {"minimum_snap": [Knot(0.0, [0.0, 0.1, 0.2]), Knot(3.0, [1.0, 2.0, 3.0])]},
     "swinging": {"frequencies": [1.0, 2.0, 0.5, 1.5, 0.1, 3.0]},
 }
 """Of components that have no default for them; lists are cut to the dimension of the group."""
@@ -88,17 +91,19 @@ SLOW = {
 
 
 @cache
-def components(kind: str) -> list[type]:
+def components() -> dict[str, list[type]]:
     """Of eqt and of the plugins in ``tests/plugins``, which stay unknown to the other tests."""
-    # Code of a user's own is for any task, and no formula.
-    found = [each for each in registry(kind).all() if getattr(each, "tasks", True)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(registries, "_loaded_plugins", {})
-        for name in KINDS:
-            patch.setattr(registry(name), "_plugins", {})
+        for kind in KINDS:
+            patch.setattr(registry(kind), "_plugins", {})
         for path in PLUGINS:
             load_plugin(path)
-        return found + list(registry(kind)._plugins.values())
+        # Code of a user's own is for any task, and no formula.
+        return {
+            kind: [each for each in registry(kind).all() if getattr(each, "tasks", True)]
+            for kind in KINDS
+        }
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -107,7 +112,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         if argument in metafunc.fixturenames:
             found = [
                 pytest.param(each, id=each.name, marks=[pytest.mark.slow(reason)] * bool(reason))
-                for each in components(kind)
+                for each in components()[kind]
                 for reason in [SLOW.get((argument, each.name), "")]
             ]
             metafunc.parametrize(argument, found)
@@ -162,7 +167,7 @@ def loop_with() -> Any:
         inertia, kp, kd = (A @ A.T + np.eye(len(A)) / 2 for A in matrices)
         if m == 3 and group == "SO3":  # principal moments that a body can have
             inertia = np.array([[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]])
-        return ClosedLoop(
+        made_loop = ClosedLoop(
             group=G,
             inertia=Inertia(inertia, np.linalg.inv(inertia)),
             gains=Gains(kp, kd),
@@ -170,6 +175,10 @@ def loop_with() -> Any:
             or (made(references.get("torque"), m) if moves else made(references.get("constant"))),
             controller=law,
         )
+        if not law.design_pieces:
+            return made_loop
+        at_rest = np.broadcast_to(G.identity, (3, *G.identity.shape)), np.zeros((3, m))
+        return designed(made_loop, np.zeros(3), *at_rest)
 
     return loop
 

@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.core.problems import Problems
-from eqt_cli.engines.recorded_field import Recording
+from eqt_cli.engines.recorded_field import RecordedCalls
 
 # Tens of last places of torques up to a hundred.
 ROUNDING = 1e-11
@@ -107,7 +107,7 @@ def test_symbols_give_the_same_as_floats(loop, states, symbols):
 def test_a_recording_gives_the_same_as_the_law(loop, states):
     y, other = states(loop, (3,)), states(loop, (3,), seed=4)
     loop = loop.holding(0.3)
-    found = Recording(loop.vector_field, 0.3, y).repeat(0.31, other)
+    found = RecordedCalls(loop.vector_field, 0.3, y).repeat(0.31, other)
     # NumPy adds in another order.
     np.testing.assert_allclose(found, loop.vector_field(0.31, other), rtol=0, atol=ROUNDING)
 

@@ -108,10 +108,7 @@ def sampled(loop_with):
     problem = masses(loop_with, vehicle=Vehicle(control=Sampling(period=PERIOD), **sensors))
     instants, random = problem.control_instants, np.random.default_rng(5)
     pose, velocity = random.normal(0.0, 0.1, (2, RUNS, instants, 1))
-    varying = {
-        "controller.stiffness": STIFFNESS,
-        "controller.damping": np.full((RUNS, 1), 0.4),
-    }
+    varying = {"controller.stiffness": STIFFNESS, "controller.damping": np.full((RUNS, 1), 0.4)}
     errors = Errors(problem.loop.group.exp(pose), velocity, np.empty((RUNS, instants, 0)))
     x, v, pushes = np.ones(RUNS), np.zeros(RUNS), []
     for k in range(instants):
@@ -142,7 +139,7 @@ class Gusts(Force):
         )
         return (PUSHES[0] + push) * (1.0 + 0.0 * V)
 
-    def instants(self):
+    def instants(self, G, until):
         return CHANGES
 
 
@@ -158,7 +155,7 @@ class Jolts(ClosedReference):
         still = np.zeros(1)
         return G.identity, still, self.acceleration
 
-    def instants(self, G):
+    def instants(self, G, until):
         return CHANGES
 
     def held(self, G, t):

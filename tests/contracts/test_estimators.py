@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.core.problems import Problems
-from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.groups import group_named
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.sampling import Sampling

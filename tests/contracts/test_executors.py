@@ -7,6 +7,7 @@ import pytest
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.reporting import step
 from eqt_cli.execution.executors import Outcome
+from eqt_cli.execution.executors.dask import NEEDED
 
 # In a file of its own, where spawned processes find it.
 TASK = """
@@ -14,6 +15,7 @@ import os, time
 from pathlib import Path
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.executors.dask import NEEDED
 
 
 class Task:
@@ -48,7 +50,7 @@ def task(tmp_path, monkeypatch):
 
 @pytest.fixture
 def executor(executor_class):
-    if executor_class.name == "dask" and not find_spec("distributed"):
+    if executor_class.name == "dask" and not all(map(find_spec, NEEDED)):
         pytest.skip("needs the extra dask")
     return executor_class(2)
 

@@ -11,10 +11,12 @@ from eqt_cli import api
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import is_foreign, meanings
 from eqt_cli.logs.recording import Recording
-from eqt_cli.plots.base import Alongside, OfCertificates, OfSweep, OfTuning, OfWorst
-from eqt_cli.plots.curve_data import curves
+from eqt_cli.plots.base import Extras, OfCertificates, OfSweep
 from eqt_cli.plots.figures.commands import Commands
-from eqt_cli.plots.figures.estimate import Estimate
+from eqt_cli.plots.figures.estimate import EstimateFigure
+from eqt_cli.plots.figures.fronts import Fronts
+from eqt_cli.plots.figures.worst import WorstFigure
+from eqt_cli.plots.render import curves
 from eqt_cli.results.result import open_result
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -77,7 +79,7 @@ def make_results(folder):
             (folder / "rows").write_bytes(pickle.dumps(api.verify(done).rows))
     api.tune(CONFIG | TUNE, folder / "tuned")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("eqt_cli.tuning.worst_search.MOST_ON_A_LINE", 3)
+        patch.setattr("eqt_cli.tuning.worst.MOST_ON_A_LINE", 3)
         api.worst(CONFIG | WORST, folder / "worst")
 
 
@@ -95,7 +97,7 @@ def results(made_once):
     opened = {name: open_result(folder / name) for name in ("single", "bare", "sweep", "estimated")}
     opened |= {name: open_result(folder / name) for name in ("tuned", "worst")}
     rows = pickle.loads((folder / "rows").read_bytes())
-    yield opened, Alongside(rows, recording_of_run(opened["single"]))
+    yield opened, Extras(rows, recording_of_run(opened["single"]))
     for one in opened.values():
         one.close()
 
@@ -106,11 +108,11 @@ def of_sweep(figure_class):
 
 def subject(figure_class):
     """The kind of result that a figure is of."""
-    if issubclass(figure_class, OfTuning):
+    if issubclass(figure_class, Fronts):
         return "tuned"
-    if issubclass(figure_class, OfWorst):
+    if issubclass(figure_class, WorstFigure):
         return "worst"
-    if figure_class in (Commands, Estimate):
+    if figure_class in (Commands, EstimateFigure):
         return "estimated"
     return "sweep" if of_sweep(figure_class) else "single"
 
@@ -122,21 +124,16 @@ AGAIN = pytest.mark.slow("draws every figure again")
     "width", ["column", *(pytest.param(width, marks=AGAIN) for width in ("page", "slide"))]
 )
 def test_it_draws_a_result_as_wide_as_it_is_told(figure_class, results, width):
-    opened, alongside = results
+    """And every curve has a name, by which `make figures-check` finds it again."""
+    opened, extras = results
     shown = opened[subject(figure_class)]
-    drawing = figure_class().draw([shown], width, alongside=alongside)
+    drawing = figure_class().draw([shown], width, extras=extras)
     assert drawing.get_figwidth() == pytest.approx(IN[width])
     assert drawing.axes
     assert all(axes.has_data() for axes in drawing.axes if axes.get_label() != "<colorbar>")
-
-
-def test_every_curve_has_a_name(figure_class, results):
-    """By which `eqt plot --check` finds it again."""
     if is_foreign(figure_class.__module__) or figure_class.name in BY_PLACE:
-        pytest.skip("its curves are known by their places")
-    opened, alongside = results
-    shown = opened[subject(figure_class)]
-    drawn = curves(figure_class().draw([shown], alongside=alongside))
+        return  # its curves are known by their places
+    drawn = curves(drawing)
     assert drawn
     assert [
         curve.name
@@ -152,10 +149,10 @@ def test_its_options_are_documented(figure_class):
 
 
 def test_a_controller_that_there_is_not_is_named(figure_class, results):
-    opened, alongside = results
+    opened, extras = results
     shown = opened[subject(figure_class)]
     with pytest.raises(EqtError, match=r"figure '.*' finds no controller 'gtt'"):
-        figure_class(controllers=("gtt",)).draw([shown], alongside=alongside)
+        figure_class(controllers=("gtt",)).draw([shown], extras=extras)
 
 
 def test_what_it_cannot_show_is_one_message(figure_class, results):
@@ -170,10 +167,10 @@ def test_what_it_cannot_show_is_one_message(figure_class, results):
 
 
 def test_trajectories_that_are_not_kept_are_one_message_or_not_needed(figure_class, results):
-    opened, alongside = results
+    opened, extras = results
     said = f"'{figure_class.name}'"
     try:
-        figure_class().draw([opened["bare"]], alongside=alongside)
+        figure_class().draw([opened["bare"]], extras=extras)
     except EqtError as error:
         said = str(error)
     assert f"'{figure_class.name}'" in said

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.ensemble.initial import draw_initial_states
-from eqt_cli.ensemble.seeds import Stream, generator
+from eqt_cli.ensemble.spread import Stream, generator
 from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.groups import group_named
 

@@ -7,9 +7,9 @@ from eqt_cli.closed_loop.law_program import NUMBER, TOLD
 from eqt_cli.closed_loop.signals import at_state
 from eqt_cli.config.source import read_config
 from eqt_cli.controllers import controllers
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import leaves
-from eqt_cli.core.problems import Problems
-from eqt_cli.engines.traced_loop import OneLoop, at_instants, law_of, sampled, trace
+from eqt_cli.engines.traced_loop import LoopKey, at_instants, law_of, sampled, trace
 from eqt_cli.experiment.build import build
 from eqt_cli.vehicle.sensors.channels import Errors
 
@@ -53,7 +53,7 @@ def signals(loop, t, state):
 def test_c_gives_the_same_signals(loop_with, states, in_c, group):
     loop = loop_with(group)
     [state] = states(loop, (1,))
-    found = in_c(sampled(signals, OneLoop(loop), (len(state),)), **given(loop, 0.3, state))
+    found = in_c(sampled(signals, LoopKey(loop), (len(state),)), **given(loop, 0.3, state))
     for name, expected in signals(loop, 0.3, state[None]).items():
         np.testing.assert_allclose(found[name], expected[0], rtol=0, atol=ROUNDING, err_msg=name)
 

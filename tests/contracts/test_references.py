@@ -3,17 +3,34 @@
 import numpy as np
 import pytest
 
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.engines.recorded_field import Recording
+from eqt_cli.engines.recorded_field import RecordedCalls
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.flatness import PlantModel
+from eqt_cli.mechanics.inertia import Inertia
 
 # Tens of last places of torques up to ten.
 ROUNDING = 1e-12
 
 
 @pytest.fixture(params=["SO3", "SE3"])
-def loop(request, loop_with, make, reference_class):
+def loop(request, loop_with, make, noted, reference_class):
     m = {"SO3": 3, "SE3": 6}[request.param]
-    return loop_with(request.param, reference=make(reference_class, m))
+    reference, G = make(reference_class, m), group_named(request.param)
+    if refused := noted(reference, G):
+        pytest.skip(refused[0][1])
+    inertia = Inertia(np.eye(m), np.eye(m))
+    plant = PlantModel(inertia, (Push(),), None, True, 3.0, along=[0.0, 0.0, 1.0])
+    known = reference.knowing(G, plant, Problems())
+    return loop_with(request.param, reference=known)
+
+
+class Push:
+    """A known force, without which there is no thrust at rest."""
+
+    def in_space(self, G, t, moving):
+        return np.array([0.0, 0.0, -9.81])
 
 
 @pytest.mark.parametrize("batch", [(), (4,), (2, 3)], ids=str)
@@ -47,7 +64,7 @@ def test_a_recording_gives_the_same_as_the_reference(loop, states):
     def field(t, y, *numbers):
         return with_leaves(later, dict(zip(held, numbers, strict=True))).vector_field(t, y)
 
-    found = Recording(field, 0.3, y, *held.values()).repeat(
+    found = RecordedCalls(field, 0.3, y, *held.values()).repeat(
         1.31, other, *later.held_leaves.values()
     )
     expected = later.vector_field(1.31, other)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.core.problems import Problems
-from eqt_cli.engines.recorded_field import Recording
-from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.engines.recorded_field import RecordedCalls
+from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.groups import group_named
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.sampling import Sampling
@@ -56,7 +56,7 @@ def test_a_recording_gives_the_same_as_the_force(force_class, make):
         return force.in_body(G, t, G.unpack(y[:, 6:]), y[:, :6]) + 0 * y[:, :6]
 
     y, other = (np.concatenate([V, G.pack(Q)], axis=-1) for Q, V in ((Q, V), states(seed=3)))
-    found = Recording(
+    found = RecordedCalls(
         lambda t, y: 1.0 * y + np.concatenate([field(t, y), 0 * y[:, 6:]], axis=-1), 0.3, y
     )
     expected = other[:, :6] + field(0.31, other)
@@ -72,7 +72,7 @@ def test_a_recording_gives_the_same_as_the_actuator(actuator_class, make):
         return np.concatenate([actuator.output(G, y[:, :6], y[:, 6:]), rates], axis=-1)
 
     y = np.concatenate([command, np.full((2, n), 0.3)], axis=-1)
-    found = Recording(field, 0.3, y).repeat(0.31, 0.9 * y)
+    found = RecordedCalls(field, 0.3, y).repeat(0.31, 0.9 * y)
     np.testing.assert_allclose(found, field(0.31, 0.9 * y), rtol=0, atol=ROUNDING)
 
 
@@ -181,14 +181,13 @@ def test_an_estimator_takes_any_leading_axes(estimator_class, make):
 @pytest.mark.parametrize("shape", [(), (2, 3)])
 def test_an_actuator_takes_any_leading_axes(actuator_class, make, shape):
     actuator, command = of_run(make(actuator_class, 6)), states()[1][0]
-    x, t = np.full(actuator.states(G), 0.3), np.array([0.5])
+    x = np.full(actuator.states(G), 0.3)
 
     def spread(values):
         return np.broadcast_to(values, (*shape, *np.shape(values)))
 
-    given = {"step": (0.1,), "after": (spread(t),), "thrust": ()}
-    for name, rest in given.items():
+    for name, rest in {"step": (0.1,), "thrust": ()}.items():
         found = getattr(actuator, name)(G, spread(command), spread(x), *rest)
-        one = getattr(actuator, name)(G, command[None], x[None], *(t if name == "after" else rest))
+        one = getattr(actuator, name)(G, command[None], x[None], *rest)
         assert found.shape == (*shape, *one[0].shape)
         np.testing.assert_allclose(found, spread(one[0]), rtol=0, atol=ROUNDING)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eqt_cli.ensemble.seeds import Stream, generator
+from eqt_cli.ensemble.spread import Stream, generator
 from eqt_cli.groups import group_named
 
 

@@ -5,12 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from eqt_cli.api.loading import load_experiment
 from eqt_cli.controllers import controllers
 from eqt_cli.controllers.body_errors import CancellingLaw
 from eqt_cli.controllers.family import Family
 from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
 from eqt_cli.controllers.quaternion import Quaternion
 from eqt_cli.controllers.stabilising import Stabilising
+from eqt_cli.experiment.horizon import reference_over_horizon, remarks
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains, Tracking
@@ -59,7 +61,32 @@ def test_stabilising_claims_it_with_its_feedforward(feedforward):
 def test_every_shipped_law_that_tracks_claims_it_or_asks_for_its_gains():
     claimed = {law.name: law().claims_decrease for law in controllers.all() if "track" in law.tasks}
     assert claimed.pop("goodarzi2013") is None  # its integral may be too strong for the gains
+    assert claimed.pop("lqr") is None  # it is designed for small errors
     assert set(claimed.values()) == {True}, claimed
+
+
+def test_the_integral_of_goodarzi_follows_the_gains_unless_it_is_given():
+    """0.1 · 2 kp on SO3, so that kp: 1 gives 0.2; a result follows them again at other gains."""
+    data = {
+        "group": "SO3",
+        "inertia": 0.05,
+        "gains": {"kp": 0.01, "kd": 0.02},
+        "reference": {"kind": "constant"},
+        "controllers": [
+            "goodarzi2013",
+            {"kind": "goodarzi2013", "label": "stiff", "gains": {"kp": 1}},
+            {"kind": "goodarzi2013", "label": "given", "ki": 0.5},
+        ],
+        "time": {"duration": 5},
+    }
+    found = load_experiment(data)
+    assert [loop.controller.ki for loop in found.base.loops.values()] == [0.002, 0.2, 0.5]
+    written = found.base.resolved["controllers"]
+    assert [entry.get("ki") for entry in written] == [None, None, 0.5]
+    said = map(str, remarks(found.base, reference_over_horizon(found.base)))
+    assert "the loop of 'goodarzi2013' is slower than the runs last: small errors take " in next(
+        said
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,14 @@
 """A law in C, before any compiler reads it: what it claims, and what is noted of its options."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from eqt_cli.controllers import controllers
 from eqt_cli.controllers.code import Code
-from eqt_cli.core.errors import InputError, TraceError
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import InputError, Problems, TraceError
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains, Tracking
@@ -98,6 +98,15 @@ class Compiled:
 
     def __init__(self, **lengths):
         self.lengths = lengths
+        names = (
+            "t",
+            "pose",
+            "velocity",
+            "desired_pose",
+            "desired_velocity",
+            "desired_acceleration",
+        )
+        self.code = SimpleNamespace(inputs=names)
 
     def torque(self, numbers, period, memory, inputs):
         self.given = numbers, period, memory, inputs

@@ -24,7 +24,7 @@ from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references.torque import TorqueReference
 
-EXAMPLES = settings(max_examples=8)
+EXAMPLES = settings(max_examples=5)
 
 # Tens of last places of torques up to ten; measured 3e-15.
 LITERAL = 1e-13

@@ -15,10 +15,10 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import controllers
 from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import norm
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
 from eqt_cli.engines import Problem
+from eqt_cli.engines.native import SMALLEST_RTOL, Native
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.engines.taylor import Taylor
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.so3 import SO3
 from eqt_cli.mechanics.inertia import Inertia
@@ -350,7 +350,7 @@ def test_runs_through_a_half_turn_agree_and_keep_the_balance(name):
     Q = G.exp(np.array([[2.9, 0.3, -0.2]]))
     states = loop.initial_state(Q, np.array([[4.0, 0.5, 0.3]]), G.identity[None], zero)
     problem = Problem(loop, states, np.linspace(0.0, 2.0, 41))
-    exact = Taylor(tol=1e-14).solve(problem).states
+    exact = Native(rtol=SMALLEST_RTOL, atol=SMALLEST_RTOL).solve(problem).states
     s = loop.tracking(problem.times, exact)
     passed = np.diff(np.sign(G.vee(s.relative.Q)[0, :, 0]))
     assert passed.any()

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from eqt_cli.core.arrays import FUNCTIONS, register_symbols
 from eqt_cli.core.errors import ExpressionError, TraceError
 from eqt_cli.core.expressions import constant, parse
-from eqt_cli.core.expressions.parser import MAX_LENGTH, MAX_NESTING
-from eqt_cli.core.expressions.tree import Binary
+from eqt_cli.core.grammar import MAX_LENGTH, MAX_NESTING
 
 
 def _message(text: str, variables: tuple[str, ...] = ("t",)) -> str:
@@ -144,14 +143,14 @@ def test_a_missing_value_is_a_key_error() -> None:
     ],
 )
 def test_instants_are_read_off(text: str, instants: tuple[float, ...]) -> None:
-    assert parse(text).instants == instants
+    assert parse(text).instants(0.0) == instants
 
 
 # Symbols --------------------------------------------------------------------------------------
 
 
 class _Symbol:
-    """Records operations as text; like heyoka's expressions, it has no `__rpow__`."""
+    """Records operations as text; like some symbols, it has no `__rpow__`."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -176,11 +175,7 @@ class _Symbol:
 
 
 register_symbols(
-    _Symbol,
-    {
-        "sin": lambda x: _Symbol(f"sin({x})"),
-        "exp": lambda x: _Symbol(f"exp({x})"),
-    },
+    _Symbol, {"sin": lambda x: _Symbol(f"sin({x})"), "exp": lambda x: _Symbol(f"exp({x})")}
 )
 
 
@@ -361,10 +356,7 @@ def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
         ("*2", "expected a number, a name or '(' at column 1, but got '*'"),
         ("1//2", "expected a number, a name or '(' at column 3, but got '/'"),
         ("()", "expected a number, a name or '(' at column 2, but got ')'"),
-        (
-            "sin t",
-            "function 'sin' at column 1 needs its argument in parentheses, as in 'sin(t)'",
-        ),
+        ("sin t", "function 'sin' at column 1 needs its argument in parentheses, as in 'sin(t)'"),
         ("sin()", "function 'sin' at column 1 takes one argument, got none"),
         (
             "sin(t, 2)",
@@ -441,8 +433,8 @@ def test_expressions_with_equal_text_are_equal() -> None:
 
 def test_the_tree_carries_columns() -> None:
     tree = parse("1 +  t").tree
-    assert isinstance(tree, Binary)
-    assert (tree.left.column, tree.column, tree.right.column) == (1, 3, 6)
+    assert (tree.what, tree.column) == ("+", 3)
+    assert [part.column for part in tree.operands] == [1, 6]
 
 
 def test_atan2_is_that_of_numpy_at_every_size():
@@ -452,3 +444,45 @@ def test_atan2_is_that_of_numpy_at_every_size():
     found = parse("atan2(y, x)", ("x", "y")).evaluate({"x": x, "y": y})
     # Of the quotient, of atan and of the sum: half a unit in the last place each.
     assert (np.abs(found - expected) <= 2 * np.spacing(np.abs(expected))).all()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "3.5e5*exp(-((t - 3)/1e-5)**2/2)",
+        "tanh((t - 3)/1e-5)",
+        "1/(1 + (1e5*(t - 3))**2)",
+        "exp(-1e7*(t**2 - 9)**2)",
+        "exp(1e10*(cos(t - 3) - 1))",
+        "cos(t - 3)**1e10",
+        "sin(5*t) + exp(-((t - 3)/1e-5)**2)",
+    ],
+)
+def test_the_sides_of_a_short_pulse_are_instants(text):
+    before, within, after = parse(text).instants(5.0)
+    assert 3 - 1e-2 < before < 3 - 3e-5 < within == pytest.approx(3, abs=1e-8)
+    assert 3 + 3e-5 < after < 3 + 1e-2
+
+
+def test_several_pulses_are_found():
+    many = parse("exp(-1e9*cos(pi*t/2)**2)").instants(8.0)
+    assert many[1::3] == pytest.approx([1, 3, 5, 7], abs=1e-8)
+    two = parse("exp(-((t - 3)/1e-5)**2) - exp(-((t - 5)/1e-5)**2)").instants(10.0)
+    assert two[1::3] == (3.0, 5.0)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "cos(t - 3)",
+        "sin(1e5*(t - 3))",
+        "exp(-(t - 3)**2)",
+        "(t - 3)**2",
+        "1/(t - 3)",
+        "5 + cos(t)*sin(3*t)",
+        "sqrt(t - 1)",
+        "abs(t - 3) + log(t)",
+    ],
+)
+def test_a_slow_or_lasting_change_has_no_instants(text):
+    assert parse(text).instants(10.0) == ()

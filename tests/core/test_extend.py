@@ -3,8 +3,8 @@
 import pytest
 
 from eqt_cli import extend
-from eqt_cli.core.differentiation import value_and_derivative
 from eqt_cli.core.expressions import formula
+from eqt_cli.core.jets import value_and_derivative
 from eqt_cli.plots.drawing.scales import scale_norm
 
 

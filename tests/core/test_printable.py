@@ -2,8 +2,14 @@
 
 import pytest
 
-from eqt_cli.core.errors import OTHER_FOLDER, ConfigError, EqtError, InputProblem, keyword
-from eqt_cli.core.printable import printable
+from eqt_cli.core.errors import (
+    OTHER_FOLDER,
+    ConfigError,
+    EqtError,
+    InputProblem,
+    keyword,
+    printable,
+)
 
 UNSEEN = {
     "\x1b[2J": r"\x1b[2J",

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eqt_cli.core.errors import ConfigError, InputError
-from eqt_cli.core.problems import Problems, dotted, parse_key
+from eqt_cli.core.errors import ConfigError, InputError, Problems, dotted, parse_key
 
 
 def found(problems: Problems) -> list[tuple[str, str]]:

@@ -20,7 +20,6 @@ from eqt_cli.engines import native, traced_loop
 from eqt_cli.engines.native import compiler, library
 from eqt_cli.engines.native.source import evaluation, integration
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.engines.taylor import Taylor
 from eqt_cli.execution.batches import batches
 from eqt_cli.execution.compute_part import compute_part, shared_reference
 from eqt_cli.execution.executors import TaskContext
@@ -101,8 +100,7 @@ def built(monkeypatch):
 
 
 few_lanes = pytest.mark.parametrize(
-    "lanes",
-    [4, *(pytest.param(n, marks=pytest.mark.slow("compiles it again")) for n in (1, 2))],
+    "lanes", [4, *(pytest.param(n, marks=pytest.mark.slow("compiles it again")) for n in (1, 2))]
 )
 
 
@@ -161,8 +159,8 @@ def test_threads_and_groups_change_no_bit(batch, expected, monkeypatch):
     ],
 )
 def test_groups_are_of_256_runs_at_most_and_as_many_for_each_thread(runs, spans, threads, sizes):
-    problem = SimpleNamespace(runs=runs)
-    groups = native.Native().groups(problem, [None] * spans, threads)
+    problem = SimpleNamespace(runs=runs, spans=[None] * spans)
+    groups = native.Native().groups(problem, threads)
     assert [len(group) for group in groups] == sizes
     np.testing.assert_array_equal(np.concatenate(groups), np.arange(runs))
 
@@ -265,15 +263,6 @@ def test_results_say_how_they_were_compiled_and_depend_on_it_in_no_number(
         assert {name for name in a.names if digest(a[name]) != digest(b[name])} == set()
 
 
-def test_a_compiler_that_does_not_work_stops_no_run_that_the_engine_would_check(run, monkeypatch):
-    monkeypatch.setattr(Taylor, "unavailable", classmethod(lambda engine: "not installed"))
-    monkeypatch.setenv("CC", "false")
-    forget()
-    run("solver.cross_check=1")
-    with open_result("out") as result:
-        assert result.cross_check.method == "engine solve_ivp, tolerances / 100"
-
-
 def test_without_a_compiler_a_result_says_nothing_of_one(monkeypatch):
     monkeypatch.setattr(compiler, "commands", list)
     assert native.Native().provenance() == {}
@@ -304,7 +293,7 @@ def alone(batch, tmp_path_factory):
 
 def c_of(batch, lanes):
     """The C of a problem in one text."""
-    programs = traced_loop.programs(traced_loop.OneLoop(batch.problem.loop))
+    programs = traced_loop.programs(traced_loop.LoopKey(batch.problem.loop))
     texts = [integration(programs.field, lanes)]
     if after := programs.after_instant:
         stretches = [length for name, length in after.inputs if name != "errors"]

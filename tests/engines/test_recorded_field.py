@@ -13,8 +13,8 @@ from eqt_cli.engines.recorded_field import (
     COMPARED,
     WORTH_RECORDING,
     NotRecordable,
+    RecordedCalls,
     RecordedField,
-    Recording,
     _agree,
 )
 
@@ -35,7 +35,7 @@ def evaluated(field, evaluations, t=0.3):
 
 def check(field, runs=RUNS):
     """The recording at another time and state equals the field."""
-    recording = Recording(field, 0.2, states(1, runs))
+    recording = RecordedCalls(field, 0.2, states(1, runs))
     for t, y in ((0.7, states(2, runs)), (0.2, states(1, runs))):
         np.testing.assert_allclose(recording.repeat(t, y), field(t, y), rtol=0, atol=ROUNDING)
     return recording
@@ -101,7 +101,7 @@ def test_what_two_calls_share_is_not_written_to():
         return one + other
 
     with pytest.raises(NotRecordable):
-        Recording(field, 0.2, states(1))
+        RecordedCalls(field, 0.2, states(1))
 
 
 def branching(t, y):
@@ -129,7 +129,7 @@ def rounding(t, y):
 @pytest.mark.parametrize("field", [branching, looking, filling, selecting, rounding])
 def test_what_cannot_be_recorded_is_evaluated_as_it_is_written(field):
     with pytest.raises(Exception):  # noqa: B017, PT011  # whatever the field makes of no array
-        Recording(field, 0.3, states(0))
+        RecordedCalls(field, 0.3, states(0))
     evaluations = WORTH_RECORDING + COMPARED + 3
     found = evaluated(RecordedField(lambda held: field), evaluations)
     np.testing.assert_array_equal(found, evaluated(field, evaluations))
@@ -202,7 +202,7 @@ def test_values_that_are_not_finite_are_repeated():
 
 def test_arrays_have_their_runs_along_the_last_axis_in_memory():
     """So that a call goes through the same entry of all runs at once."""
-    recording = Recording(lambda t, y: -y, 0.2, states(1))
+    recording = RecordedCalls(lambda t, y: -y, 0.2, states(1))
     of_runs, others, rates = (recording.empty(s, float) for s in ((RUNS, 2), (2, 3), (RUNS,)))
     assert of_runs.T.flags.c_contiguous
     assert others.flags.c_contiguous

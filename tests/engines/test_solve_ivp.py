@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+import eqt_cli
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.controllers.eqt import EqT
@@ -19,6 +20,7 @@ from eqt_cli.controllers.family import Family
 from eqt_cli.core.leaves import with_leaves
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp, _jacobian_options
+from eqt_cli.engines.walk import DIVERGED
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
@@ -401,9 +403,7 @@ OWN_STEPS = ("DOP853", "Radau", "BDF", "LSODA")
     ("fault", "method"),
     [
         pytest.param(
-            fault,
-            method,
-            marks=[LONG] * (fault != "nan_at_once" and FAST.get(fault) != method),
+            fault, method, marks=[LONG] * (fault != "nan_at_once" and FAST.get(fault) != method)
         )
         for fault in FAULTS
         for method in METHODS
@@ -444,7 +444,7 @@ class InfiniteFromOneSecondOn(Force):
     def acting(self, G, t, Q, V):
         return np.where(t < 1.0, 0.0, np.inf) * V
 
-    def instants(self):
+    def instants(self, G, until):
         return np.array([1.0])
 
 
@@ -561,3 +561,33 @@ def test_options_that_work_have_no_problems(noted):
 def test_message_of_a_tolerance_that_scipy_cannot_use(rtol, got, noted):
     message = f"expected a number from 2.22e-14 (SciPy's smallest) to 1, got {got}"
     assert noted(SolveIvp(rtol=rtol)) == [("rtol", message)]
+
+
+@pytest.mark.slow("20 s of steps that get ever shorter")
+def test_a_sampled_loop_that_diverges_ends(tmp_path):
+    """Each period multiplies the velocity by 1 − kd·period/J = −4; one run begins at rest."""
+    (tmp_path / "starts.csv").write_text("qx,qy,qz,qw,wx,wy,wz\n0,0,0,1,0.1,0,0\n0,0,0,1,0,0,0\n")
+    found = eqt_cli.run(
+        {
+            "name": "diverging",
+            "group": "SO3",
+            "inertia": 1.0,
+            "gains": {"kp": 1e-6, "kd": 5.0},
+            "reference": {"kind": "constant"},
+            "controllers": ["eqt"],
+            "control": {"period": 1.0},
+            "initial": {"file": str(tmp_path / "starts.csv")},
+            "ensemble": {"runs": 2},
+            "time": {"duration": 20.0, "samples": 21},
+            "solver": {"engine": "solve_ivp", "cross_check": 0, "error_estimate": False},
+        },
+        tmp_path / "r",
+    )
+    data = eqt_cli.open_results(found)
+    assert data.status.values.tolist() == [[Status.DIVERGED, Status.OK]]
+    first = np.flatnonzero(np.abs(data.velocity.values[0, 0, :, 0]) > 2 * np.pi * 100)[0]
+    assert data.message.values[0, 0] == f"t = {first} s: {DIVERGED[1]}"
+    assert np.isfinite(data.velocity.values[0, 0]).all(axis=1).tolist() == [
+        k <= first for k in range(21)
+    ]
+    assert data.steps.values[0, 0] < 50_000  # of 1,000,000

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.integrate import DOP853, RK23, RK45
 
 from eqt_cli.engines import stability
 
+
+def exponential(order):
+    """The coefficients of the truncated exponential, in rising powers."""
+    return np.array([1 / math.factorial(k) for k in range(order + 1)])
+
+
 # Hairer and Wanner (1996), Section IV.2: on the negative real axis.
 LIMITS = {
     "RK23": (stability.runge_kutta(RK23.A, RK23.B), 2.513),
     "RK45": (stability.runge_kutta(RK45.A, RK45.B), 3.307),
-    "RK4": (stability.taylor(4), 2.785),
-    "Euler": (stability.taylor(1), 2.0),
+    "RK4": (exponential(4), 2.785),
+    "Euler": (exponential(1), 2.0),
 }
 
 
@@ -26,7 +34,7 @@ def test_limits_on_the_real_axis(method):
 
 def test_coefficients_of_dop853_are_those_of_the_exponential_up_to_its_order():
     found = stability.runge_kutta(DOP853.A, DOP853.B)
-    np.testing.assert_allclose(found[:9], stability.taylor(8), rtol=1e-10)
+    np.testing.assert_allclose(found[:9], exponential(8), rtol=1e-10)
 
 
 def test_the_fastest_of_several_instants_does_not_count_for_all():

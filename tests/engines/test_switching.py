@@ -1,13 +1,11 @@
-"""Laws with kinks and jumps in compiled engines: every switch is found, and none is invented.
+"""Laws with kinks and jumps in the compiled engine: every switch is found, and none is invented.
 
 Kinks make solve_ivp refuse steps until they are short, and its errors there are far above rtol; so
 the exact solutions, where there are any, are the judges, and otherwise solve_ivp on an interval
 cut so fine that every step is far shorter than what happens between two kinks.
 """
 
-import dataclasses
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -31,17 +29,6 @@ from eqt_cli.core.expressions import parse
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.native import STEP_SHARE, Native
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.engines.taylor import Taylor, knots
-from eqt_cli.engines.taylor.switching import (
-    AT_ONCE,
-    FACTOR,
-    MOST_RETURNS,
-    NUMBERS,
-    SCALE,
-    SIDE,
-    WIDTH,
-    Switchboard,
-)
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
@@ -81,26 +68,17 @@ def velocity(problem, solution):
     return problem.loop.tracking(problem.times, solution.states).V
 
 
-def engine_of(name, tol=TOL):
-    """An engine with this tolerance of a step."""
-    if name == "native":
-        return Native(rtol=tol / STEP_SHARE, atol=tol / STEP_SHARE, max_steps=2000)
-    pytest.importorskip("heyoka", reason="the taylor extra is not installed")
-    return Taylor(tol=tol, max_steps=2000)
-
-
-@pytest.fixture(params=["native", "taylor"])
-def engine(request):
-    """One that finds switches."""
-    return engine_of(request.param)
+def engine_of(tol=TOL):
+    """The compiled engine with this tolerance of a step."""
+    return Native(rtol=tol / STEP_SHARE, atol=tol / STEP_SHARE, max_steps=2000)
 
 
 @pytest.fixture
-def solved(engine):
+def solved():
     """Solve a problem of which no run may fail."""
 
     def solved(problem, tol=TOL):
-        solution = engine_of(engine.name, tol).solve(problem)
+        solution = engine_of(tol).solve(problem)
         assert solution.messages == [""] * problem.runs
         return solution
 
@@ -297,13 +275,13 @@ def test_engines_agree(by_short_steps, solved):
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_runs_are_bit_identical_in_any_company(name, solved, engine):
+def test_runs_are_bit_identical_in_any_company(name, solved):
     velocities = np.random.default_rng(5).standard_normal((19, 3))
     problem = problem_of(LAWS[name], "SE2", velocities, samples=7)
     whole = solved(problem)
     order = np.random.default_rng(6).permutation(problem.runs)
     for runs, workers in ((order, 1), (np.arange(19), 2), (np.arange(19), 3), (np.array([11]), 1)):
-        part = engine.solve(problem.select(runs), workers)
+        part = engine_of().solve(problem.select(runs), workers)
         assert np.array_equal(part.states, whole.states[runs])
         assert np.array_equal(part.steps, whole.steps[runs])
 
@@ -322,183 +300,17 @@ def test_tolerance_is_kept_and_a_tenth_of_it_estimates_the_error(solved):
 # Laws that cannot be followed ---------------------------------------------------------------------
 
 
-def test_sliding_mode_is_a_failure_and_harms_no_other(engine):
+def test_sliding_mode_is_a_failure_and_harms_no_other():
     """V̇ = −sign V: nothing goes on from V = 0, which the second run reaches at t = 1."""
     problem = problem_of(
         lambda s, law: -where(less(s.V, 0.0), -1.0, 1.0), velocities=[9.0, 1.0, -9.0], samples=7
     )
-    solution = engine.solve(problem)
+    solution = engine_of().solve(problem)
     assert solution.status.tolist() == [Status.OK, Status.SOLVER_FAILED, Status.OK]
     assert solution.messages[1] == (
         "t = 1 s: the law switches back and forth without end; smooth it, as with tanh"
     )
     np.testing.assert_allclose(velocity(problem, solution)[1, :3, 0], [1.0, 0.5, 0.0], atol=1e-8)
     assert np.isnan(solution.states[1, 3:]).all()
-    alone = engine.solve(problem.select([0, 2]))
+    alone = engine_of().solve(problem.select([0, 2]))
     assert np.array_equal(alone.states, solution.states[[0, 2]])
-
-
-def test_comparison_without_a_finite_series_is_a_failure_where_it_matters():
-    """The root has no derivative at V = 0, where the law starts; so no switch could be seen."""
-
-    def law(s, own):
-        return 1 + where(less(s.V**0.5, own.limit), 0.0, 1.0)
-
-    pytest.importorskip("heyoka", reason="the taylor extra is not installed")
-    solution = Taylor().solve(problem_of(law, velocities=[0.0]))
-    assert solution.status[0] == Status.SOLVER_FAILED
-    assert solution.messages == [
-        "t = 0 s: a comparison in the law has no finite series here; try engine solve_ivp"
-    ]
-    assert np.isfinite(solution.states[0, 0]).all()
-    assert np.isnan(solution.states[0, 1:]).all()
-
-
-# The account of sides -----------------------------------------------------------------------------
-
-
-class Compared:
-    """Stands for the compiled comparisons, two of them: of a with b, and of 1 with 0."""
-
-    nparams = 0
-
-    def __init__(self, a, b):
-        self.a, self.b = a, b
-
-    def __call__(self, state, pars, time):
-        ones = np.ones_like(self.a)
-        return np.array([self.a, ones, self.b, 0 * ones])
-
-
-def lanes_with(*a, b=0.0):
-    """The board of two comparisons, and an integrator with these a, whose sides were a ≥ b."""
-    pars = np.ones((2 * NUMBERS, len(a)))
-    integrator = SimpleNamespace(
-        pars=pars, state=pars, time=pars[0], last_h=0 * pars[0], batch_size=len(a)
-    )
-    a = np.array(a)
-    return Switchboard(0, np.array([True, True]), Compared(a, np.full_like(a, b))), integrator
-
-
-def test_only_a_lane_that_has_passed_its_width_changes_its_side():
-    board, integrator = lanes_with(-0.5 * WIDTH, -1.5 * WIDTH, -0.5 * WIDTH, -WIDTH, 1.0)
-    assert board.check(integrator)
-    assert integrator.pars[SIDE].tolist() == [1, -1, 1, 1, 1]
-    assert (integrator.pars[NUMBERS + SIDE] == 1).all()
-
-
-def test_a_side_far_behind_its_width_was_missed():
-    board, integrator = lanes_with(1.0, -2.5 * WIDTH)
-    assert not board.check(integrator)
-    assert not board.is_right(integrator)
-    assert integrator.pars[SIDE].tolist() == [1, 1]
-
-
-def test_a_side_at_twice_its_width_was_not_missed():
-    board, integrator = lanes_with(-2 * WIDTH)
-    board = dataclasses.replace(board, steady=np.array([True, False]))
-    assert not board.is_right(integrator)
-    assert board.check(integrator)
-    assert integrator.pars[SIDE].tolist() == [-1]
-
-
-def test_so_many_returns_at_once_are_a_sliding_mode():
-    board, integrator = lanes_with(1.0, 1.0)
-    integrator.last_h[:] = AT_ONCE
-    returns = [board.cross(integrator, 0, 1) for _ in range(MOST_RETURNS)]
-    assert returns == [True] * (MOST_RETURNS - 1) + [False]
-    assert integrator.pars[FACTOR].tolist() == [1, 2**MOST_RETURNS]
-    integrator.last_h[1] = 2 * AT_ONCE
-    assert board.cross(integrator, 0, 1)
-    assert integrator.pars[FACTOR].tolist() == [1, 2]
-    assert (integrator.pars[NUMBERS + FACTOR] == 1).all()
-
-
-def test_a_crossing_changes_the_side_in_its_lane_only():
-    board, integrator = lanes_with(-1.0, -1.0, -1.0)
-    board.cross(integrator, 0, 1)
-    assert integrator.pars[SIDE].tolist() == [1, -1, 1]
-    board.cross(integrator, 0, 2)
-    assert integrator.pars[SIDE].tolist() == [1, -1, -1]
-
-
-def test_sides_within_their_width_are_right():
-    board, integrator = lanes_with(1.0, -0.5 * WIDTH, -WIDTH)
-    assert board.is_right(integrator)
-    assert board.check(integrator)
-
-
-def test_a_side_that_changes_without_an_event_is_not_judged():
-    board, integrator = lanes_with(-1.0)
-    board = dataclasses.replace(board, steady=np.array([False, True]))
-    assert board.is_right(integrator)
-    assert board.check(integrator)
-    assert dataclasses.replace(board, steady=np.array([False, False])).is_right(integrator)
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "side", "scale"),
-    [
-        (-5.0, -4.0, -1, 4.0),
-        (6.0, 7.0, -1, 6.0),
-        (7.0, -6.0, 1, 6.0),
-        (0.5, 0.5, 1, 1.0),
-        (np.inf, np.inf, 1, 1.0),
-    ],
-)
-def test_sides_and_scales_at_the_start(a, b, side, scale):
-    """The scale is the smaller of |a| and |b|, but for 1 at least, and every width is single."""
-    board, integrator = lanes_with(a, b=b)
-    integrator.pars[:] = 17.0
-    board.start(integrator)
-    assert integrator.pars[[SIDE, FACTOR, SCALE], 0].tolist() == [side, 1.0, scale]
-
-
-def test_a_crossing_counts_in_units_of_its_scale():
-    board, integrator = lanes_with(-5e3 * WIDTH, b=0.0)
-    integrator.pars[SCALE] = 1e4
-    assert board.is_right(integrator)
-    integrator.pars[SCALE] = 4e3
-    assert not board.is_right(integrator)
-
-
-def test_at_a_knot_the_numbers_and_the_side_change_in_one_lane():
-    """Its parameters are those of the comparisons behind the held numbers and the knot."""
-    board, integrator = lanes_with(-1.0, -1.0, -1.0)
-    held = np.array([[7.0] * 3, [8.0] * 3, [0.25] * 3])  # two numbers, and the time of the knot
-    integrator.pars = np.concatenate([[[5.0] * 3], held, integrator.pars])
-    board = dataclasses.replace(board, first=4)
-    known = knots.pieces.set({0.25: np.array([1.0, 2.0, 0.5])})
-    try:
-        assert knots.NextPiece(3, board)(integrator, 1, 1)
-        assert knots.NextPiece(3, None)(integrator, 1, 2)
-    finally:
-        knots.pieces.reset(known)
-    assert integrator.pars[:4].tolist() == [[5, 5, 5], [7, 1, 1], [8, 2, 2], [0.25, 0.5, 0.5]]
-    assert integrator.pars[4 + SIDE].tolist() == [1, -1, 1]
-
-
-@pytest.mark.parametrize(
-    ("start", "stop", "at", "passed"),
-    [
-        (0.0, 2.0, [0.5, 1.0], [0.5, 1.0]),
-        (0.0, 2.0, [-1.0, 0.0, 1e-13, 2 - 1e-13, 2.0, 3.0], []),
-        (0.0, 0.5, [1.5e-12, 0.5 - 1.5e-12], [1.5e-12, 0.5 - 1.5e-12]),
-        (-2e6, -1e6, [-1.5e6, -1e6 - 5e-7], [-1.5e6]),
-    ],
-    ids=["inside", "at the ends", "short", "long ago"],
-)
-def test_knots_inside_the_horizon_are_passed(start, stop, at, passed):
-    """Each piece knows the time of the next knot; behind the last one, it is never reached."""
-    loop = SimpleNamespace(
-        vehicle=SimpleNamespace(control=None),
-        holds=True,
-        breaks=np.empty(0),
-        knots=np.array(at),
-        holding=lambda times: SimpleNamespace(held_leaves={"speed": 3.0 * times}),
-    )
-    found = knots.held_from(Problem(loop, np.zeros((1, 1)), np.array([start, stop])))
-    assert list(found) == [start, *passed]
-    assert [row[0] for row in found.values()] == [3.0 * t for t in found]
-    assert [row[1] for row in found.values()][:-1] == passed
-    assert list(found.values())[-1][1] >= stop + 1

@@ -9,14 +9,11 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.core.problems import Problems
-from eqt_cli.core.validation import component
-from eqt_cli.ensemble.factor_poses import FactorPoses
-from eqt_cli.ensemble.initial import draw_initial_states
-from eqt_cli.ensemble.listed import ListedPoses, ListedVelocities
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.option_types import component
+from eqt_cli.ensemble.initial import FactorPoses, ListedPoses, ListedVelocities, draw_initial_states
 from eqt_cli.ensemble.poses import pose_distributions
-from eqt_cli.ensemble.seeds import Stream, generator
-from eqt_cli.ensemble.spread import Spread
+from eqt_cli.ensemble.spread import Spread, Stream, generator
 from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.ensemble.velocities.speed import Speed
 from eqt_cli.groups import group_named
@@ -576,12 +573,7 @@ def test_a_speed_of_the_translation_is_in_its_part_of_the_velocity():
             "SE2",
             velocity_distribution,
             {"axis": [-1.0], "translation": Speed([1.0, 2.0], axis=[1.0])},
-            [
-                (
-                    "translation.axis",
-                    "expected random, or a list of 2 that are not all 0, got [1.0]",
-                )
-            ],
+            [("translation.axis", "expected random, or a list of 2 that are not all 0, got [1.0]")],
         ),
         (
             "SE3",

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from eqt_cli.core.problems import Problems, dotted
+from eqt_cli.core.errors import Problems, dotted
 from eqt_cli.ensemble.axes import Choices, DrawnRange, Spaced
 from eqt_cli.ensemble.sweep import Sweep
 
@@ -171,16 +171,8 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
     ("blocks", "path", "message"),
     [
         ([], (), "expected a list of blocks such as {grid: {gains.kp: [1, 2]}}, got []"),
-        (
-            [{"grdi": {}}],
-            (0, "grdi"),
-            "unknown design 'grdi'; did you mean 'grid'?",
-        ),
-        (
-            [{"grid": {"a": []}}],
-            (0, "grid", "a"),
-            "expected at least 1 entry, got []",
-        ),
+        ([{"grdi": {}}], (0, "grdi"), "unknown design 'grdi'; did you mean 'grid'?"),
+        ([{"grid": {"a": []}}], (0, "grid", "a"), "expected at least 1 entry, got []"),
         (
             [{"grid": {"a": {"low": 0, "high": 1, "points": 1}}}],
             (0, "grid", "a", "points"),
@@ -271,11 +263,7 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
             (0, "cases", "one", "a..b"),
             "expected a key such as gains.kp or controllers[0].label, got 'a..b'",
         ),
-        (
-            [{"cases": {"one": ["a"]}}],
-            (0, "cases", "one"),
-            "expected a mapping, got ['a']",
-        ),
+        ([{"cases": {"one": ["a"]}}], (0, "cases", "one"), "expected a mapping, got ['a']"),
         (
             [{"grid": {"a": [1, [{"b": 2}]]}}],
             (0, "grid", "a", 1),

@@ -11,7 +11,7 @@ from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import ValuePer
 
-TAYLOR = "{engine: taylor, rtol: 1.0e-6, tol: 1.0e-6, cross_check: 0}"
+NATIVE = "{engine: native, rtol: 1.0e-6, atol: 1.0e-6, cross_check: 0}"
 
 
 def simulate(experiment):
@@ -53,9 +53,8 @@ def values(simulated, name):
 
 @pytest.fixture
 def estimated(experiment):
-    """Forty runs of each controller by the taylor engine, on which it estimates errors."""
-    pytest.importorskip("heyoka", reason="the taylor extra is not installed")
-    return experiment("ensemble.runs=40", "time.duration=5", solver=TAYLOR)
+    """Forty runs of each controller by the compiled engine, on which it estimates errors."""
+    return experiment("ensemble.runs=40", "time.duration=5", solver=NATIVE)
 
 
 def test_estimates_are_the_errors(estimated):
@@ -69,7 +68,7 @@ def test_estimates_are_the_errors(estimated):
         start = loop.initial_state(Q, V, estimated.initial_pose, estimated.initial_velocity)
         problem = Problem(loop, start, estimated.times)
         found, exact = (
-            estimated.engine.tightened(factor).solve(problem).states for factor in (1, 1e-12)
+            estimated.engine.tightened(factor).solve(problem).states for factor in (1, 1e-6)
         )
         error = distance(loop, estimated.times, found, exact)
         ratio = values(simulated, "error_estimate")[index] / error
@@ -82,7 +81,7 @@ def test_only_runs_over_the_limit_are_marked(estimated, experiment):
     limit = float(np.median(estimate))
     limited = simulate(
         experiment(
-            "ensemble.runs=40", "time.duration=5", f"solver.max_error={limit}", solver=TAYLOR
+            "ensemble.runs=40", "time.duration=5", f"solver.max_error={limit}", solver=NATIVE
         )
     )
     status = values(limited, "status")

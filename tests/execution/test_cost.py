@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from eqt_cli.api import choose_executor, load_experiment
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.execution import cost
 from eqt_cli.execution.run_study import Execution
@@ -50,3 +53,27 @@ def test_disk(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_there_is(tmp_path: Path) -> None:
     assert cost._free_disk(tmp_path / "not" / "there") > 0
     assert (cost._memory() or 10**9) > 10**8
+
+
+def probed(monkeypatch: pytest.MonkeyPatch, seconds: float) -> cost.ExpectedCost:
+    """Estimate 20 runs over 2000 s, which take longer than a probe may."""
+    clock = itertools.count(step=0.01)
+    monkeypatch.setattr(cost, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(cost, "PROBE_SECONDS", seconds)
+
+    def whole(*of: object) -> None:
+        raise AssertionError("a probe computed a whole part")
+
+    monkeypatch.setattr(cost, "compute_part", whole)
+    long = {"time.duration": 2000.0, "ensemble.runs": 20}
+    found = load_experiment("configs/paper.yaml", long)
+    return cost.estimate(found, choose_executor(found, 2, "serial"), seconds)
+
+
+def test_a_probe_of_a_long_horizon_times_its_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """50 reports of progress over a thousandth take 0.01 s each: 500 s for each of four laws."""
+    assert probed(monkeypatch, 2.0).seconds == pytest.approx(4 * 500, rel=0.3)
+
+
+def test_a_probe_of_what_takes_too_long_tells_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert probed(monkeypatch, -1.0).seconds is None

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from eqt_cli import load_experiment
 from eqt_cli.closed_loop import OwnStarts
-from eqt_cli.engines import Problem
+from eqt_cli.engines import Problem, walk
+from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.execution import cross_check as checking
 from eqt_cli.execution.batches import batches
 from eqt_cli.execution.cross_check import (
     FREE_STEPS,
     MOST_PIECES,
     WORK_SHARE,
     _affordable,
-    _other_engine,
     _Pieces,
-    _tighter,
+    independent,
 )
-
-pytest.importorskip("heyoka")
 
 STEPS = {label: np.full(200, 100.0) for label in ("eqt", "gt")}
 """As the paper's runs have them."""
@@ -36,47 +37,64 @@ def study(**solver):
         "initial": {"pose": "haar", "velocity": "normal"},
         "ensemble": {"runs": 200},
         "time": {"duration": 20},
-        "solver": {"engine": "taylor", **solver},
+        "solver": {"engine": "native", **solver},
     }
     return load_experiment(config)
 
 
 def test_a_check_may_cost_a_tenth_of_what_any_experiment_takes_to_begin():
     few = {label: np.full(2, 10.0) for label in STEPS}
-    assert _affordable(study(), _other_engine, 1, few) == 1.0
+    assert _affordable(study(), 1, few) == 1.0
 
 
 def test_a_check_of_many_laws_is_of_less():
-    part = _affordable(study(), _other_engine, 20, STEPS)
+    part = _affordable(study(), 20, STEPS)
     assert 0 < part < 0.2
-    assert _affordable(study(), _other_engine, 40, STEPS) == pytest.approx(part / 2)
+    assert _affordable(study(), 40, STEPS) == pytest.approx(part / 2)
 
 
 def test_more_runs_pay_for_more_of_the_check():
     many = {label: np.full(100_000, 100.0) for label in STEPS}
-    few, more = (_affordable(study(), _other_engine, 100, steps) for steps in (STEPS, many))
+    few, more = (_affordable(study(), 100, steps) for steps in (STEPS, many))
     work = 2 * 2 * 100_000 * 100  # each run is solved twice
     assert more / few == pytest.approx(WORK_SHARE * work / FREE_STEPS)
 
 
 def test_a_check_that_is_asked_for_is_whole():
-    assert _affordable(study(cross_check=5), _other_engine, 1000, STEPS) == 1.0
+    assert _affordable(study(cross_check=5), 1000, STEPS) == 1.0
 
 
-def test_a_compiled_check_is_whole():
-    assert _affordable(study(engine="solve_ivp"), _other_engine, 1000, STEPS) == 1.0
-
-
-def test_a_law_that_cannot_be_compiled_is_checked_for_a_tenth_as_well():
+def test_runs_of_solve_ivp_are_checked_for_a_tenth_as_well():
     vectorised = {label: np.full(200, 2800.0) for label in STEPS}
-    assert 0 < _affordable(study(engine="solve_ivp"), _tighter, 10, vectorised) < 0.2
+    assert 0 < _affordable(study(engine="solve_ivp"), 10, vectorised) < 0.2
+
+
+METHODS = {
+    Native(rtol=1e-7): "LSODA",
+    SolveIvp(rtol=1e-7): "LSODA",
+    SolveIvp(rtol=1e-7, method="Radau"): "LSODA",
+    SolveIvp(rtol=1e-7, method="LSODA"): "Radau",
+    SolveIvp(rtol=1e-7, method="BDF"): "Radau",
+}
+
+
+@pytest.mark.parametrize("engine", METHODS, ids=lambda each: getattr(each, "method", each.name))
+def test_the_check_is_of_another_kind_of_method_and_as_accurate(engine, found):
+    """LSODA compares largest errors and Radau means, so one is given √B times the tolerance."""
+    other = independent(engine)
+    assert other.method == METHODS[engine]
+    problem, exact = found
+    if engine.name == "native" or other.method == "Radau":
+        problem = Problem(problem.loop, problem.states, problem.times[:21])
+        states = other.solve(problem).states
+        assert 1e-12 < np.abs(states - exact[:, :21]).max() < 100 * engine.rtol
 
 
 @pytest.fixture(scope="module")
 def found():
     """Runs of a law with a reference that depends on time, and their states."""
     (batch,) = batches(study(), "eqt", np.arange(3))
-    return batch.problem, SolveIvp().solve(batch.problem).states
+    return batch.problem, SolveIvp(rtol=1e-10).solve(batch.problem).states
 
 
 def test_pieces_cover_the_horizon_where_they_can_afford_it(found):
@@ -138,7 +156,7 @@ def test_runs_that_an_engine_solves_one_by_one_are_checked_from_their_beginning(
 def test_the_papers_runs_are_checked_over_the_whole_horizon(found):
     problem, _ = found
     laws = {label: np.full(200, 100.0) for label in "abcd"}
-    part = _affordable(study(), _other_engine, 1, laws)
+    part = _affordable(study(), 1, laws)
     pieces = _Pieces.of(Problem.joined([problem] * 4), SolveIvp(), part)
     assert len(pieces.starts) * (pieces.length - 1) >= len(problem.times) - 1
 
@@ -156,3 +174,37 @@ def test_a_reference_that_takes_one_time_only_is_checked_from_its_beginning(foun
 
     monkeypatch.setattr(type(problem.loop.reference), "driving_torque", of_one_time)
     assert not pieces.can_share_evaluations(problem, states)
+
+
+class Clock:
+    """A clock that a look at it advances by 1 s."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def monotonic(self) -> float:
+        self.now += 1.0
+        return self.now
+
+
+@pytest.mark.parametrize(
+    ("seconds", "outcome"),
+    [
+        (np.inf, r"cross-check: 3 runs per controller by LSODA, largest difference \S+e-\d+ "),
+        (600, r"3 runs per controller by LSODA over the first \d+ s, ended by its limit of time, "),
+        (3, r"cross-check: nothing to compare, since LSODA was ended by its limit of time$"),
+    ],
+)
+def test_a_check_ends_in_time_and_says_what_it_compared(monkeypatch, seconds, outcome):
+    few = {"ensemble.runs": 3, "time.samples": 41, "controllers": ["eqt"]}
+    loaded = load_experiment("configs/paper.yaml", few)
+    found = {label: [] for label in loaded.base.loops}
+    for label in found:
+        [batch] = batches(loaded, label, np.arange(3))
+        found[label].append(batch.engine.solve(batch.problem).states)
+    steps = {label: [np.full(3, 100.0)] for label in found}
+    monkeypatch.setattr(checking, "time", Clock())
+    monkeypatch.setattr(walk, "REPORTED", 1e-4)
+    check = checking.cross_check(loaded, found, steps, seconds)
+    assert re.search(outcome, check.described)
+    assert check.holds

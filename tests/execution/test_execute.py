@@ -22,8 +22,8 @@ from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.local import Local
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.folder import ResultFolder
-from eqt_cli.execution.folder_progress import unfinished
 from eqt_cli.execution.lock import holder, locked
+from eqt_cli.execution.part_files import unfinished
 from eqt_cli.execution.run_study import Shard, execute, pack_folder
 from eqt_cli.experiment.read_study import add_grids, study
 from eqt_cli.results.result import open_result
@@ -154,13 +154,6 @@ def test_an_interrupted_run_continues_and_ends_the_same(make, whole, tmp_path, t
     assert not (out / "parts").exists()
 
 
-def test_a_finished_result_is_kept(make, tmp_path):
-    execute(make(), tmp_path / "out")
-    before = (tmp_path / "out/results.h5").stat().st_ino
-    assert execute(make(), tmp_path / "out").was_complete
-    assert (tmp_path / "out/results.h5").stat().st_ino == before
-
-
 @pytest.mark.slow("computes an experiment several times")
 def test_force_starts_over_and_says_what_it_removed(make, tmp_path):
     out = tmp_path / "out"
@@ -170,41 +163,17 @@ def test_force_starts_over_and_says_what_it_removed(make, tmp_path):
     assert outcome.removed == [str(out / n) for n in ("parts", "config.yaml", "manifest.json")]
 
 
-def test_another_experiment_is_refused_with_the_keys_that_differ(make, tmp_path):
-    out = tmp_path / "out"
-    interrupted(make(), out)
-    with pytest.raises(EqtError) as caught:
-        execute(make(CONFIG, "gains.kp=2"), out)
-    assert str(caught.value) == (
-        f"{out}: holds another experiment, which differs in\n"
-        "  gains.kp: 1.0 there, 2.0 here\n"
-        "choose another folder with out=…, or replace it with force=True"
-    )
-    assert len(ResultFolder(out).parts.listed()) == 2
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        "truncated",
-        "foreign",
-        *(
-            pytest.param(name, marks=pytest.mark.slow("cannot be read, as a truncated one"))
-            for name in ("noise", "empty")
-        ),
-    ],
-)
+@pytest.mark.parametrize("damage", ["truncated", "foreign"])
 def test_a_damaged_part_is_computed_again(make, whole, tmp_path, damage):
     out = tmp_path / "out"
     interrupted(make(), out)
     part = out / "parts/000001.h5"
-    data = part.read_bytes()
+    data = part.read_bytes()[:2000]
     if damage == "foreign":
         other = tmp_path / "other"
         interrupted(make(CONFIG, "gains.kp=2"), other)
         data = (other / "parts/000001.h5").read_bytes()
-    bad = {"truncated": data[:2000], "noise": os.urandom(5000), "empty": b"", "foreign": data}
-    part.write_bytes(bad[damage])
+    part.write_bytes(data)
     execute(make(), out)
     assert_same(contents(out), whole)
 
@@ -276,7 +245,7 @@ def test_parts_of_other_versions_are_told_of_and_remembered(make, whole, tmp_pat
     assert remarks == [
         f"{out}: some of its runs were computed with numpy 1.0 (not {np.__version__}), machine "
         f"abacus (not {platform.machine()}); they agree with the new ones within tolerances, not "
-        "bit for bit; force=True starts over"
+        "bit for bit; for runs of one version, choose another folder with out=…"
     ]
     origin = origin_of(out)
     assert origin["numpy"] == np.__version__
@@ -309,14 +278,11 @@ def test_a_remark_is_a_warning_in_python(make, tmp_path):
         execute(make(), out)
 
 
-@pytest.mark.parametrize(
-    "force", [True, pytest.param(False, marks=pytest.mark.slow("computes once more"))]
-)
-def test_versions_of_what_is_not_there_any_more_do_not_matter(make, tmp_path, remarks, force):
+def test_versions_of_what_is_not_there_any_more_do_not_matter(make, tmp_path, remarks):
     out = tmp_path / "out"
-    interrupted(make(), out, after=2 if force else 0)
+    interrupted(make(), out)
     pretend(out, numpy="1.0")
-    execute(make(), out, force=force)
+    execute(make(), out, force=True)
     assert remarks == []
     assert "other_sessions" not in origin_of(out)
 
@@ -378,10 +344,6 @@ def unnamed(rows, names):
     return rows, None
 
 
-def renamed(rows, names):
-    return rows, ["exertion" if name == "effort" else name for name in names]
-
-
 @pytest.mark.slow("computes an experiment several times")
 def test_numbers_of_a_part_are_read_by_name(make, whole, tmp_path, remarks):
     out = tmp_path / "out"
@@ -392,13 +354,10 @@ def test_numbers_of_a_part_are_read_by_name(make, whole, tmp_path, remarks):
     assert_same(contents(out), whole)
 
 
-@pytest.mark.parametrize(
-    "change", [unnamed, pytest.param(renamed, marks=pytest.mark.slow("computes once more"))]
-)
-def test_a_part_that_lacks_a_number_is_computed_again(make, whole, tmp_path, change):
+def test_a_part_that_lacks_a_number_is_computed_again(make, whole, tmp_path):
     out = tmp_path / "out"
     interrupted(make(), out)
-    edit(out / "parts/000001.h5", change)
+    edit(out / "parts/000001.h5", unnamed)
     execute(make(), out)
     assert_same(contents(out), whole)
 
@@ -413,7 +372,7 @@ def test_failed_runs_of_a_result_with_other_variables_are_not_mixed_in(make, tmp
         execute(make(), out, rerun_failed=True)
     assert str(caught.value) == (
         f"{out}/results.h5: was written by a version of eqt that stores other variables; compute "
-        "its failed runs with that version, or start over with force=True"
+        "its failed runs with that version, or choose another folder with out=…"
     )
 
 
@@ -427,11 +386,8 @@ def execute_without(name, *arguments, **options):
         execute(*arguments, **options)
 
 
-@pytest.mark.parametrize(
-    "name", ["effort", pytest.param("torque", marks=pytest.mark.slow("computes once more"))]
-)
-def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tmp_path, name):
-    out = tmp_path / "out"
+def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tmp_path):
+    out, name = tmp_path / "out", "effort"
     execute_without(name, make(), out, executor=Losing({1}))
     assert execute(make(), out, rerun_failed=True).failed == 0
     found = contents(out)
@@ -451,12 +407,6 @@ def test_failed_runs_of_a_result_that_lacks_an_integer_are_not_computed(make, tm
 # Workers.
 
 
-@pytest.mark.slow("starts two processes that load the libraries")
-def test_processes_give_the_same_bits(make, whole, tmp_path):
-    execute(make(), tmp_path / "out", executor=Local(2))
-    assert_same(contents(tmp_path / "out"), whole)
-
-
 def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
     out = tmp_path / "out"
     outcome = execute(make(), out, executor=Losing({1}))
@@ -472,8 +422,8 @@ def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
 @pytest.mark.slow("computes an experiment twice")
 @pytest.mark.parametrize(
     ("name", "text"),
-    [("run", CONFIG), ("sweep", CONFIG + SWEEP), ("flight", CONFIG + FLIGHT)],
-    ids=["run", "sweep", "flight"],
+    [("sweep", CONFIG + SWEEP), ("flight", CONFIG + FLIGHT)],
+    ids=["sweep", "flight"],
 )
 def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, finished, tmp_path, name, text):
     out = tmp_path / "out"
@@ -509,12 +459,11 @@ def test_rerun_failed_integrates_failed_runs_alone(make, tmp_path):
 
 
 @pytest.mark.slow("compiles two laws")
-def test_a_run_with_noise_is_the_same_alone_by_taylor(make, tmp_path):
+def test_a_run_with_noise_is_the_same_alone_if_compiled(make, tmp_path):
     """Neither its neighbours in a batch nor the law that waits for all of them changes it."""
-    pytest.importorskip("heyoka")
     out = tmp_path / "out"
     text = (CONFIG + FLIGHT).replace(
-        "rtol: 1.0e-6, block: 3, cross_check: 2", "engine: taylor, cross_check: 0, max_error: 1e-30"
+        "rtol: 1.0e-6, block: 3, cross_check: 2", "engine: native, cross_check: 0, max_error: 1e-30"
     )
     assert execute(make(text), out).failed == 14
     before = contents(out)
@@ -585,10 +534,7 @@ def test_a_lock_ends_with_its_process_even_if_killed(tmp_path):
 
 @pytest.mark.slow("computes an experiment several times")
 @POSIX
-@pytest.mark.parametrize(
-    ("code", "shard"),
-    [(errno.ENOLCK, None), (errno.ENOTSUP, Shard(1, 1)), (errno.ENOSYS, None)],
-)
+@pytest.mark.parametrize(("code", "shard"), [(errno.ENOLCK, None), (errno.ENOTSUP, Shard(1, 1))])
 def test_a_disk_that_refuses_locks_is_told_of_once(
     make, tmp_path, monkeypatch, remarks, code, shard
 ):
@@ -606,24 +552,6 @@ def test_a_disk_that_refuses_locks_is_told_of_once(
 
 
 # Folders and disks that do not do as they should.
-
-
-@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_cannot_be_written_is_named(make, tmp_path):
-    out = tmp_path / "out"
-    out.mkdir(mode=0o500)
-    with pytest.raises(EqtError, match=r"out: cannot be used: permission denied; choose another"):
-        execute(make(), out)
-
-
-def test_a_file_in_the_way_is_named(make, tmp_path):
-    out = tmp_path / "out"
-    out.write_text("", encoding="utf-8")
-    with pytest.raises(EqtError) as caught:
-        execute(make(), out)
-    assert str(caught.value) == (
-        f"{out}: cannot be used: not a directory; choose another folder with out=…"
-    )
 
 
 @POSIX
@@ -741,7 +669,7 @@ def test_a_large_sweep_keeps_trajectories_only_if_asked(make, monkeypatch):
     [
         (
             "  - grid: {gains.kp: [1, -2]}",
-            "config.yaml:11:26: gains.kp: expected a weight whose navigation function has",
+            "config.yaml:11:26: gains.kp: must be positive, so that small errors on SO3 have",
         ),
         (
             "  - grid: {gains.kq: [1]}",
@@ -779,7 +707,7 @@ def test_what_is_wrong_with_a_point_is_said_where_it_was_written(make, sweep, me
 def test_what_is_wrong_on_the_command_line_is_said_there(make):
     with pytest.raises(ConfigError) as caught:
         make(grids=["gains.kp=1,-2"])
-    assert str(caught.value).startswith("grids[0]: gains.kp: expected a weight")
+    assert str(caught.value).startswith("grids[0]: gains.kp: must be positive")
 
 
 # Laws with states of their own.

@@ -6,9 +6,11 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from importlib.util import find_spec
 from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import pytest
 
@@ -19,6 +21,7 @@ from eqt_cli.core.interruptions import ASKED_BY, Interrupted, as_exceptions
 from eqt_cli.core.reporting import Reporter, reporting, step
 from eqt_cli.execution.executors import MOST_TRIES, Outcome, auto, executors
 from eqt_cli.execution.executors.auto import Auto
+from eqt_cli.execution.executors.dask import NEEDED
 from eqt_cli.execution.executors.local import Local
 
 # In a file of its own, where spawned processes find it.
@@ -53,13 +56,9 @@ class Task:
         return len(list(Path(self.folder).glob(f"{item}-*")))
 """
 
+NEEDS_DASK = pytest.mark.skipif(not all(map(find_spec, NEEDED)), reason="needs the extra dask")
 NAMES = [
-    pytest.param(
-        name,
-        marks=pytest.mark.skipif(
-            name == "dask" and not find_spec("distributed"), reason="needs the extra dask"
-        ),
-    )
+    pytest.param(name, marks=[NEEDS_DASK] if name == "dask" else [])
     for name in ("auto", "serial", "threads", "local", "dask")
 ]
 QUICK = [
@@ -123,7 +122,7 @@ def test_an_item_that_loses_its_worker_again_and_again_is_given_up(name, task, t
 
 
 @pytest.mark.slow("starts processes")
-@pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
+@NEEDS_DASK
 def test_a_cluster_starts_beside_another(task):
     """The other one has taken the port where Dask's schedulers show themselves."""
     with socket.socket() as other:
@@ -252,8 +251,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 @pytest.mark.parametrize(
-    ("engine", "workers", "stays"),
-    [("native", 2, True), ("native", 3, False), ("taylor", 2, False)],
+    ("engine", "workers", "stays"), [("native", 2, True), ("native", 3, False)]
 )
 def test_auto_stays_in_threads_where_that_was_measured(engine, workers, stays):
     found = choose_executor(
@@ -301,7 +299,73 @@ def test_threads_take_an_item_when_it_can_begin(task):
     assert seen == sorted(seen)
 
 
-@pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
+@pytest.fixture
+def certificate(tmp_path):
+    """A certificate, its key, and who says that it is valid, in Dask's words and as files."""
+    from distributed import Security
+
+    security = Security.temporary()
+    content = {
+        "tls_ca": security.tls_ca_file,
+        "tls_cert": security.tls_client_cert,
+        "tls_key": security.tls_client_key,
+    }
+    for name, text in content.items():
+        (tmp_path / f"{name}.pem").write_text(text, encoding="utf-8")
+    return security, {name: str(tmp_path / f"{name}.pem") for name in content}
+
+
+@pytest.mark.slow("starts a cluster")
+@NEEDS_DASK
+def test_nobody_else_gives_orders_to_a_local_cluster(monkeypatch, certificate):
+    from distributed import Client
+
+    with ExitStack() as stack:
+        client = executors.get("dask")(1)._client(stack)
+        address = client.scheduler.address
+        assert address.startswith("tls://127.0.0.1:")
+        for way, security in ((address, certificate[0]), (address.replace("tls", "tcp"), None)):
+            with pytest.raises(OSError, match=r"certificate does not match|closed"):
+                Client(way, security=security, timeout=2, set_as_default=False)
+        for told in (client.cluster.scheduler_info, *client.scheduler_info()["workers"].values()):
+            with pytest.raises(HTTPError, match="404"):
+                urlopen(f"http://127.0.0.1:{told['services']['dashboard']}/health")
+
+
+@pytest.mark.slow("starts a cluster")
+@NEEDS_DASK
+def test_a_scheduler_that_asks_for_a_certificate_is_shown_it(task, certificate, monkeypatch):
+    from distributed import LocalCluster
+
+    from eqt_cli.execution.executors import dask
+
+    security, files = certificate
+    with LocalCluster(
+        1, 1, processes=False, protocol="tls", security=security, dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        address = cluster.scheduler_address
+        done = dask.Dask(1, scheduler=address, **files).outcomes(task, [2])
+        assert list(done) == [Outcome(2, 0)]
+        with pytest.raises(EqtError, match=r"^scheduler tls://.*: cannot be reached: TLS expects"):
+            list(dask.Dask(1, scheduler=address).outcomes(task, [2]))
+    with pytest.raises(EqtError, match=r"^scheduler tcp://.*: cannot be reached: encryption requ"):
+        list(dask.Dask(1, scheduler="tcp://127.0.0.1:9", **files).outcomes(task, [2]))
+
+
+@NEEDS_DASK
+def test_files_of_a_certificate_are_given_together(task, tmp_path):
+    given = tmp_path / "ca.pem"
+    given.touch()
+    executor = executors.get("dask")(1, scheduler="tls://a:1", tls_ca=str(given), tls_key="b.pem")
+    with pytest.raises(EqtError) as caught:
+        list(executor.outcomes(task, [1]))
+    assert str(caught.value) == (
+        "executor dask: tls_cert: expected a PEM file, got none; TLS needs tls_ca, tls_cert, "
+        "tls_key"
+    )
+
+
+@NEEDS_DASK
 def test_a_scheduler_that_does_not_answer_is_named(task, monkeypatch):
     from eqt_cli.execution.executors import dask
 
@@ -319,7 +383,8 @@ def test_dask_that_is_missing_is_named(task, monkeypatch):
     with pytest.raises(EqtError) as caught:
         list(dask.Dask(1).outcomes(task, [1]))
     assert str(caught.value) == (
-        "executor dask needs Dask.distributed: pip install 'distributed>=2026.7'"
+        "executor dask needs distributed and cryptography (extra dask): pip install "
+        "'distributed>=2026.7' 'cryptography>=50.0'"
     )
 
 
@@ -336,7 +401,8 @@ def test_dask_that_is_missing_is_named(task, monkeypatch):
         ("auto in threads", 8, 10.0, 3, 30.0),  # the first three, and then five by three
     ],
 )
-def test_expected_time(name, items, each, at_once, seconds):
+def test_expected_time(name, items, each, at_once, seconds, monkeypatch):
+    monkeypatch.setattr(auto, "WORTH_STARTING", 3.0)
     executor = Auto(3, threads=True) if name == "auto in threads" else executors.get(name)(3)
     assert executor.at_once(items, each) == at_once
     assert executor.wall_time(items, each) == seconds

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,6 +27,12 @@ def contents(folder: str = "out") -> dict[str, bytes]:
         for path in sorted(Path(folder).rglob("*"))
         if path.is_file()
     }
+
+
+@pytest.fixture
+def finished(folder: Path, default_result: Path) -> None:
+    """What `run` makes without a change lies in the folder `out`, and its configuration beside."""
+    shutil.copytree(default_result.parent, folder, dirs_exist_ok=True)
 
 
 def refusal(run: Run, *overrides: str, **options: object) -> str:
@@ -57,15 +64,13 @@ def test_what_it_holds(run: Run) -> None:
     assert set(manifest["seconds"]) == set(outcome.seconds) == steps
 
 
-def test_its_configuration_is_that_of_the_experiment(run: Run) -> None:
-    run()
+def test_its_configuration_is_that_of_the_experiment(finished: None) -> None:
     kept, given = build(read_config(Path("out/config.yaml"))), build(read_config(Path("c.yaml")))
     assert kept.resolved == given.resolved
     assert json.loads(contents()["manifest.json"])["digest"] == given.digest
 
 
-def test_a_finished_experiment_is_not_run_again(run: Run) -> None:
-    run()
+def test_a_finished_experiment_is_not_run_again(finished: None, run: Run) -> None:
     before = contents()
     again = run("name=other")
     assert again.was_complete
@@ -73,15 +78,13 @@ def test_a_finished_experiment_is_not_run_again(run: Run) -> None:
     assert contents() == before
 
 
-def test_a_lost_result_is_made_again(run: Run) -> None:
-    run()
+def test_a_lost_result_is_made_again(finished: None, run: Run) -> None:
     Path("out/results.h5").unlink()
     assert not run().was_complete
     assert "results.h5" in contents()
 
 
-def test_another_experiment_is_refused_with_what_differs(run: Run) -> None:
-    run()
+def test_another_experiment_is_refused_with_what_differs(finished: None, run: Run) -> None:
     before = contents()
     assert refusal(
         run,
@@ -108,16 +111,14 @@ def test_another_experiment_is_refused_with_what_differs(run: Run) -> None:
     assert contents() == before
 
 
-def test_another_number_of_controllers_is_shown_as_a_whole(run: Run) -> None:
-    run()
+def test_another_number_of_controllers_is_shown_as_a_whole(finished: None, run: Run) -> None:
     assert refusal(run, "controllers=[eqt]").splitlines()[1] == (
         "  controllers: [{kind: 'eqt', label: 'eqt'}, {kind: 'gt', label: 'gt'}] there, "
         "[{kind: 'eqt', label: 'eqt'}] here"
     )
 
 
-def test_force_replaces_and_says_what_it_removed(run: Run) -> None:
-    run()
+def test_force_replaces_and_says_what_it_removed(finished: None, run: Run) -> None:
     Path("out/figures").mkdir()
     Path("out/figures/paper.pdf").write_bytes(OWN_FIGURE)
     Path("out/notes.txt").write_text("mine", encoding="utf-8")
@@ -128,8 +129,7 @@ def test_force_replaces_and_says_what_it_removed(run: Run) -> None:
     assert list(contents()) == ["config.yaml", "manifest.json", "notes.txt", "results.h5"]
 
 
-def test_force_removes_no_drawing_or_page_of_others(run: Run) -> None:
-    run()
+def test_force_removes_no_drawing_or_page_of_others(finished: None, run: Run) -> None:
     Path("out/figures/point_3").mkdir(parents=True)
     Path("out/figures/empty").mkdir()
     Path("out/figures/paper.pdf").write_bytes(OWN_FIGURE)
@@ -153,8 +153,7 @@ def test_force_removes_no_drawing_or_page_of_others(run: Run) -> None:
     ]
 
 
-def test_the_folder_of_other_results_takes_none_itself(run: Run) -> None:
-    run()
+def test_the_folder_of_other_results_takes_none_itself(finished: None, run: Run) -> None:
     for name in ("a", "b", "c", "d"):
         Path("results", name).mkdir(parents=True)
         Path("results", name, "manifest.json").write_bytes(contents()["manifest.json"])
@@ -166,16 +165,14 @@ def test_the_folder_of_other_results_takes_none_itself(run: Run) -> None:
     assert not Path("results/results.h5").exists()
 
 
-def test_force_runs_the_same_experiment_again(run: Run) -> None:
-    run()
+def test_force_runs_the_same_experiment_again(finished: None, run: Run) -> None:
     before = contents()["results.h5"]
     outcome = run(force=True)
     assert not outcome.was_complete
     assert len(contents()["results.h5"]) == len(before)
 
 
-def test_figures_alone_are_not_lost_either(run: Run) -> None:
-    run()
+def test_figures_alone_are_not_lost_either(finished: None, run: Run) -> None:
     Path("out/figures").mkdir()
     Path("out/results.h5").unlink()
     assert refusal(run, "gains.kp=2") == (
@@ -185,8 +182,7 @@ def test_figures_alone_are_not_lost_either(run: Run) -> None:
     )
 
 
-def test_what_was_begun_and_left_without_results_is_replaced(run: Run) -> None:
-    run()
+def test_what_was_begun_and_left_without_results_is_replaced(finished: None, run: Run) -> None:
     Path("out/results.h5").unlink()
     outcome = run("gains.kp=2")
     assert outcome.removed == []

@@ -14,7 +14,7 @@ from eqt_cli.execution import result_layout
 from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.local import Local
 from eqt_cli.execution.executors.serial import Serial
-from eqt_cli.execution.folder_progress import unfinished
+from eqt_cli.execution.part_files import unfinished
 from eqt_cli.execution.run_study import Shard, execute, pack_folder
 from eqt_cli.experiment.read_study import MOST_GROUPS, add_grids, study
 from eqt_cli.results.result import open_result

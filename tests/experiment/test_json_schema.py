@@ -13,18 +13,18 @@ import yaml
 from eqt_cli.config import shipped
 from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.config.json_schema import json_schema
+from eqt_cli.config.schema import SolverChecks
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.yaml_source import load
 from eqt_cli.controllers import controllers
 from eqt_cli.core.errors import ConfigError
+from eqt_cli.core.option_types import option_names
 from eqt_cli.core.registry import Registry
-from eqt_cli.core.validation import option_names
 from eqt_cli.engines import engines
 from eqt_cli.ensemble.designs import designs
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.experiment.read_study import study
-from eqt_cli.experiment.solver import Judgement
 from eqt_cli.references import references
 
 
@@ -56,9 +56,7 @@ def test_shipped_configurations_fit(validator: jsonschema.Draft202012Validator, 
     validator.validate(load(shipped.text(name), name).data)
 
 
-def test_an_editor_may_read_them_as_plain_yaml(
-    validator: jsonschema.Draft202012Validator,
-) -> None:
+def test_an_editor_may_read_them_as_plain_yaml(validator: jsonschema.Draft202012Validator) -> None:
     validator.validate(yaml.safe_load(shipped.text("paper")))
 
 
@@ -133,19 +131,12 @@ def kinds(place: dict[str, Any]) -> dict[str, set[str]]:
         (controllers, ["properties", "controllers", "items"], {"label", "gains"}),
         (references, ["properties", "reference"], set()),  # each says what it starts from
         (pose_distributions, ["$defs", "PoseDistribution"], set()),
-        (
-            velocity_distributions,
-            ["$defs", "InitialSection", "properties", "velocity"],
-            set(),
-        ),
+        (velocity_distributions, ["$defs", "InitialSection", "properties", "velocity"], set()),
     ],
     ids=lambda value: value.kind if isinstance(value, Registry) else "",
 )
 def test_every_component_is_there_with_all_its_options(
-    schema: dict[str, Any],
-    registry: Registry[Any],
-    path: list[str],
-    common: set[str],
+    schema: dict[str, Any], registry: Registry[Any], path: list[str], common: set[str]
 ) -> None:
     place = schema
     for step in path:
@@ -158,7 +149,7 @@ def test_every_component_is_there_with_all_its_options(
 
 def test_every_engine_is_there_with_all_its_options(schema: dict[str, Any]) -> None:
     solver = schema["properties"]["solver"]["properties"]
-    owners: list[type] = [Judgement, *engines.all()]
+    owners: list[type] = [SolverChecks, *engines.all()]
     assert all(is_dataclass(owner) for owner in owners)
     assert set(solver) == {"engine", *(name for owner in owners for name in option_names(owner))}
     assert solver["engine"]["enum"] == engines.names()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from eqt_cli.config.option_scales import scale_of
+from eqt_cli.config.json_schema import scale_of
 from eqt_cli.core.option_types import Scale
 
 CONFIG = {
@@ -10,7 +10,7 @@ CONFIG = {
     "plant": {"forces": [{"kind": "gravity_gradient"}], "inertia": {"relative": 0.1}},
     "actuators": [{"kind": "rate_limit"}, {"kind": "of_a_plugin"}],
     "initial": {"velocity": {"kind": "speed", "translation": {"speed": 1.0}}},
-    "solver": {"engine": "taylor"},
+    "solver": {"engine": "native"},
 }
 
 
@@ -18,12 +18,12 @@ CONFIG = {
     ("key", "scale"),
     [
         ("plant.forces[0].rate", Scale("rate of the orbit", "rad/s")),
-        ("actuators[0].rate", Scale("rate limit", "torque/s")),
+        ("actuators[0].rate", Scale("limit of the torque's rate", "torque/s")),
         ("actuators[1].rate", None),
         ("actuators[2].rate", None),
         ("controllers[0].gyroscopic", Scale("gyroscopic weight g")),
-        ("controllers[1].gains.kp", Scale("k_p", "torque", is_symbol=True)),
-        ("gains.kp", Scale("k_p", "torque", is_symbol=True)),
+        ("controllers[1].gains.kp", Scale("k_p", "stiffness", is_symbol=True)),
+        ("gains.kp", Scale("k_p", "stiffness", is_symbol=True)),
         ("gains.kp[0]", None),
         ("plant.inertia.relative", Scale("relative error of the inertia")),
         ("initial.velocity.speed", Scale("initial angular speed", "rad/s")),

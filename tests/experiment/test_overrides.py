@@ -45,14 +45,8 @@ def test_the_last_override_counts(experiment: Build) -> None:
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        (
-            "gains.kp",
-            "overrides[0]: expected KEY=VALUE, got 'gains.kp'",
-        ),
-        (
-            "=2",
-            "overrides[0]: expected KEY=VALUE, got '=2'",
-        ),
+        ("gains.kp", "overrides[0]: expected KEY=VALUE, got 'gains.kp'"),
+        ("=2", "overrides[0]: expected KEY=VALUE, got '=2'"),
         (
             "gains.=2",
             "overrides[0]: expected a key such as gains.kp or controllers[0].label, got 'gains.'",
@@ -72,22 +66,10 @@ def test_the_last_override_counts(experiment: Build) -> None:
             "overrides[0]: expected a key such as gains.kp or controllers[0].label, "
             "got 'inertia[²]'",
         ),
-        (
-            "gains.kp=[1,",
-            "overrides[0]: gains.kp: a '[' or '{' is never closed",
-        ),
-        (
-            "time.duration=017",
-            "overrides[0]: time.duration: 017 is ambiguous: write 17 or 0o17",
-        ),
-        (
-            "gains={kp: 1, kp: 2}",
-            "overrides[0]: gains.kp: duplicate key",
-        ),
-        (
-            "gains.kpp=2",
-            "overrides[0]: gains.kpp: unknown key; did you mean 'kp'?",
-        ),
+        ("gains.kp=[1,", "overrides[0]: gains.kp: a '[' or '{' is never closed"),
+        ("time.duration=017", "overrides[0]: time.duration: 017 is ambiguous: write 17 or 0o17"),
+        ("gains={kp: 1, kp: 2}", "overrides[0]: gains.kp: duplicate key"),
+        ("gains.kpp=2", "overrides[0]: gains.kpp: unknown key; did you mean 'kp'?"),
         (
             "controllers[5]=gt",
             "overrides[0]: controllers[5]: no entry 5; controllers has 2 entries, counted from 0",

@@ -9,7 +9,6 @@ value. `make figures-check` compares the means over all 800 runs.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ import pytest
 
 from eqt_cli.config.shipped import folder
 from eqt_cli.config.source import read_config
+from eqt_cli.engines.native import Native
 from eqt_cli.execution.run_study import execute
 from eqt_cli.experiment.read_study import study
 from eqt_cli.store.reader import ResultFile, open_results
@@ -33,7 +33,7 @@ MEAN_POSE_ERROR = {"eqt": 0.67, "gt": 0.57, "nog": 0.85, "asym": 0.56}
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ResultFile]:
     out: Path = tmp_path_factory.mktemp("paper")
-    engine = "taylor" if find_spec("heyoka") else "solve_ivp"
+    engine = "solve_ivp" if Native.unavailable() else "native"
     source = read_config(
         folder() / "paper.yaml",
         [

@@ -58,7 +58,7 @@ class Own(SO3):
     def hat(self, v):
         return BODY
 """
-ENGINES = ("solve_ivp", "taylor")
+ENGINES = ("solve_ivp", "native")
 
 
 def law(body: str, loss: str = "None") -> dict[str, str]:

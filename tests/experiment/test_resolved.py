@@ -16,14 +16,12 @@ from eqt_cli.config import shipped
 from eqt_cli.config.json_schema import json_schema
 from eqt_cli.config.source import ConfigSource, read_config
 from eqt_cli.config.yaml_source import dump, load
+from eqt_cli.core.errors import ConfigError
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.experiment.horizon import remarks
 
 Build = Callable[..., Experiment]
-
-
-# To draw a whole configuration takes a while, and longer on a busy machine.
-unhurried = settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 
 
 def built(data: dict[str, Any]) -> Experiment:
@@ -92,7 +90,6 @@ solvers = st.fixed_dictionaries(
         "rtol": st.sampled_from([1e-6, "1e-6", "1/10**6"]),
         "atol": st.sampled_from([1, "1e-9"]),
         "block": st.integers(1, 9) | st.none(),
-        "tol": st.sampled_from([1e-7, "1/10**7"]),  # of another engine: kept and not used
         "cross_check": st.integers(0, 3),
         "max_error": st.none() | positive,
         "error_estimate": st.booleans(),
@@ -170,24 +167,19 @@ def configurations(draw: st.DrawFn) -> dict[str, Any]:
     return draw(sections)
 
 
-@pytest.mark.slow("builds every shipped experiment, twice")
-@unhurried
+SCHEMA = jsonschema.Draft202012Validator(json_schema())
+
+
+# To draw a whole configuration takes a while, and longer on a busy machine.
+@settings(max_examples=12, suppress_health_check=[HealthCheck.too_slow])
 @given(configurations())
-def test_the_resolved_configuration_reproduces_itself(data: dict[str, Any]) -> None:
+def test_what_is_fine_fits_the_json_schema_and_reproduces_itself(data: dict[str, Any]) -> None:
     once = built(data)
     again = built(once.resolved)
     assert repr(again.resolved) == repr(once.resolved)  # repr tells 1 from 1.0
     assert again.digest == once.digest
-
-
-SCHEMA = jsonschema.Draft202012Validator(json_schema())
-
-
-@unhurried
-@given(configurations())
-def test_what_is_fine_fits_the_json_schema(data: dict[str, Any]) -> None:
     SCHEMA.validate(data)
-    SCHEMA.validate(built(data).resolved)
+    SCHEMA.validate(once.resolved)
 
 
 @pytest.mark.parametrize("name", shipped.names())
@@ -306,6 +298,94 @@ def test_angles_in_degrees_resolve_to_radians(experiment: Build) -> None:
     assert found.config.worst.over == {"initial.velocity.speed": [0.0, math.pi / 2]}
     again = built(found.resolved)
     assert (again.resolved, again.digest) == (found.resolved, found.digest)
+
+
+ON_SE3 = {"group": "SE3", "inertia": "1", "reference": "{kind: constant}"}
+
+
+@pytest.mark.parametrize(
+    ("written", "plain"),
+    [
+        ({"time": "{duration: 2 min}"}, {"time": "{duration: 120}"}),
+        ({"early_window": "1500 ms"}, {"early_window": "1.5"}),
+        ({"inertia": "[20 kg cm^2, 3e4 g cm², 1]"}, {"inertia": "[2.0e-3, 3.0e-3, 1]"}),
+        ({"gains": "{kp: 5 mN m, kd: 30 mN m s}"}, {"gains": "{kp: 5.0e-3, kd: 0.03}"}),
+        (
+            {"initial": "{velocity: {kind: fixed, coordinates: [3 rpm, 18 deg/s, 0]}}"},
+            {"initial": "{velocity: {kind: fixed, coordinates: [pi/10, pi/10, 0]}}"},
+        ),
+        (
+            {"initial": "{velocity: {kind: normal, std: 1 deg/s}}"},
+            {"initial": "{velocity: {kind: normal, std: pi/180}}"},
+        ),
+        (
+            {"actuators": "[{kind: limit, low: -2 mN m, high: [2 mNm, 2000 µN m, 0.002]}]"},
+            {"actuators": "[{kind: limit, low: -2.0e-3, high: [2.0e-3, 2.0e-3, 2.0e-3]}]"},
+        ),
+        (
+            {
+                "control": "{period: 20 ms, delay: 40 ms}",
+                "sensors": "{pose: [{kind: noise, std: 10 arcsec, period: 100ms}], velocity: "
+                "[{kind: bias, value: {uniform: [-9 deg/s, 9 deg/s]}}]}",
+            },
+            {
+                "control": "{period: 0.02, delay: 2}",
+                "sensors": "{pose: [{kind: noise, std: pi/64800, period: 0.1}], velocity: "
+                "[{kind: bias, value: {uniform: [-pi/20, pi/20]}}]}",
+            },
+        ),
+        (
+            ON_SE3 | {"initial": "{pose: {kind: exp_normal, std: [1 deg, 0, 0, 2 cm, 0, 0]}}"},
+            ON_SE3 | {"initial": "{pose: {kind: exp_normal, std: [pi/180, 0, 0, 0.02, 0, 0]}}"},
+        ),
+        (
+            ON_SE3 | {"inertia": "[1 kg m^2, 1, 1, 500 g, 1, 1]"},
+            ON_SE3 | {"inertia": "[1, 1, 1, 0.5, 1, 1]"},
+        ),
+    ],
+    ids=lambda sections: " ".join(sections),
+)
+def test_numbers_with_units_are_those_in_units_of_eqt(
+    experiment: Build, written: dict[str, str], plain: dict[str, str]
+) -> None:
+    """Up to rounding: a factor such as π/180 is rounded once."""
+    left, right = experiment(**written).resolved, experiment(**plain).resolved
+    assert _numbers(left) == pytest.approx(_numbers(right), rel=1e-15)
+    assert _numbers(left)
+
+
+def _numbers(value: Any) -> list[float]:
+    """All numbers of a configuration."""
+    if isinstance(value, dict | list):
+        entries = value.values() if isinstance(value, dict) else value
+        return [number for entry in entries for number in _numbers(entry)]
+    return [float(value)] if isinstance(value, int | float) else []
+
+
+def test_one_unit_cannot_stand_for_angles_and_lengths(experiment: Build) -> None:
+    with pytest.raises(ConfigError) as raised:
+        experiment(
+            **ON_SE3,
+            initial="{pose: {kind: exp_normal, std: 1 deg}, velocity: {kind: normal, std: "
+            "[1 deg/s, 0, 0, 0, 0, 1 rpm]}}",
+        )
+    assert [str(problem) for problem in raised.value.problems] == [
+        "c.yaml:6:36: initial.pose.std: expected a list with an entry for each coordinate, because "
+        "they are of different kinds (an angle and a length), got '1 deg'",
+        "c.yaml:6:101: initial.velocity.std[5]: expected a number or a velocity in m/s, cm/s, "
+        "mm/s or km/h, got '1 rpm', which is 0.10472 rad/s",
+    ]
+
+
+def test_a_noise_of_radians_is_remarked(experiment: Build) -> None:
+    """Of the rotation: a noise of 2 m is one."""
+    noise = "{pose: [{kind: noise, std: [2, 0.1, 0, 2, 2, 2]}]}"
+    found = experiment(**ON_SE3, control="{period: 0.1}", sensors=noise)
+    [remark] = [str(each) for each in remarks(found) if "noise" in str(each)]
+    assert remark.endswith(
+        ": sensors.pose[0]: a noise of 2 rad leaves nothing of a measured rotation; if degrees or "
+        "arc seconds were meant, write '2 deg' or '2 arcsec'"
+    )
 
 
 # Names ------------------------------------------------------------------------------------------

@@ -12,14 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eqt_cli.config import yaml_source
-from eqt_cli.config.yaml_source import (
-    MAX_BYTES,
-    MAX_DEPTH,
-    dotted,
-    dump,
-    load,
-    parse_value,
-)
+from eqt_cli.config.yaml_source import MAX_BYTES, MAX_DEPTH, dotted, dump, load, parse_value
 from eqt_cli.core.errors import ConfigError
 
 _PARSERS = [yaml.SafeLoader, *([yaml.CSafeLoader] if yaml.__with_libyaml__ else [])]
@@ -345,10 +338,7 @@ def test_problems_carry_path_message_and_place() -> None:
         ("a: [,]", "c.yaml:1:5: unexpected ','; quote text that starts with it"),
         ("a: [1, 2", "c.yaml:1:4: the '[' is never closed"),
         ("a: {b: 1\n\n", "c.yaml:1:4: the '{' is never closed"),
-        (
-            "a: [1, 2\nb: 3",
-            "c.yaml:2:2: expected ',' or ']' in the list that starts at c.yaml:1:4",
-        ),
+        ("a: [1, 2\nb: 3", "c.yaml:2:2: expected ',' or ']' in the list that starts at c.yaml:1:4"),
         (
             "a: {b: 1 c: 2}",
             "c.yaml:1:11: expected ',' or '}' in the mapping that starts at c.yaml:1:4",
@@ -493,7 +483,7 @@ def test_the_most_values(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.text() | st.binary() | st.text("ab1.0: \n-[]{},&*!|>'\"%@?#\t<=~\\"))
 def test_any_text_is_data_or_a_config_error(text: str | bytes) -> None:
     try:
@@ -577,7 +567,7 @@ _json = st.recursive(
 
 
 @pytest.mark.slow("writes and reads dozens of drawn documents")
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.dictionaries(_texts, _json))
 def test_what_is_written_is_read_back(data: dict[str, Any]) -> None:
     # By their repr, which tells 1 from 1.0 and True, and 0.0 from -0.0.

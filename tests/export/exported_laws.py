@@ -13,7 +13,7 @@ from eqt_cli.analysis.evidence.program_error import ARITHMETICS
 from eqt_cli.config import yaml_source
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import controllers
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
 from eqt_cli.experiment.build import build
 from eqt_cli.exporting.files import files
 from eqt_cli.exporting.laws import exported
@@ -65,7 +65,12 @@ def fits(law, group):
     return not problems
 
 
-LAWS = [name for name in controllers.names() if controllers.get(name).tasks]  # not those in C
+# Not those in C, nor those whose gains change at knots along this reference, as of lqr.
+LAWS = [
+    name
+    for name in controllers.names()
+    if controllers.get(name).tasks and not controllers.get(name)().design_pieces
+]
 FEW = [("lee2010", "SE3"), ("logarithmic", "SE2"), ("goodarzi2013", "SO3"), ("sliding", "SE2")]
 # A law is written once for all groups, so that more pairs tell no more.
 ALL = [
@@ -74,6 +79,8 @@ ALL = [
     *(pair for pair in FEW if pair[1] != "SE3"),
 ]
 """Every law on SE(3) where it is for that, eqt and a few laws on the other groups."""
+IN_TURN = [(*pair, ("float", "double")[k % 2]) for k, pair in enumerate(ALL)]
+"""The same, each in one of the two types."""
 
 
 def compilers():

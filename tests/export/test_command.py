@@ -13,7 +13,7 @@ from exported_laws import FLAGS, compilers, made, written
 import eqt_cli
 from eqt_cli.analysis.evidence.program_error import DOUBLE
 from eqt_cli.core.errors import EqtError
-from eqt_cli.exporting import measured
+from eqt_cli.exporting import readme
 from eqt_cli.exporting.laws import exported
 
 CONFIG = """\
@@ -33,7 +33,7 @@ solver: {engine: solve_ivp, cross_check: 0}
 @pytest.fixture
 def config(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(measured, "compiler", lambda: None)
+    monkeypatch.setattr(readme, "compiler", lambda: None)
     path = tmp_path / "flight.yaml"
     path.write_text(CONFIG, encoding="utf-8")
     return path
@@ -50,7 +50,7 @@ def test_it_writes_the_files_of_every_law_and_says_what_is_known(config, invoke)
     assert re.search(r"lee2010 +lee2010\.c +285 +\S+e-1[3-6] +0 +- +-", done.stdout)
     assert done.stdout.endswith(f"exported  {Path('exported', 'flight')}\n")
     page = (folder / "README.md").read_text(encoding="utf-8")
-    assert "\nIn C, `ours, kp=1` is `ours_kp_1`.\n" in page
+    assert '\nIn C, "ours, kp=1" is `ours_kp_1`.\n' in page
     assert "| `velocity` | 3 | rad/s: V, the body velocity as it was measured |" in page
     assert "- **Order of coordinates.** ωx, ωy, ωz." in page
     assert (
@@ -58,6 +58,22 @@ def test_it_writes_the_files_of_every_law_and_says_what_is_known(config, invoke)
         "or pip install ziglang)." in page
     )
     assert re.search(r"\*\*Lee 2010\*\*: L = .* Identities: \d+ hold, 0 fail\.", page)
+
+
+def test_a_label_changes_nothing_but_names(config, invoke):
+    label = "$functions */ <b>`|_[c](d)"
+    text = CONFIG.replace('lee2010, {kind: eqt, label: "ours, kp=1"}', "LAW")
+    law = json.dumps({"kind": "eqt", "label": label})
+    config.write_text(text.replace("LAW", law), encoding="utf-8")
+    invoke("export", "flight.yaml", "--out", "out")
+    assert {path.stem for path in Path("out").glob("*.h")} == {"functions_b_c_d"}
+    for command in compilers()[:1]:
+        made = ["-c", "out/functions_b_c_d.c", "-o", "law.o"]
+        subprocess.run([*command, *FLAGS, *made], check=True)
+    page = Path("out", "README.md").read_text(encoding="utf-8")
+    escaped = r"\$functions \*/ \<b\>\`\|\_\[c\](d)"
+    assert f"- **{escaped}** (`functions_b_c_d.h`, `functions_b_c_d.c`)" in page
+    assert f'"{escaped}" is `functions_b_c_d`' in page
 
 
 def test_json_has_a_record_for_each_law(config, invoke):
@@ -81,8 +97,8 @@ def test_it_replaces_its_own_files_and_no_others(config, invoke):
     before = (config.parent / "out" / "lee2010.c").stat().st_mtime_ns
     done = invoke(*command, code=2)
     assert done.stderr == (
-        f"eqt: {Path('out', 'lee2010.h')}: exists, and was not exported by eqt; choose "
-        "another folder with --out\n"
+        f"eqt: {Path('out', 'lee2010.h')}: exists, and is no file that eqt wrote; choose "
+        "another place with --out\n"
     )
     assert mine.read_text() == "/* my own */\n"
     assert (config.parent / "out" / "lee2010.c").stat().st_mtime_ns == before
@@ -99,13 +115,14 @@ def test_it_replaces_its_own_files_and_no_others(config, invoke):
         (["--real", "half"], "--real: expected double or float, got 'half'"),
         (
             ["--out", "flight.yaml"],
-            "flight.yaml: cannot be written to: not a directory; choose another folder with --out",
+            "flight.yaml/README.md: cannot be written: not a directory; choose another folder with "
+            "--out",
         ),
         (
             ["--reference"],
             "--reference: the reference 'rates' is integrated: its Q_d follows from a differential "
             "equation, and no formula gives it at a time. Integrate it on the vehicle, or use a "
-            "reference in closed form: constant, log, path, slew or waypoints",
+            "reference in closed form: constant, flat, log, path, slew or waypoints",
         ),
         (
             ["--set", "controllers=[goodarzi2013]"],

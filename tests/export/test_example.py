@@ -15,12 +15,7 @@ import eqt_cli
 EXAMPLE = Path(__file__).parents[2] / "examples" / "vehicle"
 GUIDE = Path(__file__).parents[2] / "docs" / "howto" / "fly.md"
 FLAGS = "-std=c99 -O2 -pedantic -Wall -Wextra -Werror -ffp-contract=off -fno-math-errno".split()
-SHORT = {
-    "time.duration": 2.0,
-    "time.samples": 101,
-    "ensemble.runs": 1,
-    "solver.cross_check": 0,
-}
+SHORT = {"time.duration": 2.0, "time.samples": 101, "ensemble.runs": 1, "solver.cross_check": 0}
 
 ROUNDING = 1e-5
 """N m: rounding of floats, some 1e-6 an instant, which adds up in the integral."""

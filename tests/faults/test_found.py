@@ -1,6 +1,8 @@
 """What mutation has found, each case by itself: one message that says the place and the bound."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -74,6 +76,7 @@ CONFIGURATIONS = {
         "inertia: expected the largest entry to be from 1e-100 to 1e+100, got 1e-300; "
         "choose other units",
     ),
+    "a number for a choice": ({"rigid": "0"}, "rigid: expected true or false, got 0"),
     "a name with a null byte": (
         {"initial": '{file: "a\\0b"}'},
         r"initial.file: a\x00b: cannot be read: embedded null byte",
@@ -241,6 +244,62 @@ def test_a_figure_of_numbers_that_no_axis_can_show(result, invoke):
         "eqt: the figure cannot be drawn: its numbers are too large for an axis; look for runs "
         "that diverge with `eqt show --table`\n"
     )
+
+
+def test_a_comparison_of_numbers_whose_squares_overflow(result, invoke):
+    with h5py.File(result, "a") as file:
+        file["effort"][0, 0] = 1e308
+        file["effort"][0, 1] = -1e308
+    assert invoke("compare", result).stdout
+
+
+@pytest.mark.slow("starts an interpreter")
+def test_numbers_that_overflow_are_no_warning_of_a_library(result):
+    with h5py.File(result, "a") as file:
+        for name in ("effort", "mean_pose_error", "energy_residual"):
+            file[name][0] = [1.7e308, -1.7e308]
+    start = "from eqt_cli.cli import main; main()"
+    for command in ("show", "compare"):
+        done = subprocess.run(
+            [sys.executable, "-c", start, command, str(result)], capture_output=True, text=True
+        )
+        assert (done.returncode, "Warning" in done.stderr) == (0, False), done.stderr
+        assert done.stdout
+
+
+@pytest.mark.slow("writes a whole report")
+def test_a_report_of_numbers_whose_squares_overflow(result, invoke):
+    with h5py.File(result, "a") as file:
+        file["effort"][0, 0] = 1e308
+        file["effort"][0, 1] = -1e308
+    invoke("report", result, "--quick", "--out", result.with_name("page.html"))
+
+
+def test_thrusters_of_any_size_are_checked(tmp_path, invoke):
+    path = tmp_path / "c.yaml"
+    path.write_text(
+        """\
+group: SO3
+inertia: [1, 1, 1]
+gains: {kp: 1, kd: 1}
+reference: {torque: ["cos(t)", "sin(t)", 0]}
+controllers: [eqt]
+actuators: [{kind: thrusters, matrix: [[1.0e299, 0, 0], [0, 1, 0], [0, 0, 1]], low: -1, high: 1}]
+initial: {pose: {kind: exp_normal, std: 0.5}, velocity: {kind: normal, std: 0.1}}
+ensemble: {runs: 2}
+time: {duration: 2.0, samples: 11}
+"""
+    )
+    assert f"{path}: valid" in invoke("config", "check", path).stderr
+    assert "left out: actuators[0] (thrusters)" in invoke("margins", path).stdout
+
+
+def test_a_file_with_more_datasets_than_eqt_writes_is_refused_at_once(result, invoke):
+    with h5py.File(result, "a") as file:
+        for number in range(1000):
+            file[f"x{number}"] = 1.0
+        count = len(file)
+    refused(invoke, result, "show", f"it holds {count} datasets in '/'")
 
 
 def test_a_damaged_result_leaves_nothing_half_said(result, invoke):

@@ -23,6 +23,9 @@ from faults_harness import (
     parts,
 )
 
+from eqt_cli.engines.native import Native
+from eqt_cli.execution.executors.dask import NEEDED
+
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="has no process groups"),
     pytest.mark.slow("starts eqt, and its workers"),
@@ -41,7 +44,7 @@ def started(tmp_path, command, text, options):
     """A session that has kept two parts."""
     config = tmp_path / "config.yaml"
     config.write_text(text, encoding="utf-8")
-    if "dask" in options and not find_spec("distributed"):
+    if "dask" in options and not all(map(find_spec, NEEDED)):
         pytest.skip("needs the extra dask")
     session = Session(command, config, tmp_path / "out", options)
     while session.running and len(parts(tmp_path / "out")) < 2:
@@ -55,7 +58,7 @@ def kept(session, total):
     done = stderr.split("interrupted; ")[1].split(" of ")[0]
     assert stderr == (
         f"eqt: interrupted; {done} of {total} runs are kept in {session.out}: "
-        "run the same command again to continue, or with --force to start over\n"
+        "run the same command again to continue\n"
     )
     document = json.loads(stdout)
     assert document["exit_code"] == session.process.returncode
@@ -132,8 +135,8 @@ _Commands.make_context = lambda *_, **__: signal.raise_signal(signal.SIGINT)
 @pytest.mark.parametrize("seed", range(3))
 def test_ctrl_c_while_libraries_load_is_one_line(tmp_path, seed):
     text = LONG
-    if find_spec("heyoka"):
-        text = text.replace("{rtol", "{engine: taylor, rtol").replace(" block: 2,", "")
+    if not Native.unavailable():
+        text = text.replace("{rtol", "{engine: native, rtol").replace(" block: 2,", "")
     (tmp_path / "config.yaml").write_text(text, encoding="utf-8")
     code = "from eqt_cli.cli import main; print('ready', flush=True); main()"
     words = ["run", "config.yaml", "--out", "out", "--quiet"]

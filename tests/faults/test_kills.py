@@ -15,12 +15,11 @@ from pathlib import Path
 import pytest
 from faults_harness import (
     FLYING,
-    FLYING_COMPILED,
     FLYING_NATIVE,
     RAGGED,
     RUN,
     SWEEP,
-    SWEEP_COMPILED,
+    SWEEP_NATIVE,
     Session,
     assert_equal,
     check_left_over,
@@ -31,6 +30,7 @@ from faults_harness import (
 )
 
 from eqt_cli.engines.native import Native
+from eqt_cli.execution.executors.dask import NEEDED
 
 SHARE = {"full": 1.0, "tenth": 0.1}.get(os.environ.get("EQT_FAULTS", ""))
 """Of all kills, of which each scenario has one at least; None elsewhere, where it has one."""
@@ -43,9 +43,8 @@ CONFIGURATIONS = {
     "run": RUN,
     "sweep": SWEEP,
     "flight": FLYING,
-    "compiled flight": FLYING_COMPILED,
     "native flight": FLYING_NATIVE,
-    "compiled sweep": SWEEP_COMPILED,
+    "native sweep": SWEEP_NATIVE,
     "ragged sweep": RAGGED,
 }
 
@@ -58,10 +57,8 @@ CLUSTER = ["--scheduler", "a scheduler and two workers on loopback"]
 SCENARIOS = [
     ("flight", SERIAL, "coordinator", 30),
     ("flight", LOCAL, "worker", 30),
-    ("compiled flight", LOCAL, "coordinator", 15),
-    ("compiled flight", THREADS, "coordinator", 15),
-    ("native flight", THREADS, "coordinator", 10),
-    ("native flight", LOCAL, "coordinator", 10),
+    ("native flight", THREADS, "coordinator", 25),
+    ("native flight", LOCAL, "coordinator", 25),
     ("native flight", DASK, "worker", 10),
     ("run", SERIAL, "coordinator", 30),
     ("run", LOCAL, "coordinator", 30),
@@ -75,7 +72,7 @@ SCENARIOS = [
     ("sweep", LOCAL, "worker", 25),
     ("sweep", DASK, "coordinator", 15),
     ("sweep", DASK, "worker", 15),
-    ("compiled sweep", THREADS, "coordinator", 15),
+    ("native sweep", THREADS, "coordinator", 15),
     ("ragged sweep", SERIAL, "coordinator", 25),
     ("ragged sweep", LOCAL, "worker", 25),
 ]
@@ -84,7 +81,6 @@ KILLS_OF_SHARDS, KILLS_OF_PACK = 25, 25
 ALWAYS = {
     ("run", CLUSTER[1], "worker"),
     ("sweep", "serial", "coordinator"),
-    ("compiled flight", "threads", "coordinator"),
     ("native flight", "threads", "coordinator"),
     ("native flight", "local", "coordinator"),
     ("native flight", "dask", "worker"),
@@ -151,10 +147,8 @@ def on_cluster(tmp_path_factory):
 def test_kills_lose_nothing_and_change_nothing(
     reference, on_cluster, tmp_path, which, options, victim, kills
 ):
-    if ("dask" in options or options is CLUSTER) and not find_spec("distributed"):
+    if ("dask" in options or options is CLUSTER) and not all(map(find_spec, NEEDED)):
         pytest.skip("needs the extra dask")
-    if "compiled" in which:
-        pytest.importorskip("heyoka")
     if "native" in which and (missing := Native.unavailable()):
         pytest.skip(missing)
     config, expected, duration = reference(which)
@@ -238,9 +232,10 @@ def test_kills_of_shards_beside_each_other(reference, tmp_path):
     assert done >= wanted
 
 
-def test_kills_of_pack(reference, tmp_path):
+@pytest.mark.parametrize("which", ["ragged sweep", "native sweep"])
+def test_kills_of_pack(reference, tmp_path, which):
     """At any moment there are all parts, or the whole result, and packing again ends well."""
-    config, expected, _ = reference("ragged sweep")
+    config, expected, _ = reference(which)
     rng, wanted = random.Random("pack"), _wanted(KILLS_OF_PACK)
     parted = tmp_path / "parted"
     for shard in SHARDS:

@@ -42,9 +42,11 @@ def tried(out: Path) -> dict[str, list[bytes]]:
     return found
 
 
-def test_sigkills_change_no_bit_of_a_search(tmp_path: Path) -> None:
+@pytest.mark.parametrize("engine", ["solve_ivp", "native"])
+def test_sigkills_change_no_bit_of_a_search(tmp_path: Path, engine: str) -> None:
     config = tmp_path / "c.yaml"
-    config.write_text(TUNE, encoding="utf-8")
+    text = TUNE.replace("rtol:", f"engine: {engine}, rtol:")
+    config.write_text(text, encoding="utf-8")
     kept = {}
     for name, kills in (("whole", 0), ("killed", KILLS)):
         out = tmp_path / name

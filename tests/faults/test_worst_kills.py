@@ -27,9 +27,11 @@ def generations(out: Path) -> int:
     return len(list(out.glob("generations/eqt/*/*/results.h5")))
 
 
-def test_sigkills_change_no_bit_of_what_is_found(tmp_path: Path) -> None:
+@pytest.mark.parametrize("engine", ["solve_ivp", "native"])
+def test_sigkills_change_no_bit_of_what_is_found(tmp_path: Path, engine: str) -> None:
     config = tmp_path / "c.yaml"
-    config.write_text(WORST, encoding="utf-8")
+    text = WORST.replace("rtol:", f"engine: {engine}, rtol:")
+    config.write_text(text, encoding="utf-8")
     kept = {}
     for name, kills in (("whole", 0), ("killed", KILLS)):
         out = tmp_path / name

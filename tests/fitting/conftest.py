@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
@@ -34,18 +35,12 @@ def model(group: str, **changes: Any) -> dict[str, Any]:
         "controllers": ["eqt"],
         "time": {"duration": 1.0, "samples": 2},
         "solver": {"engine": "native"},
-        "plant": {
-            "inertia": {"relative": 0.0},
-            "forces": [{"kind": "drag", "linear": [0.0] * m}],
-        },
+        "plant": {"inertia": {"relative": 0.0}, "forces": [{"kind": "drag", "linear": [0.0] * m}]},
     } | changes
 
 
 def true_plant(group: str) -> dict[str, Any]:
-    return {
-        "inertia": {"relative": RELATIVE},
-        "forces": [{"kind": "drag", "linear": DRAG[group]}],
-    }
+    return {"inertia": {"relative": RELATIVE}, "forces": [{"kind": "drag", "linear": DRAG[group]}]}
 
 
 @cache
@@ -68,7 +63,10 @@ def flight(group: str, duration: float, period: float) -> dict[str, Any]:
 
 @pytest.fixture
 def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
-    """Writes a recording of a flight, with noise of a seed, as a CSV file without these rows."""
+    """Writes a recording of a flight, with noise of a seed, as a CSV file without these rows.
+
+    `slow` is the correlation of the noise from row to row. The wrench is `late` by so many rows.
+    """
     monkeypatch.chdir(tmp_path)
 
     def write(
@@ -77,6 +75,8 @@ def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., P
         duration: float = 4.0,
         period: float = 0.04,
         noise: float = 1.0,
+        slow: float = 0.0,
+        late: int = 0,
         seed: int = 0,
         without: tuple[int, int] = (0, 0),
         named: str = "flight.csv",
@@ -85,9 +85,11 @@ def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., P
         exact, random = flight(group, duration, period), np.random.default_rng(seed)
 
         def noisy(values: Any, size: float) -> Any:
-            return values + noise * size * random.normal(size=values.shape)
+            white = random.normal(size=values.shape)
+            white[1:] *= np.sqrt(1 - slow**2)  # noise of one size, of the first order in time
+            return values + noise * size * lfilter([1.0], [1.0, -slow], white, axis=0)
 
-        Q, V, torque = exact["pose"], exact["velocity"], exact["torque"]
+        Q, V, torque = exact["pose"], exact["velocity"], np.roll(exact["torque"], late, axis=0)
         turned = Rotation.from_rotvec(noisy(np.zeros((len(Q), 3)), NOISE["rotation"]))
         R = (Rotation.from_matrix(Q[:, :3, :3]) * turned).as_quat()
         parts = [exact["time"][:, None], R, noisy(V[:, :3], NOISE["rate"]), torque[:, :3]]

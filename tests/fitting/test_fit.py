@@ -1,6 +1,7 @@
 """Numbers of a plant that are fitted to recordings of which the truth is known."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -47,13 +48,7 @@ def test_intervals_hold_the_truth(recorded, group):
     for seed in range(20):
         recorded(group, duration=8.0, period=0.04, seed=seed)
         # The velocity of a run is that of the body.
-        found = eqt_cli.fit(
-            model(group),
-            "flight.csv",
-            keys,
-            {"velocity": "body"},
-            horizon=0.4,
-        )
+        found = eqt_cli.fit(model(group), "flight.csv", keys, {"velocity": "body"}, horizon=0.4)
         held += [n.low <= TRUE[n.key] <= n.high for n in found.numbers]
         values.append([n.value for n in found.numbers])
         widths.append([n.high - n.low for n in found.numbers])
@@ -75,7 +70,7 @@ def test_first_velocities_that_were_not_recorded_are_found(recorded):
 
 MISTAKES = {
     "gains.kp: expected a number of the plant, such as plant.inertia.relative or "
-    "plant.forces[0].linear": ["gains.kp"],
+    "plant.forces[0].linear, or delay": ["gains.kp"],
     "plant.mass: is not in the configuration; add it with a value to start at": ["plant.mass"],
     "plant.forces[0].linear: expected a key that holds a number, got [0.0, 0.0, 0.0]; give an "
     "entry, such as plant.forces[0].linear[0]": ["plant.forces[0].linear"],
@@ -127,8 +122,12 @@ def test_few_windows_give_no_interval(recorded):
 @pytest.mark.parametrize(
     ("is_link", "said"),
     [
-        (False, "is another file; expected a configuration"),
-        (True, "is a symbolic link; expected a file"),
+        (False, "exists, and is no file that eqt wrote; choose another place with out=…"),
+        (
+            True,
+            "is a symbolic link; expected a file that eqt wrote, or no such entry; rename or "
+            "remove it",
+        ),
     ],
 )
 def test_a_file_of_another_is_not_replaced(recorded, tmp_path, is_link, said):
@@ -140,9 +139,7 @@ def test_a_file_of_another_is_not_replaced(recorded, tmp_path, is_link, said):
         (tmp_path / "mine" / "fitted.yaml").symlink_to(theirs)
     with pytest.raises(EqtError) as caught:
         eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA], horizon=0.6, out="mine")
-    assert str(caught.value) == (
-        f"mine/fitted.yaml: {said} that eqt wrote, or no such entry; rename or remove it"
-    )
+    assert str(caught.value) == f"mine/fitted.yaml: {said}"
     assert theirs.read_text() == "mine\n"
 
 
@@ -159,6 +156,53 @@ def test_the_command_prints_what_the_function_finds(recorded, invoke, tmp_path):
     assert document["numbers"] == [vars(each) for each in found.numbers]
     assert document["singular_values"] == found.singular_values
     assert document["config"] == "results/model-fitted/fitted.yaml"
+
+
+@pytest.mark.slow("compiles a plant and fits three numbers")
+def test_the_delay_of_a_wrench_is_found(recorded):
+    recorded(late=1, noise=0.0)
+    found = eqt_cli.fit(model("SO3"), "flight.csv", ["delay", ABOUT, INERTIA], horizon=0.6)
+    assert [n.key for n in found.numbers] == [ABOUT, INERTIA, "delay"]
+    assert [n.value for n in found.numbers] == pytest.approx([0.05, RELATIVE, 0.04], rel=1e-5)
+
+
+def is_said_late(note):
+    number = r"0\.0[34]\d*"
+    return re.fullmatch(
+        rf"The errors are smaller with the wrench of {number} s later \(95 % interval \[{number}, "
+        rf"{number}\]\): it was recorded with another delay than the motion, or acts with one\. "
+        r"Fit it: --over …,delay\.",
+        note,
+    )
+
+
+def test_a_wrench_that_was_recorded_a_row_late_is_told(recorded):
+    recorded(late=1)
+    perfect, words = model("SO3", plant=true_plant("SO3")), {"horizon": 0.5, "windows": 20}
+    assert is_said_late(eqt_cli.replay(perfect, "flight.csv", **words).notes[-1])
+    assert not eqt_cli.replay(perfect, "flight.csv", **words, delay=0.04).notes
+
+
+@pytest.mark.slow("fits a longer recording")
+def test_a_delay_that_is_not_fitted_is_told_apart_from_drag(recorded):
+    recorded(duration=8.0, late=1, noise=0.5)
+    found = eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA, ABOUT])
+    assert found.numbers[1].low > TRUE[ABOUT]
+    assert is_said_late(found.notes[-1])
+
+
+def test_slow_noise_is_told_from_white_noise(recorded):
+    perfect = model("SO3", plant=true_plant("SO3"))
+    recorded(slow=0.95)
+    [said] = eqt_cli.replay(perfect, "flight.csv", horizon=0.5, windows=20).notes
+    assert re.fullmatch(
+        r"The errors are correlated from row to row: rotation \(0\.\d\d\), rotation rate "
+        r"\(0\.\d\d\)\. Such errors come from the model, from slow errors of the sensors or from a "
+        "wrench at another time; `noise` counts only what is independent from row to row.",
+        said,
+    )
+    recorded()
+    assert not eqt_cli.replay(perfect, "flight.csv", horizon=0.5, windows=20).notes
 
 
 def test_what_takes_no_part_is_said(recorded):

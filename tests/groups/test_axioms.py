@@ -29,7 +29,7 @@ from eqt_cli.groups.base import MatrixLieGroup
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.groups.so3 import SO3
 
-EXAMPLES = settings(max_examples=8)
+EXAMPLES = settings(max_examples=5)
 
 # Tens of last places of numbers up to a hundred; measured 2e-15.
 ROUNDING = 1e-13
@@ -48,10 +48,15 @@ BATCHES = [
 ]
 """Every group with one of the shapes, and SO(3) with all of them."""
 
+ALIKE = pytest.mark.slow("its kind of group is tried fast")
+
 
 @pytest.fixture(
     scope="module",
-    params=dict.fromkeys(BATCHES),
+    params=[
+        pytest.param(batch, marks=[ALIKE] * (batch[0].name in ("SO2", "R3", "SO3*R3")))
+        for batch in dict.fromkeys(BATCHES)
+    ],
     ids=lambda batch: f"{batch[0].name}-{batch[1]}",
 )
 def batch(request):
@@ -510,8 +515,7 @@ class OfUnknownClass(SO3):
 
 
 @pytest.mark.parametrize(
-    ("other", "compact", "class_known"),
-    [("SO3", None, None), ("R3", False, None)],
+    ("other", "compact", "class_known"), [("SO3", None, None), ("R3", False, None)]
 )
 def test_a_product_is_of_unknown_class_where_a_factor_is(other, compact, class_known):
     """Unless one factor settles it: a product with an unbounded factor is not compact."""

@@ -87,7 +87,7 @@ MISTAKES = {
         {"quaternion": "wxyz"},
         [
             f"{W} differ from the velocity of the poses by 152 %, and with {ORDER} by 0 %; correct "
-            "the mapping",
+            "the mapping"
         ],
     ),
     "unit of rates": (
@@ -165,10 +165,7 @@ REMEDIES = {
     "velocity: body": ({"v": R.inv().apply(MADE["v"])}, {"velocity": "body"}),
     "attitude": ({"q": R.inv().as_quat()}, {"attitude": "world_to_body"}),
     "order": ({"head": NUMBERED}, {"quaternion": "xyzw"}),
-    "other order": (
-        {"head": NUMBERED, "q": np.roll(MADE["q"], 1, axis=1)},
-        {"quaternion": "wxyz"},
-    ),
+    "other order": ({"head": NUMBERED, "q": np.roll(MADE["q"], 1, axis=1)}, {"quaternion": "wxyz"}),
     "deg/s": (
         {"w": np.rad2deg(MADE["w"])},
         {"units": {"wx": "deg/s", "wy": "deg/s", "wz": "deg/s"}},
@@ -328,11 +325,7 @@ FILES = {
         "eqt has no column of this name; it knows t, qx, qy, qz, qw, yaw, pitch, roll, x, y, z, "
         "wx, vx and others",
     ),
-    "a unit of none": (
-        POSES,
-        {"units": {"qx": "deg"}},
-        "column qx: expected no unit, got 'deg'",
-    ),
+    "a unit of none": (POSES, {"units": {"qx": "deg"}}, "column qx: expected no unit, got 'deg'"),
     "an order of angles that it has not": (
         POSES,
         {"euler": "xyz"},

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.core.errors import InputError
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import InputError, Problems
 from eqt_cli.groups import group_named
 from eqt_cli.logs.mapping import LogMapping, MappingError, TimeMapping
 from eqt_cli.logs.reading import read_log, read_starts
@@ -45,7 +44,7 @@ def test_columns_are_found_by_their_names():
 
 @pytest.mark.parametrize("name", ["SO2", "SO3", "SE2", "SE3", "SE23", "R3", "SE3*SO2"])
 def test_coordinates_of_any_group(name):
-    from eqt_cli.logs.columns import coordinate_names
+    from eqt_cli.logs.reading import coordinate_names
 
     G = group_named(name)
     V = np.random.default_rng(0).uniform(-1, 1, (3, G.dimension))
@@ -125,11 +124,7 @@ EUROC = "#timestamp, p_RS_R_x [m]\n10,0,0,0,1,0,0,0\n"
     [
         ("euroc", EUROC + "12.5,0,0,0,1,0,0,0\n", "a:3: expected whole nanoseconds, got '12.5'"),
         ("euroc", EUROC + "10,0,0,0,1,0,0,0\n", "a:3: expected a time after 0 s, got 0 s"),
-        (
-            "euroc",
-            EUROC + "20,0,0,0,2,0,0,0\n",
-            "a:3: expected a quaternion of norm 1, got norm 2",
-        ),
+        ("euroc", EUROC + "20,0,0,0,2,0,0,0\n", "a:3: expected a quaternion of norm 1, got norm 2"),
         ("euroc", EUROC + "20,0,0,0,1,0,0\n", "a:3: expected 8 entries, got 7"),
         ("euroc", EUROC, "a:2: expected two rows or more, got 1"),
         ("tum", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 1\n", "a:2: expected 8 entries, got 7"),
@@ -284,7 +279,7 @@ FLAT = "t,yaw,pitch,roll\n0,0,0,0\n1,0,0,0\n"
             FLAT,
             {"units": {"yaw": "grad"}},
             ("units", "yaw"),
-            "column yaw: expected a unit of rad, deg, got 'grad'",
+            "column yaw: expected an angle in rad, mrad, deg, arcmin or arcsec, got 'grad'",
         ),
         (
             FLAT.replace("yaw", "yaw (deg)"),
@@ -357,7 +352,11 @@ def test_what_is_wrong_with_a_mapping_whatever_the_file_is():
 @pytest.mark.parametrize(
     ("head", "message"),
     [
-        ("t,yaw (grad),pitch,roll", "a.csv:1: column yaw: expected a unit of rad, deg, got 'grad'"),
+        (
+            "t,yaw (grad),pitch,roll",
+            "a.csv:1: column yaw: expected an angle in rad, mrad, deg, arcmin or arcsec, got "
+            "'grad'",
+        ),
         (
             "time,yaw,pitch,roll",
             "a.csv:1: missing column t, the time in seconds; add `columns: {t: time}` if that is "

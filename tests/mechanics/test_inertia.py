@@ -15,7 +15,7 @@ from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.mechanics.tracking import Gains, Tracking
 
-EXAMPLES = settings(max_examples=20)
+EXAMPLES = settings(max_examples=10)
 
 # Tens of last places of numbers of order 10.
 ROUNDING = 1e-13

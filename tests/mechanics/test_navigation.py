@@ -9,7 +9,7 @@ from eqt_cli.core.arrays import apply_matrix, dot, transpose
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.navigation import gradient, hessian_at_identity, potential
 
-EXAMPLES = settings(max_examples=8)
+EXAMPLES = settings(max_examples=5)
 
 # Tens of last places of numbers up to a hundred.
 ROUNDING = 1e-13

@@ -5,8 +5,7 @@ import pytest
 
 from eqt_cli.core.expressions import parse
 from eqt_cli.groups import group_named
-from eqt_cli.mechanics.inertia import Inertia, PrescribedInertia
-from eqt_cli.mechanics.rigid_body import not_rigid
+from eqt_cli.mechanics.inertia import Inertia, PrescribedInertia, not_rigid
 
 TURN = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
 

@@ -13,7 +13,7 @@ from eqt_cli.core.arrays import dot
 from eqt_cli.mechanics.lie_poisson import lie_poisson
 from eqt_cli.mechanics.semidirect import Semidirect
 
-EXAMPLES = settings(max_examples=10)
+EXAMPLES = settings(max_examples=5)
 
 # Tens of last places of numbers up to a hundred; measured 5e-15.
 ROUNDING = 1e-13

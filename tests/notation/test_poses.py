@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
 from eqt_cli.groups import group_named
 from eqt_cli.notation.poses import pose_from
 

@@ -9,8 +9,7 @@ from eqt_cli.config.source import read_config
 from eqt_cli.execution.run_study import execute
 from eqt_cli.experiment.read_study import study
 from eqt_cli.results.result import open_result
-from eqt_cli.store.table import Table, Variable
-from eqt_cli.store.writer import write
+from eqt_cli.store.writer import Table, Variable, write
 
 RUNS = 6
 

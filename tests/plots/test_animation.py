@@ -10,16 +10,7 @@ from PIL import Image
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.animation.gif import _Stage, gif
 from eqt_cli.plots.animation.motion import MOST_CONTROLLERS, motion
-from eqt_cli.plots.animation.scene import (
-    FACES,
-    TRAIL,
-    block,
-    camera,
-    corners,
-    flat,
-    scene_of,
-    tips,
-)
+from eqt_cli.plots.animation.scene import FACES, TRAIL, block, camera, corners, flat, scene_of, tips
 from eqt_cli.results.result import open_result
 
 

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.curve_data import curves
-from eqt_cli.plots.drawing import box_plots
 from eqt_cli.plots.figures import distributions
 from eqt_cli.plots.figures.distributions import Distributions
+from eqt_cli.plots.render import curves
 from eqt_cli.plots.save import encode
-from eqt_cli.plots.shown.metrics import DEFAULT_METRICS, Sample
+from eqt_cli.plots.shown.metrics import DEFAULT_METRICS, MetricValues
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -47,7 +46,7 @@ def test_boxes_are_quantiles_and_means(so3, opened):
 
 
 def test_of_many_runs_only_the_extremes_are_points(so3, opened, monkeypatch):
-    monkeypatch.setattr(box_plots, "MOST_POINTS", 5)
+    monkeypatch.setattr(distributions, "MOST_POINTS", 5)
     results = opened(so3)
     drawing = Distributions().draw([results])
     extremes = drawn(drawing)["effort", "extremes gt"].x
@@ -192,7 +191,7 @@ def test_quantiles_are_numpys_as_far_as_they_are_known(unsettled):
     values = np.random.default_rng(1).permutation(np.arange(10.0) ** 2)
     levels = [0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0]
     censored = np.where(np.argsort(np.argsort(values)) >= 10 - unsettled, np.inf, values)
-    found = Sample(censored).quantiles(levels)
+    found = MetricValues(censored).quantiles(levels)
     # Rank 9·level is known if both of its neighbours are.
     known = np.ceil(9 * np.array(levels)) < 10 - unsettled
     np.testing.assert_allclose(found[known], np.quantile(values, levels)[known])

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import chi2
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.figures.estimate import Estimate
-from eqt_cli.plots.figures.runs import Runs
+from eqt_cli.plots.figures.estimate import EstimateFigure
+from eqt_cli.plots.figures.runs import RunsFigure
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -32,7 +32,7 @@ def band_of(axes, name):
 
 
 def test_errors_lie_in_three_deviations_and_nees_in_the_limits_of_chi_squared(filtered):
-    drawing = Estimate(run=2).draw([filtered])
+    drawing = EstimateFigure(run=2).draw([filtered])
     axes = {panel.get_label(): panel for panel in drawing.axes}
     for row, kind in (("rotation error", "pose"), ("bias error", "bias")):
         panel = axes[f"{'rotation bias' if kind == 'bias' else row} gt"]
@@ -55,14 +55,14 @@ def test_errors_lie_in_three_deviations_and_nees_in_the_limits_of_chi_squared(fi
 def test_without_a_covariance_there_are_errors_only(filtered, simulate, opened, curve_names):
     """Beside a filter that has one, whose panels are below."""
     other = opened(simulate(**FLIES, estimator={"kind": "complementary"}, name="other"))
-    drawing = Estimate(controllers=["eqt"]).draw([other])
+    drawing = EstimateFigure(controllers=["eqt"]).draw([other])
     assert [panel.get_label() for panel in drawing.axes] == [
         "rotation error eqt",
         "rotation bias eqt",
     ]
     assert not any(panel.collections for panel in drawing.axes)
     assert len(curve_names(drawing)) == 3
-    both = Estimate(controllers=["eqt"]).draw([filtered, other])
+    both = EstimateFigure(controllers=["eqt"]).draw([filtered, other])
     judged = [label for panel in both.axes if (label := panel.get_label()).startswith("NEES")]
     assert len(both.axes) == 5 and len(judged) == 1
 
@@ -70,7 +70,7 @@ def test_without_a_covariance_there_are_errors_only(filtered, simulate, opened, 
 def test_a_law_that_reads_measurements_has_no_estimate(simulate, opened):
     result = opened(simulate(**FLIES))
     with pytest.raises(EqtError) as caught:
-        Estimate().draw([result])
+        EstimateFigure().draw([result])
     assert str(caught.value).removeprefix(str(result.path)) == (
         ": figure 'estimate' finds no estimate, since the laws read measurements; set the key "
         "'estimator' and run the experiment again"
@@ -78,13 +78,13 @@ def test_a_law_that_reads_measurements_has_no_estimate(simulate, opened):
 
 
 def test_the_error_of_the_estimate_is_shaded_behind_single_runs(filtered, curve_names):
-    drawing = Runs().draw([filtered])
+    drawing = RunsFigure().draw([filtered])
     error = filtered["estimate_error"].mean(axis=1)
     for k, panel in enumerate(drawing.axes):
         assert band_of(panel, "estimate")[:, 1].max() == pytest.approx(error[k].max())
     assert "mean error of the estimate" in curve_names(drawing)
-    degrees = Runs(degrees=True).draw([filtered]).axes[0]
+    degrees = RunsFigure(degrees=True).draw([filtered]).axes[0]
     turn = np.degrees(2 * np.arcsin(filtered["estimate_error"][0] / (2 * np.sqrt(2))))
     top = band_of(degrees, "estimate")[:, 1].max()
     assert top == pytest.approx(turn.mean(axis=0).max())
-    assert not Runs(signal="torque_norm").draw([filtered]).axes[0].collections
+    assert not RunsFigure(signal="torque_norm").draw([filtered]).axes[0].collections

@@ -19,21 +19,15 @@ from matplotlib.transforms import Bbox
 
 from eqt_cli.analysis.verification import verify_stored
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.base import (
-    Alongside,
-    OfCertificates,
-    OfMeasured,
-    OfReference,
-    OfSweep,
-    OfTuning,
-    OfWorst,
-    OverTime,
-)
+from eqt_cli.plots.base import Extras, OfCertificates, OfReference, OfSweep, OverTime
 from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.figures.certificates import Certificates
 from eqt_cli.plots.figures.commands import Commands
-from eqt_cli.plots.figures.estimate import Estimate
+from eqt_cli.plots.figures.estimate import EstimateFigure
+from eqt_cli.plots.figures.fronts import Fronts
+from eqt_cli.plots.figures.measured import MeasuredFigure
+from eqt_cli.plots.figures.worst import WorstFigure
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
 from eqt_cli.results.result import open_result
@@ -47,10 +41,16 @@ NAMES = [
     for name in figures.names()
     if not issubclass(
         figures.get(name),
-        OfSweep | OfCertificates | OfTuning | OfWorst | OfMeasured | Commands | Estimate,
+        OfSweep
+        | OfCertificates
+        | Fronts
+        | WorstFigure
+        | MeasuredFigure
+        | Commands
+        | EstimateFigure,
     )
 ]
-MANY_PANELS = ("phase", "runs")
+FAST = ("paper", "torque")
 
 
 def every(of):
@@ -58,11 +58,11 @@ def every(of):
 
     All tests of a figure come in a row, so that the processes of the tests share the drawings out.
     """
-    slow = pytest.mark.slow("finds places for many panels")
+    slow = pytest.mark.slow("finds places for the panels of one of several figures")
     return pytest.mark.parametrize(
         "name",
         [
-            pytest.param(name, marks=[slow] * (name in MANY_PANELS))
+            pytest.param(name, marks=[slow] * (name not in FAST))
             for name in NAMES
             if of(figures.get(name))
         ],
@@ -102,12 +102,7 @@ def drawn():
         listener = logging.StreamHandler(said)
         log.addHandler(listener)
         try:
-            with (
-                sys.modules["processor_time"].for_others(),
-                open_result(path) as results,
-                redirect_stdout(said),
-                redirect_stderr(said),
-            ):
+            with open_result(path) as results, redirect_stdout(said), redirect_stderr(said):
                 found = Drawn(figures.get(name)().draw([results], width))
                 for format in formats_of(name):
                     with recorded_texts() as found.texts:
@@ -148,13 +143,23 @@ def test_nothing_sticks_out_of_the_sheet(name, se3, drawn):
     assert_inside(drawn(name, se3).drawing, "column")
 
 
-OTHER_SHEETS = [pytest.param("so3", "page", marks=AGAIN), ("odd_names", "column")]
+# Each figure on one of them, and the paper's on both.
+OTHER_SHEETS = [
+    ("paper", "odd_names", "column"),
+    pytest.param("paper", "so3", "page", marks=AGAIN),
+    *(
+        pytest.param(name, *(("odd_names", "column"), ("so3", "page"))[k % 2], marks=AGAIN)
+        for k, name in enumerate(NAMES)
+        if name != "paper"
+    ),
+]
 
 
-@pytest.mark.parametrize(("result", "width"), OTHER_SHEETS)
-@pytest.mark.parametrize("name", slow_but("paper"))
-def test_nothing_sticks_out_of_other_sheets(name, width, result, drawn, request):
-    assert_inside(drawn(name, request.getfixturevalue(result), width).drawing, width)
+@pytest.mark.parametrize(("name", "result", "width"), OTHER_SHEETS)
+def test_other_sheets_are_as_good(name, result, width, drawn, request):
+    found = drawn(name, request.getfixturevalue(result), width)
+    assert_inside(found.drawing, width)
+    assert_apart(found.texts)
 
 
 def assert_inside(drawing, width):
@@ -173,12 +178,6 @@ def assert_inside(drawing, width):
 @every_figure
 def test_texts_do_not_overlap(name, se3, drawn):
     assert_apart(drawn(name, se3).texts)
-
-
-@pytest.mark.parametrize(("result", "width"), OTHER_SHEETS)
-@pytest.mark.parametrize("name", slow_but("paper"))
-def test_other_texts_do_not_overlap(name, width, result, drawn, request):
-    assert_apart(drawn(name, request.getfixturevalue(result), width).texts)
 
 
 @pytest.mark.slow("draws many panels")
@@ -380,7 +379,7 @@ def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):
 def test_certificates_of_a_verified_result_fit_the_sheet(result, width, opened, request):
     results = opened(request.getfixturevalue(result))
     rows = verify_stored(results, trust_plugins=False).rows
-    drawing = Certificates().draw([results], width, alongside=Alongside(rows))
+    drawing = Certificates().draw([results], width, extras=Extras(rows))
     with house_style():
         drawing.set_dpi(matplotlib.rcParams["savefig.dpi"])  # hinting depends on it
         inked = drawing.get_tightbbox()

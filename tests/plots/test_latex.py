@@ -11,9 +11,10 @@ import sys
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.base import OfCertificates, OfMeasured, OfSweep
+from eqt_cli.plots.base import OfCertificates, OfSweep
 from eqt_cli.plots.drawing.style import WIDTHS, Style, house_style
 from eqt_cli.plots.figures import figures
+from eqt_cli.plots.figures.measured import MeasuredFigure
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
 
@@ -26,7 +27,7 @@ MEND = (
 NAMES = [
     name
     for name in figures.names()
-    if not issubclass(figures.get(name), OfSweep | OfCertificates | OfMeasured)
+    if not issubclass(figures.get(name), OfSweep | OfCertificates | MeasuredFigure)
 ]
 
 

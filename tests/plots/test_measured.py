@@ -8,9 +8,9 @@ import pytest
 import eqt_cli
 from eqt_cli.core.errors import EqtError
 from eqt_cli.logs.recording import Recording
-from eqt_cli.plots.base import Alongside
-from eqt_cli.plots.curve_data import curves
-from eqt_cli.plots.figures.measured import Measured
+from eqt_cli.plots.base import Extras
+from eqt_cli.plots.figures.measured import MeasuredFigure
+from eqt_cli.plots.render import curves
 from eqt_cli.results.result import open_result
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -40,8 +40,8 @@ def recording(result):
 
 
 def drawn(result, recording, **options):
-    figure = Measured(**({"controllers": ["GT"], "run": 2} | options))
-    return figure.draw([result], "page", alongside=Alongside(measured=recording))
+    figure = MeasuredFigure(**({"controllers": ["GT"], "run": 2} | options))
+    return figure.draw([result], "page", extras=Extras(measured=recording))
 
 
 def test_measured_curves_lie_on_those_of_their_run(result, recording):
@@ -108,7 +108,11 @@ def test_what_is_shown_is_said(result, recording, paper_result):
             True,
             "RESULT/results.h5: figure 'measured' shows one controller, got 2",
         ),
-        ({"run": -1}, True, "figure 'measured': run: expected 0 or more, got -1"),
+        (
+            {"run": -1},
+            True,
+            "figure 'measured': run: expected a whole number of at least 0, got -1",
+        ),
         (
             {"run": 60},
             True,

@@ -7,8 +7,7 @@ from scipy.stats import bootstrap
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.figures.paper import Paper
-from eqt_cli.store.table import Table, Variable
-from eqt_cli.store.writer import write
+from eqt_cli.store.writer import Table, Variable, write
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -167,7 +166,11 @@ def test_laws_panels_and_times_are_chosen(so3, opened):
             "figure 'paper': panels: no panel 'energy'; there are: pose_error, velocity_error, "
             "torque_norm, lyapunov",
         ),
-        ({"focus": ["pid"]}, "{path}: figure 'paper' has no controller 'pid' to focus on"),
+        (
+            {"focus": ["pid"]},
+            "{path}: figure 'paper' has no controller 'pid' to focus on; there "
+            "are: eqt, gt, nog, asym",
+        ),
     ],
 )
 def test_what_cannot_be_chosen_is_said(options, message, so3, opened):

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.curve_data import curves
-from eqt_cli.plots.figures.phase import Phase
-from eqt_cli.plots.render import figure_from
+from eqt_cli.plots.figures.phase import PhaseFigure
+from eqt_cli.plots.render import curves, figure_from
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -22,7 +21,7 @@ def test_every_good_run_is_a_path_with_start_and_end(so3, altered, opened):
     results = opened(so3)
     status = np.zeros_like(results["status"])
     status[0, 2] = 1
-    drawing = Phase().draw([altered(so3, status=status)])
+    drawing = PhaseFigure().draw([altered(so3, status=status)])
     lines = {line.get_label(): line for line in drawing.axes[0].lines}
     assert [name for name in lines if name.startswith("run")] == [
         f"run {k}" for k in (0, 1, 3, 4, 5)
@@ -35,7 +34,7 @@ def test_every_good_run_is_a_path_with_start_and_end(so3, altered, opened):
 
 
 def test_only_the_first_runs_are_drawn_and_the_legend_says_so(so3, opened):
-    drawing = Phase(runs=2).draw([opened(so3)])
+    drawing = PhaseFigure(runs=2).draw([opened(so3)])
     for axes in drawing.axes:
         assert [line.get_label() for line in axes.lines][:4] == ["run 0", "run 1", "start", "end"]
     texts = [text.get_text() for text in drawing.legends[0].get_texts()]
@@ -43,21 +42,21 @@ def test_only_the_first_runs_are_drawn_and_the_legend_says_so(so3, opened):
 
 
 def test_a_shade_shows_where_all_runs_pass_and_is_no_number_to_keep(so3, opened):
-    shaded = Phase(runs=1).draw([opened(so3)])
+    shaded = PhaseFigure(runs=1).draw([opened(so3)])
     (cells,) = shaded.axes[0].collections
     assert 0 < np.ma.max(cells.get_array()) <= 1
-    plain = Phase(runs=1, density=False).draw([opened(so3)])
+    plain = PhaseFigure(runs=1, density=False).draw([opened(so3)])
     assert not plain.axes[0].collections
     assert [c.name for c in curves(shaded)] == [c.name for c in curves(plain)]
 
 
 def test_paths_have_arrows(so3, opened):
-    axes = Phase(runs=3).draw([opened(so3)]).axes[0]
+    axes = PhaseFigure(runs=3).draw([opened(so3)]).axes[0]
     assert len([text for text in axes.texts if text.arrow_patch is not None]) == 6
 
 
 def test_panels_share_scales_that_start_at_zero(so3, opened):
-    drawing = Phase().draw([opened(so3)])
+    drawing = PhaseFigure().draw([opened(so3)])
     (across,) = {axes.get_xlim() for axes in drawing.axes}
     (up,) = {axes.get_ylim() for axes in drawing.axes}
     assert (across[0], up[0]) == (0, 0)
@@ -67,7 +66,7 @@ def test_panels_share_scales_that_start_at_zero(so3, opened):
 def test_parts_have_columns_and_half_turns_are_rotations(se3, altered, opened):
     error = opened(se3)["pose_error_rotation"]
     error *= 2.8 / error.max()
-    drawing = Phase().draw([altered(se3, pose_error_rotation=error)])
+    drawing = PhaseFigure().draw([altered(se3, pose_error_rotation=error)])
     rotation, translation = drawing.axes[0::2], drawing.axes[1::2]
     assert drawing.axes[1].get_title() == "EqT, translation"
     assert [axes.get_xlabel() for axes in drawing.axes[:2]] == [
@@ -82,21 +81,21 @@ def test_parts_have_columns_and_half_turns_are_rotations(se3, altered, opened):
 def test_half_turns_are_marked_only_where_the_scale_reaches_them(so3, altered, opened):
     far = opened(so3)["pose_error"]
     far *= 2.75 / far.max()
-    drawing = Phase().draw([altered(so3, pose_error=far)])
+    drawing = PhaseFigure().draw([altered(so3, pose_error=far)])
     assert [len(marks(axes)) for axes in drawing.axes] == [1] * 4
     assert [text.get_text() for text in drawing.legends[0].get_texts()][-1] == "unstable equilibria"
-    drawing = Phase().draw([altered(so3, pose_error=far / 2)])
+    drawing = PhaseFigure().draw([altered(so3, pose_error=far / 2)])
     assert not any(marks(axes) for axes in drawing.axes)
     assert [text.get_text() for text in drawing.legends[0].get_texts()][-1] == "where runs pass"
 
 
 def test_logarithmic_scales(so3, opened):
-    for axes in Phase(log=True).draw([opened(so3)]).axes:
+    for axes in PhaseFigure(log=True).draw([opened(so3)]).axes:
         assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
 
 
-@pytest.mark.parametrize("make", [Phase, lambda **options: figure_from("phase", options)])
+@pytest.mark.parametrize("make", [PhaseFigure, lambda **options: figure_from("phase", options)])
 def test_a_figure_of_no_runs_is_refused(make, so3, opened):
     with pytest.raises(EqtError) as caught:
         make(runs=0).draw([opened(so3)])
-    assert str(caught.value) == "figure 'phase': runs: expected 1 or more, got 0"
+    assert str(caught.value) == "figure 'phase': runs: expected a whole number of at least 1, got 0"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.plots.figures import runs
-from eqt_cli.plots.figures.runs import Runs
+from eqt_cli.plots.figures.runs import RunsFigure
 
 unarranged = pytest.mark.usefixtures("unarranged")
 
@@ -14,7 +14,7 @@ def test_every_good_run_is_a_line_under_the_mean(so3, altered, opened):
     values = opened(so3)["pose_error"]
     status = np.zeros_like(opened(so3)["status"])
     status[0, 4] = 1
-    drawing = Runs().draw([altered(so3, status=status)])
+    drawing = RunsFigure().draw([altered(so3, status=status)])
     for index, axes in enumerate(drawing.axes):
         good = values[index][status[index] == 0]
         *single, mean = axes.lines
@@ -27,7 +27,7 @@ def test_every_good_run_is_a_line_under_the_mean(so3, altered, opened):
 def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
     monkeypatch.setattr(runs, "MOST_LINES", 2)
     values = opened(so3)["pose_error"]
-    drawing = Runs().draw([opened(so3)])
+    drawing = RunsFigure().draw([opened(so3)])
     *single, mean = drawing.axes[0].lines
     np.testing.assert_array_equal([line.get_ydata() for line in single], values[0, :2])
     np.testing.assert_array_equal(mean.get_ydata(), values[0].mean(axis=0))
@@ -39,7 +39,9 @@ def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
 def test_the_common_scale_holds_every_run(so3, altered, opened):
     values = opened(so3)["velocity_error"]
     values[3] *= 10  # in the last panel
-    drawing = Runs(signal="velocity_error", log=False).draw([altered(so3, velocity_error=values)])
+    drawing = RunsFigure(signal="velocity_error", log=False).draw(
+        [altered(so3, velocity_error=values)]
+    )
     limits = {axes.get_ylim() for axes in drawing.axes}
     assert len(limits) == 1
     ((low, high),) = limits
@@ -52,16 +54,16 @@ def test_errors_that_span_a_decade_have_a_logarithmic_scale(so3, altered, opened
     falling = np.broadcast_to(np.geomspace(1, 0.01, 41), opened(so3)["pose_error"].shape)
     for factor, scale in ((falling, "log"), (0.5 + 0.5 * falling, "linear")):
         results = altered(so3, pose_error=np.ones_like(falling) * factor)
-        assert {axes.get_yscale() for axes in Runs().draw([results]).axes} == {scale}
-        assert Runs(log=False).draw([results]).axes[0].get_yscale() == "linear"
+        assert {axes.get_yscale() for axes in RunsFigure().draw([results]).axes} == {scale}
+        assert RunsFigure(log=False).draw([results]).axes[0].get_yscale() == "linear"
         torque = altered(so3, torque_norm=np.ones_like(falling) * factor)
-        assert Runs(signal="torque_norm").draw([torque]).axes[0].get_yscale() == "linear"
+        assert RunsFigure(signal="torque_norm").draw([torque]).axes[0].get_yscale() == "linear"
 
 
 @unarranged
 def test_parts_have_columns_and_scales_of_their_own(se3, opened):
     results = opened(se3)
-    drawing = Runs(signal="torque_norm").draw([results])
+    drawing = RunsFigure(signal="torque_norm").draw([results])
     assert [axes.get_title() for axes in drawing.axes[:3]] == [
         "EqT, rotation",
         "EqT, translation",
@@ -82,19 +84,19 @@ def test_parts_have_columns_and_scales_of_their_own(se3, opened):
 
 @unarranged
 def test_the_lyapunov_function_has_no_parts(se3, opened):
-    drawing = Runs(signal="lyapunov", log=True).draw([opened(se3)])
+    drawing = RunsFigure(signal="lyapunov", log=True).draw([opened(se3)])
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog", "asym"]
     assert {axes.get_yscale() for axes in drawing.axes} == {"log"}
 
 
 @unarranged
 def test_an_odd_number_of_controllers_leaves_a_place_empty(so3, opened):
-    drawing = Runs(controllers=["eqt", "gt", "nog"]).draw([opened(so3)])
+    drawing = RunsFigure(controllers=["eqt", "gt", "nog"]).draw([opened(so3)])
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog"]
     numbered = [len(axes.get_xticklabels()) > 0 for axes in drawing.axes]
     assert numbered == [False, True, True]
 
 
 def test_a_single_controller_fills_the_width(so3, opened):
-    (axes,) = Runs(controllers=["gt"]).draw([opened(so3)]).axes
+    (axes,) = RunsFigure(controllers=["gt"]).draw([opened(so3)]).axes
     assert axes.get_position().width > 0.8

@@ -7,10 +7,10 @@ import pytest
 from PIL import Image
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.own_files import is_eqts
+from eqt_cli.core.own_files import is_eqts, write_all
 from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.plots.render import figure_from, render
-from eqt_cli.plots.save import encode, write
+from eqt_cli.plots.save import encode
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -61,7 +61,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     path = tmp_path / "file" / "figures" / "paper.pdf"
     with pytest.raises(EqtError) as caught:
-        write({path: b"new"}, tmp_path)
+        write_all({path: b"new"}, tmp_path)
     assert str(caught.value) == (
         f"{tmp_path / 'file'}: is a file; expected a folder that eqt wrote, or no such entry; "
         "rename or remove it"
@@ -73,7 +73,7 @@ def test_a_file_that_cannot_be_replaced_stays_and_nothing_is_left_behind(tmp_pat
     blocked.mkdir()
     (blocked / "inside").write_text("")
     with pytest.raises(EqtError) as caught:
-        write({blocked: b"new"}, tmp_path)
+        write_all({blocked: b"new"}, tmp_path)
     assert str(caught.value) == (
         f"{blocked}: is a folder; expected a file, such as {blocked / 'report.html'}"
     )
@@ -83,7 +83,7 @@ def test_a_file_that_cannot_be_replaced_stays_and_nothing_is_left_behind(tmp_pat
 def test_files_are_replaced(tmp_path):
     path = tmp_path / "paper.pdf"
     path.write_bytes(b"%PDF-1.4\n<< /Creator (eqt 0.0.1) >>")
-    write({path: b"new"}, tmp_path)
+    write_all({path: b"new"}, tmp_path)
     assert path.read_bytes() == b"new"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -92,9 +92,9 @@ def test_files_of_others_are_not_replaced(tmp_path):
     path = tmp_path / "paper.pdf"
     path.write_bytes(b"%PDF-1.4\n<< /Creator (TeX) >>")
     with pytest.raises(EqtError) as caught:
-        write({path: b"new"}, tmp_path)
+        write_all({path: b"new"}, tmp_path)
     assert str(caught.value) == (
-        f"{path}: exists, and is no figure or page that eqt wrote; choose another place with out=…"
+        f"{path}: exists, and is no file that eqt wrote; choose another place with out=…"
     )
     assert b"TeX" in path.read_bytes()
 
@@ -127,7 +127,7 @@ def test_options_come_as_data():
         (
             "paper",
             {"x": 1},
-            "figure 'paper': x: unknown key; expected one of controllers, focus",
+            "figure 'paper': x: unknown key; expected one of controllers, focus, colours",
         ),
         (
             "paper",

@@ -7,9 +7,9 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.style import house_style, line_style
+from eqt_cli.plots.drawing.style import Style, house_style, line_style
 from eqt_cli.plots.figures.paper import Paper
-from eqt_cli.plots.figures.runs import Runs
+from eqt_cli.plots.figures.runs import RunsFigure
 from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.torque import Torque
 from eqt_cli.plots.shown.controllers import Chosen, ShownControllers, looks, names
@@ -58,8 +58,8 @@ def test_curves_of_more_results_than_dashes_look_different(so3, tmp_path, opened
     for path in paths:
         path.parent.mkdir()
         shutil.copy(so3, path)
-    shown = ShownControllers([opened(path) for path in paths], "paper").ensembles
     with house_style():
+        shown = ShownControllers([opened(path) for path in paths], "paper").ensembles
         looks = {str(line_style(ensemble.look)) for ensemble in shown}
     assert len(looks) == 20
 
@@ -68,9 +68,8 @@ def test_variants_of_a_tuned_law_have_its_colour_and_their_own_dashes(so3, opene
     found = {"label": "eqt", "winners": [{"label": "eqt"}], "start": "gt", "searches": []}
     record = {"laws": [found, {**found, "label": "nog", "winners": [], "start": "nog"}]}
     monkeypatch.setattr(type(TUNE), "beside", lambda kind, result: record)
-    winner, start, other, untold = looks([opened(so3)], [range(4)])
-    with house_style():
-        styles = [line_style(look) for look in (winner, start, other, untold)]
+    with house_style():  # the winner, the start, another law and one that was not tuned
+        styles = [line_style(look) for look in looks([opened(so3)], [range(4)])]
     assert styles[0]["color"] == styles[1]["color"]
     assert styles[0]["linestyle"] != styles[1]["linestyle"]
     assert len({style["color"] for style in styles[1:]}) == 3
@@ -83,8 +82,8 @@ def test_beyond_six_laws_the_others_are_grey_unless_in_focus(simulate, opened):
     result = opened(simulate(controllers=LAWS, ensemble={"runs": 1, "seed": 1}))
 
     def coloured(**chosen):
-        shown = ShownControllers([result], "paper", Chosen(**chosen)).ensembles
         with house_style():
+            shown = ShownControllers([result], "paper", Chosen(**chosen)).ensembles
             styles = {e.label: line_style(e.look) for e in shown}
         assert len(set(map(str, styles.values()))) == len(styles)
         return "".join(k for k, look in styles.items() if len(set(to_rgb(look["color"]))) > 1)
@@ -92,6 +91,42 @@ def test_beyond_six_laws_the_others_are_grey_unless_in_focus(simulate, opened):
     assert coloured() == "abcdef"
     assert coloured(focus=["b", "h"]) == "bh"
     assert coloured(controllers=["f", "g", "h"]) == "fgh"
+
+
+@pytest.mark.parametrize("chosen", [["eqt", "nog"], ["gt", "asym"], ["eqt", "nog", "asym"], []])
+def test_a_style_of_two_colours_tells_the_shown_laws_apart(chosen, so3, opened, tmp_path):
+    cycle = 'axes.prop_cycle: cycler(color=["k", "r"], linestyle=["-", "--"])'
+    sheet = tmp_path / "two.mplstyle"
+    sheet.write_text(cycle, encoding="utf-8")
+    lines = Paper(controllers=chosen).draw([opened(so3)], style=Style((str(sheet),))).axes[0].lines
+    looks = {(line.get_color(), str(line._unscaled_dash_pattern)) for line in lines}
+    assert len(looks) == len(chosen or "four")
+    assert len({colour for colour, _ in looks}) == 2
+
+
+def test_a_colour_is_chosen_and_equal_ones_differ_in_dashes(so3, opened):
+    chosen = {"gt": "gold", "nog": "#ffd700", "asym": "tab:blue"}
+    lines = Paper(colours=chosen).draw([opened(so3)]).axes[0].lines
+    own, *others = [line.get_color() for line in lines]
+    assert others == ["#ffd700", "#ffd700", "#1f77b4"] and own not in others
+    assert lines[1]._unscaled_dash_pattern != lines[2]._unscaled_dash_pattern
+
+
+@pytest.mark.parametrize(
+    ("colours", "message"),
+    [
+        ({"gx": "k"}, "has no controller 'gx' to colour; there are: eqt, gt, nog, asym"),
+        (
+            {"gt": "goldd"},
+            "draws gt: expected a colour as Matplotlib names it, such as '#0A62AE' or tab:blue, "
+            "got 'goldd'",
+        ),
+    ],
+)
+def test_a_wrong_colour(so3, opened, colours, message):
+    with pytest.raises(EqtError) as caught:
+        Paper(colours=colours).draw([opened(so3)])
+    assert str(caught.value) == f"{so3}: figure 'paper' {message}"
 
 
 def test_all_curves_of_one_law_differ_in_colour_and_dashes(so3, stiff, opened):
@@ -109,7 +144,7 @@ def test_torques_are_drawn_with_their_own_reference(so3, opened, simulate):
 
 
 def test_single_runs_have_a_panel_per_controller_and_result(so3, stiff, opened):
-    drawing = Runs().draw([opened(so3), opened(stiff)])
+    drawing = RunsFigure().draw([opened(so3), opened(stiff)])
     titles = [axes.get_title() for axes in drawing.axes]
     assert titles[3:5] == ["asym, small", "GT, stiff"]
 

@@ -5,8 +5,7 @@ import pytest
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.groups import group_named
-from eqt_cli.plots.drawing.sphere_projection import path, project, radius
-from eqt_cli.plots.figures.sphere import Sphere
+from eqt_cli.plots.figures.sphere import Sphere, path, project, radius_of
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -26,7 +25,7 @@ def test_points_keep_their_direction_and_lie_at_sin_of_half_the_angle(angle, tow
     x, y = project(around(angle, towards), 2)
     expected = np.sin(angle / 2) * np.array([np.cos(towards), np.sin(towards)])
     np.testing.assert_allclose([x, y], expected, **ROUNDING)
-    assert radius(angle) == np.sin(angle / 2)
+    assert radius_of(angle) == np.sin(angle / 2)
 
 
 def test_the_point_opposite_the_centre_is_on_the_rim():

@@ -8,7 +8,15 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.style import WIDTHS, Style, house_style, ink, line_style
+from eqt_cli.plots.drawing.style import (
+    WIDTHS,
+    CurvePlace,
+    Style,
+    distinct,
+    house_style,
+    ink,
+    line_style,
+)
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
@@ -92,8 +100,31 @@ def test_dashes_come_from_the_cycle_where_it_has_them(style):
     cycle = 'cycler(color=["k", "k", "r"], linestyle=["-", ":", "--"])'
     with house_style(style(f"axes.prop_cycle: {cycle}")):
         looks = [line_style(index) for index in range(4)]
-    assert [look["linestyle"] for look in looks] == ["-", ":", "--", "-"]
+    # The fourth is not drawn as the first is: it gets the next dashes of eqt.
+    assert [look["linestyle"] for look in looks] == ["-", ":", "--", (0, (4.5, 1.5))]
     assert [look["color"] for look in looks] == ["#000000", "#000000", "#ff0000", "#000000"]
+
+
+CYCLES = {
+    "two colours": 'color=["k", "r"]',
+    "two looks": 'color=["k", "r"], linestyle=["-", "--"]',
+    "one look": 'color=["k"], linestyle=["dotted"]',
+    "dashes": 'linestyle=["-", (0, (3, 1))]',
+    "markers": 'marker=["o", "s"]',
+}
+
+
+@pytest.mark.parametrize("cycle", CYCLES)
+def test_no_two_curves_look_alike_whatever_the_style(style, cycle):
+    with house_style(style(f"axes.prop_cycle: cycler({CYCLES[cycle]})")):
+        for variants, grey in ((1, None), (3, None), (1, 0)):
+            places = [
+                CurvePlace(law, variant, variants, None if grey is None else law)
+                for law in range(12 // variants)
+                for variant in range(variants)
+            ]
+            looks = [line_style(look) for look in distinct(places)]
+            assert len({str(look) for look in looks}) == len(places)
 
 
 def test_a_cycle_of_dashes_alone_is_drawn_in_the_colour_of_text(style):
@@ -167,12 +198,16 @@ COLOURS = {"axes.prop_cycle", "patch.facecolor"}
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(
-            name,
-            marks=[pytest.mark.slow("draws more than a dozen figures")] * (name not in DISTINCT),
-        )
-        for name in matplotlib.style.available
-        if not set(matplotlib.style.library[name]) <= COLOURS  # which find place as others do
+        pytest.param(name, marks=[pytest.mark.slow("draws other figures")] * (name not in DISTINCT))
+        for name in [
+            *DISTINCT,
+            # A few of many; those of colours alone find place as others do.
+            *[
+                each
+                for each in matplotlib.style.available
+                if each not in DISTINCT and not set(matplotlib.style.library[each]) <= COLOURS
+            ][::4],
+        ]
     ],
 )
 def test_figures_can_be_drawn_in_every_style_of_matplotlib(name, so3, opened, caplog):

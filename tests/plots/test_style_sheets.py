@@ -4,7 +4,7 @@ import matplotlib
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing import style_bounds, style_sheets
+from eqt_cli.plots.drawing import style
 
 OF_A_MACHINE = ("animation.", "keymap.", "agg.", "docstring.", "_internal.")
 
@@ -23,13 +23,13 @@ def sheet(tmp_path):
 
 def refused(path):
     with pytest.raises(EqtError) as caught:
-        style_sheets.read(str(path))
+        style.read(str(path))
     return str(caught.value).removeprefix(f"{path}:")
 
 
 def test_the_last_line_of_a_key_holds(sheet):
     path = sheet("lines.linewidth: 1", "lines.linewidth: 2  # a comment")
-    assert style_sheets.read(str(path)) == {"lines.linewidth": 2.0}
+    assert style.read(str(path)) == {"lines.linewidth": 2.0}
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_the_sheets_of_matplotlib_are_within_the_bounds(sheet):
     for settings in ({}, *matplotlib.style.library.values()):
         for key, value in {**matplotlib.rcParamsDefault, **settings}.items():
             if not key.startswith(OF_A_MACHINE):
-                style_bounds.check(key, value, matplotlib.rcParamsDefault[key])
+                style.check(key, value, matplotlib.rcParamsDefault[key])
 
 
 def test_files_that_cannot_be_read_are_errors(tmp_path):

@@ -5,12 +5,10 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.intervals import Resampling, relative_difference, share
 from eqt_cli.analysis.comparison.maps import compare_map
-from eqt_cli.analysis.comparison.ratios import relative_difference
-from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.point_labels import name_points
+from eqt_cli.plots.drawing.curve_labels import name_points
 from eqt_cli.plots.drawing.scales import FEW, number_values
 from eqt_cli.plots.figures import region
 from eqt_cli.plots.figures.envelope import Envelope
@@ -187,10 +185,7 @@ def test_equal_best_cells_are_all_framed(swept, altered):
     ("texts", "words"),
     [
         (['{"torque": [0, 1]}', '{"torque": ["cos(t)", -1]}'], ["[0, 1]", "[cos(t), −1]"]),
-        (
-            ['[{"kind": "lag", "time_constant": 0.1}]', "[]"],
-            ["lag, time constant 0.1", "none"],
-        ),
+        (['[{"kind": "lag", "time_constant": 0.1}]', "[]"], ["lag, time constant 0.1", "none"]),
         (['[{"kind": "lag", "k": 1}]', '[{"kind": "lag", "k": 2}]'], ["1", "2"]),
         (["ideal", "limit"], ["ideal", "limit"]),
     ],
@@ -488,6 +483,18 @@ def test_a_region_has_the_share_that_settles_in_every_cell_with_its_interval(swe
     assert (top.get_title(), bottom.get_title()) == ("EqT", "GT")
     said = "Each cell: n = 6; below the share, its 95 % Wilson interval."
     assert drawing.get_supxlabel() == said
+
+
+@pytest.mark.parametrize("figure", [Region(), SweepFigure()])
+def test_the_lowest_map_of_each_column_is_numbered(simulate, opened, figure):
+    results = opened(simulate(sweep=BOTH, controllers=["eqt", "gt", "nog"]))
+    panels = figure.draw([results]).axes[:3]  # two, and one below the first
+    written = [
+        [text.get_text() for text in axes.get_xticklabels() if text.get_visible()]
+        for axes in panels
+    ]
+    assert written == [[], ["0.5", "1"], ["0.5", "1"]]
+    assert [axes.xaxis.label.get_visible() for axes in panels] == [False, True, True]
 
 
 def test_a_region_is_of_two_keys(swept):

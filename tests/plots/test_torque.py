@@ -29,6 +29,21 @@ def test_panels_show_the_mean_of_every_law_and_the_desired_torque(so3, altered, 
         np.testing.assert_array_equal(drawn["desired"], results["desired_torque"][:, axis])
 
 
+@pytest.mark.parametrize("share", ["total", "feedback"])
+@pytest.mark.parametrize("group", ["so3", "se3"])
+def test_units_of_a_user_change_what_is_drawn_and_nothing_else(group, share, request, opened):
+    result = opened(request.getfixturevalue(group))
+    usual, other = (
+        Torque(share=share).draw([one]).axes for one in (result, result.in_units(["mN m", "deg/s"]))
+    )
+    for before, after in zip(usual, other, strict=True):
+        turns = "N m" in before.get_ylabel().replace(r"\ ", " ").replace(r"\,", " ")
+        assert turns == ("mN" in after.get_ylabel())
+        for label, values in _drawn(before).items():
+            drawn = _drawn(after)[label]
+            np.testing.assert_allclose(drawn, (1e3 if turns else 1) * values, rtol=1e-12)
+
+
 def test_bands_are_drawn_on_request(so3, opened):
     assert not any(axes.collections for axes in Torque().draw([opened(so3)]).axes)
     drawing = Torque(bands="quantiles").draw([opened(so3)])
@@ -84,10 +99,7 @@ def test_torques_and_forces_have_their_own_symbols_units_and_panels(se3, opened)
 
 @pytest.mark.parametrize(
     ("width", "places"),
-    [
-        ("page", [["ω", EMPTY], ["vx", "vy"]]),
-        ("column", [["ω", "vx"], [EMPTY, "vy"]]),
-    ],
+    [("page", [["ω", EMPTY], ["vx", "vy"]]), ("column", [["ω", "vx"], [EMPTY, "vy"]])],
 )
 def test_parts_of_different_size_leave_places_empty(width, places, simulate, opened):
     plane = simulate(

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.arrays import FUNCTIONS
-from eqt_cli.program.c_parts import FLOAT_HEADER, headers, needed
+from eqt_cli.program.c_code import FLOAT_HEADER, headers, needed
 
 NAMES = [*FUNCTIONS, "pow"]
 LIMITS = {

@@ -119,10 +119,7 @@ def points(name, rng, count=400):
     if name in ("sinh", "cosh", "tanh", "exp"):
         most = {"tanh": 22.0, "exp": 708.0}.get(name, 710.4)
         bounds = (0.5, 5.0, most)
-        return [
-            *(rng.uniform(-bound, bound, count) for bound in bounds),
-            powers(-300, 0) * signs,
-        ]
+        return [*(rng.uniform(-bound, bound, count) for bound in bounds), powers(-300, 0) * signs]
     if name == "acosh":
         return [1 + powers(-15, 2), powers(0, 300), rng.uniform(1, 5, count)]
     if name in ("log", "sqrt"):

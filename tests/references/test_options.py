@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from eqt_cli.core.errors import InputError
+from eqt_cli.core.errors import InputError, Problems
 from eqt_cli.core.expressions import formula
-from eqt_cli.core.problems import Problems
 from eqt_cli.groups import group_named
 from eqt_cli.logs.mapping import LogMapping, TimeMapping
 from eqt_cli.references.constant import ConstantReference
@@ -126,7 +125,7 @@ def test_a_mapping_is_of_a_file_and_fits_it():
     mapping = LogMapping(units={"t": "m"})
     found = WaypointsReference(file="plan.csv", mapping=mapping).with_files({"plan.csv": TEXT})
     assert notes(found) == [
-        ("mapping.units.t", "column t: expected a unit of s, sec, ms, us, ns, got 'm'")
+        ("mapping.units.t", "column t: expected a time in s, ms, us, min or h, got 'm'")
     ]
 
 
@@ -204,7 +203,7 @@ def test_the_residual_of_smoothed_waypoints_is_told():
         (
             {"rotation": "2 m"},
             "smoothing.rotation",
-            "expected a number, got '2 m': write 2 without a unit",
+            "expected a number or an angle in rad, mrad, deg, arcmin or arcsec, got '2 m'",
         ),
         (
             {"rotation": 0.1, "position": 1.0},
@@ -290,6 +289,6 @@ def test_other_functions_of_time_leave_a_reference_as_it_is():
 def test_a_reference_without_a_file_is_given_at_all_times():
     torque = TorqueReference(["1", "2", "t"])
     assert torque.ends(G) == (-np.inf, np.inf)
-    assert (torque.gaps(G), torque.files, torque.instants(G).shape) == ([], {}, (0,))
+    assert (torque.gaps(G), torque.files, torque.instants(G, 1.0).shape) == ([], {}, (0,))
     assert torque.held(G, 0.5) is None
     assert torque.with_files({"a.csv": TEXT}) is torque

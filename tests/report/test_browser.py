@@ -305,7 +305,7 @@ def test_on_a_phone_the_first_column_stays_while_a_table_scrolls(page):
 
 def test_many_paired_rows_are_folded_but_on_paper(page):
     folded = find(page, "#comparison details")
-    assert folded.text == "72 paired differences of 6 pairs of laws"
+    assert folded.text == "78 paired differences of 6 pairs of laws"
     page.execute_script("window.dispatchEvent(new Event('beforeprint'))")
     assert folded.get_attribute("open") and find(page, "#pairs-table").is_displayed()
 

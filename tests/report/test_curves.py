@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.report import run_curves as module
-from eqt_cli.report.run_curves import LEVELS, POWER, curves, quantised
+from eqt_cli.report.run_curves import LEVELS, POWER, curves, quantised, run_table
 from eqt_cli.results.result import open_result
 
 
@@ -41,6 +41,19 @@ def test_curves_of_a_result(paper_result):
     codes = np.frombuffer(b64decode(panel["codes"]), "<u2").reshape(4, 60, 101)
     restored = panel["largest"] * (codes[1, 7] / LEVELS) ** POWER
     assert restored == pytest.approx(torque[::2], rel=1e-3)
+
+
+def test_units_of_a_user(paper_result):
+    with open_result(paper_result) as results:
+        usual, other = results, results.in_units(["mN m"])
+        (torque,) = (panel for panel in curves(usual)["panels"] if panel["unit"] == "N m")
+        (shown,) = (panel for panel in curves(other)["panels"] if panel["unit"] == "mN m")
+        tables = run_table(usual), run_table(other)
+    assert shown["largest"] == pytest.approx(1e3 * torque["largest"], rel=1e-14)
+    at = [column["unit"] for column in tables[0]["columns"]].index("N m")
+    assert tables[1]["columns"][at]["unit"] == "mN m"
+    first, second = (table["rows"][0][3 + at] for table in tables)
+    assert second == pytest.approx(1e3 * first, rel=1e-5)  # six digits
 
 
 def test_runs_that_would_not_fit_are_left_out(paper_result, monkeypatch):

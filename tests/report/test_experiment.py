@@ -3,7 +3,7 @@
 import pytest
 
 from eqt_cli import api
-from eqt_cli.report.experiment import given, laws, told
+from eqt_cli.report.summary import given, laws, told
 from eqt_cli.results.result import open_result
 
 
@@ -56,7 +56,7 @@ def test_own_gains_and_options_of_laws_and_keys_of_the_engine_alone(tmp_path):
         "{group: SO3, inertia: 1, gains: {kp: 1, kd: 1}, reference: {kind: constant},"
         " controllers: [gt, {kind: gt, label: mine, gains: {kp: 4}}, {kind: family, label: off,"
         " transport: 0.2}], initial: {pose: haar}, ensemble: {runs: 2}, time: {duration: 1,"
-        " samples: 5}, solver: {engine: taylor, method: DOP853, cross_check: 0}}",
+        " samples: 5}, solver: {engine: native, method: DOP853, cross_check: 0}}",
         encoding="utf-8",
     )
     api.run(config, out=tmp_path / "out")
@@ -68,4 +68,4 @@ def test_own_gains_and_options_of_laws_and_keys_of_the_engine_alone(tmp_path):
             "quadratic 0",
         ]
         (solver,) = [entry.words for entry in given(result) if entry.name == "Integration"]
-    assert solver.startswith("engine taylor, ") and "method" not in solver
+    assert solver.startswith("engine native, ") and "method" not in solver

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import eqt_cli
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.report import report
 from eqt_cli.results.quantity_table import QUANTITIES
@@ -216,3 +217,18 @@ def test_the_inertia_has_its_index(paper_result):
 
 def test_buttons_that_turn_pages_have_the_same_names(text):
     assert text.count("◀ Previous") == text.count("Next ▶") == 2
+
+
+def test_a_quick_report_integrates_nothing(monkeypatch, paper_result, tmp_path):
+    def refuse(*of, **options):
+        raise AssertionError("verified")
+
+    pages = []
+    monkeypatch.setattr("eqt_cli.api.reporting.verify_stored", refuse)
+    monkeypatch.setattr("eqt_cli.report.report", lambda *of: pages.append(of) or "page")
+    eqt_cli.write_report(paper_result, tmp_path / "page.html", quick=True)
+    _, _, rows, reason, *_ = pages[0]
+    assert (rows, reason) == (
+        [],
+        "The certificates were left out (--quick); `eqt verify` computes them.",
+    )

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison.notation import significant
-from eqt_cli.analysis.extreme_points import extreme_points
+from eqt_cli.analysis.sweep_summary import extreme_points
 from eqt_cli.report import report
-from eqt_cli.report.point_table import point_table
+from eqt_cli.report.summary import point_table
 from eqt_cli.results.result import open_result
 
 

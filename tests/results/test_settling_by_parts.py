@@ -101,5 +101,6 @@ def test_a_distance_is_not_in_degrees(experiment):
         )
     [problem] = raised.value.problems
     assert str(problem) == (
-        "c.yaml:10:39: settling_threshold.translation: expected a number, in m, got '5 deg'"
+        "c.yaml:10:39: settling_threshold.translation: expected a number or a length in m, cm, mm "
+        "or km, got '5 deg', which is 0.0872665 rad"
     )

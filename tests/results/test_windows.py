@@ -13,12 +13,7 @@ TIMES = np.linspace(0.0, 10.0, 11)
 
 @pytest.mark.parametrize(
     ("text", "window"),
-    [
-        ("0:5", Window(0, 5)),
-        (":5", Window(0, 5)),
-        ("2.5:", Window(2.5, math.inf)),
-        (":", Window()),
-    ],
+    [("0:5", Window(0, 5)), (":5", Window(0, 5)), ("2.5:", Window(2.5, math.inf)), (":", Window())],
 )
 def test_parse(text, window):
     assert Window.parse(text) == window

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eqt_cli.store.table import Table, Variable
+from eqt_cli.store.writer import Table, Variable
 
 RUNS = ("controller", "run")
 

@@ -8,9 +8,8 @@ import pytest
 
 from eqt_cli.core.errors import ResultError
 from eqt_cli.store import safety
-from eqt_cli.store.piecewise_writer import Blank, assemble
 from eqt_cli.store.reader import open_results
-from eqt_cli.store.table import Variable
+from eqt_cli.store.writer import Blank, Variable, assemble
 
 AGAIN = "eqt writes no such file: copy it again or run the experiment again"
 FLOAT = np.dtype("f8")

@@ -3,7 +3,7 @@ from mmap import ACCESS_READ, mmap
 
 import pytest
 
-from eqt_cli.store.string_heaps import BrokenHeapError, read_heaps
+from eqt_cli.store.safety import BrokenHeapError, read_heaps
 
 
 def header(size):

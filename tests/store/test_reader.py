@@ -6,8 +6,7 @@ from hypothesis.extra import numpy as hnp
 
 from eqt_cli.core.errors import ResultError
 from eqt_cli.store.reader import open_results
-from eqt_cli.store.table import Table, Variable
-from eqt_cli.store.writer import write
+from eqt_cli.store.writer import Table, Variable, write
 
 
 @pytest.fixture(params=[None, "gzip"])
@@ -57,7 +56,7 @@ DATA = hnp.arrays(
     st.dictionaries(NAMES, TEXT | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False)),
     st.sampled_from([None, "gzip"]),
 )
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_any_table_comes_back(tmp_path_factory, columns, attributes, compression):
     variables = {
         # Names that end in a hyphen are the dimensions', which depend on the length alone.
@@ -123,10 +122,7 @@ def cube(tmp_path_factory):
             "'torque' has no dimension 'tine'; did you mean 'time'?; its dimensions are: "
             "controller, run, time, axis",
         ),
-        (
-            lambda r: r.read("torque", run=5),
-            "'torque': run: 5 is out of range; expected -5 to 4",
-        ),
+        (lambda r: r.read("torque", run=5), "'torque': run: 5 is out of range; expected -5 to 4"),
         (
             lambda r: r.read("torque", controller="gtt"),
             "'torque': controller: has no 'gtt'; did you mean 'gt'?",

@@ -10,8 +10,7 @@ import pytest
 from eqt_cli.core.errors import ResultError
 from eqt_cli.core.version import __version__
 from eqt_cli.store.reader import open_results
-from eqt_cli.store.table import Table, Variable
-from eqt_cli.store.writer import write
+from eqt_cli.store.writer import Table, Variable, write
 
 AGAIN = "copy it again or run the experiment again"
 

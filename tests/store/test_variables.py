@@ -1,6 +1,6 @@
 import numpy as np
 
-from eqt_cli.store.table import Table, Variable
+from eqt_cli.store.writer import Table, Variable
 
 TIME = Variable(("time",), np.zeros(3))
 

@@ -13,8 +13,7 @@ import pytest
 
 from eqt_cli.core.errors import ResultError
 from eqt_cli.store.reader import open_results
-from eqt_cli.store.table import Table, Variable
-from eqt_cli.store.writer import write
+from eqt_cli.store.writer import Table, Variable, write
 
 
 @pytest.fixture
@@ -148,7 +147,7 @@ WITHIN_LIMIT = """
 import resource, sys
 import numpy as np
 from eqt_cli.core.errors import ResultError
-from eqt_cli.store.table import Table, Variable
+from eqt_cli.store.writer import Table, Variable
 from eqt_cli.store.writer import write
 
 wide = Table({"pose": Variable(("sample",), np.ones(200_000))}, {}, {"note": "x" * 2000})
@@ -214,16 +213,8 @@ def test_an_interruption_removes_the_unfinished_file(path, table, monkeypatch):
             "No space left on device",
             "free some space or choose another folder with out=…",
         ),
-        (
-            errno.EACCES,
-            "Permission denied",
-            "choose a folder that you may write to with out=…",
-        ),
-        (
-            errno.EROFS,
-            "Read-only file system",
-            "choose a folder that you may write to with out=…",
-        ),
+        (errno.EACCES, "Permission denied", "choose a folder that you may write to with out=…"),
+        (errno.EROFS, "Read-only file system", "choose a folder that you may write to with out=…"),
         (errno.EIO, "Input/output error", "check the folder {folder}"),
     ],
 )

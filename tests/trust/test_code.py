@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from eqt_cli.core import registry
-from eqt_cli.execution.repository import commit_of
+from eqt_cli.execution.provenance import commit_of
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
@@ -333,8 +333,7 @@ SLOW = ("animate", "report", "plot")
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(each, marks=DRAWS if each in SLOW else ()) for each in RESULT_COMMANDS],
+    "name", [pytest.param(each, marks=DRAWS if each in SLOW else ()) for each in RESULT_COMMANDS]
 )
 def test_no_command_executes_the_plugins_of_a_result(shards, witness, eqt, forgotten, name):
     forgotten()

@@ -105,7 +105,7 @@ def test_what_cannot_be_packed_is_kept(
         "move the folder to another disk and run `eqt pack` there"
     )
     shutil.move(out, "other disk")
-    monkeypatch.setattr("eqt_cli.execution.part_task.compute_part", None)  # is not called
+    monkeypatch.setattr("eqt_cli.execution.compute_part.compute_part", None)  # is not called
     moved = study(read_config(Path("other disk/config.yaml")))
     assert pack_folder(moved, Path("other disk")).packed
     assert Path("other disk/results.h5").exists()

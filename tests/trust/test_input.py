@@ -2,18 +2,13 @@
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
-from eqt_cli.core.errors import EqtError, EqtWarning
-from eqt_cli.core.files import read_record, text_of
-from eqt_cli.core.regular_files import TEXT_BYTES, content_of, open_regular
-from eqt_cli.engines.taylor import crash_reports
-from eqt_cli.execution.folder_progress import unfinished
+from eqt_cli.core.errors import EqtError
+from eqt_cli.core.files import TEXT_BYTES, content_of, open_regular, read_record, text_of
+from eqt_cli.execution.part_files import unfinished
 from eqt_cli.store.reader import open_results
 
 SECRET = "hunter2 5f4dcc3b\nroot:x:0:0\nbase64 b3BlbnNzaC1rZXk\n"
@@ -131,7 +126,6 @@ SECRETS = {
     "starts": "config check c.yaml --set|initial={file: secret}",
     "style": "plot own --style ./secret --out f",
     "configuration": "run secret",
-    "numbers": "plot own --check numbers --figure torque",
 }
 CONTENTS = {
     "lines": SECRET,
@@ -145,9 +139,7 @@ CONTENTS = {
 @pytest.mark.parametrize("named", SECRETS)
 def test_a_message_shows_nothing_of_a_file_of_another_kind(sent, eqt, named, content):
     Path("secret").write_text(CONTENTS[content], encoding="utf-8")
-    Path("numbers").mkdir()
-    Path("numbers/torque.json").write_text(CONTENTS[content], encoding="utf-8")
-    if named in ("style", "numbers"):
+    if named == "style":
         eqt("run", "c.yaml", "--out", "own", "--quiet")
     first, *rest = SECRETS[named].split("|")
     done = eqt(*first.split(), *rest)
@@ -280,16 +272,8 @@ RECORDS = [
     {"laws": [{"start": "eqt", "winners": []}]},
     {"laws": [LAW], "objectives": ["nope"]},
     {"laws": [LAW | {"winners": [WINNER]}], "objectives": ["effort"]},
-    {
-        "laws": [LAW],
-        "objectives": ["effort"],
-        "constraints": [{"metric": "effort"}],
-    },
-    {
-        "laws": [LAW],
-        "objectives": ["effort", "effort", "effort"],
-        "constraints": [],
-    },
+    {"laws": [LAW], "objectives": ["effort"], "constraints": [{"metric": "effort"}]},
+    {"laws": [LAW], "objectives": ["effort", "effort", "effort"], "constraints": []},
 ]
 
 
@@ -310,141 +294,3 @@ def test_a_date_of_builds_that_is_none(sent, eqt, monkeypatch):
     done = eqt("plot", "c.yaml", "--format", "pdf", "--out", "f")
     assert done.code == 0, done.err
     assert os.environ["SOURCE_DATE_EPOCH"] == "garbage"
-
-
-# Compiled laws -----------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def compiled(tmp_path):
-    """A folder with a file of compiled laws."""
-    for name in ("cache.db", "cache.db-wal"):
-        (tmp_path / name).write_bytes(b"code")
-    return tmp_path
-
-
-@pytest.fixture
-def watch(monkeypatch):
-    """As in a process whose crashes are reported elsewhere, as those of tests are."""
-    monkeypatch.setattr(crash_reports.faulthandler, "is_enabled", lambda: True)
-    return crash_reports.watch
-
-
-def test_a_damaged_law_is_compiled_again(compiled, watch):
-    """A process that used it has crashed, and said so."""
-    (compiled / "crash-7-ab.txt").write_text("Fatal Python error: Illegal instruction\n")
-    with pytest.warns(EqtWarning) as told:
-        watch(compiled)
-    assert [str(one.message) for one in told] == [
-        f"{compiled}/cache.db: a process that used these compiled laws has crashed; they are "
-        "removed and compiled again"
-    ]
-    assert list(compiled.iterdir()) == []
-
-
-def test_compiled_laws_stay_where_no_process_has_crashed(compiled, watch):
-    gone, here = compiled / f"crash-{2**22 + 1}-ab.txt", compiled / f"crash-{os.getpid()}-cd.txt"
-    for report in (gone, here):
-        report.touch()
-    watch(compiled)
-    assert sorted(path.name for path in compiled.iterdir()) == [
-        "cache.db",
-        "cache.db-wal",
-        here.name,
-    ]
-
-
-def test_a_link_is_no_report(compiled, watch, tmp_path):
-    outside = tmp_path.parent / f"{tmp_path.name}-outside"
-    outside.write_text("kept")
-    (compiled / "crash-7-ab.txt").symlink_to(outside)
-    watch(compiled)
-    assert (compiled / "cache.db").exists()
-    assert outside.read_text() == "kept"
-
-
-CRASHES = """\
-import os, signal, sys
-from pathlib import Path
-from eqt_cli.engines.taylor import crash_reports
-crash_reports.watch(Path("laws"))
-if sys.argv[1:]:
-    os.kill(os.getpid(), getattr(signal, sys.argv[1]))
-"""
-
-
-@pytest.mark.slow("starts processes")
-def test_the_next_process_knows_of_a_crash(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("PYTHONFAULTHANDLER", raising=False)
-    reports = []
-    for signals in ([], ["SIGKILL"], ["SIGILL"]):
-        command = [sys.executable, "-c", CRASHES, *signals]
-        subprocess.run(command, check=False, capture_output=True)
-        reports.append([path.read_text() for path in Path("laws").iterdir()])
-    assert reports[:2] == [[], [""]]
-    ((said,),) = reports[2:]
-    assert said.startswith("Fatal Python error: Illegal instruction")
-
-
-@pytest.mark.parametrize("made", [False, True])
-def test_a_process_leaves_an_empty_report_as_long_as_it_runs(tmp_path, monkeypatch, made):
-    """A crash would be written into it; at its end it is removed."""
-    opened, ends, calls = [], [], []
-    reports = crash_reports.faulthandler
-    monkeypatch.setattr(reports, "is_enabled", lambda: False)
-    monkeypatch.setattr(reports, "enable", lambda report, **how: opened.append(report))
-    monkeypatch.setattr(reports, "disable", lambda: calls.append("disabled"))
-    monkeypatch.setattr(crash_reports.atexit, "register", lambda *call: ends.append(call))
-    folder = tmp_path / "caches" / "eqt"
-    if made:
-        folder.mkdir(parents=True)
-    crash_reports.watch(folder)
-    ((end, *given),), (report,) = ends, opened
-    report.close()
-    assert [path.name for path in folder.iterdir()] == [Path(report.name).name]
-    assert Path(report.name).name.startswith(f"crash-{os.getpid()}-")
-    end(*given)
-    assert calls == ["disabled"]
-    assert list(folder.iterdir()) == []
-
-
-def test_the_report_of_another_users_process_stays(compiled, watch, monkeypatch):
-    def refused(process, signal):
-        raise PermissionError
-
-    monkeypatch.setattr(crash_reports.os, "kill", refused)
-    (compiled / "crash-1-ab.txt").touch()
-    watch(compiled)
-    assert (compiled / "crash-1-ab.txt").exists()
-
-
-def test_a_report_stays_where_no_process_can_be_asked_for(compiled, watch, monkeypatch):
-    """On Windows, os.kill ends a process."""
-    monkeypatch.setattr(crash_reports, "os", SimpleNamespace(name="nt"))
-    (compiled / f"crash-{2**22 + 1}-ab.txt").touch()
-    watch(compiled)
-    assert (compiled / f"crash-{2**22 + 1}-ab.txt").exists()
-
-
-@pytest.mark.parametrize("watched", [False, True])
-def test_other_errors_are_not_taken_for_damage(compiled, watch, monkeypatch, watched):
-    if watched:
-        watch(compiled)
-    else:
-        monkeypatch.setattr(crash_reports, "_folder", None)
-    text = "tol must be positive" if watched else "no object file can be added"
-    with pytest.raises(ValueError, match=text), crash_reports.damage_told():
-        raise ValueError(text)
-    assert (compiled / "cache.db").exists()
-
-
-def test_what_llvm_refuses_is_removed(compiled, watch):
-    watch(compiled)
-    with pytest.raises(EqtError) as caught, crash_reports.damage_told():
-        raise ValueError("The function for adding an object file to an lljit failed.")
-    assert str(caught.value) == (
-        f"{compiled}/cache.db: held damaged compiled laws, and is removed; run the command again; "
-        "it compiles them"
-    )
-    assert list(compiled.iterdir()) == []

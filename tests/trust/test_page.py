@@ -43,9 +43,11 @@ def test_the_pages_that_speak_of_files_from_others_link_to_it():
 
 def test_the_page_states_the_bounds():
     from eqt_cli.api.checking_logs import LOG_BYTES
-    from eqt_cli.config.data_files import DATA_BYTES
+    from eqt_cli.config.named_files import DATA_BYTES
     from eqt_cli.config.yaml_source import MAX_BYTES
-    from eqt_cli.core.regular_files import RECORD_BYTES, TEXT_BYTES
+    from eqt_cli.core.files import RECORD_BYTES, TEXT_BYTES
+    from eqt_cli.engines.native.compiler import PREPROCESSOR, SECONDS
+    from eqt_cli.engines.native.contained import Limits
 
     text = PAGE.read_text(encoding="utf-8")
     assert TEXT_BYTES == MAX_BYTES
@@ -53,3 +55,11 @@ def test_the_page_states_the_bounds():
     assert f"at most {DATA_BYTES / 1e6:.0f} MB" in text
     assert f"at most {LOG_BYTES / 1e6:.0f} MB" in text
     assert f"more than {RECORD_BYTES / 2**20:.0f} MiB" in text
+    gib, mib = 2**30, 2**20
+    by, own = PREPROCESSOR, Limits(SECONDS)
+    told = f"more than {by.seconds:.0f} s, {by.memory // gib} GiB of memory or {by.file // mib} MiB"
+    assert told in text
+    told = (
+        f"{own.seconds:.0f} s, {own.memory // gib} GiB of memory and files of {own.file // mib} MiB"
+    )
+    assert told in text

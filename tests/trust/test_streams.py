@@ -17,10 +17,7 @@ def shell(words, redirection, **environment):
     """The command in a process whose streams a shell has redirected; its code, stdout, stderr."""
     program = f'"{sys.executable}" -m eqt_cli {words} {redirection}'
     done = subprocess.run(
-        ["sh", "-c", program],
-        capture_output=True,
-        env={**os.environ, **environment},
-        check=False,
+        ["sh", "-c", program], capture_output=True, env={**os.environ, **environment}, check=False
     )
     assert b"Traceback" not in done.stderr
     assert b"Exception ignored" not in done.stderr

@@ -12,7 +12,7 @@ import pytest
 
 from eqt_cli.cli.app import MOST_COLUMNS
 from eqt_cli.cli.shared.table_formats import as_csv, csv_cell
-from eqt_cli.core.file_names import file_name, is_device
+from eqt_cli.core.files import file_name, is_device
 from eqt_cli.execution.run_study import Execution, Shard, execute
 from eqt_cli.tuning.law_search import _slug
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from eqt_cli import api
-from eqt_cli.tuning.searching import Found
+from eqt_cli.tuning.generations import Found
 
 SMALL: dict[str, Any] = {
     "name": "small",

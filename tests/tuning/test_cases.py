@@ -16,11 +16,11 @@ from eqt_cli.plots.figures.forest import Forest
 from eqt_cli.report.document import report
 from eqt_cli.results.result import open_result
 from eqt_cli.tuning.folder import TUNE
+from eqt_cli.tuning.generations import Found
 from eqt_cli.tuning.held_out import held_out
 from eqt_cli.tuning.ranking import Scores, best_of
-from eqt_cli.tuning.search import Search
-from eqt_cli.tuning.searching import Found
 from eqt_cli.tuning.tables import tuning_tables
+from eqt_cli.tuning.tune import Search
 
 WHEEL: dict[str, Any] = {
     "name": "wheel",
@@ -111,6 +111,9 @@ def test_held_out_runs_are_those_of_the_worst_case_of_each_law(tuned: tuple[Foun
         mean = held_out(result, done.record | {"over_cases": "mean"})
         assert np.allclose(mean.counted("mean_pose_error"), cases.mean(axis=0), rtol=1e-15)
         tables = {table.name: table for table in tuning_tables(result, done.record)}
+        [bound] = done.record["constraints"]
+        strict = done.record | {"constraints": [bound | {"bound": 1e-7}]}
+        marked, *_ = tuning_tables(result, strict)
         page = Forest().subject([result], ())
     assert page.titles == ["stabilising", "stabilising, start"]
     assert (
@@ -124,6 +127,8 @@ def test_held_out_runs_are_those_of_the_worst_case_of_each_law(tuned: tuple[Foun
         "Over the cases ideal and late: each number is that of the case in which the mean over all "
         "runs is worst."
     )
+    assert [row[0] for row in tables["tuned"].rows] == ["stabilising"]
+    assert [row[0] for row in marked.rows] == ["stabilising (violates final_pose_error)"]
     assert [row[0] for row in tables["cases"].blocks[0].rows] == ["ideal", "late"]
     bounds = [row[0] for row in tables["bounds"].blocks[0].rows]
     assert bounds == ["stabilising, ideal", "stabilising, late"]
@@ -155,10 +160,7 @@ def test_cases_in_another_order_are_another_search() -> None:
     [
         ({"cases": None}, "tune.over_cases: there are no cases; add `cases`, or leave it out"),
         ({"cases": {}}, "tune.cases: expected at least 1 entry, got {}"),
-        (
-            {"over_cases": "median"},
-            "tune.over_cases: expected 'mean' or 'worst', got 'median'",
-        ),
+        ({"over_cases": "median"}, "tune.over_cases: expected 'mean' or 'worst', got 'median'"),
         (
             {"cases": {"a": {"gains.kd": 2}}},
             "tune.cases.a.gains.kd: no case can change it: gains belongs to the laws, and is tuned "

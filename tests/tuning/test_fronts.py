@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.intervals import Resampling
 from eqt_cli.core.arrays import Array
 from eqt_cli.tuning.fronts import Front, at_equal_cost
 

@@ -8,8 +8,8 @@ import pytest
 
 from eqt_cli.api.loading import load_experiment, source_from
 from eqt_cli.core.errors import ConfigError, EqtError
-from eqt_cli.tuning.search import Search
 from eqt_cli.tuning.tables import values_text
+from eqt_cli.tuning.tune import Search
 
 
 def read(config: dict[str, Any]) -> Search:
@@ -32,6 +32,38 @@ def test_gains_of_a_law_are_its_own_start_and_its_own_range(small: dict[str, Any
     assert gt.values([0.5]) == {"gains.kp": 2.0}
     assert eqt.values([0.5]) == {"gains.kp": 1.0}
     assert (eqt.start, gt.start) == ((0.5,), (0.5,))
+
+
+def test_a_cascade_keeps_its_gains_and_leaves_the_section_to_others(small: dict[str, Any]) -> None:
+    cascade = {
+        "kind": "cascade",
+        "attitude": "lee2010",
+        "along": [0, 0, 1],
+        "position": {"kx": 4.0, "kv": 3.0},
+        "gains": {"kp": 1.0, "kd": 0.2},
+    }
+    small |= {
+        "group": "SE3",
+        "inertia": [2, 2, 2, 1, 1, 1],
+        "model": {"forces": [{"kind": "restoring", "weight": 9.81}]},
+        "reference": {"kind": "flat", "position": ["sin(t)", 0.0, 0.0], "along": [0, 0, 1]},
+        "initial": {"pose": "fixed", "velocity": "fixed"},
+        "controllers": [cascade, "eqt"],
+    }
+    small["tune"]["over"] = {
+        "gains.kp": [0.5, 5],
+        "controllers[0].gains.kp": [0.5, 1.5],
+        "controllers[0].position.kx": [2, 6],
+    }
+    of_cascade, eqt = read(small).laws
+    assert list(eqt.axes) == ["gains.kp"]
+    assert list(of_cascade.axes) == ["controllers[0].gains.kp", "controllers[0].position.kx"]
+    assert of_cascade.start == (0.5, 0.5)
+    tuned = of_cascade.at(of_cascade.values([1.0, 0.0])).data["controllers"][0]
+    assert (tuned["gains"]["kp"], tuned["position"]["kx"]) == (1.5, 2.0)
+    del small["gains"]  # where no law reads it
+    small["controllers"], small["tune"]["over"] = [cascade], {"controllers[0].gains.kd": [0.1, 1]}
+    assert read(small).laws[0].source.data["controllers"][0]["gains"] == {"kp": 1.0, "kd": 0.2}
 
 
 def test_a_start_outside_of_the_ranges_is_no_point_of_the_search(small: dict[str, Any]) -> None:
@@ -124,7 +156,7 @@ def test_no_other_command_minds_the_section(small: dict[str, Any]) -> None:
         ),
         (
             {"over": {"gains.kp": [-1, 1]}},
-            "tune.over: at the lower ends, controller 'eqt': gains.kp: expected a weight whose",
+            "tune.over: at the lower ends, controller 'eqt': gains.kp: must be positive",
         ),
         (
             {"objective": "mean_pose_eror"},
@@ -165,7 +197,7 @@ def test_what_is_wrong_is_said_at_its_place(
     ("key", "wrong"),
     [
         ("controllers[2].slope", "expected a number greater than 0, got -1.0"),
-        ("controllers[1].gains.kp", "expected a weight whose navigation function"),
+        ("controllers[1].gains.kp", "must be positive, so that small errors"),
     ],
 )
 def test_a_key_is_named_as_it_is_written(small: dict[str, Any], key: str, wrong: str) -> None:

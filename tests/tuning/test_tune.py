@@ -16,10 +16,9 @@ from eqt_cli.config import shipped
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.reporting import Reporter, reporting
 from eqt_cli.results.result import Result, open_result
-from eqt_cli.tuning.record_shape import fits_tuning
-from eqt_cli.tuning.scores import scores
-from eqt_cli.tuning.search import Constraint
-from eqt_cli.tuning.searching import Found
+from eqt_cli.tuning.folder import fits_tuning
+from eqt_cli.tuning.generations import Found
+from eqt_cli.tuning.ranking import Constraint, scores
 from eqt_cli.tuning.tables import tuning_tables
 
 

@@ -15,15 +15,13 @@ import yaml
 from eqt_cli import api
 from eqt_cli.api.loading import source_from
 from eqt_cli.core.errors import ConfigError, EqtError
-from eqt_cli.plots.shown.worst import ShownWorst
+from eqt_cli.plots.figures.worst import ShownWorst
 from eqt_cli.report.document import report
 from eqt_cli.results.result import Result, open_result
-from eqt_cli.tuning.folder import WORST
-from eqt_cli.tuning.record_shape import fits_worst
-from eqt_cli.tuning.searching import Found
-from eqt_cli.tuning.worst import _agree, _worst_run, badness
-from eqt_cli.tuning.worst_search import WorstSearch
-from eqt_cli.tuning.worst_tables import worst_tables
+from eqt_cli.tuning.folder import WORST, fits_worst
+from eqt_cli.tuning.generations import Found
+from eqt_cli.tuning.tables import worst_tables
+from eqt_cli.tuning.worst import WorstSearch, _agree, _worst_run, badness
 
 WHEEL: dict[str, Any] = {
     "name": "wheel",
@@ -58,8 +56,21 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Found, Path]:
     """A search to its end, and its folder; to be read only."""
     folder = tmp_path_factory.mktemp("searched") / "w"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("eqt_cli.tuning.worst_search.MOST_ON_A_LINE", 4)
+        patch.setattr("eqt_cli.tuning.worst.MOST_ON_A_LINE", 4)
         return api.worst(deepcopy(WHEEL), folder), folder
+
+
+@pytest.mark.parametrize(
+    ("profile", "points", "runs"),
+    [({}, 5, 3), ({"points": 2}, 2, 3), ({"points": 30, "runs": 1}, 30, 1)],
+)
+def test_the_picture_takes_no_more_runs_than_asked_for(profile, points, runs):
+    """By default no more than the search of two laws takes, if 5 points along a key allow it."""
+    search = read(profile=profile)
+    assert search.judging_runs == 2 * 3 + 4 * (points + 1) * 2 * runs
+    lines = search.lines({law.label: (0.3, 0.6) for law in search.laws})
+    assert [len(line.points) for line in lines] == [points + 1] * 4
+    assert search.along(lines).data["ensemble"]["runs"] == runs
 
 
 @pytest.mark.slow("searches, and runs what was found")
@@ -175,7 +186,7 @@ def test_a_second_session_computes_nothing_and_finds_the_same(
 ) -> None:
     done, folder = searched
     monkeypatch.setattr("eqt_cli.execution.run_study._Session.run", None)
-    monkeypatch.setattr("eqt_cli.tuning.worst_search.MOST_ON_A_LINE", 4)
+    monkeypatch.setattr("eqt_cli.tuning.worst.MOST_ON_A_LINE", 4)
     assert api.worst(deepcopy(WHEEL), folder).record == done.record
 
 
@@ -243,7 +254,7 @@ def test_an_interior_maximum_is_found(tmp_path: Path) -> None:
 @pytest.mark.slow("searches to the end, with runs that fail")
 def test_a_run_that_fails_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A light wheel needs more evaluations than there are."""
-    monkeypatch.setattr("eqt_cli.tuning.worst_search.MOST_ON_A_LINE", 2)
+    monkeypatch.setattr("eqt_cli.tuning.worst.MOST_ON_A_LINE", 2)
     section = WHEEL["worst"] | {"over": {"plant.inertia.relative": [-0.99, 0.2]}}
     config = WHEEL | {"controllers": ["stabilising"], "worst": section, "control": None}
     config |= {"solver": WHEEL["solver"] | {"max_steps": 150}, "ensemble": {"runs": 1}}
@@ -391,10 +402,7 @@ def test_no_other_command_minds_the_section() -> None:
             "worst.objective: no metric 'mean_pose_eror' is stored of every run; did you mean "
             "'mean_pose_error'?",
         ),
-        (
-            {"population": 4},
-            "worst.population: expected a whole number of at least 5, got 4",
-        ),
+        ({"population": 4}, "worst.population: expected a whole number of at least 5, got 4"),
     ],
 )
 def test_what_is_wrong_is_said_at_its_place(changed: dict[str, Any], message: str) -> None:

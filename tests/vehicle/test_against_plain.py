@@ -102,15 +102,19 @@ def expected(group, name):
     return y[:, : d * d].reshape(-1, d, d), y[:, d * d : d * d + m]
 
 
-@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
+SLOW = pytest.mark.slow("the plain program takes seconds there")
+ENGINES = ("solve_ivp", "native")
+
+
 @pytest.mark.parametrize(
-    "group",
-    ["SO3", pytest.param("SE3", marks=pytest.mark.slow("the plain program takes seconds there"))],
+    ("group", "engine", "name"),
+    [
+        pytest.param(group, ENGINES[(k + shift) % 2], name, marks=marks)
+        for group, shift, marks in (("SO3", 0, ()), ("SE3", 1, SLOW))  # each case by both engines
+        for k, name in enumerate(CASES)
+    ],
 )
-@pytest.mark.parametrize("name", CASES)
 def test_states_are_those_of_a_plain_program(solved, name, group, engine):
-    if engine == "taylor":
-        pytest.importorskip("heyoka")
     case = CASES[name]
     problem, solution = solved(text(group, engine, case))
     assert solution.messages == [""]

@@ -12,7 +12,7 @@ import pytest
 from scipy.linalg import block_diag, solve_discrete_are
 
 from eqt_cli.closed_loop.signals import compute
-from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.groups import group_named
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.estimators.complementary import Complementary

@@ -7,22 +7,20 @@ from scipy.linalg import expm
 from eqt_cli.closed_loop.estimates import length_unit
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.config.source import read_config
-from eqt_cli.core.errors import ConfigError
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import ConfigError, Problems
 from eqt_cli.engines import Status
 from eqt_cli.engines.walk import INDEFINITE
 from eqt_cli.experiment.horizon import remarks
-from eqt_cli.experiment.local_stability import left_out
 from eqt_cli.experiment.read_study import study
 from eqt_cli.groups import group_named
 from eqt_cli.groups.base import MatrixLieGroup
 from eqt_cli.program import traced
 from eqt_cli.program.decimals import evaluated
 from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.component import Normal
 from eqt_cli.vehicle.estimators.base import indefinite, pivots
 from eqt_cli.vehicle.estimators.complementary import Complementary
 from eqt_cli.vehicle.estimators.invariant import Invariant
-from eqt_cli.vehicle.numbers import Normal
 from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors.noise import Noise
 
@@ -194,13 +192,6 @@ def test_a_part_that_nothing_measures_is_told_before_the_run(tmp_path):
         f"{path}:14:1: estimator: nothing measures the translation, so that the error of its "
         "estimate grows without bound; add an entry for it to sensors.pose"
     ]
-
-
-def test_margins_leave_the_filter_out_and_say_so(tmp_path):
-    path = tmp_path / "flight.yaml"
-    path.write_text(text(), encoding="utf-8")
-    loop = study(read_config(path)).base.loops["eqt"]
-    assert "estimator (estimated state)" in left_out(loop)
 
 
 def test_a_run_whose_covariance_loses_definiteness_ends_and_harms_no_other(solved, monkeypatch):

@@ -12,11 +12,10 @@ from eqt_cli.closed_loop.signals import compute
 from eqt_cli.config import yaml_source
 from eqt_cli.config.schema import ControlSection
 from eqt_cli.config.source import ConfigSource, read_config
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import EqtError, Problems
+from eqt_cli.core.option_types import validated
 from eqt_cli.core.over_time import Samples
-from eqt_cli.core.problems import Problems
-from eqt_cli.core.validation import validated
-from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.read_study import study
 from eqt_cli.groups import group_named
@@ -49,12 +48,10 @@ sensors:
 """
 )
 
-ENGINES = ["solve_ivp", "taylor"]
+ENGINES = ["solve_ivp", "native"]
 
 
 def with_engine(text, engine, options=""):
-    if engine == "taylor":
-        pytest.importorskip("heyoka")
     return f"{text}solver: {{engine: {engine}{options}}}\n"
 
 
@@ -159,7 +156,6 @@ def test_streams_are_not_correlated():
 
 
 def test_both_engines_meet_the_same_vehicles_and_noise(solved):
-    pytest.importorskip("heyoka")
     states = [solved(with_engine(NOISY, engine))[1].states for engine in ENGINES]
     # Noise is no solver's: what remains is 1e-9 per step, and kinks that solve_ivp steps over.
     np.testing.assert_allclose(*states, rtol=0, atol=1e-6)
@@ -177,7 +173,7 @@ def test_an_engine_of_a_plugin_meets_the_same_vehicles_and_noise(solved):
 
 
 def test_results_do_not_depend_on_neighbours_or_workers(solved):
-    text = with_engine(NOISY, "taylor")
+    text = with_engine(NOISY, "native")
     _, together = solved(text)
     _, threads = solved(text, workers=2)
     _, some = solved(text, runs=[7, 2])
@@ -219,10 +215,7 @@ def test_the_law_is_told_what_is_measured(solved, kind, offset):
             "control.period: missing; this key is required: The laws are evaluated at t = "
             "k·period, s, and their commands held in between",
         ),
-        (
-            "control: {period: 0}",
-            "control.period: expected a number greater than 0, got 0",
-        ),
+        ("control: {period: 0}", "control.period: expected a number greater than 0, got 0"),
         (
             "sensors: {pose: [{kind: noise, std: 0.1}]}",
             "sensors: act at control instants; set control.period",
@@ -265,10 +258,7 @@ def test_the_law_is_told_what_is_measured(solved, kind, offset):
             "control.period: expected at least 1e-06 s, which makes 1,000,000 control "
             "instants in 1 s, got 1e-07",
         ),
-        (
-            "closing_window: 2",
-            "closing_window: expected a number of at most 1, got 2",
-        ),
+        ("closing_window: 2", "closing_window: expected a number of at most 1, got 2"),
         (
             "control: {period: 0.1}\nsensors: {velocity: [noise]}",
             "sensors.velocity[0]: expected std or density, got neither",
@@ -313,7 +303,6 @@ HELD = """actuators:
 
 
 def test_engines_agree_on_what_acts_at_instants(solved):
-    pytest.importorskip("heyoka")
     text = LOOP + "time: {duration: 2, samples: 21}\ncontrol: {period: 0.1}\n" + HELD
     found = [solved(with_engine(text, engine)) for engine in ENGINES]
     torques = [p.loop.torque(p.loop.tracking(p.times, s.states)) for p, s in found]

@@ -10,7 +10,7 @@ from eqt_cli.api import open_results
 from eqt_cli.config.signal_path import loop_in_words, signal_path
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError
-from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.read_study import study
 
@@ -36,12 +36,10 @@ RUNS = [0, 1]
 ARRIVING = [[True, False, True, True], [True, True, True, False]]
 """Of the positions of these runs, measured once a second."""
 
-ENGINES = ["solve_ivp", "taylor", "native"]
+ENGINES = ["solve_ivp", "native"]
 
 
 def with_engine(text, engine):
-    if engine == "taylor":
-        pytest.importorskip("heyoka")
     return f"{text}solver: {{engine: {engine}}}\n"
 
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from scipy.optimize import lsq_linear
 
-from eqt_cli.api import load_experiment, verify
+from eqt_cli.api import load_experiment
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.execution.executors import Executor
@@ -21,8 +21,8 @@ from eqt_cli.results.result import open_result
 from eqt_cli.vehicle.actuators.limit import Limit
 from eqt_cli.vehicle.actuators.rate_limit import RateLimit
 from eqt_cli.vehicle.actuators.thrusters import Thruster, Thrusters, unreachable
+from eqt_cli.vehicle.component import Normal, Uniform
 from eqt_cli.vehicle.forces.drag import Drag
-from eqt_cli.vehicle.numbers import Normal, Uniform
 from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.vehicle import Vehicle
 
@@ -146,15 +146,13 @@ RUNS = [
     pytest.param("SE2", "solve_ivp", "saturated and lagging"),
     pytest.param("SE2", "solve_ivp", "current"),
     pytest.param("SE2", "solve_ivp", "bounded"),
-    *(slow("SE2", engine, name) for engine in ("taylor", "native") for name in CASES),
-    *(slow("SE3", engine, name) for engine in ("solve_ivp", "taylor", "native") for name in CASES),
+    *(slow("SE2", "native", name) for name in [*CASES][::2]),
+    *(slow("SE3", ("native", "solve_ivp")[k % 2], name) for k, name in enumerate(CASES)),
 ]
 
 
 @pytest.mark.parametrize(("group", "engine", "name"), RUNS)
 def test_states_are_those_of_a_plain_program(solved, group, engine, name):
-    if engine == "taylor":
-        pytest.importorskip("heyoka")
     problem, solution = solved(text(group, engine, CASES[name]))
     assert solution.messages == [""]
     s = problem.loop.tracking(problem.times, solution.states)
@@ -193,18 +191,6 @@ def test_thrusts_have_the_least_weighted_sum_of_squares():
     np.testing.assert_allclose(across @ (weights * f), 0, atol=1e-13)
 
 
-def test_what_thrusts_come_to_is_the_solution_of_their_rate(derivative):
-    part = Thrusters(thrusters=[Thruster(**each) for each in FOUR], time_constant=0.4)
-    part, command, x = part.of_run(SE2, None), np.array([1.0, -2.0, 3.0]), np.ones(4)
-
-    def after(duration):
-        return part.after(SE2, command, x, np.array(duration))
-
-    np.testing.assert_allclose(after(0.0), x, atol=1e-15)
-    rate = part.state_rate(SE2, command, after(0.7))
-    np.testing.assert_allclose(derivative(lambda h: after(0.7 + h)), rate, atol=1e-10)
-
-
 @pytest.mark.parametrize("shape", [(), (2,), (2, 3)])
 def test_bounded_thrusts_that_lag_are_held_and_followed(shape):
     """States are the thrusts that were solved for, and behind them those that lag."""
@@ -216,17 +202,16 @@ def test_bounded_thrusts_that_lag_are_held_and_followed(shape):
         allocation="bounded",
     ).of_run(SE2, None)
     x = np.broadcast_to([2.0, 0.5, 1.0, -0.5], (*shape, 4))
-    tau, t = np.broadcast_to([5.0, 4.0, 7.0], (*shape, 3)), np.full((*shape, 1), 0.5)
+    tau = np.broadcast_to([5.0, 4.0, 7.0], (*shape, 3))
 
     def same(found, expected):
         np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-14)
         assert found.shape == (*shape, len(expected))
 
-    assert part.states(SE2) == 4 and part.has_closed_form
+    assert part.states(SE2) == 4
     same(part.thrust(SE2, tau, x), [1.0, -0.5])
     same(part.output(SE2, tau, x), [1.0, -1.0, 0.0])
     same(part.state_rate(SE2, tau, x), [0.0, 0.0, 2.0, 1.0])
-    same(part.after(SE2, tau, x, t), [2.0 - np.exp(-1.0), 0.5 - np.exp(-0.5)])
     solved = part.solution(SE2, tau)
     same(solved, [2.0, 2.0])
     same(part.step(SE2, solved, x, 0.1), [2.0, 2.0, 1.0, -0.5])
@@ -271,11 +256,7 @@ def test_thrusts_that_just_reach_their_limit_are_still_the_least(side):
     thrusts = free.thrust(G, command, command[:0])
     reach = float(np.abs(thrusts).max())
     part = Thrusters(
-        matrix=[[1.0, 1.0, 1.0, 1.0]],
-        weights=weights,
-        low=-reach,
-        high=reach,
-        allocation="bounded",
+        matrix=[[1.0, 1.0, 1.0, 1.0]], weights=weights, low=-reach, high=reach, allocation="bounded"
     )
     found = part.of_run(G, None).solution(G, command[None])
     np.testing.assert_array_equal(found, thrusts[None])
@@ -462,18 +443,6 @@ def test_thrusts_are_stored_and_go_on_bit_for_bit(folder, monkeypatch, engine):
         assert one["energy_residual"].max() < 1e-5
 
 
-@pytest.mark.slow("verifies a whole experiment")
-@pytest.mark.parametrize("allocation", ["bounded", "pseudo_inverse"])
-def test_what_flies_is_what_a_second_writing_says(folder, allocation):
-    actuators = [FLIGHT["actuators"][0] | {"allocation": allocation}]
-    execute(load_experiment(FLIGHT | {"actuators": actuators}), Path("out"))
-    rows = {row.name: row.verdict.value for row in verify(Path("out")).rows}
-    written_twice = "forces", "actuators"
-    for part in written_twice:
-        assert rows[f"{part} are those of the configuration"] == "holds"
-    assert rows["plant moves by its forces"] == rows["energy balance"] == "holds"
-
-
 @COMPILES
 def test_a_run_has_the_same_bits_beside_any_others(solved):
     native = FLIGHT | {"solver": FLIGHT["solver"] | {"engine": "native"}}
@@ -534,14 +503,8 @@ BAD = [
         "[{kind: limit, limit: 1, low: -1}]",
         "actuators[0]: expected limit, or low and high, got limit and low",
     ),
-    (
-        "[limit]",
-        "actuators[0]: expected limit, or low and high, got neither; add limit: 1.0",
-    ),
-    (
-        "[{kind: limit, low: -1}]",
-        "actuators[0].high: missing; give both limits, low and high",
-    ),
+    ("[limit]", "actuators[0]: expected limit, or low and high, got neither; add limit: 1.0"),
+    ("[{kind: limit, low: -1}]", "actuators[0].high: missing; give both limits, low and high"),
     (
         "[{kind: limit, low: [-1, 2, -1], high: 1}]",
         "actuators[0].low[1]: expected a number less than high, 1, got 2",

@@ -26,13 +26,17 @@ CHECKED = "certificates checked"
 """Title of the step in which identities are checked."""
 
 
-def identity_rows(common: Sample, laws: Iterable[Sample]) -> list[Row]:
-    """Check every identity: on each law or, if it concerns no law, on `common`."""
-    laws, rows = list(laws), []
+def identity_rows(
+    common: Sample, laws: Iterable[Sample], cascades: Iterable[Sample] = ()
+) -> list[Row]:
+    """Check every identity: on each law or cascade or, if it concerns no law, on `common`."""
+    laws, cascades, rows = list(laws), list(cascades), []
     due = [
         (certificate, sample)
         for certificate in _of_kind(Identity)
-        for sample in (laws if certificate.per_law else [common])
+        for sample in (
+            cascades if certificate.of_whole else laws if certificate.per_law else [common]
+        )
         if certificate.applies(sample.loop)
     ]
     with step(CHECKED, len(due)):

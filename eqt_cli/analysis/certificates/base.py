@@ -8,18 +8,17 @@ from math import ceil, floor, log10
 from typing import Any, ClassVar, Literal
 
 from eqt_cli.analysis.evidence.exact import NotRationalError
-from eqt_cli.analysis.evidence.exact_states import ExactStates
 from eqt_cli.analysis.evidence.proof import Refutation, UnprovableError, prove, written
 from eqt_cli.analysis.evidence.running_error import discrepancy
 from eqt_cli.analysis.evidence.runs import Runs, Setting
-from eqt_cli.analysis.evidence.sample import Sample
+from eqt_cli.analysis.evidence.sample import ExactStates, Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.error_origin import described, place_of
+from eqt_cli.core.registry import described, place_of
 from eqt_cli.mechanics.tracking import Tracking
 
-Kind = Literal["identity", "trajectory", "hypothesis", "oracle", "code"]
+Kind = Literal["identity", "trajectory", "hypothesis", "code"]
 
 
 class Verdict(StrEnum):
@@ -124,12 +123,15 @@ class Identity(Certificate):
     ----------
     per_law
         Whether it concerns a control law; else only the group and the inertia.
+    of_whole
+        Whether it concerns a cascade as a whole; else its attitude law.
     not_rational
         Reason why its sides are not rational functions of the state, if this is known.
     """
 
     kind: ClassVar[Kind] = "identity"
     per_law: ClassVar[bool] = False
+    of_whole: ClassVar[bool] = False
     not_rational: ClassVar[str] = ""
 
     def applies(self, loop: ClosedLoop) -> bool:
@@ -201,12 +203,8 @@ class LiteralForm(Identity):
     law: ClassVar[str]
 
     def applies(self, loop: ClosedLoop) -> bool:
-        """Whether the loop has this law, and the formula covers the rest of the loop."""
-        return registered_name(loop.controller) == self.law and self.is_written_for(loop)
-
-    def is_written_for(self, loop: ClosedLoop) -> bool:
-        """Whether the formula covers the group and the kind of inertia."""
-        return True
+        """Whether the loop has this law; override it if the formula does not cover every loop."""
+        return registered_name(loop.controller) == self.law
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """Compare torque and formula for the experiment's gains and for generic ones.
@@ -229,6 +227,11 @@ class TrajectoryCheck(Certificate):
     def applies(self, runs: Runs) -> bool:
         """Whether the statement applies to these runs."""
         return True
+
+    def undecided(self, runs: Runs, reason: str = "") -> Row:
+        """Return a row without a verdict; the reason is that runs failed unless it is given."""
+        remark = reason or runs.remark
+        return self.row(Verdict.UNDECIDED, remark=remark, controller=runs.label)
 
     @abstractmethod
     def check(self, runs: Runs) -> Row:

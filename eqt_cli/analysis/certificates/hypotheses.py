@@ -11,9 +11,8 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.mechanics.critical_points import CriticalSet, critical_sets
-from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.inertia import Inertia, not_rigid
 from eqt_cli.mechanics.navigation import hessian_at_identity
-from eqt_cli.mechanics.rigid_body import not_rigid
 
 INSTANTS = 1001
 """Number of instants of the horizon at which a varying inertia is evaluated."""
@@ -34,7 +33,7 @@ class NavigationFunction(Hypothesis):
 
     def check(self, setting: Setting) -> list[Row]:
         """The critical sets with their indices."""
-        G, K = setting.loop.group, setting.loop.gains.K
+        G, K = setting.inside.group, setting.inside.gains.K
         found = critical_sets(G, K)
         if found is None:
             return [self.row(Verdict.UNKNOWN, remark=f"critical points on {G.name} not known")]
@@ -65,7 +64,7 @@ class WeightCondition(Hypothesis):
 
     def check(self, setting: Setting) -> list[Row]:
         """Its smallest eigenvalue."""
-        hessian = hessian_at_identity(setting.loop.group, setting.loop.gains.K)
+        hessian = hessian_at_identity(setting.inside.group, setting.inside.gains.K)
         return [self.row(*_definite(hessian), 0.0, "smallest eigenvalue")]
 
 
@@ -78,7 +77,7 @@ class RayleighTensor(Hypothesis):
 
     def check(self, setting: Setting) -> list[Row]:
         """The smallest eigenvalue of its symmetric part."""
-        K_d = setting.loop.gains.K_d
+        K_d = setting.inside.gains.K_d
         return [self.row(*_definite((K_d + K_d.T) / 2), 0.0, "smallest eigenvalue")]
 
 

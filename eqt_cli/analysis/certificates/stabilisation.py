@@ -12,7 +12,6 @@ from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, apply_matrix, dot, stack, transpose
 from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import critical_sets
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
 from eqt_cli.mechanics.navigation import gradient, potential
@@ -99,7 +98,7 @@ class InertiaRate(Identity):
 
 
 class NavigationGradient(Identity):
-    """d/dt Υ(Q) = ⟨L*_Q dΥ, V⟩ along Q̇ = Q V^; on SO(3) also the paper's (K R − Rᵀ K)^∨."""
+    """d/dt Υ(Q) = ⟨L*_Q dΥ, V⟩ along Q̇ = Q V^."""
 
     name: ClassVar[str] = "gradient of Υ"
     statement: ClassVar[str] = "Example 3.4, eq. (13)"
@@ -110,8 +109,6 @@ class NavigationGradient(Identity):
         G, K, (Q, P), (V, _) = sample.G, sample.loop.gains.K, sample.states[0], sample.inputs[0]
         along, _ = sample.moving((Q, P), (Q @ G.hat(V), 0 * P))
         yield rate_of(potential(G, K, along)), dot(gradient(G, K, Q), V)
-        if is_rotations_of_space(G):
-            yield gradient(G, K, Q), vee(K @ Q - transpose(Q) @ transpose(K))
 
 
 class CriticalPoints(Identity):
@@ -157,24 +154,3 @@ def _slope(s: Tracking, E: Array) -> Array:
     """d/dε Υ(Q exp(εE) Q_target⁻¹)."""
     Q = with_rate(s.Q, s.Q @ s.G.hat(E))
     return rate_of(potential(s.G, s.gains.K, Q @ s.G.inverse(s.Qd)))
-
-
-class RigidBodyForm(LiteralForm):
-    """A law whose source covers SO(3) and a constant inertia."""
-
-    def is_written_for(self, loop: ClosedLoop) -> bool:
-        """Whether the group is SO(3) and the inertia is constant."""
-        return is_rotations_of_space(loop.group) and isinstance(loop.inertia, Inertia)
-
-
-def is_rotations_of_space(G: MatrixLieGroup) -> bool:
-    """Whether [u, v] = u × v in a group of 3×3 matrices: the group is SO(3), whatever its name."""
-    if G.dimension != 3 or G.size != 3:
-        return False
-    cross = np.cross(np.eye(3)[:, None], np.eye(3)[None])
-    return bool((G.structure_constants == cross).all())
-
-
-def vee(U: Array) -> Array:
-    """The vector u of a skew-symmetric matrix u^×, ``(..., 3, 3) -> (..., 3)``."""
-    return stack([U[..., 2, 1], U[..., 0, 2], U[..., 1, 0]])

@@ -4,10 +4,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.claims import AtMost, Less, claim_sets
+from eqt_cli.analysis.comparison.intervals import Resampling
 from eqt_cli.analysis.comparison.pairs import Level, Pair, statistics
 from eqt_cli.analysis.comparison.verdicts import (
+    ClaimVerdict,
     Judgement,
     Settled,
     applicable,
@@ -44,6 +45,8 @@ class Comparison:
         One row per measure and controller, and per measure and pair of controllers.
     judgements
         One row per claim and measure; empty if no claim applies.
+    departures
+        How the loop departs from that of the claims, in words; then no claim is judged.
     lyapunov_functions
         Name of each law's function L, by label; empty if it is the same for all.
     not_matched
@@ -65,6 +68,7 @@ class Comparison:
     levels: list[Level]
     pairs: list[Pair]
     judgements: list[Judgement]
+    departures: str
     lyapunov_functions: dict[str, str]
     not_matched: list[str]
     missing: list[str]
@@ -119,6 +123,12 @@ def compare(
     measured = list(samples.values())
     levels, pairs, resamples = statistics(measured, result.labels, result.good, how)
     shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
+    judgements = _judgements(result, kinds, samples, pairs, how.confidence)
+    if result.departures:
+        uncovered = ClaimVerdict.NOT_COVERED
+        judgements = [replace(row, verdict=uncovered, runs_to_decide=None) for row in judgements]
+    of_all = result.lyapunov_functions
+    functions = {label: of_all[label] for label in labels if label in of_all}
     return Comparison(
         title=result.title,
         group=result.group_name,
@@ -138,8 +148,9 @@ def compare(
             and _same_measure(result, pair)
             and {pair.first, pair.second} <= set(labels)
         ],
-        judgements=_judgements(result, kinds, samples, pairs, how.confidence),
-        lyapunov_functions=result.lyapunov_functions,
+        judgements=judgements,
+        departures=result.departures,
+        lyapunov_functions=functions if len(set(functions.values())) > 1 else {},
         not_matched=[label for label in result.not_matched if label in labels],
         missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
         confidence=how.confidence,

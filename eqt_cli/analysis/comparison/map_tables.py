@@ -115,7 +115,7 @@ def _mean(mean: float, failed: int, censored: int) -> str:
 
 def _lead(cell: Cell, write: Plain) -> str:
     """Format the lead over the next law with its interval, in percent of the next law's mean."""
-    if not cell.difference or not all(map(isfinite, cell.lead)):
+    if not cell.difference.value or not all(map(isfinite, cell.lead)):
         return "-"
     mean, low, high = (fixed(100 * share, 1) for share in cell.lead)
     return write.number(f"{mean} [{low}, {high}]") + write.text(" %")
@@ -132,9 +132,9 @@ def map_records(found: Map, result: Result) -> list[dict[str, Any]]:
             "winner": None if cell.winner == NOBODY else found.labels[cell.winner],
             "best": found.labels[cell.best],
             "next": found.labels[cell.runner_up],
-            "difference": cell.difference,
-            "low": cell.low,
-            "high": cell.high,
+            "difference": cell.difference.value,
+            "low": cell.difference.low,
+            "high": cell.difference.high,
             "relative": cell.lead.value,
             "relative_low": cell.lead.low,
             "relative_high": cell.lead.high,

@@ -5,10 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
+from eqt_cli.analysis.comparison.intervals import (
+    FEWEST,
+    Interval,
+    Resampling,
+    intervals_of_means,
+    relative_difference,
+)
 from eqt_cli.analysis.comparison.pairs import resolved_differences
-from eqt_cli.analysis.comparison.ratios import relative_difference
-from eqt_cli.analysis.comparison.shares import Interval
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.reporting import reporter, step
@@ -38,7 +42,7 @@ class Cell:
         all points, and settles in at least one run.
     p_value
         P-value that the best law is better than all others, adjusted for the number of points.
-    difference, low, high
+    difference
         Paired difference best minus next, with an unadjusted interval.
     lead
         The difference divided by the mean of the next law, with the interval of the ratio.
@@ -53,9 +57,7 @@ class Cell:
     runner_up: int
     wins: bool
     p_value: float
-    difference: float
-    low: float
-    high: float
+    difference: Interval
     lead: Interval
     failed: tuple[int, ...]
     censored: tuple[int, ...]
@@ -171,9 +173,7 @@ def compare_map(
             runner_up=int(runner_up[point]),
             wins=bool(adjusted[point] <= 1 - how.confidence) and count != 0,
             p_value=float(adjusted[point]),
-            difference=float(ends[point, 0]),
-            low=float(ends[point, 1]),
-            high=float(ends[point, 2]),
+            difference=Interval(*ends[point].tolist()),
             lead=relative_difference(differences[point, 0], others[point, 0], how.confidence),
             failed=tuple(map(int, failed[point])),
             censored=tuple(map(int, np.count_nonzero(censored[point], axis=-1))),

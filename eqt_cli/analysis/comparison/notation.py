@@ -44,18 +44,14 @@ class Plain:
 
     def interval(self, mean: float, low: float, high: float) -> str:
         """Return a mean with its interval, to two digits of the half width."""
-        digits = decimals((high - low) / 2, mean)
-        ends = f"{fixed(low, digits)}, {fixed(high, digits)}"
-        centre = self.number(fixed(mean, digits))
-        return f"{centre} [{self.number(ends)}]" if math.isfinite(low) else centre
+        centre, *ends = map(self.number, in_one_form((high - low) / 2, mean, low, high))
+        return f"{centre} [{', '.join(ends)}]" if math.isfinite(low) else centre
 
     def spread(self, mean: float, low: float, high: float) -> str:
         """Return a mean with half the width of its interval."""
         half = (high - low) / 2
-        digits = decimals(half, mean)
-        if not math.isfinite(half):
-            return self.number(fixed(mean, digits))
-        return f"{self.number(fixed(mean, digits))} {self.plus_minus} {fixed(half, digits)}"
+        centre, around = map(self.number, in_one_form(half, mean, half))
+        return f"{centre} {self.plus_minus} {around}" if math.isfinite(half) else centre
 
 
 class Latex(Plain):
@@ -88,16 +84,38 @@ class Latex(Plain):
         return re.sub(r"-(?=\d)", "$-$", text)
 
 
-def decimals(half_width: float, mean: float = 0.0) -> int:
-    """Return the decimal places that show two digits of the half width of an interval.
+DECIMAL = 1e-3, 1e9
+"""Sizes of the numbers that are written as decimals; others are powers of ten."""
 
-    Without an interval, they show three digits of the mean.
+
+def in_one_form(half_width: float, *values: float) -> list[str]:
+    """Format numbers to two digits of the half width of an interval, or three of the largest.
+
+    All of them are decimals, or all powers of ten.
     """
-    if math.isfinite(half_width) and half_width > 0:
-        return min(12, max(0, 1 - math.floor(math.log10(half_width))))
-    if math.isfinite(mean) and mean != 0:
-        return min(12, max(0, 2 - math.floor(math.log10(abs(mean)))))
-    return 3
+    largest = max((abs(x) for x in values if math.isfinite(x)), default=0.0)
+    known = math.isfinite(half_width) and half_width > 0
+    if not (known or largest):
+        return [fixed(x, 3) for x in values]
+    digits = (1 if known else 2) - math.floor(math.log10(half_width if known else largest))
+    if DECIMAL[0] <= largest < DECIMAL[1]:
+        return [fixed(x, min(12, max(0, digits))) for x in values]
+    return [_power(x, digits) for x in values]
+
+
+def _power(value: float, digits: int) -> str:
+    """Format a number as a power of ten, to so many decimal places of the number itself."""
+    if not math.isfinite(value):
+        return "-"
+    if abs(value) < 0.5 * 10.0**-digits:
+        return "0"
+    return f"{value:.{max(0, math.floor(math.log10(abs(value))) + digits)}e}"
+
+
+def percent(share: float, *, signed: bool = False) -> str:
+    """Return a share in per cent with one decimal place, or with one digit if that is all 0."""
+    digits = 1 if share == 0 else max(1, -math.floor(math.log10(100 * abs(share))))
+    return f"{100 * share:{'+' if signed else ''}.{min(digits, 6)}f} %"
 
 
 def significant(value: float, digits: int = 4) -> str:
@@ -106,17 +124,16 @@ def significant(value: float, digits: int = 4) -> str:
         return "-"
     if value == 0:
         return "0"
-    size = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    text = f"{value:.{digits - 1}e}"
+    size = int(text.partition("e")[2])
     if not -3 <= size < 6:
-        return f"{value:.{digits - 1}e}"
+        return text
     return f"{value:.{max(0, digits - 1 - size)}f}"
 
 
 def fixed(value: float, digits: int) -> str:
-    """Format a number with decimal places, or scientifically if there are many; - if not finite."""
+    """Format a number with decimal places; - if not finite."""
     if not math.isfinite(value):
         return "-"
-    if digits > 6:
-        return f"{value:.2g}"
     text = f"{value:.{digits}f}"
     return text.removeprefix("-") if float(text) == 0 else text

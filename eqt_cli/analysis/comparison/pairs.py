@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
+from eqt_cli.analysis.comparison.intervals import (
+    FEWEST,
+    Interval,
+    PairedShares,
+    Resampling,
+    intervals_of_means,
+    runs_to_decide,
+    shares,
+)
 from eqt_cli.analysis.comparison.notation import Plain
-from eqt_cli.analysis.comparison.runs_needed import runs_to_decide
-from eqt_cli.analysis.comparison.shares import Interval, PairedShares, share
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.result import PerRun
 
 RESOLUTION = 1e-6
 """Relative difference below which two runs count as equal. Laws that coincide on a group, such as
 EqT and GT on a commutative one, still differ by rounding and solver errors."""
+
+
+LEAST_SEEN = 5e-4
+"""Least relative difference that is called one where there is no interval."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +86,8 @@ class Pair:
         Mean divided by standard deviation of the differences.
     first_better
         Share of pairs in which the first is better; ties count half.
+    ties
+        Number of pairs in which both are equal.
     runs_to_decide
         Number of runs that would decide the sign (`runs_needed.runs_to_decide`); None for fewer
         than `bootstrap.FEWEST` pairs, whose spread is too uncertain.
@@ -96,6 +109,7 @@ class Pair:
     mean_second: float
     cohen_d: float
     first_better: float
+    ties: int
     runs_to_decide: int | None
     p_value: float | None = None
 
@@ -111,6 +125,13 @@ class Pair:
     def relative(self) -> float:
         """The difference divided by the mean of the second."""
         return self.difference / self.mean_second if self.mean_second else float("nan")
+
+    @property
+    def differs(self) -> bool:
+        """Whether a difference was seen: its interval excludes 0, or without one 0.05 % do."""
+        if np.isfinite(self.low):
+            return not self.low <= 0 <= self.high
+        return abs(self.difference) > LEAST_SEEN * abs(self.mean_second)
 
     def swapped(self) -> Pair:
         """Return the pair with the two controllers exchanged."""
@@ -129,10 +150,7 @@ class Pair:
 
 
 def statistics(
-    measured: Sequence[PerRun],
-    labels: Sequence[str],
-    good: Array,
-    how: Resampling,
+    measured: Sequence[PerRun], labels: Sequence[str], good: Array, how: Resampling
 ) -> tuple[list[Level], list[Pair], int]:
     """Return the levels of all controllers, all pairs, and the number of resamples.
 
@@ -155,19 +173,17 @@ def statistics(
     levels, pairs = [], []
     for s in measured:
         for c, label in enumerate(labels):
-            interval = _share(s, c, how.confidence) if s.quantity.counts else next(ends)
+            of_runs = shares(s.values[c], how.confidence) if s.quantity.counts else next(ends)
+            interval = Interval(*of_runs)
             levels.append(_level(s, c, label, good, interval))
         for a, b in couples:
-            shares = _paired(s, a, b) if s.quantity.counts else None
-            interval = next(ends) if shares is None else shares.difference(how.confidence)
+            counts = _paired(s, a, b) if s.quantity.counts else None
+            interval = next(ends) if counts is None else counts.difference(how.confidence)
+            if counts is not None and counts.runs < FEWEST:
+                interval = Interval(interval.value, math.nan, math.nan)
             pair = _pair(s, a, b, labels, good, how.confidence, interval)
-            pairs.append(pair if shares is None else replace(pair, p_value=shares.p_value))
+            pairs.append(pair if counts is None else replace(pair, p_value=counts.p_value))
     return levels, pairs, found.resamples
-
-
-def _share(s: PerRun, c: int, confidence: float) -> Interval:
-    values = s.values[c][np.isfinite(s.values[c])]
-    return share(int(values.sum()), len(values), confidence)
 
 
 def _paired(s: PerRun, a: int, b: int) -> PairedShares:
@@ -221,6 +237,7 @@ def _pair(
         mean_second=_mean(s.values[b][both]),
         cohen_d=cohen_d,
         first_better=first_better,
+        ties=int(np.count_nonzero(differences == 0)),
         runs_to_decide=runs_to_decide(cohen_d, confidence) if both.sum() >= FEWEST else None,
     )
 
@@ -237,4 +254,5 @@ def _mean(values: Array) -> float:
 
 
 def _deviation(values: Array) -> float:
-    return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
+    with np.errstate(over="ignore"):
+        return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")

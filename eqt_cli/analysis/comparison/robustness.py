@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.analysis.comparison.intervals import share
 from eqt_cli.analysis.comparison.notation import Plain
-from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError

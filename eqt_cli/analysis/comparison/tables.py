@@ -1,18 +1,22 @@
-"""Lays out a comparison as text tables: controllers, pairs, claims."""
+"""Lays out a comparison as text tables: pairs, controllers, claims."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 
-from eqt_cli.analysis.comparison.bootstrap import FEWEST
 from eqt_cli.analysis.comparison.compare import Comparison
-from eqt_cli.analysis.comparison.notation import Plain
-from eqt_cli.analysis.comparison.pairs import Level, Pair
-from eqt_cli.analysis.comparison.runs_needed import POWER
+from eqt_cli.analysis.comparison.intervals import FEWEST, POWER
+from eqt_cli.analysis.comparison.notation import Plain, percent
+from eqt_cli.analysis.comparison.pairs import LEAST_SEEN, Level, Pair
+from eqt_cli.analysis.comparison.records import sources
 from eqt_cli.analysis.comparison.verdicts import Judgement
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import PerRun
+
+IN_FULL = ("d", "runs to decide")
+"""Columns of the table of pairs that its brief form leaves out."""
 
 _KEYS = 3
 """Number of leading columns that identify a row: measure, window, unit."""
@@ -27,6 +31,7 @@ def text_tables(
     against: Sequence[str] = (),
     *,
     laws_as_rows: bool = False,
+    brief: bool = False,
 ) -> dict[str, TextTable]:
     """Return all tables that have rows, by name.
 
@@ -36,11 +41,13 @@ def text_tables(
         Show only pairs with one of these controllers; all if empty.
     laws_as_rows
         Whether the table of means has a row for each controller instead of each measure.
+    brief
+        Whether the table of pairs is to fit 80 columns, without what only some readers need.
     """
     means = _controllers(comparison, notation)
     made = [
+        _pairs(comparison, notation, against, brief),
         _with_laws_as_rows(means) if laws_as_rows and means.blocks else means,
-        _pairs(comparison, notation, against),
         _claims(comparison, notation),
     ]
     return {table.name: table for table in made if table.blocks}
@@ -78,10 +85,10 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
         notes.append(f"Failed runs, left out: {', '.join(failed)}.")
     if any(level.measured.quantity.counts for level in comparison.levels):
         notes.append(f"Shares of runs: with {100 * comparison.confidence:g} % Wilson intervals.")
-    caption = (
-        f"Means over {_runs_each(comparison)}; "
-        f"{write.plus_minus} half the {_level_name(comparison, write)} interval"
-    )
+    caption = f"Means over {_runs_each(comparison)}"
+    intervals = (x for x in comparison.levels if not x.measured.quantity.counts)
+    if any(math.isfinite(level.low) for level in intervals):
+        caption += f"; {write.plus_minus} half the {_level_name(comparison, write)} interval"
     laws = [write.text(titles[label]) for label in comparison.labels]
     header = ["measure", "window", "unit", *laws]
     blocks = [Block("", rows)] if rows else []
@@ -116,7 +123,7 @@ def _functions(comparison: Comparison) -> list[str]:
     return [f"L is each law's own function: {listed}. Different functions are not compared by it."]
 
 
-def _pairs(comparison: Comparison, write: Plain, against: Sequence[str]) -> TextTable:
+def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], brief: bool) -> TextTable:
     position = {label: index for index, label in enumerate(comparison.labels)}
 
     def names(pair: Pair) -> tuple[str, str]:
@@ -125,63 +132,71 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str]) -> Text
     def order(pair: Pair) -> tuple[int, int]:
         return position[pair.first], position[pair.second]
 
+    def key(pair: Pair) -> list[str]:
+        name, window, unit = _measure(pair.measured, write)
+        named = filter(None, [pair.measured.quantity.plain, window, unit])
+        return [", ".join(named)] if brief else [name, window, unit]
+
     shown = [p for p in comparison.pairs if not against or set(names(p)) & set(against)]
     blocks = []
     for (first, second), found in groupby(sorted(shown, key=order), key=names):
-        rows = [_pair_row(pair, write) for pair in found]
+        rows = [[*key(pair), *_pair_row(comparison, pair, write)] for pair in found]
         blocks.append(Block(write.text(_difference(comparison, first, second)), rows))
-    caption = (
-        f"Paired differences on the same initial states, with {_level_name(comparison, write)} "
-        "intervals"
-    )
-    header = [
-        "measure",
-        "window",
-        "unit",
-        "difference",
-        "relative",
-        "d",
-        "P(better)",
-        "pairs",
-        "runs to decide",
-    ]
+    caption = "Paired differences from the same initial states"
+    if any(math.isfinite(pair.low) for pair in shown):
+        caption += f", with {_level_name(comparison, write)} intervals"
+    keys = ["measure"] if brief else ["measure", "window", "unit"]
+    header = [*keys, "difference", "better in", "relative", *IN_FULL]
     notes = _plain(_pair_notes(comparison, shown), write)
-    spare = ("pairs", "runs to decide", "d", "P(better)", "relative")
-    return TextTable("pairs", caption, header, blocks, notes, spare, _KEYS)
+    spare = ("runs to decide", "d", "relative", "better in")
+    table = TextTable("pairs", caption, header, blocks, notes, spare, len(keys))
+    return table.without(IN_FULL) if brief else table
 
 
 def _difference(comparison: Comparison, first: str, second: str) -> str:
     return f"{comparison.titles[first]} − {comparison.titles[second]}"
 
 
-def _pair_row(pair: Pair, write: Plain) -> list[str]:
+def _pair_row(comparison: Comparison, pair: Pair, write: Plain) -> list[str]:
     return [
-        *_measure(pair.measured, write),
         write.interval(pair.difference, pair.low, pair.high),
+        write.text(_better_in(pair, comparison.titles)),
         _relative(pair, write),
         "-" if pair.measured.quantity.counts else write.number(_two(pair.cohen_d)),
-        _two(pair.first_better),
-        str(pair.pairs),
         _runs(pair.runs_to_decide),
     ]
 
 
+def _better_in(pair: Pair, titles: Mapping[str, str]) -> str:
+    """Return in how many runs the law that is better more often is: ``EqT 15 of 20``."""
+    if not pair.pairs or pair.measured.quantity.better == "neither":
+        return "-"
+    if pair.ties == pair.pairs:
+        return f"equal in {pair.pairs}"
+    first = round(pair.first_better * pair.pairs - pair.ties / 2)
+    second = pair.pairs - pair.ties - first
+    if first == second:
+        return f"each {first} of {pair.pairs}"
+    label, most = (pair.first, first) if first > second else (pair.second, second)
+    return f"{titles[label]} {most} of {pair.pairs}"
+
+
 def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     notes = [
-        "d: mean over standard deviation of the paired differences (Cohen). P(better): share of "
-        "runs in which the first controller is the better one, ties count half.",
+        "d: mean over standard deviation of the paired differences (Cohen).",
+        f"runs to decide: the number of runs with which an interval excludes 0 with probability "
+        f"{POWER:g}, if mean and spread stay as measured.",
         *_of_shares(comparison, shown),
-        f"Runs to decide: the number of runs with which an interval excludes 0 with probability "
-        f"{POWER:g}, if mean and spread stay as measured. Intervals are not "
-        "corrected for multiple comparisons.",
     ]
+    if any(math.isfinite(pair.low) for pair in shown):
+        notes.append("Intervals are not corrected for multiple comparisons.")
     failed = max((pair.failed for pair in shown), default=0)
     if failed:
         notes.append(f"Runs in which either controller failed are left out (at most {failed}).")
-    fewest = min((pair.pairs for pair in shown), default=FEW)
+    fewest = min((pair.pairs for pair in shown if pair.pairs), default=FEW)
     if fewest < FEW:
         notes.append(
-            f"Here are {fewest} pairs. From fewer than {FEW}, an interval may hold less often than "
+            f"From fewer than {FEW} pairs (here {fewest}), an interval may hold less often than "
             f"its confidence says; from fewer than {FEWEST}, there is none."
         )
     return notes
@@ -192,7 +207,7 @@ def _of_shares(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     tested = [pair for pair in shown if pair.p_value is not None]
     if not tested:
         return []
-    found = ", ".join(
+    found = "; ".join(
         f"{pair.measured.quantity.plain}, {_difference(comparison, pair.first, pair.second)}: "
         f"p = {pair.p_value:.2g}"
         for pair in tested
@@ -211,9 +226,8 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
         absent = ", ".join(map(law_title, judgements[0].absent))
         without = f" (here without {absent})" if absent else ""
         blocks.append(Block(write.text(f"“{says}”{without}"), rows))
-    sources = dict.fromkeys(judgement.source for judgement in comparison.judgements)
     caption = (
-        f"Claims of {write.text('; '.join(sources))}, tested on this experiment, at "
+        f"Claims of {write.text(sources(comparison))}, tested on this experiment, at "
         f"{_runs_each(comparison)}"
     )
     header = ["measured", "window", "found", "verdict", "runs to decide"]
@@ -255,17 +269,16 @@ def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> li
 
 
 def _measure(measured: PerRun, write: Plain) -> list[str]:
-    return [
-        write.name(measured.quantity),
-        write.window(measured.window),
-        write.unit(measured.unit),
-    ]
+    return [write.name(measured.quantity), write.window(measured.window), write.unit(measured.unit)]
 
 
 def _relative(pair: Pair, write: Plain) -> str:
     if pair.relative != pair.relative:
         return "-"
-    return write.number(f"{100 * pair.relative:+.1f}") + write.text(" %")
+    if abs(pair.relative) < LEAST_SEEN and not pair.differs:
+        return "no difference seen"
+    number, _, sign = percent(pair.relative, signed=True).partition(" ")
+    return f"{write.number(number)} {write.text(sign)}"
 
 
 def _level_name(comparison: Comparison, write: Plain) -> str:
@@ -281,7 +294,7 @@ def _two(value: float) -> str:
 
 
 def _runs(runs: int | None) -> str:
-    return "-" if runs is None else str(runs)
+    return "-" if runs is None else str(runs) if runs <= 10_000 else "> 10,000"
 
 
 def _plain(notes: Sequence[str], write: Plain) -> list[str]:

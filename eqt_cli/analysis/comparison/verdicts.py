@@ -9,8 +9,8 @@ from enum import StrEnum
 import numpy as np
 
 from eqt_cli.analysis.comparison.claims import AtMost, Claim, ClaimSet, Less
+from eqt_cli.analysis.comparison.intervals import SHARE, runs_without_exception
 from eqt_cli.analysis.comparison.pairs import Pair
-from eqt_cli.analysis.comparison.runs_needed import SHARE, runs_without_exception
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import PerRun, Result
 from eqt_cli.results.time_windows import Window
@@ -23,6 +23,7 @@ class ClaimVerdict(StrEnum):
     SEEN = "seen, not all settled"
     NOT_SUPPORTED = "not supported"
     UNDECIDED = "undecided"
+    NOT_COVERED = "not covered"
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,19 @@ the law, least squares over these parts explain the difference.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from eqt_cli.analysis.evidence.code_assumptions import assumptions
-from eqt_cli.analysis.evidence.code_question import Question
-from eqt_cli.closed_loop.law_input import LawInput
-from eqt_cli.controllers.family import Family
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import Controller
+from eqt_cli.controllers.family import Family, Frame
 from eqt_cli.core.arrays import Array, apply_matrix
+from eqt_cli.mechanics.law_input import LawInput
+from eqt_cli.mechanics.tracking import Gains
 
 EXPLAINED = {"double": 1e-9, "float": 1e-4}
 """Largest unexplained share of the torque in a complete explanation."""
@@ -32,6 +35,56 @@ ASSUMED = 1.5
 
 VANISHES = 1e-12
 """Size relative to the torque below which a part is 0 on this group or with these gains."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A law and the states at which its torque is computed.
+
+    Attributes
+    ----------
+    loop
+        The loop, with the law as a formula.
+    inputs, memory
+        Inputs and memory of the law, one row per state.
+    """
+
+    loop: ClosedLoop
+    inputs: LawInput
+    memory: Mapping[str, Array]
+
+    def torque(
+        self,
+        *,
+        law: Controller | None = None,
+        inputs: LawInput | None = None,
+        K: float = 1.0,
+        K_d: float = 1.0,
+        memory: Mapping[str, Array] | None = None,
+    ) -> Array:
+        """Return the torque of this or another law with scaled gains, ``(rows, m)``."""
+        loop, inputs = self.loop, inputs or self.inputs
+        gains = Gains(K * loop.gains.K, K_d * loop.gains.K_d)
+        kept = self.memory if memory is None else memory
+        s = inputs.tracking(loop.group, loop.inertia, gains, kept)
+        with np.errstate(all="ignore"):
+            found: Array = (law or loop.controller).torque(s) + 0.0 * inputs.velocity
+        return found
+
+    def of(self, where: Array) -> Question:
+        """Return the question at some of the states."""
+        inputs = self.inputs.each(lambda part: np.asarray(part)[where])
+        return Question(self.loop, inputs, {name: z[where] for name, z in self.memory.items()})
+
+    @property
+    def forgetful(self) -> dict[str, Array]:
+        """The memory set to 0."""
+        return {name: 0 * values for name, values in self.memory.items()}
+
+    @cached_property
+    def frame(self) -> Frame:
+        """Frame of the errors of the law."""
+        return getattr(self.loop.controller, "error", "body")
 
 
 # The parts ----------------------------------------------------------------------------------------
@@ -255,11 +308,7 @@ def explained(question: Question, torque: Array, real: str) -> Explanation:
     """
     finite = np.isfinite(torque).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
     usable = np.flatnonzero(finite)[:ENOUGH]
-    few = Question(
-        question.loop,
-        LawInput(*(np.asarray(part)[usable] for part in question.inputs)),
-        {name: values[usable] for name, values in question.memory.items()},
-    )
+    few = question.of(usable)
     found: list[Explanation] = []
     for words, changed, pose, rest in assumptions(few):
         for parts in parts_of(changed, pose, rest):
@@ -277,12 +326,18 @@ def explained(question: Question, torque: Array, real: str) -> Explanation:
 def _explanation(
     question: Question, parts: Parts, torque: Array, assumed: str, real: str
 ) -> Explanation:
-    law = sum((parts.expected[n] * column for n, column in parts.columns.items()), 0 * torque)
     columns = dict(parts.columns)
     expected = dict(parts.expected)
     symmetric = _symmetric(question)
     if np.abs(symmetric).max() > EXPLAINED["double"] * np.abs(torque).max():
         columns[SYMMETRIC], expected[SYMMETRIC] = symmetric, 0.0
+    return in_parts(Parts(columns, expected), torque, real, assumed)
+
+
+def in_parts(parts: Parts, torque: Array, real: str, assumed: str = "") -> Explanation:
+    """Return a torque in C as a sum of parts, by least squares."""
+    columns, expected = parts.columns, parts.expected
+    law = sum((expected[n] * column for n, column in columns.items()), 0 * torque)
     difference = torque - law
     more = _least_squares(columns, difference)
     left = difference - sum((more[n] * column for n, column in columns.items()), 0 * torque)
@@ -320,3 +375,143 @@ def sum_of(columns: Mapping[str, Array], found: Array, bound: float) -> str:
         f"{name}: coefficient {share:.2f} of 1".replace("-0.00", "0.00")
         for name, share in shares.items()
     )
+
+
+# Typical mistakes: frames, transposes, axes, units, options ---------------------------------------
+
+
+class Assumption(NamedTuple):
+    """An assumed mistake, with the law that the code then follows.
+
+    Attributes
+    ----------
+    words
+        The mistake in words; "" if none is assumed.
+    question
+        The law and its inputs.
+    pose, rest
+        Inputs of the stiffness, and of all other parts.
+    """
+
+    words: str
+    question: Question
+    pose: LawInput
+    rest: LawInput
+
+
+def assumptions(question: Question) -> Iterator[Assumption]:
+    """Yield no mistake first, and then the known mistakes in code of a law."""
+    inputs = question.inputs
+    yield Assumption("", question, inputs, inputs)
+    yield from _of_frames(question)
+    for words, each in _everywhere(question).items():
+        yield Assumption(words, question, each, each)
+    for words, changed in _other_laws(question):
+        yield Assumption(words, changed, inputs, inputs)
+
+
+def _of_frames(question: Question) -> Iterator[Assumption]:
+    """Yield pose errors in the other frame, and desired velocities in a wrong frame or axis."""
+    G, inputs = question.loop.group, question.inputs
+    Q, Qd = inputs.pose, inputs.desired_pose
+    Q_L = G.inverse(Qd) @ Q
+    if question.frame == "body":
+        exchanged, named = inputs._replace(pose=Qd @ Q @ G.inverse(Qd)), "Q Q_d⁻¹ for Q_d⁻¹Q"
+        carrying = {
+            "V_d is not carried to the body frame": Q_L,
+            "V_d is carried the wrong way, by Q_d⁻¹Q for Q⁻¹Q_d": Q_L @ Q_L,
+        }
+    else:
+        exchanged, named = inputs._replace(pose=G.inverse(Qd) @ Q @ Qd), "Q_d⁻¹Q for Q Q_d⁻¹"
+        carrying = {"V_d is carried to the body frame": G.inverse(Q_L)}
+    frames = f"the frames are exchanged: the pose error is in the other frame, {named}"
+    variants = {"": inputs} | {w: _carried(question, inputs, by) for w, by in carrying.items()}
+    yield Assumption(f"{frames}, wherever it occurs", question, exchanged, exchanged)
+    for words, rest in variants.items():
+        yield Assumption(f"{frames}; {words}" if words else frames, question, exchanged, rest)
+        if words:
+            yield Assumption(words, question, inputs, rest)
+    for axis, kept in enumerate(np.eye(G.dimension) if G.dimension > 1 else ()):
+        read = inputs._replace(
+            desired_velocity=kept * inputs.desired_velocity,
+            desired_acceleration=kept * inputs.desired_acceleration,
+        )
+        alone = f"V_d is read on axis {axis + 1} only"
+        yield Assumption(alone, question, inputs, read)
+        for words, by in carrying.items():
+            rest = _carried(question, read, by)
+            yield Assumption(f"{alone}; {words}", question, inputs, rest)
+
+
+def _carried(question: Question, inputs: LawInput, by: Array) -> LawInput:
+    """Return the inputs with desired velocity and acceleration in another frame."""
+    G = question.loop.group
+    return inputs._replace(
+        desired_velocity=G.Ad(by, inputs.desired_velocity),
+        desired_acceleration=G.Ad(by, inputs.desired_acceleration),
+    )
+
+
+def _everywhere(question: Question) -> dict[str, LawInput]:
+    """Return the inputs with a value that the code reads wrongly everywhere."""
+    G, inputs = question.loop.group, question.inputs
+    Q, Qd, V = inputs.pose, inputs.desired_pose, inputs.velocity
+    turned, desired = G.inverse(Q), G.inverse(Qd)
+    return {
+        "the pose is transposed": inputs._replace(pose=turned),
+        "the desired pose is transposed": inputs._replace(desired_pose=desired),
+        "both poses are transposed": inputs._replace(pose=turned, desired_pose=desired),
+        "the pose and the desired pose are exchanged": inputs._replace(pose=Qd, desired_pose=Q),
+        "V is carried to the spatial frame": inputs._replace(velocity=G.Ad(Q, V)),
+        "V is carried from the spatial frame": inputs._replace(velocity=G.Ad(turned, V)),
+        "V is converted to degrees": inputs._replace(velocity=np.degrees(V)),
+        "V is converted from degrees": inputs._replace(velocity=np.radians(V)),
+    }
+
+
+def _other_laws(question: Question) -> Iterator[tuple[str, Question]]:
+    """Yield the law with transposed gains, another frame, a missing option or later memory."""
+    loop = question.loop
+    for name, gains in _transposed(loop.gains):
+        yield f"{name} is transposed", _with(question, gains=gains)
+    for law in _in_other_frame(loop):
+        words = f"the frames are exchanged: all errors are in the {law.error} frame"
+        yield words, _with(question, controller=law)
+    for option, without in _without_options(loop.controller):
+        yield f"the option {option} is missing", _with(question, controller=without)
+    control = loop.vehicle.control
+    if question.memory and control is not None:
+        s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
+        rates = loop.controller.memory_rate(s)
+        later = {name: z + control.period * rates[name] for name, z in question.memory.items()}
+        words = "memory goes on before it is used, and not after"
+        yield words, replace(question, memory=later)
+
+
+def _with(question: Question, **changes: Any) -> Question:
+    return replace(question, loop=replace(question.loop, **changes))
+
+
+def _transposed(gains: Gains) -> Iterator[tuple[str, Gains]]:
+    """Yield the gains with one of them transposed, if that changes it."""
+    K, K_d = gains.K.swapaxes(-1, -2), gains.K_d.swapaxes(-1, -2)
+    if np.any(K != gains.K):
+        yield "kp", Gains(K, gains.K_d)
+    if np.any(K_d != gains.K_d):
+        yield "kd", Gains(gains.K, K_d)
+
+
+def _in_other_frame(loop: ClosedLoop) -> Iterator[Family]:
+    """Yield a member of the family with all its errors in the other frame."""
+    law = loop.controller
+    if isinstance(law, Family):
+        frame: Frame = "body" if law.error == "spatial" else "spatial"
+        weights = law.gyroscopic, law.transport, law.connection
+        yield Family(*weights, error=frame, quadratic=law.quadratic)
+
+
+def _without_options(law: Controller) -> Iterator[tuple[str, Controller]]:
+    """Yield the law without one of its optional options, such as the bound of an integral."""
+    for each in fields(law):
+        if each.init and each.default is None and getattr(law, each.name) is not None:
+            yield each.name, replace(law, **{each.name: None})

@@ -16,16 +16,89 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from fractions import Fraction
+from functools import reduce, total_ordering
 from math import gcd, isfinite, isqrt, prod
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from eqt_cli.analysis.evidence.numbers import Number, with_rate
-from eqt_cli.analysis.evidence.surds import Root, Surd, Whole, to_integer
 from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
-from eqt_cli.core.differentiation import slope
 from eqt_cli.core.errors import TraceError
+from eqt_cli.core.jets import slope
+
+
+class Root:
+    """r with r² = E."""
+
+    __slots__ = ("square",)
+
+    def __init__(self, square: int) -> None:
+        self.square = square
+
+
+class Surd:
+    """A sum of integers times products of roots; without any root it is an `int` instead."""
+
+    __slots__ = ("terms",)
+
+    def __init__(self, terms: dict[frozenset[Root], int]) -> None:
+        self.terms = terms
+
+    @classmethod
+    def of(cls, root: Root) -> Surd:
+        """Return a single root."""
+        return cls({frozenset([root]): 1})
+
+    def __add__(self, other: Whole) -> Whole:
+        found = dict(self.terms)
+        for roots, integer in _terms(other).items():
+            found[roots] = found.get(roots, 0) + integer
+        return _simplified(found)
+
+    def __mul__(self, other: Whole) -> Whole:
+        found: dict[frozenset[Root], int] = {}
+        for one, a in self.terms.items():
+            for two, b in _terms(other).items():
+                squares = reduce(lambda product, root: product * root.square, one & two, a * b)
+                found[one ^ two] = found.get(one ^ two, 0) + squares
+        return _simplified(found)
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    def __neg__(self) -> Surd:
+        return Surd({roots: -integer for roots, integer in self.terms.items()})
+
+    def conjugate(self, root: Root) -> Surd:
+        """Return the sum with −r in place of r."""
+        return Surd({roots: -n if root in roots else n for roots, n in self.terms.items()})
+
+
+Whole: TypeAlias = int | Surd
+"""An integer, or one with roots."""
+
+
+def to_integer(number: Whole) -> tuple[Whole, int, int]:
+    """Return a factor, its integer product with the number, and how many roots were removed."""
+    factor: Whole = 1
+    taken = 0
+    while isinstance(number, Surd):
+        roots = next(roots for roots in number.terms if roots)
+        conjugate = number.conjugate(next(iter(roots)))
+        number, factor, taken = number * conjugate, factor * conjugate, taken + 1
+    return factor, number, taken
+
+
+def _terms(number: Whole) -> dict[frozenset[Root], int]:
+    return number.terms if isinstance(number, Surd) else {frozenset(): number}
+
+
+def _simplified(terms: dict[frozenset[Root], int]) -> Whole:
+    found = {roots: integer for roots, integer in terms.items() if integer}
+    if not found.keys() - {frozenset()}:
+        return found.get(frozenset(), 0)
+    return Surd(found)
 
 
 class NotRationalError(TraceError):
@@ -101,6 +174,7 @@ Factors = Mapping[Divisor, int]
 _NONE: Factors = {}
 
 
+@total_ordering
 class Exact(Number):
     """n / (c D), and its rate of change.
 
@@ -248,12 +322,6 @@ class Exact(Number):
         rate = None if self.rate is None else -self.rate
         return Exact(-self.numerator, self.degree, self.constant, self.factors, rate)
 
-    def __sub__(self, other: Any) -> Exact:
-        return self + -other
-
-    def __rsub__(self, other: Any) -> Exact:
-        return -self + other
-
     def __pow__(self, exponent: Any) -> Any:
         power = Exact.of(exponent)
         if not power.is_constant or (2 * power.value).denominator != 1:
@@ -284,16 +352,6 @@ class Exact(Number):
     def __lt__(self, other: Any) -> bool:
         a, b = self._against(other)
         return a < b
-
-    def __le__(self, other: Any) -> bool:
-        a, b = self._against(other)
-        return a <= b
-
-    def __gt__(self, other: Any) -> bool:
-        return not self <= other
-
-    def __ge__(self, other: Any) -> bool:
-        return not self < other
 
     def __eq__(self, other: object) -> bool:
         if not hasattr(other, "as_integer_ratio") and not isinstance(other, Exact):
@@ -333,8 +391,7 @@ def free(value: int) -> Exact:
 
 def difference(left: Any, right: Any) -> Exact:
     """Return left − right of two entries, which may be floats."""
-    found: Exact = Exact.of(left) - Exact.of(right)
-    return found
+    return Exact.of(left) - Exact.of(right)
 
 
 def inverse(matrix: Array) -> Array:

@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.differentiation import slope
+from eqt_cli.core.jets import slope
 from eqt_cli.program import COMPARISONS, Constant, Input, Operation, Output, Program
 
 
@@ -61,7 +61,7 @@ SINGULAR = 2.0**10
 as near a singularity. Ten bits are lost there."""
 
 
-class Bounded(NamedTuple):
+class BoundedOutput(NamedTuple):
     """An output of a program at many inputs.
 
     Attributes
@@ -114,7 +114,7 @@ def bounded(
     inputs: Mapping[str, Array],
     by: Arithmetic = DOUBLE,
     errors: Mapping[str, Array] | None = None,
-) -> dict[str, Bounded]:
+) -> dict[str, BoundedOutput]:
     """Compute the outputs of a program, and bounds of their distance from exact results.
 
     Parameters
@@ -142,7 +142,7 @@ def bounded(
             analysis = _Analysis(program, one, by, other, part.stop - part.start)
             blocks.append([analysis.of(output) for output in program.outputs])
     return {
-        output.name: Bounded(*map(np.concatenate, zip(*found, strict=True)))
+        output.name: BoundedOutput(*map(np.concatenate, zip(*found, strict=True)))
         for output, found in zip(program.outputs, zip(*blocks, strict=True), strict=True)
     }
 
@@ -168,7 +168,7 @@ class _Analysis:
                 number = self._operation(value)
             self.numbers.append(number)
 
-    def of(self, output: Output) -> Bounded:
+    def of(self, output: Output) -> BoundedOutput:
         """Return an output, with ``(count, entries)`` for values and errors."""
         numbers = [self.numbers[entry] for entry in output.entries]
         values, errors, lost = (
@@ -181,7 +181,7 @@ class _Analysis:
         errors = np.fmin(linear, errors)
         errors = np.where(np.isnan(errors), np.inf, errors)
         far = (lost <= SINGULAR * self.by.unit).all(axis=-1)
-        return Bounded(values, errors, np.asarray(~far))
+        return BoundedOutput(values, errors, np.asarray(~far))
 
     def _to_first_order(self, output: Output) -> Array:
         """Sum the first-order effects of the new error of each value on the output, backwards."""

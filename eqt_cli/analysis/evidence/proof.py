@@ -18,8 +18,7 @@ from math import log10
 import numpy as np
 
 from eqt_cli.analysis.evidence.exact import Exact, Ledger, difference, noting
-from eqt_cli.analysis.evidence.exact_states import RANGE, SMALL, ExactStates
-from eqt_cli.analysis.evidence.sample import Sample
+from eqt_cli.analysis.evidence.sample import RANGE, SMALL, ExactStates, Sample
 from eqt_cli.core.arrays import Array
 
 Sides = Callable[[Sample], Iterator[tuple[Array, Array]]]

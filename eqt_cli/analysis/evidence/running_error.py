@@ -17,7 +17,7 @@ import numpy as np
 from eqt_cli.analysis.evidence.numbers import Number
 from eqt_cli.analysis.evidence.numbers import rate_of as rate_of
 from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
-from eqt_cli.core.differentiation import slope
+from eqt_cli.core.jets import slope
 
 UNIT = 2.0**-53
 """Unit roundoff of doubles: largest relative error of one operation."""
@@ -119,11 +119,8 @@ class Bounded(Number):
     def __neg__(self) -> Bounded:
         return Bounded(-self.value, self.error, -self.rate, self.rate_error)
 
-    def __sub__(self, other: Any) -> Bounded:
-        return self + -other
-
-    def __rsub__(self, other: Any) -> Bounded:
-        return -self + other
+    def __abs__(self) -> Bounded:
+        return -self if self.value < 0 else self
 
     __radd__ = __add__
     __rmul__ = __mul__
@@ -146,13 +143,13 @@ class Bounded(Number):
         return Bounded(value, error, motion.value, motion.error)
 
 
-def lifted(values: Array, errors: Any = 0.0, rates: Any = 0.0, rate_errors: Any = 0.0) -> Array:
+def lifted(values: Array, errors: Any = 0.0, rates: Any = 0.0) -> Array:
     """Convert floats to `Bounded` numbers with given errors and rates."""
-    parts = [np.asarray(part, dtype=float) for part in (values, errors, rates, rate_errors)]
+    parts = [np.asarray(part, dtype=float) for part in (values, errors, rates)]
     return np.asarray(_OF_NUMBERS(*parts), dtype=object)
 
 
-_OF_NUMBERS = np.frompyfunc(Bounded, 4, 1)
+_OF_NUMBERS = np.frompyfunc(Bounded, 3, 1)
 
 
 def value_of(numbers: Array) -> tuple[Array, Array]:

@@ -1,13 +1,16 @@
-"""The stored data of the runs of one law, and the setting that all laws share."""
+"""The runs of one law as certificates read them, and the setting that all laws share."""
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from eqt_cli.analysis.evidence.flight import VehicleRuns
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
+from eqt_cli.engines import Problem
+from eqt_cli.ensemble.spread import Stream, generator_at
 
 ENERGY_PER_RTOL = 100.0
 """Allowed error of L per unit of `rtol`. There are hundreds of steps with errors of about rtol, and
@@ -16,6 +19,63 @@ damping removes most of them (measured over all groups and laws: 0.2 to 3)."""
 STATES_PER_RTOL = 1000.0
 """Allowed error of states per unit of `rtol`, as in the cross-check. Trajectories amplify errors:
 190 times for a run of nog in the paper's ensemble that was solved alone."""
+
+
+@dataclass(frozen=True)
+class VehicleRuns:
+    """Good runs of one law in a loop that is not ideal.
+
+    Attributes
+    ----------
+    problem
+        The problem that the engine solved.
+    states : (runs, samples, n)
+        Flat states.
+    seed
+        Seed of the experiment.
+    numbers : (runs,)
+        Numbers of the runs.
+    windows
+        Some of the runs at other times, over which momentum is balanced; None without good runs.
+    """
+
+    problem: Problem
+    states: Array
+    seed: int
+    numbers: Array
+    windows: "VehicleRuns | None" = None
+
+    @property
+    def loop(self) -> ClosedLoop:
+        """The loop with the numbers of every run, for states ``(runs, samples, n)``."""
+        return self.problem.batched_loop(extra_axes=1)
+
+    @property
+    def period(self) -> float:
+        """Control period, s; infinite if the law acts continuously."""
+        control = self.problem.loop.vehicle.control
+        return math.inf if control is None else control.period
+
+    def white_noise(self) -> Iterator[Array]:
+        """Yield the white noise of each sensor in each run, ``(runs, instants, n)``, of variance 1.
+
+        This is the noise divided by its configured standard deviation. Axes without noise are left
+        out.
+        """
+        problem, vehicle = self.problem, self.problem.loop.vehicle
+        G = problem.loop.group
+        for place, sensor, every, _, axes in vehicle.drawings(G):
+            count, period, found = -(-problem.control_instants // every), every * self.period, []
+            for run in self.numbers.tolist():
+                random = generator_at(self.seed, Stream.VEHICLE, run, place)
+                own = sensor.drawn(random)
+                deviation = own.white_deviation(G, period)
+                if deviation is None:
+                    break
+                errors, deviation = own.errors(G, count, period, random)[:, axes], deviation[axes]
+                found.append(errors[:, deviation > 0] / deviation[deviation > 0])
+            if len(found) == len(self.numbers) and found and found[0].size:
+                yield np.array(found)
 
 
 @dataclass(frozen=True)
@@ -38,15 +98,12 @@ class Runs:
         L; None without trajectories.
     energy_residual, group_drift, final_pose_error, final_velocity_error : (runs,)
         Metrics as in a result.
-    error_system
-        Largest difference between E from its own dynamics and X X_d⁻¹ of the closed loop, relative
-        to the largest entry of E or 1; None if no run could be compared.
     failed
         Number of failed runs.
     departures
         Parts of the loop that the theorems do not cover, in words.
-    flight
-        Runs of a loop that is not ideal.
+    vehicle
+        The runs of a loop that is not ideal; None for an ideal one.
     energy, theorem
         Name of the function L, and the source of its decrease.
     pose_error, velocity_error : (runs, samples) or None
@@ -55,6 +112,8 @@ class Runs:
         Whether each run has settled, if there are thresholds by part.
     desired_speed
         Largest ‖V_d‖.
+    rate
+        Rate at which small errors decay, from the linearised loop, 1/s; None if not known.
     estimate
         Signals by which a filter with a covariance judges itself, ``(runs, samples)`` by name;
         empty without trajectories, None without such a filter.
@@ -70,16 +129,16 @@ class Runs:
     group_drift: Array
     final_pose_error: Array
     final_velocity_error: Array
-    error_system: float | None
     failed: int = 0
     departures: str = ""
-    flight: VehicleRuns | None = None
+    vehicle: VehicleRuns | None = None
     energy: str = Controller.energy
     theorem: str = Controller.theorem
     pose_error: Array | None = None
     velocity_error: Array | None = None
     settled: Array | None = None
     desired_speed: float = 0.0
+    rate: float | None = None
     estimate: dict[str, Array] | None = None
 
     @property
@@ -91,11 +150,6 @@ class Runs:
     def count(self) -> int:
         """Number of good runs."""
         return len(self.energy_residual)
-
-    @property
-    def no_dissipation(self) -> bool:
-        """Whether the law does not state its dissipation."""
-        return bool(np.isnan(self.energy_residual).all())
 
     @property
     def remark(self) -> str:
@@ -144,6 +198,11 @@ class Setting:
     def loop(self) -> ClosedLoop:
         """Any of the loops, for their common parts."""
         return next(iter(self.loops.values()))
+
+    @property
+    def inside(self) -> ClosedLoop:
+        """The loop of the attitude, of a cascade."""
+        return self.loop.inside
 
 
 def largest(values: Array) -> float:

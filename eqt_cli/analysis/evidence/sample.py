@@ -1,24 +1,35 @@
-"""A closed loop at random states, in numbers with rates and, if rounded, error bounds."""
+"""A closed loop at random states, in numbers with rates: rounded ones with error bounds, or exact.
 
-from dataclasses import dataclass, replace
+Free parameters of an exact state are the Cayley parameters of every pose, the entries of every
+vector, of the inertia and of the gains, and every function of time with its first and second
+derivative. Numbers in a law are not free: a float is its exact dyadic fraction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.analysis.evidence.numbers import with_rate
+from eqt_cli.analysis.evidence.exact import Exact, Ledger, free, inverse, noting
+from eqt_cli.analysis.evidence.numbers import is_number, with_rate
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.leaves import leaves, with_leaves
+from eqt_cli.core.expressions import Expression
+from eqt_cli.core.grammar import Node
+from eqt_cli.core.jets import Jet
+from eqt_cli.core.leaves import STRUCTURE, leaves, with_leaves
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.semidirect import Input, Semidirect, State
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
 from eqt_cli.references.torque import TorqueReference
-
-if TYPE_CHECKING:
-    from eqt_cli.analysis.evidence.exact_states import ExactStates
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.forces import Force
 
 MATRIX, INITIAL, INVERSE = "inertia.matrix", "inertia.initial", "inertia.inverse"
 K, K_D = "gains.K", "gains.K_d"
@@ -65,7 +76,7 @@ class Sample:
     gains: Gains
     reference: Reference
     lost: tuple[float, float]
-    exact: "ExactStates | None" = None
+    exact: ExactStates | None = None
 
     @cached_property
     def s(self) -> Tracking:
@@ -130,7 +141,9 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
             for Q, V, Q_d, V_d, t in zip(poses[0], vectors[0], poses[1], Vd, times, strict=True)
         ]
     )
-    draw_beyond_work(loop, flat, random)
+    # The states after W, such as a law's memory, would start at 0.
+    beyond = flat[:, loop.layout.slices["work"].stop :]
+    beyond[:] = random.standard_normal(beyond.shape)
     drift = np.maximum(G.drift(poses[0]), G.drift(poses[1]))
     # A pose with a drift counts as an element of the group with an error of that size.
     errors = np.maximum(drift[:, None], UNIT * np.abs(flat))
@@ -161,16 +174,10 @@ def tracks_nothing(loop: ClosedLoop) -> bool:
 
 def with_moving_reference(loop: ClosedLoop) -> ClosedLoop:
     """Return the loop with a reference whose pose and velocity are part of the state."""
-    if "velocity" in loop.reference.starts_from:
+    if "velocity" in loop.reference.starts_from or loop.controller.reads_flat_output:
         return loop
     torque = 0.0 if tracks_nothing(loop) else 0.5
     return replace(loop, reference=TorqueReference([torque] * loop.group.dimension))
-
-
-def draw_beyond_work(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
-    """Draw the states after W at random, such as a law's memory, which would start at 0."""
-    beyond = flat[:, loop.layout.slices["work"].stop :]
-    beyond[:] = random.standard_normal(beyond.shape)
 
 
 def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
@@ -191,3 +198,180 @@ def _with_errors(numbers: dict[str, Array]) -> dict[str, Array]:
         error = 4 * len(matrix) * UNIT * condition * np.abs(inverse).max()
         found[INVERSE] = lifted(inverse, error)
     return found
+
+
+# Exact states -------------------------------------------------------------------------------------
+
+RANGE = 2**64
+"""N, the number of integers from which each parameter is drawn."""
+
+SMALL = 7
+"""The same for differences that people read."""
+
+MEMBERSHIP = 1e-9
+"""Largest distance of a floating-point pose from the group due to rounding."""
+
+
+class Parameters:
+    """Free parameters: independent integers, each uniform among `count` around 0."""
+
+    def __init__(self, random: np.random.Generator, count: int) -> None:
+        self._random, self._count = random, count
+
+    def one(self) -> Exact:
+        """Draw a parameter."""
+        drawn = int(self._random.integers(self._count, dtype=np.uint64))
+        return free(drawn - self._count // 2)
+
+    def array(self, *shape: int) -> Array:
+        """Draw an array of parameters."""
+        found = np.empty(shape, dtype=object)
+        for index in np.ndindex(shape):
+            found[index] = self.one()
+        return found
+
+    def symmetric(self, size: int) -> Array:
+        """Draw a symmetric matrix."""
+        found = self.array(size, size)
+        upper = np.triu_indices(size, 1)
+        found[upper[::-1]] = found[upper]
+        return found
+
+    def function(self) -> Expression:
+        """Draw an arbitrary function of time."""
+        return FreeFunction("f(t)", frozenset("t"), Node("t", 1), tuple(self.array(3)))
+
+
+@dataclass(frozen=True)
+class FreeFunction(Expression):
+    """A function of time by its value, rate and second derivative at the time of the sample."""
+
+    jet: tuple[Exact, ...] = field(repr=False, compare=False)
+
+    def evaluate(self, values: Mapping[str, Any]) -> Any:
+        """Return the value at the time of the sample, with its rate if the time has one."""
+        t = values["t"]
+        if isinstance(t, Jet):
+            return Jet([self._derivative(order, t.value) for order in range(2)])
+        return self._derivative(0, t)
+
+    def _derivative(self, order: int, t: Any) -> Any:
+        def at(time: Any) -> Exact:
+            rate = time.derivative() if is_number(time) else 0.0
+            return self.jet[order].moving(Exact.of(self.jet[order + 1] * rate))
+
+        return np.frompyfunc(at, 1, 1)(t)
+
+
+@dataclass(frozen=True)
+class FreeForce(Force):
+    """An arbitrary force that replaces everything between law and plant."""
+
+    name: ClassVar[str] = "free"
+    departs: ClassVar[str] = "any force"
+
+    force: Any = field(metadata=STRUCTURE)
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return the force."""
+        return self.force
+
+
+@dataclass
+class ExactState:
+    """An exact state, and the assumptions of all computations from it."""
+
+    sample: Sample
+    ledger: Ledger
+
+
+class ExactStates:
+    """Exact states of a law, drawn once and shared by all identities."""
+
+    def __init__(self, label: str, loop: ClosedLoop, random: np.random.Generator) -> None:
+        self._label, self._loop, self._random = label, loop, random
+        self._drawn: dict[int, list[ExactState]] = {}
+
+    def state(self, index: int, count: int = RANGE) -> ExactState:
+        """Return a state whose parameters are drawn from `count` integers.
+
+        Raises
+        ------
+        ZeroDivisionError
+            If the inertia is singular; the next call draws again.
+        """
+        drawn = self._drawn.setdefault(count, [])
+        while len(drawn) <= index:
+            parameters = Parameters(self._random, count)
+            ledger = Ledger(parameters.one)
+            with noting(ledger):
+                sample = self._sample(parameters)
+            drawn.append(ExactState(sample, ledger))
+        return drawn[index]
+
+    @cached_property
+    def obstacle(self) -> str:
+        """Reason why there are no such states; empty if Cayley's transform stays in the group."""
+        G = self._loop.group
+        V = np.random.default_rng(0).uniform(-0.5, 0.5, G.dimension)
+        if G.violation(G.cayley(V)) <= MEMBERSHIP:
+            return ""
+        return (
+            f"Cayley's transform leaves the group {G.name}; give it a method `cayley` that does not"
+        )
+
+    def _sample(self, parameters: Parameters) -> Sample:
+        loop, own = self._loop, self._loop.reference
+        at_rest, G, m = tracks_nothing(loop), loop.group, loop.group.dimension
+        loop = with_moving_reference(loop)
+        loop = replace(
+            loop,
+            inertia=loop.inertia.with_functions(parameters.function),
+            reference=loop.reference
+            if at_rest
+            else loop.reference.with_functions(parameters.function),
+            vehicle=_with_any_force(loop.vehicle, parameters.array(1, m)),
+        )
+        loop = with_leaves(loop, _freed(loop, parameters))
+        poses = [G.cayley(parameters.array(1, m)) for _ in range(5)]
+        vectors = parameters.array(9, 1, m)
+        Vd = np.zeros((1, m), dtype=object) if at_rest else vectors[1]
+        times = parameters.array(1)
+        drawn = poses[0], vectors[0], poses[1], Vd
+        flat = loop.initial_state(*drawn, t=times)
+        beyond = flat[:, loop.layout.slices["work"].stop :]
+        beyond[:] = parameters.array(*beyond.shape)
+        return Sample(
+            label=self._label,
+            loop=loop,
+            times=times,
+            flat=flat,
+            states=list(zip(poses[2:], vectors[2:5], strict=True)),
+            inputs=[(vectors[k], vectors[k + 1]) for k in (5, 7)],
+            drawn=drawn,
+            gains=loop.gains,
+            reference=own.with_functions(parameters.function),
+            lost=(0.0, 0.0),
+        )
+
+
+def _with_any_force(vehicle: Vehicle, force: Array) -> Vehicle:
+    if vehicle.is_ideal:
+        return vehicle
+    return Vehicle(forces=(FreeForce(force),), control=vehicle.control)
+
+
+def _freed(loop: ClosedLoop, parameters: Parameters) -> dict[str, Array]:
+    """Return free tensors and gains, and the exact values of the law's own numbers."""
+    found = {path: _constants(value) for path, value in leaves(loop).items()}
+    found[K] = parameters.symmetric(len(found[K]))
+    found[K_D] = parameters.array(*found[K_D].shape)
+    for path in {MATRIX, INITIAL} & found.keys():
+        found[path] = parameters.symmetric(len(found[path]))
+    if INVERSE in found:
+        found[INVERSE] = inverse(found[MATRIX])
+    return found
+
+
+def _constants(values: Array) -> Array:
+    return np.asarray(np.frompyfunc(Exact.of, 1, 1)(values), dtype=object)

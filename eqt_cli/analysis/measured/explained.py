@@ -1,6 +1,6 @@
 """Shares of a measured tracking error that a run explains: numbers, a table, and plain data."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -11,6 +11,9 @@ from eqt_cli.analysis.measured.run import Error, MeasuredRun
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
+
+ShownIn = Callable[[str, str], tuple[str, float]]
+"""The unit in which a quantity is shown, and the factor to it, from its name and its unit."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +71,10 @@ class Explanation:
     notes: list[str]
 
 
-def explained(measured: MeasuredRun) -> Explanation:
-    """Compute the shares of the errors of a recording that the run explains."""
+def explained(measured: MeasuredRun, shown_in: ShownIn) -> Explanation:
+    """Compute the shares of the errors of a recording that the run explains, in units of a user."""
     seen, G = measured.recording, measured.recording.group
-    shares = [share for error in measured.errors for share in _shares(G, error)]
+    shares = [share for error in measured.errors for share in _shares(G, error, shown_in)]
     return Explanation(
         measured.label,
         measured.title,
@@ -84,7 +87,7 @@ def explained(measured: MeasuredRun) -> Explanation:
     )
 
 
-def _shares(G: MatrixLieGroup, error: Error) -> Iterator[Share]:
+def _shares(G: MatrixLieGroup, error: Error, shown_in: ShownIn) -> Iterator[Share]:
     for part in G.parts:
         axes = list(range(*part.axes.indices(G.dimension)))
         known = [axis for axis in axes if not np.isnan(error.measured[:, axis]).any()]
@@ -93,19 +96,12 @@ def _shares(G: MatrixLieGroup, error: Error) -> Iterator[Share]:
         chosen = [("", known)]
         if len(axes) > 1:
             chosen += [(G.axis_names[axis], [axis]) for axis in known]
+        unit, by = shown_in(error.quantity, error.unit(part))
         for name, of in chosen:
-            measured, simulated = _size(error.measured[:, of]), _size(error.simulated[:, of])
-            difference = _size(error.difference[:, of])
-            yield Share(
-                error.quantity,
-                part.name,
-                name,
-                error.unit(part),
-                measured,
-                simulated,
-                difference,
-                1 - (difference / measured) ** 2 if measured > 0 else np.nan,
-            )
+            every = error.measured, error.simulated, error.difference
+            first, second, left = (by * _size(values[:, of]) for values in every)
+            share = 1 - (left / first) ** 2 if first > 0 else np.nan
+            yield Share(error.quantity, part.name, name, unit, first, second, left, share)
 
 
 def _size(values: Array) -> float:

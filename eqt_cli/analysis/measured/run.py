@@ -1,19 +1,365 @@
-"""Interpolates a run of a result, and computes the errors of a recording aligned with it."""
+"""Interpolates a run of a result, aligns a recording with it, and computes the errors."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from eqt_cli.analysis.measured.alignment import Alignment, aligned
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup, Part
-from eqt_cli.logs.columns import WRENCH, recorded_names
+from eqt_cli.logs.reading import WRENCH, recorded_names
 from eqt_cli.logs.recording import Recording
 from eqt_cli.mechanics.motions import Pieces, through
 from eqt_cli.results.result import Result
+
+FEWEST = 20
+"""Least number of rows, and of samples of the run, for an alignment."""
+
+MOST_INSTANTS = 50_000
+"""Largest number of instants at which a recording is compared."""
+
+LEAST_OVERLAP = 0.5
+"""Least overlap as a share of the shorter of the two."""
+
+LARGEST_ROTATION = 2.0
+"""Largest rotation within a window, rad; near π an increment would jump."""
+
+CONSTANT_WITHIN = 1e-5
+"""Relative change below which a velocity counts as constant, because engines err as much."""
+
+LEAST_CORRELATION = 0.5
+"""Least correlation at the estimated offset."""
+
+LEAST_MISFIT_RATIO = 1.5
+"""Least ratio of the misfit of every other offset to that of the best."""
+
+LARGEST_RELATIVE_ERROR = 0.1
+"""Largest standard error of the offset relative to the width of the peak."""
+
+LEAST_NOISE = 0.05
+"""Least noise as a share of the variance of a measured coordinate."""
+
+BLOCKS = 20
+"""Number of blocks for the standard error, because the errors of neighbours are correlated."""
+
+LEAST_ERROR = 1e-6
+"""Smallest reported standard error, s; clocks are no better."""
+
+ITERATIONS, CONVERGED = 20, 1e-9
+"""Gauss-Newton: largest number of iterations, and final change relative to the time step."""
+
+WHAT_TO_DO = "give the offset of the clock in the mapping, as `time: {offset: 0.137}`"
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The alignment of the clock of a recording with that of a run.
+
+    Attributes
+    ----------
+    offset
+        Offset to add to the times of the recording, s.
+    error
+        Standard error of the offset, s; NaN if the mapping gives the offset.
+    correlation
+        Correlation of the two motions; NaN if the mapping gives the offset.
+    by
+        Name of the compared quantity; empty if the mapping gives the offset.
+    """
+
+    offset: float
+    error: float = np.nan
+    correlation: float = np.nan
+    by: str = ""
+
+    @property
+    def in_words(self) -> str:
+        """Description for notes."""
+        if not self.by:
+            return "clock offset from the mapping"
+        error = max(self.error, LEAST_ERROR)
+        return (
+            f"clock offset {self.offset:+.4f} s, standard error {error:.1g} s, from the {self.by}; "
+            f"correlation {self.correlation:.3f}"
+        )
+
+
+def aligned(recording: Recording, times: Array, run: Pieces) -> Alignment:
+    """Estimate the clock offset of a recording relative to a run.
+
+    Parameters
+    ----------
+    times : (n,)
+        Times of the run's samples, s.
+    run
+        The run as a motion.
+
+    Raises
+    ------
+    InputError
+        If the offset cannot be determined.
+    """
+    for what, count in (("rows", len(recording.times)), ("samples of the run", len(times))):
+        if count < FEWEST:
+            raise _unknown(recording, f"expected {FEWEST} {what} or more, got {count}")
+    begin, end = recording.times[[0, -1]]
+    step = max(float(np.median(np.diff(recording.times))), float(end - begin) / MOST_INSTANTS)
+    seen = _Resampled.of(
+        recording, begin + step * np.arange(int((end - begin) / step * (1 + 1e-9)) + 1)
+    )
+    peaks = [_peak(signal, times, step) for signal in _signals(seen, times, run)]
+    if not peaks:
+        raise _unknown(recording, "its rows are too far apart for the run")
+    best = max(peaks, key=lambda peak: (not peak.doubt, peak.quality))
+    if best.doubt:
+        raise _unknown(recording, best.doubt)
+    models = [_of_poses, _of_velocities] if seen.known else [_of_poses]
+    found = [_refined(model(seen, times, run), best, step) for model in models]
+    alignment = min(found, key=lambda each: each.error)
+    if not np.isfinite(alignment.error):
+        raise _unknown(recording, f"the motions differ too much around {best.offset:.3g} s")
+    if alignment.error > LARGEST_RELATIVE_ERROR * best.width:
+        raise _unknown(recording, f"the offset is uncertain by ± {alignment.error:.2g} s")
+    return alignment
+
+
+def _unknown(recording: Recording, reason: str) -> InputError:
+    return InputError(f"{recording.name}: cannot be aligned with the run: {reason}; {WHAT_TO_DO}")
+
+
+class _Resampled(NamedTuple):
+    """A recording at equidistant instants, with NaN in its gaps."""
+
+    group: MatrixLieGroup
+    instants: Array
+    poses: Array
+    velocities: Array
+    known: list[int]
+    """Measured coordinates of the velocity."""
+
+    @classmethod
+    def of(cls, recording: Recording, instants: Array) -> "_Resampled":
+        """Interpolate with constant velocity between two rows."""
+        G, times = recording.group, recording.times
+        row = np.clip(np.searchsorted(times, instants, side="right") - 1, 0, len(times) - 2)
+        share = (instants - times[row]) / (times[row + 1] - times[row])
+        inner = (share > 1e-6) & (share < 1 - 1e-6)  # rows at the ends of a gap are real
+        real = ~(np.isin(row, recording.gaps) & inner)
+        row, part = row[real], share[real, None]
+        poses = np.full((len(instants), G.size, G.size), np.nan)
+        velocities = np.full((len(instants), G.dimension), np.nan)
+        before, V = recording.poses[row], recording.velocities
+        poses[real] = before @ G.exp(part * G.log(G.inverse(before) @ recording.poses[row + 1]))
+        velocities[real] = (1 - part) * V[row] + part * V[row + 1]
+        known = np.flatnonzero(np.isfinite(V).all(axis=0))
+        return cls(G, instants, poses, velocities, known.tolist())
+
+
+# Search over all offsets --------------------------------------------------------------------------
+
+
+class _Signal(NamedTuple):
+    """A compared quantity: of the recording at its instants, and of the run at any time."""
+
+    begin: float
+    measured: Array
+    simulated: Callable[[Array], Array]
+    """Returns NaN outside the run."""
+
+
+class _Peak(NamedTuple):
+    """The best offset by a signal, and the reason to doubt it."""
+
+    offset: float
+    correlation: float
+    quality: float = -1.0
+    """Ratio of the misfit of the next best offset to that of the best."""
+    width: float = 0.0
+    doubt: str = ""
+
+
+def _signals(seen: _Resampled, times: Array, run: Pieces) -> Iterator[_Signal]:
+    from scipy.interpolate import CubicSpline  # slow to import; readers of results do without
+
+    G, begin, count = seen.group, float(seen.instants[0]), len(seen.instants)
+    poses, velocities, _ = run.motion(G, times)
+    if seen.known:
+        spline = CubicSpline(times, velocities[:, seen.known], extrapolate=False)
+        yield _Signal(begin, seen.velocities[:, seen.known], spline)
+    step, window = float(seen.instants[1]) - begin, 1
+    turns = [part.axes for part in G.parts if part.turns]
+    real = ~np.isnan(seen.poses[:, 0, 0])
+    while window <= count // 4:
+        early = times <= times[-1] - window * step
+        if early.sum() < FEWEST:
+            return
+        later, _, _ = run.motion(G, times[early] + window * step)
+        simulated = G.log(G.inverse(poses[early]) @ later)
+        if any(
+            np.linalg.norm(simulated[:, axes], axis=1).max() > LARGEST_ROTATION for axes in turns
+        ):
+            return
+        both = real[:-window] & real[window:]
+        measured = np.full((count - window, G.dimension), np.nan)
+        first, last = seen.poses[:-window][both], seen.poses[window:][both]
+        measured[both] = G.log(G.inverse(first) @ last)
+        yield _Signal(begin, measured, CubicSpline(times[early], simulated, extrapolate=False))
+        window *= 2
+
+
+def _peak(signal: _Signal, times: Array, step: float) -> _Peak:
+    measured = signal.measured
+    grid = times[0] + step * np.arange(int((times[-1] - times[0]) / step * (1 + 1e-9)) + 1)
+    simulated = signal.simulated(grid)
+    real = simulated[np.isfinite(simulated).all(axis=1)]
+    if not real.std(axis=0).max() > CONSTANT_WITHIN * np.sqrt(np.mean(real**2)):
+        return _Peak(0.0, -1.0, doubt="the velocity of the run is constant")
+    # Weight a coordinate by its noise: the variance that the run does not have.
+    whole = np.nanvar(measured, axis=0)
+    scale = np.sqrt(np.maximum(whole - real.var(axis=0), LEAST_NOISE * whole))
+    scale[scale == 0.0] = 1.0
+    correlation = _correlations(measured / scale, simulated / scale)
+    if not np.isfinite(correlation).any():
+        return _Peak(0.0, -1.0, doubt="they have too little in common")
+    correlation = np.nan_to_num(correlation, nan=-1.0)
+    best = int(np.argmax(correlation))
+    first, last = _slopes(correlation, best)
+    others = correlation.copy()
+    others[first : last + 1] = -1.0
+    other, top = int(np.argmax(others)), float(correlation[best])
+    offset = float(grid[0]) - signal.begin + step * (best - (len(measured) - 1))
+    quality = (1 - float(others[other])) / max(1 - top, 1e-12)
+    doubt = ""
+    if top < LEAST_CORRELATION:
+        doubt = (
+            f"the motions correlate by {top:.2f} at most, and {LEAST_CORRELATION:g} is needed; "
+            "check the number of the run, the units and the axes of the body"
+        )
+    elif quality < LEAST_MISFIT_RATIO:
+        two = sorted([offset, offset + step * (other - best)])
+        doubt = f"offsets of {two[0]:.3g} s and {two[1]:.3g} s fit about equally well"
+    return _Peak(offset, top, quality, step * (last - first), doubt)
+
+
+def _correlations(measured: Array, simulated: Array) -> Array:
+    """Return the correlation at every shift over the common instants; NaN if these are too few.
+
+    Shift k maps row i of the recording to sample i + k − (n − 1) of the run. The correlation is 1
+    only for equal motions. It is less for motions that are multiples of each other, such as
+    different parts of a decay.
+    """
+    size = len(measured) + len(simulated) - 1
+    padded = 1 << size.bit_length()
+
+    def over_shifts(a: Array, b: Array) -> Array:
+        product = np.fft.rfft(a, padded, axis=0) * np.conj(np.fft.rfft(b, padded, axis=0))
+        return np.roll(np.fft.irfft(product, axis=0), len(measured) - 1, axis=0)[:size]
+
+    def centred(values: Array) -> tuple[Array, Array]:
+        real = np.isfinite(values).all(axis=1, keepdims=True)
+        return np.where(real, values - np.nanmean(values, axis=0), 0.0), real.astype(float)
+
+    (x, here), (y, there) = centred(measured), centred(simulated)
+    count = np.round(over_shifts(there, here))
+    enough = count >= max(LEAST_OVERLAP * min(here.sum(), there.sum()), FEWEST / 2)
+    sums = over_shifts(there, x), over_shifts(y, here)
+    n = np.where(enough, count, 1.0)
+    both = over_shifts(y, x) - sums[0] * sums[1] / n
+    squares = (
+        over_shifts(there, x * x) + over_shifts(y * y, here) - (sums[0] ** 2 + sums[1] ** 2) / n
+    )
+    total, squares, enough = both.sum(axis=1), squares.sum(axis=1), enough[:, 0]
+    moves = squares > CONSTANT_WITHIN * squares.max()  # below this, only rounding is left
+    return np.where(enough & moves, 2 * total / np.where(moves, squares, 1.0), np.nan)
+
+
+def _slopes(heights: Array, peak: int) -> tuple[int, int]:
+    """Return the ends of a peak, beyond which the heights rise again."""
+    rises = np.diff(heights) > 0
+    left, right = np.flatnonzero(~rises[:peak]), np.flatnonzero(rises[peak:])
+    first = int(left[-1]) + 1 if len(left) else 0
+    return first, peak + int(right[0]) if len(right) else len(heights) - 1
+
+
+# Refinement of one offset -------------------------------------------------------------------------
+
+
+class _Model(NamedTuple):
+    """A least-squares model of the offset and of constants that an offset does not explain."""
+
+    by: str
+    constants: Array
+    at: Callable[[float, Array], tuple[Array, Array, Array]]
+    """Residuals ``(n, k)``, and how offset ``(n, k)`` and constants ``(n, k, c)`` reduce them."""
+    moved: Callable[[Array, Array], Array]
+    """Returns the constants after a change."""
+
+
+def _of_velocities(seen: _Resampled, times: Array, run: Pieces) -> _Model:
+    """Return the model of body velocities, with a constant bias of each coordinate."""
+    from scipy.interpolate import CubicSpline  # slow to import; readers of results do without
+
+    known = seen.known
+    spline = CubicSpline(times, run.motion(seen.group, times)[1][:, known], extrapolate=False)
+    rate = spline.derivative()
+
+    def at(offset: float, bias: Array) -> tuple[Array, Array, Array]:
+        t, measured = seen.instants + offset, seen.velocities[:, known]
+        constants = np.broadcast_to(np.eye(len(bias)), (len(t), len(bias), len(bias)))
+        return measured - spline(t) - bias, rate(t), constants
+
+    return _Model("body velocities", np.zeros(len(known)), at, np.add)
+
+
+def _of_poses(seen: _Resampled, times: Array, run: Pieces) -> _Model:
+    """Return the model of poses Q, with a constant world frame C such that C Q_s is near Q."""
+    G = seen.group
+
+    def at(offset: float, frame: Array) -> tuple[Array, Array, Array]:
+        t = seen.instants + offset
+        inside = (times[0] <= t) & (t <= times[-1]) & ~np.isnan(seen.poses[:, 0, 0])
+        Q, V, _ = run.motion(G, t[inside])
+        if not frame.any():
+            middle = int(inside.sum()) // 2
+            frame[...] = seen.poses[inside][middle] @ G.inverse(Q[middle])
+        left, rates = np.full((2, len(t), G.dimension), np.nan)
+        constants = np.full((len(t), G.dimension, G.dimension), np.nan)
+        left[inside] = G.log(G.inverse(frame @ Q) @ seen.poses[inside])
+        rates[inside], constants[inside] = V, G.Ad_matrix(G.inverse(Q))
+        return left, rates, constants
+
+    return _Model("poses", np.zeros((G.size, G.size)), at, lambda C, c: C @ G.exp(c))
+
+
+def _refined(model: _Model, peak: _Peak, step: float) -> Alignment:
+    """Refine a peak of the correlation by Gauss-Newton least squares."""
+    offset, constants = peak.offset, model.constants
+    for _ in range(ITERATIONS):
+        left, rates, held = model.at(offset, constants)
+        real = np.isfinite(left).all(axis=1)
+        left, J = left[real], np.concatenate([rates[real, :, None], held[real]], axis=-1)
+        noise = np.mean(left**2, axis=0)
+        weights = 1 / np.maximum(noise, max(1e-9 * float(noise.max()), 1e-30))
+        normal = np.einsum("nki,k,nkj->ij", J, weights, J)
+        inverse = np.linalg.pinv(normal, hermitian=True)
+        pushes = np.einsum("nki,k,nk->ni", J, weights, left)
+        change = inverse @ pushes.sum(axis=0)
+        offset += float(np.clip(change[0], -step, step))
+        constants = model.moved(constants, change[1:])
+        if abs(change[0]) < CONVERGED * step:
+            break
+    # Neighbouring errors are correlated, but sums over blocks hardly are. If only a few blocks
+    # determine the offset, their deviation is unreliable, and the one of independent errors counts.
+    blocks = [block.sum(axis=0) for block in np.array_split(pushes, BLOCKS)]
+    together = float(np.linalg.norm([inverse[0] @ block for block in blocks]))
+    error = max(together, float(np.sqrt(inverse[0, 0])))
+    if abs(offset - peak.offset) > peak.width / 2:
+        error = np.inf  # the iteration left the peak
+    return Alignment(offset, error, peak.correlation, model.by)
+
 
 NEEDED = ("pose", "velocity", "torque", "desired_pose", "desired_velocity", "desired_torque")
 
@@ -80,7 +426,7 @@ class Error:
     def unit(self, part: Part) -> str:
         """Return the unit of a part of the coordinates."""
         if self.quantity == "pose":
-            return "rad" if part.turns else part.pose_unit
+            return part.error_unit
         return part.velocity_unit if self.quantity == "velocity" else part.force_unit
 
 
@@ -146,7 +492,7 @@ class MeasuredRun:
         count = f"{len(seen.times)} of " * (self.rows > len(seen.times)) + f"{self.rows} rows"
         found = [
             f"{seen.name}: {count} from {first:.4g} to {last:.4g} s of run "
-            f"{self.run}{missing}; {self.alignment.in_words}",
+            f"{self.run}{missing}; {self.alignment.in_words}"
         ]
         found += self._world_differences()
         names = recorded_names(seen.group, WRENCH)
@@ -226,14 +572,7 @@ def measured_runs(
     kept = recording.part(first, last, -(-(last - first) // MOST_ROWS)).shifted(found.offset)
     return [
         MeasuredRun(
-            result.labels[k],
-            result.titles[k],
-            run,
-            kept,
-            last - first,
-            found,
-            course,
-            reference,
+            result.labels[k], result.titles[k], run, kept, last - first, found, course, reference
         )
         for k, course in simulated.items()
         if not controllers or k in controllers

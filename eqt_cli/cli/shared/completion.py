@@ -77,7 +77,7 @@ def _starting(incomplete: str, known: dict[str, str]) -> Completions:
 def _written(path: Path | None) -> list[str]:
     """Return the keys in a file; none if it cannot be read."""
     from eqt_cli.config.yaml_source import MAX_BYTES, load
-    from eqt_cli.core.regular_files import content_of
+    from eqt_cli.core.files import content_of
 
     try:
         data = load(content_of(path, MAX_BYTES), "").data if path else {}
@@ -128,9 +128,8 @@ def _state() -> list[int]:
 
 
 def _collected() -> dict[str, Any]:
-    from eqt_cli.config.json_schema import json_schema
-    from eqt_cli.config.key_descriptions import keys_of
-    from eqt_cli.core.validation import option_names
+    from eqt_cli.config.json_schema import json_schema, keys_of
+    from eqt_cli.core.option_types import option_names
 
     return {
         "names": {kind: {one.name: summary(one) for one in registry(kind).all()} for kind in KINDS},

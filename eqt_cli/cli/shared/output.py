@@ -1,8 +1,4 @@
-"""Printing: results on stdout, all else on stderr, with unprintable characters escaped.
-
-Text may come from a file, so it is printed by `print_text`, `say` and `print_json`, which escape
-it; no other module prints (ruff's T20). Tables escape their cells themselves.
-"""
+"""Text that stays on one line: words, norms, integrals, intervals, shares; knows no layout."""
 
 from __future__ import annotations
 
@@ -12,18 +8,36 @@ import os
 import re
 import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.cli.shared.streams import drop_stdout
-from eqt_cli.cli.shared.unbroken import folded
-from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem
-from eqt_cli.core.printable import printable
+from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem, printable
 
 if TYPE_CHECKING:
     from rich.text import Text
+
+
+_WORD = re.compile(
+    r"(?:‖[^‖]*‖|\|\|[^|]*\|\||∫.*? dt|\[[-−+\d.e, ]{1,40}\]|\d %|[-−+\d.e]+ N m\b|\S)+"
+)
+
+
+def words(text: str) -> list[str]:
+    """Return the pieces of a text between which a line may be broken."""
+    return _WORD.findall(text)
+
+
+def folded(line: str, width: int, indent: str = "") -> str:
+    """Wrap a line to a width, with the further lines indented."""
+    kept = _WORD.sub(lambda word: word[0].replace(" ", "\u00a0"), line)
+    return textwrap.fill(
+        kept, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    ).replace("\u00a0", " ")
+
 
 _LINES = "\n\t"
 """Control characters allowed in texts of several lines, such as the source of a plugin."""

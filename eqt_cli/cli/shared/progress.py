@@ -23,7 +23,7 @@ SHOW_AFTER = 1.0
 LINE_EVERY = 5.0
 """Interval between plain lines, s."""
 
-GUESS_AFTER = 0.02
+GUESS_AFTER = 0.001
 """Share of the runs to be done before the remaining time is estimated."""
 
 
@@ -41,6 +41,7 @@ class Meter(Reporter):
         self.latest = ""
         self._under_way: list[str] = []
         self._since = 0.0
+        self._reminded = ""
         self._reminder: threading.Timer | None = None
         self._lock = threading.RLock()
         Meter.begin(self, "", 0)
@@ -126,8 +127,10 @@ class Meter(Reporter):
                 self._reminder.start()
 
     def remind(self) -> None:
-        """Show the activity that is under way, though nothing has been counted."""
-        say(self.under_way)
+        """Show the activity that is under way, once, though nothing has been counted."""
+        if self.under_way != self._reminded:
+            self._reminded = self.under_way
+            say(self.under_way)
 
 
 def meter() -> Meter:
@@ -204,9 +207,12 @@ class _Lines(Meter):
 
     def show(self) -> None:
         """Print a line at intervals, but none for the last count."""
-        now = time.monotonic()
-        if now < self.next_line or not self.found + 1 <= round(self.done) < self.total:
+        now, first = time.monotonic(), round(self.done) < self.found + 1
+        if now < self.next_line or round(self.done) >= self.total:
+            return
+        if first and now < self.started + LINE_EVERY:
             return
         self.next_line = now + LINE_EVERY
-        told = [f"{self.done:.0f}/{self.total} {self.what}", self.speed, self.left, self.latest]
+        speed = "" if first else self.speed
+        told = [f"{self.done:.0f}/{self.total} {self.what}", speed, self.left, self.latest]
         say(", ".join(filter(None, told)))

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import csv
+import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import Resampling
-from eqt_cli.analysis.comparison.findings import listed
+from eqt_cli.analysis.comparison.intervals import Resampling, share
 from eqt_cli.analysis.comparison.maps import NOBODY
 from eqt_cli.analysis.comparison.notation import significant
-from eqt_cli.analysis.comparison.shares import share
+from eqt_cli.analysis.comparison.records import listed
 from eqt_cli.analysis.sweep_summary import COMPARED, sweep_tables, winners
 from eqt_cli.analysis.text_tables import Block, TextTable
-from eqt_cli.cli.shared.output import complain, count_of, laid_out, print_text
-from eqt_cli.results.result import HEADLINE, Result
+from eqt_cli.cli.shared import output
+from eqt_cli.cli.shared.table_formats import csv_cell
+from eqt_cli.core.errors import EqtError, printable, suggestion
+from eqt_cli.groups.angles import turn_of_distance
+from eqt_cli.results.result import HEADLINE, Result, mean_over_runs
 
 if TYPE_CHECKING:
     from rich.text import Text
+
 
 FAR_ABOVE = 1000.0
 """Multiple of solver.rtol above which an error estimate is warned of, as a failed cross-check is.
@@ -51,15 +56,15 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
         *_inaccurate(result),
         *(_failures(result) if result.status.any() else []),
     ]
-    print_text(*lines)
+    output.print_text(*lines)
     for remark in remarks:
-        complain(remark)
+        output.complain(remark)
 
 
 def _of_sweep(result: Result) -> Iterator[str | Text]:
     """Yield the tables of a sweep; none over all points, since that means little."""
     for table in sweep_tables(result, COMPARED):
-        yield laid_out(table)
+        yield output.laid_out(table)
         yield ""
 
 
@@ -84,11 +89,15 @@ def _headline(result: Result) -> Text:
     """
     parts = [name.removeprefix(first) for first in HEADLINE for name in result.in_parts(first)]
     blocks = [_block(result, end) for end in dict.fromkeys(filter(None, parts))]
-    measures = [result.quantity(name).plain for name in HEADLINE]
+    measures = [
+        result.quantity(name).plain
+        + (f", {result.units(name)}" if result.factor(name) != 1.0 else "")
+        for name in HEADLINE
+    ]
     spare = (measures[-1], "runs", *reversed(measures[1:-1]))
     header = ["law", "runs", *measures]
     blocks = blocks or [_block(result, "")]
-    return laid_out(TextTable("headline", "", header, blocks, spare=spare))
+    return output.laid_out(TextTable("headline", "", header, blocks, spare=spare))
 
 
 def _block(result: Result, part: str) -> Block:
@@ -117,6 +126,13 @@ def _shares(result: Result) -> Iterator[str]:
         counts = "; ".join(f"{title}: {row['settled']} of {row['runs']}" for title, row in rows)
         yield f"settled runs  {counts}"
         yield from _rare(result, {title: row["runs"] - row["settled"] for title, row in rows})
+    for name in result.attitude_errors if rows else ():
+        unit, factor = result.shown_in("", "deg")
+        turns = np.degrees(turn_of_distance(result.metric(f"final_{name}"))) * factor
+        told = zip(result.titles, mean_over_runs(turns).tolist(), strict=True)
+        part = f" of {name.removeprefix('pose_error_')}" if len(result.attitude_errors) > 1 else ""
+        words = "; ".join(f"{title}: {significant(mean)} {unit}" for title, mean in told)
+        yield f"final attitude error{part}  {words}"
     if all("saturated_share" in row for _, row in rows):
         shares = "; ".join(f"{title}: {row['saturated_share']:.2%}" for title, row in rows)
         yield f"time at a limit  {shares}"
@@ -146,14 +162,8 @@ def _accuracy(result: Result) -> Iterator[str]:
     if np.isfinite(estimates).any():
         largest, median = np.nanmax(estimates), np.nanmedian(estimates)
         yield f"error estimates: largest {largest:.2g}, median {median:.2g}"
-    check = result.cross_check
-    if check is not None and np.isnan(check.difference):
-        yield "cross-check: nothing to compare, since its runs failed"
-    elif check is not None:
-        yield (
-            f"cross-check: {count_of(check.runs, 'run')} per controller by {check.method}, "
-            f"largest difference {check.difference:.2g} (bound {check.bound:.1g})"
-        )
+    if result.cross_check is not None:
+        yield result.cross_check.described
 
 
 def _disagreement(result: Result) -> Iterator[str]:
@@ -181,8 +191,8 @@ def _inaccurate(result: Result) -> Iterator[str]:
     above = int(np.count_nonzero(estimates > FAR_ABOVE * rtol))
     if above:
         yield (
-            f"eqt: the error estimates of {count_of(above, 'run')} exceed {FAR_ABOVE:g} times "
-            f"solver.rtol = {rtol:g}; the largest is {np.nanmax(estimates):.2g}; tighten "
+            f"eqt: the error estimates of {output.count_of(above, 'run')} exceed {FAR_ABOVE:g} "
+            f"times solver.rtol = {rtol:g}; the largest is {np.nanmax(estimates):.2g}; tighten "
             "solver.rtol, or set solver.max_error to count such runs as failed"
         )
 
@@ -204,3 +214,49 @@ def _failures(result: Result) -> Iterator[str]:
         cut = "… " if len(places) > MOST_FAILURES else ""
         how = f"`eqt show {result.path.parent} --failed` lists all"
         yield f"  {cut}{those}{how}"
+
+
+FORMATS = ("csv", "jsonl")
+
+
+def print_run_table(result: Result, form: str) -> None:
+    """Print the metrics of every run on stdout, with all digits."""
+    if form not in FORMATS:
+        hint = suggestion(form, FORMATS) or f"; known: {', '.join(FORMATS)}"
+        raise EqtError(f"--format: unknown format '{form}'{hint}")
+    swept = [
+        name for name in result.coordinates if name != "point" and result.dims(name) == ("point",)
+    ]
+    numbers = [name for name in result.names if result.dims(name) == result.dims("status")]
+    first = ["point", *swept] if result.is_sweep else []
+    named = [
+        name if result.factor(name) == 1 else f"{name} ({result.units(name)})" for name in numbers
+    ]
+    header, rows = [*first, "controller", "run", *named], _rows(result, swept, numbers)
+    if form == "csv":
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(map(csv_cell, header))
+        writer.writerows(map(csv_cell, row) for row in rows)
+        return
+    for row in rows:
+        output.print_verbatim(output.json_text(dict(zip(header, row, strict=True))))
+
+
+def _rows(result: Result, swept: list[str], numbers: list[str]) -> Iterator[list[Any]]:
+    """Yield a row per run, by point and controller."""
+    values = [result.coordinate(name).tolist() for name in swept]
+    shape = (result.points, len(result.labels), result.runs)
+    columns = [
+        (result[name] if (by := result.factor(name)) == 1 else result[name] * by).reshape(shape)
+        for name in numbers
+    ]
+    for point in range(result.points):
+        here = [point, *(_shown(value[point]) for value in values)] if result.is_sweep else []
+        for controller, label in enumerate(result.labels):
+            found = [column[point, controller].tolist() for column in columns]
+            for run, row in enumerate(zip(*found, strict=True)):
+                yield [*here, label, run, *map(_shown, row)]
+
+
+def _shown(value: Any) -> Any:
+    return printable(value) if isinstance(value, str) else value

@@ -1,7 +1,8 @@
-"""Execution of a study and the report on it, for `eqt run`, `eqt sweep` and `eqt pack`."""
+"""Execution of studies and searches, and the report on them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -9,25 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from eqt_cli.cli.shared import output
 from eqt_cli.cli.shared.options import cores
-from eqt_cli.cli.shared.output import (
-    as_remark,
-    count_of,
-    print_found,
-    print_json,
-    print_text,
-    say,
-)
+from eqt_cli.cli.shared.progress import notes
 from eqt_cli.core.errors import EqtError, InterruptedRun
 from eqt_cli.core.interruptions import Interrupted
-from eqt_cli.execution.folder_progress import unfinished
+from eqt_cli.execution.part_files import unfinished
 
 if TYPE_CHECKING:
+    from eqt_cli.analysis.text_tables import TextTable
     from eqt_cli.api import StoredResult
     from eqt_cli.execution.executors import Executor
     from eqt_cli.execution.run_study import Shard
     from eqt_cli.experiment.study import Study
     from eqt_cli.results.result import Result
+    from eqt_cli.tuning.generations import Found
+    from eqt_cli.tuning.searches import Searches
 
 
 def shard_from(text: str | None) -> Shard | None:
@@ -86,15 +84,15 @@ def run_experiment(
         whole = "" if kept else f" (whole parts of {plans.runs_of(0)} are)"
         raise InterruptedRun(
             f"interrupted; {kept} of {plans.total} runs are kept in {out}{whole}: "
-            "run the same command again to continue, or with --force to start over",
+            "run the same command again to continue",
             error.exit_code,
         ) from None
     for entry in done.removed:
-        say(f"removed {entry}")
+        output.say(f"removed {entry}")
     if done.was_complete:
-        say(f"{out} already holds this experiment; --force runs it again")
+        output.say(f"{out} already holds this experiment; --force runs it again")
     elif done.resumed:
-        say(f"{done.resumed} of {done.runs} runs were already computed")
+        output.say(f"{done.resumed} of {done.runs} runs were already computed")
     report(done, shard, json=json, with_plugins=bool(experiment.base.plugins))
 
 
@@ -119,8 +117,8 @@ def report(
             f"shard {shard.index}/{shard.count}: {done.runs} runs, {done.failed} failed\n"
             f"next     eqt pack {done.path}{trust}  (when all shards are done)"
         )
-        with nullcontext() if json else as_remark():
-            print_found({"folder": str(done.path), **counted}, text, json=json)
+        with nullcontext() if json else output.as_remark():
+            output.print_found({"folder": str(done.path), **counted}, text, json=json)
     else:
         with open_result(done.file) as results:
             check = results.cross_check
@@ -128,9 +126,9 @@ def report(
             if disagrees:
                 causes.append("the cross-check does not hold")
             if json:
-                print_json(_document(done, results, counted))
+                output.print_json(_document(done, results, counted))
             else:
-                with as_remark():
+                with output.as_remark():
                     _print_summary(done, results)
     if done.failed:
         raise typer.Exit(3)
@@ -158,9 +156,9 @@ def _print_summary(done: StoredResult, results: Result) -> None:
     points = results.dimensions.get("point")
     print_outcome(results)
     took = "".join(f", {name} {value:.1f} s" for name, value in done.seconds.items())
-    over = "" if points is None else f"{count_of(points, 'point')}, "
-    print_text(f"{over}{count_of(done.runs, 'run')}{took}", f"results  {done.file}")
-    print_text(f"next     eqt {_next(done, len(results.labels))}")
+    over = "" if points is None else f"{output.count_of(points, 'point')}, "
+    output.print_text(f"{over}{output.count_of(done.runs, 'run')}{took}", f"results  {done.file}")
+    output.print_text(f"next     eqt {_next(done, len(results.labels))}")
 
 
 def _next(done: StoredResult, laws: int) -> str:
@@ -168,3 +166,109 @@ def _next(done: StoredResult, laws: int) -> str:
     if done.failed == done.runs:
         return f"show {done.path} --failed"
     return f"{'compare' if laws > 1 else 'plot'} {done.path}"
+
+
+def searched(
+    search: Searches[Any],
+    begin: Callable[..., Found],
+    out: Path | None,
+    computing: tuple[str | None, int | None, str | None],
+    *,
+    dry_run: bool,
+    force: bool,
+    json: bool,
+) -> Found | None:
+    """Search and return the outcome; for a dry run, print the plan and return None.
+
+    Parameters
+    ----------
+    begin
+        `tune` or `worst` of the API.
+    computing
+        Requested executor, number of workers and scheduler.
+    """
+    from eqt_cli.experiment.study import Study
+
+    executor = executor_from(Study(None, search.base), *computing)
+    if dry_run:
+        _print_plan(search, executor, json=json)
+        return None
+    out = out or search.folder
+    output.say(_runs_line(search))
+    try:
+        return begin(search, out, executor=executor, force=force)
+    except Interrupted as error:
+        raise InterruptedRun(
+            f"interrupted; what was found is kept in {out}: run the same command again to continue",
+            error.exit_code,
+            [f"  {law}, {found}" for law, found in notes().items()],
+        ) from None
+
+
+def _runs_line(search: Searches[Any]) -> str:
+    """Return the line with the runs that a search will take, and what they are for."""
+    runs = output.count_of(search.base.config.ensemble.runs, "run")
+    cases = len(search.in_cases(search.laws[0]))
+    each = f"{runs} in each of {cases} cases" if cases > 1 else runs
+    return (
+        f"runs     {search.searched_runs} ({each} at each point), and at most "
+        f"{search.judging_runs} {search.judging}"
+    )
+
+
+def time_line(seconds: float | None, workers: int) -> str:
+    """Return the line of a dry run with the expected time."""
+    if seconds is None:
+        return "time     not known: the loop is too fast or too stiff to be timed in a moment"
+    return f"time     about {output.duration(seconds)} with {output.count_of(workers, 'worker')}"
+
+
+def _print_plan(search: Searches[Any], executor: Executor, *, json: bool) -> None:
+    """Print the runs and the time that a search will take."""
+    from eqt_cli.tuning.generations import expected
+
+    section, found = search.section, expected(search, executor)
+    factors = [
+        output.count_of(len(search.laws), "law"),
+        f"{section.seeds} search{'es' if section.seeds > 1 else ''}",
+        output.count_of(section.budget, "generation"),
+        output.count_of(section.population, "point"),
+    ]
+    lines = [
+        f"{' × '.join(factors)} = {found.points}",
+        _runs_line(search),
+        time_line(found.seconds, found.workers),
+    ]
+    output.print_found(asdict(found), "\n".join(lines), json=json)
+
+
+def report_search(
+    done: Found,
+    tables: Callable[[Result, dict[str, Any]], Sequence[TextTable]],
+    causes: Sequence[str],
+    config: str | None,
+    *,
+    json: bool,
+) -> None:
+    """Print the outcome of a search.
+
+    Parameters
+    ----------
+    causes
+        Reasons why the exit code is not 0.
+    config
+        Configuration in the folder, to be run next; None if nothing was found.
+    """
+    from eqt_cli.results.result import open_result
+
+    path = done.judged.folder.path
+    if json:
+        counted = {"failed": done.judged.failed, "causes": list(causes)}
+        output.print_json({"folder": str(path), **done.record, **counted})
+        return
+    with output.as_remark(), open_result(path) as result:
+        for table in tables(result, done.record):
+            output.print_text(output.laid_out(table), "")
+    output.print_text(
+        *causes, f"results  {path}", *([f"next     eqt run {path / config}"] if config else [])
+    )

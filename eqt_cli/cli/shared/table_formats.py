@@ -8,7 +8,7 @@ from typing import Any
 
 from eqt_cli.analysis.text_tables import TextTable
 
-_MATHEMATICS = {"d": "$d$", "P(better)": r"$P(\text{better})$"}
+_MATHEMATICS = {"d": "$d$"}
 """Headings that are formulas."""
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")

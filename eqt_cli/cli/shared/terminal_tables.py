@@ -17,8 +17,8 @@ from rich.cells import cell_len
 from rich.text import Text
 
 from eqt_cli.analysis.text_tables import Block, TextTable
-from eqt_cli.cli.shared.unbroken import words
-from eqt_cli.core.printable import printable
+from eqt_cli.cli.shared.output import words
+from eqt_cli.core.errors import printable
 
 _GAP = "  "
 _NARROW = 16
@@ -137,7 +137,7 @@ def table_text(table: TextTable, room: int | None) -> Text:
     ]
     lines = [_prose(table.caption, room), Text()] if table.caption else []
     grids, left_out = _laid_out(columns, table, None if room is None else room - len(indent))
-    notes = list(table.notes)
+    notes = table.notes_without(left_out)
     if left_out:
         notes.append(f"Not shown at this width: {', '.join(left_out)}.")
     if grids is None:

@@ -17,18 +17,16 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import EqtError, Problems
 from eqt_cli.core.option_types import Count, Positive, Scale
-from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine, Measured, Reduction, SampledFunction
 from eqt_cli.engines.native import compiler, library
 from eqt_cli.engines.native.integrator import Lanes, MeasuringLanes
 from eqt_cli.engines.native.library import Rows
-from eqt_cli.engines.native.source import Looking
-from eqt_cli.engines.problem import Problem, Progress, Span
+from eqt_cli.engines.problem import Problem, Progress
 from eqt_cli.engines.traced_loop import (
-    OneLoop,
+    LoopKey,
     held_rows,
     parameter_rows,
     programs,
@@ -69,7 +67,6 @@ class Native(Engine):
     threads: ClassVar[bool] = True
     as_fast_in_threads: ClassVar[int] = 2  # measured on two cores
     calls_laws: ClassVar[bool] = False
-    cross_check_rank: ClassVar[int | None] = 3
     part_runs: ClassVar[int] = 2500
 
     rtol: Annotated[Positive, Scale("relative tolerance")] = 1e-9
@@ -106,13 +103,18 @@ class Native(Engine):
 
     def integrator(self, problem: Problem) -> Lanes:
         """Return the integrator of lanes, whose steps depend on their own run only."""
-        law, rtol, atol = programs(OneLoop(problem.loop)), self.rtol, self.atol
-        return Lanes(problem, law, rtol * STEP_SHARE, atol * STEP_SHARE, self.max_steps)
+        return Lanes(problem, programs(LoopKey(problem.loop)), self._settings)
 
-    def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
+    @property
+    def _settings(self) -> dict[str, float]:
+        """The tolerances of a step, and the most steps."""
+        rtol, atol = self.rtol * STEP_SHARE, self.atol * STEP_SHARE
+        return {"rtol": rtol, "atol": atol, "most_steps": self.max_steps}
+
+    def groups(self, problem: Problem, threads: int) -> list[Array]:
         """Return groups of a few runs, equally many per thread; one each with several spans."""
         of_thread = -(-problem.runs // threads)
-        turns = max(1, -(-of_thread // GROUP_RUNS)) if len(spans) == 1 else 1
+        turns = max(1, -(-of_thread // GROUP_RUNS)) if len(problem.spans) == 1 else 1
         size = max(1, -(-problem.runs // (turns * threads)))
         runs = np.arange(problem.runs)
         return [runs[start : start + size] for start in range(0, problem.runs, size)]
@@ -138,7 +140,7 @@ class Native(Engine):
     ) -> dict[str, Array]:
         """Evaluate by compiled code, if the function can be compiled; else on arrays."""
         loop, times = problem.loop, problem.times
-        program = sampled(function, OneLoop(loop), tuple(row.shape[-1] for row in rows))
+        program = sampled(function, LoopKey(loop), tuple(row.shape[-1] for row in rows))
         if program is None:
             return super().evaluate(function, problem, *rows)
         given = [
@@ -165,7 +167,7 @@ class Native(Engine):
         Runs with several spans or a sampled law, and functions that cannot be compiled, are
         measured from stored states.
         """
-        times, one = problem.times, OneLoop(problem.loop)
+        times, one = problem.times, LoopKey(problem.loop)
         lengths = (problem.loop.state_length, *(row.shape[-1] for row in rows))
         found = None
         if kept is not None and len(problem.spans) == 1 and problem.loop.vehicle.control is None:
@@ -180,19 +182,8 @@ class Native(Engine):
             Rows(found.columns, by_sample=True),
         ]
         ends = dataclasses.replace(problem, times=times[[0, -1]])
-        lanes = MeasuringLanes(
-            ends,
-            programs(one),
-            self.rtol * STEP_SHARE,
-            self.atol * STEP_SHARE,
-            self.max_steps,
-            Looking(found.at_sample, tuple(row.length for row in given)),
-            times,
-            given,
-            found.starts,
-        )
-        groups = self.groups(ends, ends.spans, workers)
-        solution = walked(lanes, ends.spans, groups, progress, workers)
+        lanes = MeasuringLanes(ends, programs(one), self._settings, found, times, given)
+        solution = walked(lanes, self.groups(ends, workers), progress, workers)
         last = library.evaluation(found.ended, (len(found.starts),))
         numbers = last.at(problem.runs, 1, [Rows(lanes.memory, by_run=True)])
         ends_at = np.cumsum([math.prod(shape) for _, shape in found.kept])

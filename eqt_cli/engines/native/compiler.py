@@ -6,27 +6,30 @@ No shell is used, and of the user's text only numbers, and own C code, are in a 
 from __future__ import annotations
 
 import ctypes
+import errno
 import json
 import os
 import platform
 import re
 import shlex
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
 from eqt_cli.core.errors import Remedy, TraceError
-from eqt_cli.core.reporting import reporter
+from eqt_cli.core.files import NO_SPACE
+from eqt_cli.core.reporting import reporter, subject
+from eqt_cli.engines.native import contained
 from eqt_cli.engines.native.cache import digest, own_cache
+from eqt_cli.engines.native.contained import Limits, temporary_folder
 
 WINDOWS = os.name == "nt"
 
@@ -40,6 +43,9 @@ OWN_MACHINE = "-march=native"
 
 SECONDS = 600.0
 """Time limit of a compiler, s."""
+
+PREPROCESSOR = Limits(seconds=10.0, memory=2**30, file=16 * 2**20)
+"""Limits of a compiler that only reads a user's files; math.h and its like take 0.1 s and 1 MB."""
 
 TOLD_LINES = 5
 """Most lines of a compiler's messages that are shown."""
@@ -143,8 +149,9 @@ def missing() -> str | None:
     if os.environ.get("CC", "").strip() or commands():
         return None
     return (
-        "engine native needs a C compiler: install gcc or clang, or 'pip install ziglang', a clang "
-        f"in a wheel (this is {platform.system()} on {platform.machine()}); or use engine solve_ivp"
+        "engine native needs a C compiler: install gcc or clang, or 'pip install ziglang' (extra "
+        f"native), a clang in a wheel (this is {platform.system()} on {platform.machine()}); or "
+        "use engine solve_ivp"
     )
 
 
@@ -215,8 +222,8 @@ def _known(command: tuple[str, ...]) -> Compiler | None:
     if cache is None or key is None:
         return None
     with suppress(OSError, ValueError, TypeError):
-        if path := cache.find(key, ".json"):
-            entries = json.loads(path.read_bytes())
+        if found := cache.find(key, ".json"):
+            entries = json.loads(found)
             tuples = {name: tuple(entries[name]) for name in ("command", "flags", "features")}
             return Compiler(**{**entries, **tuples})
     return None
@@ -276,92 +283,151 @@ def library(source: str) -> ctypes.CDLL:
     """
     by = compiler()
     with _lock:  # a thread waits while another one compiles the same source
-        return _library(source, by)
+        return _library(source, by)[0]
+
+
+def content(source: str) -> bytes:
+    """Return the file of the same library; raises as `library` does."""
+    by = compiler()
+    with _lock:
+        return _library(source, by)[1]
 
 
 @lru_cache(maxsize=64)
-def _library(source: str, by: Compiler) -> ctypes.CDLL:
+def _library(source: str, by: Compiler) -> tuple[ctypes.CDLL, bytes]:
     cache, key = own_cache(), digest("\0".join([source, by.words, by.identity]))
     if cache is not None and (found := cache.find(key, ENDING)):
         with suppress(OSError):
-            return ctypes.CDLL(str(found))
+            return _loaded(found), found
+    with reporter().busy(f"compiling {subject()}"):
+        made = _compiled(source, by, "-shared")
     try:
-        # A loaded library cannot be removed on Windows.
-        folder = tempfile.TemporaryDirectory(prefix="eqt-", ignore_cleanup_errors=True)
-    except OSError as error:
-        raise TraceError(
-            f"a law cannot be compiled: there is no folder for temporary files: {error.strerror}",
-            Remedy("set the variable TMPDIR to a folder that you can write to"),
-        ) from error
-    with folder, reporter().busy("compiling the laws"):
-        made = Path(folder.name, f"law{ENDING}")
-        _compile(source, by, made)
-        if cache is not None:
-            with suppress(OSError):
-                return ctypes.CDLL(str(cache.keep(key, ENDING, made.read_bytes())))
-        return _loaded(made, by)
-
-
-def _compile(source: str, by: Compiler, made: Path) -> None:
-    flags = [*LIBRARY, *by.flags]
-    answer = run([*by.command, *flags, "-o", str(made), "-x", "c", "-", *MATHEMATICS], source)
-    if answer.returncode or not made.exists():
-        raise TraceError(
-            f"the C compiler {shlex.join(by.command)} cannot compile a law",
-            Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
-            lines=_told(answer.stderr or answer.stdout),
-        )
-
-
-def _loaded(made: Path, by: Compiler) -> ctypes.CDLL:
-    try:
-        return ctypes.CDLL(str(made))
+        loaded = _loaded(made)
     except OSError as error:
         raise TraceError(
             f"what the C compiler {shlex.join(by.command)} makes cannot be loaded",
             Remedy("set the variable CC to a compiler for this machine, or use engine solve_ivp"),
             lines=_told(str(error)),
         ) from error
+    if cache is not None:
+        with suppress(OSError):
+            cache.keep(key, ENDING, made)
+    return loaded, made
 
 
-def run(command: Sequence[str], text: str = "") -> subprocess.CompletedProcess[str]:
-    """Run a command without shell or terminal; a timeout kills it and all that it has started."""
-    called = shlex.join(command)
-    try:
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            encoding="utf-8",
-            errors="replace",
-            start_new_session=True,
+def _loaded(made: bytes) -> ctypes.CDLL:
+    with as_file(made) as path:
+        return ctypes.CDLL(str(path))
+
+
+@contextmanager
+def as_file(made: bytes) -> Iterator[Path]:
+    """Give a library a name, under which this process and others of the user can load it.
+
+    No one can change it between its check and its use: on Linux it is in memory only.
+    """
+    with temporary_folder() as folder:
+        path = folder / f"law{ENDING}"
+        if sys.platform != "linux":
+            path.write_bytes(made)
+            yield path
+            return
+        with os.fdopen(os.memfd_create("eqt"), "wb") as memory:
+            memory.write(made)
+            memory.flush()
+            path.symlink_to(f"/proc/{os.getpid()}/fd/{memory.fileno()}")
+            yield path
+
+
+def _compiled(source: str, by: Compiler, kind: str) -> bytes:
+    """Return the library (``-shared``) or the object file (``-c``) of a source."""
+    flags = [kind if flag == "-shared" else flag for flag in (*LIBRARY, *by.flags)]
+    linked = MATHEMATICS if kind == "-shared" else ()
+    with temporary_folder() as folder:
+        made = folder / f"law{ENDING}"
+        answer = run([*by.command, *flags, "-o", str(made), "-x", "c", "-", *linked], source)
+        if answer.returncode or not made.exists():
+            raise TraceError(
+                f"the C compiler {shlex.join(by.command)} cannot compile a law",
+                Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
+                lines=_told(answer.stderr or answer.stdout),
+            )
+        return made.read_bytes()
+
+
+def object_file(source: str) -> bytes:
+    """Return what the compiler makes of a C source before it is linked.
+
+    Raises
+    ------
+    TraceError
+        If there is no compiler, or it fails.
+    """
+    return _compiled(source, compiler(), "-c")
+
+
+def preprocessed(source: str = "", file: Path | None = None) -> str:
+    """Return a C source after its preprocessor, with the markers of lines.
+
+    Parameters
+    ----------
+    file
+        The source, in place of a text. Its folder is the first in which included files are looked
+        for.
+
+    Raises
+    ------
+    TraceError
+        If there is no compiler, or it fails.
+    """
+    by = compiler()
+    command = [*by.command, *FLAGS, *by.flags, "-w", "-E", "-x", "c", str(file or "-")]
+    answer = run(command, source, PREPROCESSOR)
+    if answer.returncode:
+        raise TraceError(
+            f"the preprocessor of {shlex.join(by.command)} fails",
+            lines=_told(answer.stderr) or [f"it ended with {answer.returncode}"],
         )
+    return answer.stdout
+
+
+def run(
+    command: Sequence[str], text: str = "", limits: Limits | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a command within limits, in an empty folder; text in, text out.
+
+    Raises
+    ------
+    TraceError
+        If it cannot be started, or takes too long.
+    """
+    limits = limits or Limits(SECONDS)
+    try:
+        if not shutil.which(command[0]):
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
+        done = contained.run(command, text.encode(), limits)
+        if done.returncode and (full := contained.no_space(done.stderr, limits)):
+            raise OSError(full, os.strerror(full))
     except OSError as error:
+        if error.errno in NO_SPACE:
+            raise TraceError(
+                f"a law cannot be compiled: a temporary file in {tempfile.gettempdir()} cannot be "
+                f"written: {str(error.strerror).lower()}",
+                Remedy(
+                    "free some space there, raise the largest file size (`ulimit -f`), or set the "
+                    "variable TMPDIR to another folder"
+                ),
+            ) from error
         said = f"the C compiler {command[0]} cannot be started: {error.strerror}"
         raise TraceError(said, CHOOSE) from error
-    with process:
-        try:
-            out, err = process.communicate(text, timeout=SECONDS)
-        except subprocess.TimeoutExpired:
-            _end(process)
-            raise TraceError(
-                f"the C compiler {command[0]} did not end within {SECONDS:g} s: {called}",
-                Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
-            ) from None
-        except BaseException:
-            _end(process)
-            raise
-    return subprocess.CompletedProcess(command, process.returncode, out, err)
-
-
-def _end(process: subprocess.Popen[str]) -> None:
-    with suppress(OSError):
-        if WINDOWS:
-            process.kill()
-        else:
-            os.killpg(process.pid, signal.SIGKILL)
+    except subprocess.TimeoutExpired:
+        raise TraceError(
+            f"the C compiler {command[0]} did not end within {limits.seconds:g} s: "
+            f"{shlex.join(command)}",
+            Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
+        ) from None
+    out, err = (told.decode("utf-8", "replace") for told in (done.stdout, done.stderr))
+    return subprocess.CompletedProcess(command, done.returncode, out, err)
 
 
 def _told(text: str) -> list[str]:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.closed_loop.law_input import LawInput
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.native import library
 from eqt_cli.engines.native.library import Measuring, Rows
-from eqt_cli.engines.native.source import Looking
+from eqt_cli.engines.native.source import SampleProgram
 from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.traced_loop import (
     InstantPrograms,
     LoopPrograms,
+    RunningPrograms,
     held_rows,
     parameter_rows,
 )
+from eqt_cli.mechanics.law_input import LawInput
 from eqt_cli.program import Program
 from eqt_cli.vehicle.sensors.channels import Errors
 
@@ -31,11 +32,9 @@ class Lanes(Integrator):
     ----------
     law
         The programs of the loop.
-    rtol, atol
-        Tolerances of a step.
-    most_steps
-        Most steps that a run may take.
-    looking
+    settings
+        ``rtol`` and ``atol``, the tolerances of a step, and ``most_steps``, of a run.
+    at_samples
         Program that looks at each sample; without it, states are stored.
     """
 
@@ -43,15 +42,13 @@ class Lanes(Integrator):
         self,
         problem: Problem,
         law: LoopPrograms,
-        rtol: float,
-        atol: float,
-        most_steps: int,
-        looking: Looking | None = None,
+        settings: Mapping[str, float],
+        at_samples: SampleProgram | None = None,
     ) -> None:
         super().__init__(problem)
-        self._law, self._function = law, library.integration(law.field, looking=looking)
+        self._law, self._function = law, library.integration(law.field, at_samples=at_samples)
         self._compiled: dict[int, library.Evaluation] = {}
-        self._settings = {"rtol": rtol, "atol": atol, "most_steps": most_steps}
+        self._settings = settings
         self._all_parameters = parameter_rows(problem)
 
     def begin(self, runs: Array) -> None:
@@ -190,6 +187,8 @@ class MeasuringLanes(Lanes):
     ----------
     problem
         Problem with the first and the last sample time only.
+    measures
+        Programs that measure.
     times
         All sample times, s.
     rows
@@ -207,18 +206,16 @@ class MeasuringLanes(Lanes):
         self,
         problem: Problem,
         law: LoopPrograms,
-        rtol: float,
-        atol: float,
-        most_steps: int,
-        looking: Looking,
+        settings: Mapping[str, float],
+        measures: RunningPrograms,
         times: Array,
         rows: Sequence[Rows],
-        starts: Array,
     ) -> None:
-        super().__init__(problem, law, rtol, atol, most_steps, looking)
-        self._sample_times, self._rows, self._starts = times, rows, starts
-        self.memory = np.empty((problem.runs, len(starts)))
-        self.kept = np.empty((problem.runs, len(times), looking.kept))
+        at_samples = SampleProgram(measures.at_sample, tuple(row.length for row in rows))
+        super().__init__(problem, law, settings, at_samples)
+        self._sample_times, self._rows, self._starts = times, rows, measures.starts
+        self.memory = np.empty((problem.runs, len(measures.starts)))
+        self.kept = np.empty((problem.runs, len(times), at_samples.kept))
 
     def advance(self, span: Span, states: Array) -> SpanResult:
         """Integrate and measure these runs, which are neighbours."""

@@ -60,18 +60,18 @@ class _Measuring(ctypes.Structure):
 
 @lru_cache(maxsize=32)
 def integration(
-    field: Program, lanes: int | None = None, looking: source.Looking | None = None
+    field: Program, lanes: int | None = None, at_samples: source.SampleProgram | None = None
 ) -> Any:
     """Return ``eqt_advance`` of a field, for the lanes of this machine by default."""
     lanes = lanes or compiler.compiler().lanes
-    return compiler.library(source.integration(field, lanes, looking)).eqt_advance
+    return compiler.library(source.integration(field, lanes, at_samples)).eqt_advance
 
 
 def advance(function: Any, measuring: Measuring | None = None, **values: Any) -> None:
     """Call ``eqt_advance`` with the members of ``eqt_span``; arrays are C-contiguous."""
-    looking = None if measuring is None else measuring.as_c()  # it must live during the call
+    at_samples = None if measuring is None else measuring.as_c()  # it must live during the call
     span = _Span(
-        measuring=None if looking is None else ctypes.addressof(looking),
+        measuring=None if at_samples is None else ctypes.addressof(at_samples),
         **{name: values[name] for name in (*_INTEGERS, *_NUMBERS)},
         **{name: values[name].ctypes.data for name in _ARRAYS},
     )

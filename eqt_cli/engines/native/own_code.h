@@ -5,10 +5,12 @@
      EQT_NUMBER_TYPE, EQT_MEMORY_TYPE, EQT_INPUT_TYPE, EQT_TORQUE   the user's names
      EQT_CODE_REAL                 double or float
      EQT_CODE_AXES                 numbers of a velocity
-     EQT_SET_NUMBERS, EQT_READ_MEMORY, EQT_WRITE_MEMORY   a call of the macros below for each name
-     EQT_LIST_NUMBERS, EQT_LIST_MEMORY                    sizeof of each, with commas
+     EQT_SET_INPUT, EQT_SET_NUMBERS, EQT_READ_MEMORY, EQT_WRITE_MEMORY
+                                   a call of the macros below for each name
+     EQT_LIST_INPUT, EQT_LIST_NUMBERS, EQT_LIST_MEMORY   sizeof of each, with commas
      EQT_DEFAULT_NUMBERS           the numbers before they are set
-     EQT_CODE_START, EQT_SET_PERIOD   defined where there is such a function, or such a number */
+     EQT_CODE_START, EQT_SET_PERIOD   defined where there is such a function, or such a number
+     EQT_DECISIONS                 defined behind decisions.h: the number of decisions */
 #ifndef EQT_OWN_CODE_H
 #define EQT_OWN_CODE_H
 
@@ -25,21 +27,17 @@
    has the right arguments, and the bytes of the whole memory, of every number, and of every part of
    the memory. */
 const long eqt_code_sizes[] = {
-    (long)sizeof(((EQT_INPUT_TYPE *)0)->t),
-    (long)sizeof(((EQT_INPUT_TYPE *)0)->pose),
-    (long)sizeof(((EQT_INPUT_TYPE *)0)->velocity),
-    (long)sizeof(((EQT_INPUT_TYPE *)0)->desired_pose),
-    (long)sizeof(((EQT_INPUT_TYPE *)0)->desired_velocity),
-    (long)sizeof(((EQT_INPUT_TYPE *)0)->desired_acceleration),
+    EQT_LIST_INPUT
     __builtin_types_compatible_p(
         __typeof__(&EQT_TORQUE),
         void (*)(const EQT_NUMBER_TYPE *, EQT_MEMORY_TYPE *, const EQT_INPUT_TYPE *, EQT_CODE_REAL *)),
     (long)sizeof(EQT_MEMORY_TYPE),
     EQT_LIST_NUMBERS EQT_LIST_MEMORY 0};
 
-/* Rows, one a run: what is given for the numbers, the memory, which goes on, and the inputs. */
+/* Rows, one a run: what is given for the numbers, the memory, which goes on, and the inputs. begins: 1
+   calls the start; with 2, what is not named of the memory is filled. */
 void eqt_code(long runs, int begins, double period, const double *given, double *remembered,
-              const double *inputs, double *torques)
+              const double *inputs, double *torques, unsigned char *outcomes, double *apart)
 {
     long run, eqt_k;
     for (run = 0; run < runs; run++) {
@@ -50,21 +48,21 @@ void eqt_code(long runs, int begins, double period, const double *given, double 
         const double *kept = remembered;
         unsigned char *bytes = (unsigned char *)&memory;
         for (eqt_k = 0; eqt_k < (long)sizeof memory; eqt_k++)
-            bytes[eqt_k] = 0;
+            bytes[eqt_k] = begins & 2 ? 0x3f : 0; /* 4.8e-4 in double, 0.75 in float */
         (void)kept;
         (void)period;
+        (void)outcomes;
+        (void)apart;
+#ifdef EQT_DECISIONS
+        EQT_WATCH(run, EQT_DECISIONS);
+#endif
         EQT_SET_NUMBERS
 #ifdef EQT_SET_PERIOD
         numbers.period = (EQT_CODE_REAL)period;
 #endif
         EQT_READ_MEMORY
-        EQT_IN(input.t, inputs);
-        EQT_IN(input.pose, inputs);
-        EQT_IN(input.velocity, inputs);
-        EQT_IN(input.desired_pose, inputs);
-        EQT_IN(input.desired_velocity, inputs);
-        EQT_IN(input.desired_acceleration, inputs);
-        if (begins) {
+        EQT_SET_INPUT
+        if (begins & 1) {
 #ifdef EQT_CODE_START
             EQT_CODE_START(&numbers, &memory, &input);
 #endif

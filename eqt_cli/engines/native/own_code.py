@@ -1,4 +1,4 @@
-"""Python's calls of a user's own C function: for many runs, arrays in, arrays out.
+"""Python's calls of a user's own C function, and what the function keeps from call to call.
 
 The user's text is compiled as it is; eqt adds only names that were found in it, and numbers.
 """
@@ -7,65 +7,174 @@ from __future__ import annotations
 
 import ctypes
 import re
-from collections.abc import Sequence
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
+from struct import iter_unpack, unpack_from
 from typing import Any
 
 import numpy as np
 
+from eqt_cli.controllers.base import RunsCode
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError, Remedy, TraceError, suggestion
-from eqt_cli.engines.native import compiler
+from eqt_cli.engines.native import compiler, contained
+from eqt_cli.engines.native.c_files import files_in, preprocessed
+from eqt_cli.engines.native.contained import Limits, temporary_folder
+from eqt_cli.engines.native.decisions import Decision, watched
+from eqt_cli.mechanics.flatness import ORDER
+from eqt_cli.mechanics.law_input import LawInput
+
+UNTYPED, OBJECT, COMMON, THREADS = 0, 1, 5, 6
+"""Types of an ELF symbol that are variables; one of an assembler has none."""
+
+IN_COMMON, RESERVED, WRITE = 0xFFF2, 0xFF00, 1
+"""Numbers of sections with a meaning of their own, and the flag of a section that is writable."""
+
+SYMBOLS = 2
+"""Type of the ELF section that lists all symbols."""
+
+SECONDS = 60.0
+"""Time limit of `nm`, s."""
+
+
+WITHOUT_STATE = {
+    "memcmp",
+    "memcpy",
+    "memmove",
+    "memset",
+    "sincos",
+    "sincosf",
+    "_GLOBAL_OFFSET_TABLE_",
+}
+"""Names that compilers call of their own accord, beside those with two underscores."""
+
+
+ERRNO = {"__errno_location", "__error", "_errno"}
+"""What returns the address of errno."""
+
+
+def kept(made: bytes) -> tuple[list[str], list[str]] | None:
+    """Return the variables of an object file that can be written, and the functions it calls.
+
+    Functions that keep no state are left out: those of math.h, and those of compilers. An ELF file
+    is read here; of another one, the program `nm` tells, if there is one. None if neither can be
+    done.
+    """
+    if made.startswith(b"\x7fELF\x02\x01"):  # 64 bits, the least byte first
+        found: list[tuple[str, bool]] | None = list(_of_elf(made))
+    else:
+        nm = shutil.which("nm") or shutil.which("llvm-nm")
+        found = None if nm is None else _told(nm, made)
+    if found is None:
+        return None
+    names = [sorted({_plain(name) for name, own in found if own is kind}) for kind in (True, False)]
+    return names[0], [name for name in names[1] if not _keeps_nothing(name)]
+
+
+def _keeps_nothing(name: str) -> bool:
+    if name in ERRNO:
+        return False
+    return name.startswith("__") or name in WITHOUT_STATE or name in _mathematical()
+
+
+@lru_cache(maxsize=1)
+def _mathematical() -> set[str]:
+    return set(re.findall(r"(\w+) *\(", compiler.preprocessed("#include <math.h>\n")))
+
+
+def _of_elf(made: bytes) -> Iterator[tuple[str, bool]]:
+    """Yield the names of variables (True), and of what the file does not define (False)."""
+    (table,) = unpack_from("<Q", made, 40)
+    size, count, _ = unpack_from("<3H", made, 58)
+    # name, type, flags, address, offset, size, link, info, alignment, size of an entry
+    sections = [unpack_from("<2I4Q2I2Q", made, table + k * size) for k in range(count)]
+    at = sections[unpack_from("<H", made, 62)[0]][4]
+    names = [_text(made, at + section[0]) for section in sections]
+    for section in (each for each in sections if each[1] == SYMBOLS):
+        offset, length, text = section[4], section[5], sections[section[6]][4]
+        for name, info, _, where, _, _ in iter_unpack("<I2BH2Q", made[offset : offset + length]):
+            if info & 15 not in (UNTYPED, OBJECT, COMMON, THREADS) or not name:
+                continue
+            if where == 0:
+                yield _text(made, text + name), False
+            elif where == IN_COMMON or (
+                0 < where < RESERVED
+                and sections[where][2] & WRITE
+                and not names[where].startswith(".data.rel.ro")
+            ):
+                yield _text(made, text + name), True
+
+
+def _text(made: bytes, at: int) -> str:
+    return made[at : made.index(b"\0", at)].decode(errors="replace")
+
+
+def _told(nm: str, made: bytes) -> list[tuple[str, bool]] | None:
+    with temporary_folder() as folder:
+        path = folder / "law.o"
+        path.write_bytes(made)
+        answer = contained.run([nm, str(path)], b"", Limits(SECONDS))
+    if answer.returncode:
+        return None
+    told = answer.stdout.decode("utf-8", "replace")
+    found = re.findall(r"^[0-9a-fA-F]* *([bBdDCU]) (\S+)$", told, re.MULTILINE)
+    return [(name.removeprefix("_"), kind != "U") for kind, name in found]
+
+
+def _plain(name: str) -> str:
+    """Return a name as it is in C: gcc writes ``count.0``, and clang ``law.count``."""
+    parts = [part for part in name.split(".") if part and not part.isdigit()]
+    return parts[-1] if parts else name
+
 
 SHIM = Path(__file__).parent / "own_code.h"
 
 REALS = {"double": 8, "float": 4}
 """The types of numbers, and their sizes in bytes."""
 
-INPUTS = ("t", "pose", "velocity", "desired_pose", "desired_velocity", "desired_acceleration")
-"""The fields of ``X_input``, in their order."""
+POSITION = "position"
+"""The field of the flat output, which only laws have that read it."""
 
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 
 
-def is_name(text: str) -> bool:
-    """Return whether a text can be a name in C."""
-    return _NAME.fullmatch(text) is not None
-
-
 @dataclass(frozen=True)
-class OwnCode:
+class OwnCode(RunsCode):
     """A user's text in C and the names that it has to define.
 
     Attributes
     ----------
-    file
-        The name of the text.
     text
-        The text, with the files in quotes that it includes.
-    prefix
-        X of ``X_torque``, ``X_numbers``, ``X_memory`` and ``X_input``.
-    numbers
-        The fields of ``X_numbers`` that are set, and their lengths.
-    memory
-        The fields of ``X_memory``.
-    real
-        ``double`` or ``float``.
+        The text, with the files beside it that it includes, as `c_files.gathered` writes them.
     entries, axes
         The number of entries of a pose, and of a velocity.
+    space
+        The number of coordinates of a position; 0 on groups other than SE2 and SE3.
     """
 
-    file: str
     text: str = field(repr=False)
-    prefix: str
-    numbers: tuple[tuple[str, int], ...]
-    memory: tuple[str, ...]
-    real: str
     entries: int
     axes: int
+    space: int = 0
+
+    @cached_property
+    def inputs(self) -> dict[str, int]:
+        """The fields of ``X_input`` with their lengths, in the order of `LawInput`.
+
+        A text with a field ``position`` names all of its fields; any other one has those of a law
+        that reads none.
+        """
+        q, m, n = self.entries, self.axes, self.space
+        lengths = (1, q, m, q, m, m, (ORDER + 1) * n, 3)
+        found = dict(zip(LawInput._fields, lengths, strict=True))
+        known = self.fields(f"{self.prefix}_input") or ()
+        flat = n and POSITION in known
+        read = known if flat else LawInput._fields[:6]
+        return {name: length for name, length in found.items() if name in read}
 
     @property
     def function(self) -> str:
@@ -73,9 +182,20 @@ class OwnCode:
         return f"{self.prefix}_torque"
 
     @cached_property
+    def preprocessed(self) -> str:
+        """What the preprocessor makes of the text, with markers of the lines.
+
+        Raises
+        ------
+        InputError
+            If it fails.
+        """
+        return preprocessed(self.text, self.file)
+
+    @cached_property
     def _plain(self) -> str:
-        """The text without comments and strings."""
-        return _COMMENT.sub(" ", self.text)
+        """What is compiled of the text, without strings."""
+        return _COMMENT.sub(" ", self.preprocessed)
 
     def defines(self, function: str) -> bool:
         """Return whether the text has the body of a function."""
@@ -109,22 +229,22 @@ class OwnCode:
                 f"{self.file} does not define the function {self.function}; {there}; name the "
                 "function with the key `function`"
             )
-        known = self.fields(f"{self.prefix}_numbers")
-        for name, _ in self.numbers:
-            if known is not None and name not in known:
-                raise InputError(
-                    _no_field(self.file, "numbers", f"{self.prefix}_numbers", name, known)
-                )
-        known = self.fields(f"{self.prefix}_memory")
-        for name in self.memory:
-            if known is not None and name not in known:
-                raise InputError(
-                    _no_field(self.file, "memory", f"{self.prefix}_memory", name, known)
-                )
+        needed = {"numbers": dict(self.numbers), "memory": self.memory, "input": self.inputs}
+        for key, fields in needed.items():
+            known = self.fields(struct := f"{self.prefix}_{key}")
+            if known is None:
+                continue
+            for name in (each for each in fields if each not in known):
+                hint = suggestion(name, known) or f"; it has {', '.join(known) or 'none'}"
+                raise InputError(f"{key}: {struct} in {self.file} has no field {name}{hint}")
 
     @property
     def source(self) -> str:
-        """The source to compile: the text, and eqt's calls of it."""
+        """The source to compile: the preprocessed text, and eqt's calls of it."""
+        return f"{self.preprocessed}\n{self._calls}"
+
+    @property
+    def _calls(self) -> str:
         X, numbers = self.prefix, [name for name, _ in self.numbers]
         has_defaults = re.search(rf"\b{X}_defaults\s*=", self._plain)
         definitions = {
@@ -135,6 +255,10 @@ class OwnCode:
             "EQT_CODE_REAL": self.real,
             "EQT_CODE_AXES": str(self.axes),
             "EQT_DEFAULT_NUMBERS": f"{X}_defaults" if has_defaults else "{0}",
+            "EQT_SET_INPUT": "".join(f"EQT_IN(input.{name}, inputs); " for name in self.inputs),
+            "EQT_LIST_INPUT": "".join(
+                f"(long)sizeof(((EQT_INPUT_TYPE *)0)->{name}), " for name in self.inputs
+            ),
             "EQT_SET_NUMBERS": "".join(f"EQT_IN(numbers.{name}, given); " for name in numbers),
             "EQT_READ_MEMORY": "".join(f"EQT_IN(memory.{name}, kept); " for name in self.memory),
             "EQT_WRITE_MEMORY": "".join(
@@ -152,12 +276,21 @@ class OwnCode:
         if self.has_period:
             definitions["EQT_SET_PERIOD"] = "1"
         defined = "".join(f"#define {name} {text}\n" for name, text in definitions.items())
-        return "\n".join([self.text, defined, SHIM.read_text(encoding="utf-8")])
+        return f"{defined}\n{SHIM.read_text(encoding='utf-8')}"
 
+    @cached_property
+    def decisions(self) -> tuple[str, tuple[Decision, ...]]:
+        """The source that also keeps the outcomes of its decisions, and these.
 
-def _no_field(file: str, key: str, struct: str, name: str, known: Sequence[str]) -> str:
-    hint = suggestion(name, known) or f"; it has {', '.join(known) or 'none'}"
-    return f"{key}: {struct} in {file} has no field {name}{hint}"
+        Raises
+        ------
+        TraceError
+            If the preprocessor fails.
+        """
+        marked = f'{self.preprocessed}\n#line 1 "eqt"\n#define EQT_DECISIONS eqt_decisions\n'
+        files = set(files_in(self.text, self.file))
+        text, found = watched(compiler.preprocessed(marked + self._calls), files)
+        return f"enum {{ eqt_decisions = {len(found)} }};\n{text}", found
 
 
 @dataclass(frozen=True)
@@ -170,16 +303,19 @@ class CodeFunction:
         Its source.
     lengths
         The length of each part of the memory, by name.
+    fills
+        Whether what is not named of the memory is not 0 before a call.
     """
 
     code: OwnCode
     lengths: dict[str, int] = field(compare=False)
     library: Any = field(repr=False, compare=False)
+    fills: bool = False
 
     @property
     def row(self) -> int:
         """The number of entries of an input."""
-        return 1 + 2 * self.code.entries + 3 * self.code.axes
+        return sum(self.code.inputs.values())
 
     def started(self, numbers: Array, period: float, inputs: Array) -> Array:
         """Return the memory at the start of runs with these inputs, ``(runs, …)``."""
@@ -192,8 +328,50 @@ class CodeFunction:
         """Return the torques of runs, and their memory a period later, ``(runs, …)`` each."""
         return self._called(0, numbers, period, memory, inputs)
 
+    @cached_property
+    def watching(self) -> CodeFunction | None:
+        """The function that also keeps its outcomes; None if it cannot be compiled like that."""
+        with suppress(TraceError):
+            return CodeFunction(self.code, self.lengths, compiler.library(self.code.decisions[0]))
+        return None
+
+    def outcomes(
+        self, numbers: Array, period: float, memory: Array, inputs: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return the torques of runs, the outcomes of the decisions, and how far these are away.
+
+        Returns
+        -------
+        torques
+            As of `torque`.
+        outcomes : (runs, decisions)
+            1: it was true; 2: it was false; 3: both; 0: it was not reached.
+        apart : (runs, decisions)
+            Left − right of a comparison, where that was nearest to 0.
+        """
+        shape = len(inputs), len(self.code.decisions[1])
+        found = np.zeros(shape, dtype=np.uint8), np.zeros(shape)
+        if self.code.starts:
+            self._called(1, numbers, period, np.zeros_like(memory), inputs, *found)
+        torques, _ = self._called(0, numbers, period, memory, inputs, *found)
+        return torques, *found
+
+    @cached_property
+    def own_state(self) -> tuple[list[str], list[str]] | None:
+        """Its variables that a call can leave changed, and the functions that may keep a state.
+
+        None where they cannot be read.
+        """
+        return kept(compiler.object_file(self.code.source))
+
     def _called(
-        self, begins: int, numbers: Array, period: float, memory: Array, inputs: Array
+        self,
+        begins: int,
+        numbers: Array,
+        period: float,
+        memory: Array,
+        inputs: Array,
+        *outcomes: Array,
     ) -> tuple[Array, Array]:
         runs = len(inputs)
         given = np.ascontiguousarray(numbers, dtype=float)
@@ -201,9 +379,13 @@ class CodeFunction:
         rows = np.ascontiguousarray(inputs, dtype=float)
         torques = np.empty((runs, self.code.axes))
         assert rows.shape == (runs, self.row)
-        addresses = (ctypes.c_void_p(a.ctypes.data) for a in (given, kept, rows, torques))
+        arrays = (given, kept, rows, torques, *outcomes)
+        addresses = [ctypes.c_void_p(a.ctypes.data) for a in arrays] + [None] * (6 - len(arrays))
         self.library.eqt_code(
-            ctypes.c_long(runs), ctypes.c_int(begins), ctypes.c_double(period), *addresses
+            ctypes.c_long(runs),
+            ctypes.c_int(begins + 2 * self.fills),
+            ctypes.c_double(period),
+            *addresses,
         )
         return torques, kept
 
@@ -218,11 +400,6 @@ def compiled(code: OwnCode) -> CodeFunction:
         If its names, types or sizes are not the expected ones, or it cannot be compiled.
     """
     code.check()
-    if compiler.missing():
-        raise InputError(
-            f"{code.file} is C, and this machine has no C compiler; install gcc or clang, or "
-            "'pip install ziglang', a clang in a wheel"
-        )
     try:
         library = compiler.library(code.source)
     except TraceError as error:
@@ -231,7 +408,7 @@ def compiled(code: OwnCode) -> CodeFunction:
             f"{code.file} cannot be compiled: {said or error.args[0]}",
             Remedy("compile it with your own compiler to see all of it"),
         ) from error
-    count = 8 + len(code.numbers) + len(code.memory)
+    count = 2 + len(code.inputs) + len(code.numbers) + len(code.memory)
     sizes = list((ctypes.c_long * count).in_dll(library, "eqt_code_sizes"))
     return CodeFunction(code, _checked(code, sizes), library)
 
@@ -239,25 +416,25 @@ def compiled(code: OwnCode) -> CodeFunction:
 def _checked(code: OwnCode, sizes: Sequence[int]) -> dict[str, int]:
     """Check all sizes, and return the length of each part of the memory."""
     X, size = code.prefix, REALS[code.real]
-    t, *parts = sizes[:6]
+    t, *parts = sizes[: len(code.inputs)]
+    sizes = sizes[len(code.inputs) :]
     if t != size:
         other = next((name for name, length in REALS.items() if length == t), f"{t} bytes")
         raise InputError(
             f"real: the numbers of {X}_input in {code.file} are {other}, not {code.real}; set "
             f"`real: {other}`"
         )
-    lengths = (code.entries, code.axes, code.entries, code.axes, code.axes)
-    for name, length, found in zip(INPUTS[1:], lengths, parts, strict=True):
+    for (name, length), found in zip([*code.inputs.items()][1:], parts, strict=True):
         if found != length * size:
             raise InputError(
                 f"{X}_input in {code.file} has {found // size} numbers in {name}; expected {length}"
             )
-    if not sizes[6]:
+    if not sizes[0]:
         raise InputError(
             f"{code.function} in {code.file} has other arguments; expected void {code.function}"
             f"(const {X}_numbers *, {X}_memory *, const {X}_input *, {code.real} *)"
         )
-    whole, rest = sizes[7], sizes[8:]
+    whole, rest = sizes[1], sizes[2:]
     for (name, given), found in zip(code.numbers, rest, strict=False):
         if found != given * size:
             raise InputError(

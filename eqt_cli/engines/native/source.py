@@ -13,21 +13,21 @@ from typing import NamedTuple
 
 from eqt_cli.program import Constant, Input, Operation, Output, Program
 from eqt_cli.program.c_code import FUNCTIONS_HEADER, LANES_HEADER, c_function
-from eqt_cli.program.fusing import fused
+from eqt_cli.program.rewriting import fused
 
 ADVANCE, STORE, MEASURE, EVALUATE = "advance.h", "store.h", "measure.h", "evaluate.h"
 METHOD, ROWS = "dop853.h", "rows.h"
 _TEMPLATES = Path(__file__).parent
 
 
-def integration(field: Program, lanes: int, looking: Looking | None = None) -> str:
+def integration(field: Program, lanes: int, at_samples: SampleProgram | None = None) -> str:
     """Return the C source of ``eqt_advance``, for a program of ``derivative``.
 
     Parameters
     ----------
     lanes
         Number of runs side by side; it changes no bit of a result.
-    looking
+    at_samples
         Program that looks at each sample; without it, states are stored.
     """
     kept, comparisons = with_kept_comparisons(field)
@@ -37,23 +37,23 @@ def integration(field: Program, lanes: int, looking: Looking | None = None) -> s
         "EQT_PARAMETERS": lengths["parameters"],
         "EQT_HELD": lengths["held"],
         "EQT_COMPARISONS": comparisons,
-        "EQT_MEMORY": 0 if looking is None else looking.memory,
+        "EQT_MEMORY": 0 if at_samples is None else at_samples.memory,
     }
     every = set(range(lengths["state"]))
     emitted = [
         _defined(sizes),
         _flags("eqt_all", every, lengths["state"]),
-        _flags("eqt_seen", every if looking is None else looking.states, lengths["state"]),
+        _flags("eqt_seen", every if at_samples is None else at_samples.states, lengths["state"]),
         f"static {c_function(fused(kept), 'eqt_field')}",
     ]
-    if looking is None:
+    if at_samples is None:
         return "\n".join([_head(lanes), *emitted, *map(_text, (METHOD, ADVANCE, STORE))])
     texts = map(_text, (ROWS, METHOD, ADVANCE, MEASURE))
-    return "\n".join([_head(lanes), *emitted, _measuring(looking), *texts])
+    return "\n".join([_head(lanes), *emitted, _measuring(at_samples), *texts])
 
 
-class Looking(NamedTuple):
-    """A program that looks at each sample of a run.
+class SampleProgram(NamedTuple):
+    """A program that measures each sample of a run.
 
     Attributes
     ----------
@@ -84,23 +84,25 @@ class Looking(NamedTuple):
         return len(self.program.outputs[1].entries)
 
 
-def _measuring(looking: Looking) -> str:
-    lengths = dict(looking.program.inputs)
+def _measuring(at_samples: SampleProgram) -> str:
+    lengths = dict(at_samples.program.inputs)
     behind_state = accumulate(lengths[name] for name in ("state", "time", "held"))
     places = dict(zip(("time", "held", "columns"), behind_state, strict=True))
     given = {"state": "(in)", "parameters": "(parameters)", "memory": "(memory)"}
     given |= {name: f"(in) + {place}" for name, place in places.items()}
     sizes = {
-        "EQT_SOURCES": len(looking.stretches),
-        "EQT_ROWS": sum(looking.stretches),
-        "EQT_KEPT": looking.kept,
+        "EQT_SOURCES": len(at_samples.stretches),
+        "EQT_ROWS": sum(at_samples.stretches),
+        "EQT_KEPT": at_samples.kept,
     }
-    called = ", ".join([*(given[name] for name, _ in looking.program.inputs), "(after)", "(kept)"])
+    called = ", ".join(
+        [*(given[name] for name, _ in at_samples.program.inputs), "(after)", "(kept)"]
+    )
     return (
         f"{_defined(sizes)}"
-        f"static const int64_t eqt_lengths[] = {{{', '.join(map(str, looking.stretches))}}};\n"
+        f"static const int64_t eqt_lengths[] = {{{', '.join(map(str, at_samples.stretches))}}};\n"
         f"#define EQT_MEASURE(in, parameters, memory, after, kept) eqt_look_at({called})\n"
-        f"static {c_function(looking.program, 'eqt_look_at')}"
+        f"static {c_function(at_samples.program, 'eqt_look_at')}"
     )
 
 
@@ -143,21 +145,17 @@ def with_kept_comparisons(program: Program) -> tuple[Program, int]:
     zero = -1
     for value in program.values:
         if isinstance(value, Operation):
-            operands = tuple(places[operand] for operand in value.operands)
+            value = value.moved(places)
             if value.name == "less":
                 if zero < 0:
                     zero = len(values)
                     values.append(Constant(0.0))
                 values.append(Input("sides", len(compared)))
-                compared.append((operands[0], operands[1]))
-                operands = len(values) - 1, zero
-            value = Operation(value.name, operands)
+                compared.append((value.operands[0], value.operands[1]))
+                value = Operation("less", (len(values) - 1, zero))
         places.append(len(values))
         values.append(value)
-    outputs = [
-        Output(each.name, each.shape, tuple(places[entry] for entry in each.entries))
-        for each in program.outputs
-    ]
+    outputs = [each.moved(places) for each in program.outputs]
     for side, name in enumerate(("left", "right")):
         outputs.append(Output(name, (len(compared),), tuple(pair[side] for pair in compared)))
     inputs = (*program.inputs, ("sides", len(compared)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import struct
 import subprocess
@@ -13,10 +14,15 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
-from eqt_cli.engines.native.own_code import INPUTS, CodeFunction
+from eqt_cli.engines.native import compiler, contained
+from eqt_cli.engines.native.contained import Limits
+from eqt_cli.engines.native.own_code import CodeFunction
 
 SECONDS = 10.0
 """Time limit of the process, s; a healthy function needs a thousandth of it."""
+
+MOST_WRITTEN = 2**20
+"""Largest file that it writes, bytes."""
 
 _CHILD = """
 import ctypes, struct, sys
@@ -33,7 +39,7 @@ for run in range(runs):
         sys.stdout.buffer.write(bytes([begins]))
         sys.stdout.buffer.flush()
         library.eqt_code(ctypes.c_long(1), ctypes.c_int(begins), ctypes.c_double(period),
-                         given, kept, inputs, torque)
+                         given, kept, inputs, torque, None, None)
 sys.stdout.buffer.write(b"done")
 """
 """The program of the process. It writes a byte before every call: 1 for the start, 0 for the
@@ -48,29 +54,20 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
     InputError
         If it crashes, or does not end; it names the function and the input.
     """
-    library = Path(function.library._name)
-    if not library.exists():  # there is no folder in which libraries are kept
-        return
     memory = sum(function.lengths.values())
     sent = struct.pack(
         "5qd", len(inputs), numbers.size, memory, *inputs.shape[1:], function.code.axes, period
     )
     sent += np.ascontiguousarray(numbers, dtype=float).tobytes() + bytes(8 * memory)
     sent += np.ascontiguousarray(inputs, dtype=float).tobytes()
-    command = [sys.executable, "-I", "-S", "-c", _CHILD, str(library)]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-    ) as process:
+    with compiler.as_file(compiler.content(function.code.source)) as library:
+        command = [sys.executable, "-I", "-S", "-c", _CHILD, str(library)]
+        limits = Limits(SECONDS, file=MOST_WRITTEN)
         try:
-            told, _ = process.communicate(sent, timeout=SECONDS)
-            how = _ended(process.returncode)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            told, _ = process.communicate()
-            how = f"did not return within {SECONDS:g} s"
-        except BaseException:
-            process.kill()
-            raise
+            done = contained.run(command, sent, limits, Path(os.curdir))
+            told, how = done.stdout, _ended(done.returncode)
+        except subprocess.TimeoutExpired as late:
+            told, how = late.stdout or b"", f"did not return within {SECONDS:g} s"
     if told.endswith(b"done"):
         return
     if not told:
@@ -91,12 +88,11 @@ def _ended(code: int) -> str:
 
 def described(function: CodeFunction, row: Array) -> str:
     """Return an input in words, with numbers that can be copied."""
-    code = function.code
-    lengths = (1, code.entries, code.axes, code.entries, code.axes, code.axes)
-    parts = np.split(row, np.cumsum(lengths)[:-1])
+    inputs = function.code.inputs
+    parts = np.split(row, np.cumsum([*inputs.values()])[:-1])
     return ", ".join(
         f"{name} = {', '.join(f'{x:.9g}' for x in part)}"
         if len(part) == 1
         else f"{name} = {{{', '.join(f'{x:.9g}' for x in part)}}}"
-        for name, part in zip(INPUTS, parts, strict=True)
+        for name, part in zip(inputs, parts, strict=True)
     )

@@ -1,12 +1,19 @@
-"""Base class of designs: numbered points, each with values for some keys."""
+"""The base classes of designs: of all, of those with samples, and of those with lists."""
 
 from abc import abstractmethod
-from typing import Any, ClassVar, Self, TypeVar, get_type_hints
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Self, TypeVar, get_type_hints
 
-from eqt_cli.core.component import Component
-from eqt_cli.core.option_types import MAX_POINTS
-from eqt_cli.core.problems import KeyPath, Problems
-from eqt_cli.core.validation import shown, validated
+import numpy as np
+from pydantic import Field
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import KeyPath, Problems
+from eqt_cli.core.option_types import MAX_POINTS, CountOrNone, Points, shown, validated
+from eqt_cli.core.registry import Component
+from eqt_cli.ensemble.axes import ListedAxis, SampledAxis, Spaced
 
 D = TypeVar("D", bound="Design")
 
@@ -74,6 +81,10 @@ class Design(Component):
         """Return the new values of a point, by key of the configuration."""
         return dict(zip(self.keys, self.values(point), strict=True))
 
+    def values_of(self, key: str) -> Iterable[Any]:
+        """Yield every value that points give a key of the configuration, at least once."""
+        return (point[key] for point in map(self.settings, range(len(self))) if key in point)
+
     @abstractmethod
     def place(self, point: int, key: str) -> KeyPath:
         """Return the place in the section where the value of `key` at a point is written."""
@@ -110,3 +121,95 @@ def counted(design: D, problems: Problems) -> D | None:
         problems.add(f"has {points:,} points; expected at most {MAX_POINTS:,}")
         return None
     return design
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampled(Design):
+    """Points in the unit cube, mapped to the axes.
+
+    Attributes
+    ----------
+    points
+        The number of points.
+    seed
+        The seed of the design's random stream.
+    axes
+        The range or the choices of each key.
+    """
+
+    points: Points
+    seed: CountOrNone = 0
+    axes: Annotated[dict[str, SampledAxis], Field(min_length=1)]
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # derived
+        """The keys of the axes."""
+        return tuple(self.axes)
+
+    def check(self, problems: Problems) -> None:
+        """Note invalid ranges."""
+        for key, axis in self.axes.items():
+            axis.check(problems.at("axes", key))
+
+    @abstractmethod
+    def shares(self, generator: np.random.Generator) -> Array:
+        """Return all points in the unit cube, ``(points, axes)``."""
+
+    @cached_property
+    def _shares(self) -> Array:
+        return self.shares(np.random.Generator(np.random.PCG64DXSM(self.seed)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"points": self.points, "seed": self.seed, "axes": self.axes}
+
+    def __len__(self) -> int:
+        return self.points
+
+    def values(self, point: int) -> tuple[Any, ...]:
+        shares = self._shares[point].tolist()
+        return tuple(axis.at(share) for axis, share in zip(self.axes.values(), shares, strict=True))
+
+    def place(self, point: int, key: str) -> KeyPath:
+        return ("axes", key)
+
+
+@dataclass(frozen=True)
+class Listed(Design):
+    """Points made of the values of axes.
+
+    Attributes
+    ----------
+    axes
+        The axes by key.
+    """
+
+    whole_section: ClassVar[str] = "axes"
+
+    axes: Annotated[dict[str, ListedAxis], Field(min_length=1)]
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # derived
+        """The keys of the axes."""
+        return tuple(self.axes)
+
+    def check(self, problems: Problems) -> None:
+        """Note invalid ranges, and values that are lists of mappings."""
+        for key, axis in self.axes.items():
+            if isinstance(axis, Spaced):
+                axis.check(problems.at(key))
+            else:
+                check_values(axis, problems.at(key))
+
+    @abstractmethod
+    def index(self, point: int, key: str) -> int:
+        """Return the index of a point's value on an axis."""
+
+    def values(self, point: int) -> tuple[Any, ...]:
+        return tuple(values[self.index(point, key)] for key, values in self.axes.items())
+
+    def values_of(self, key: str) -> Iterable[Any]:
+        axis = self.axes[key]
+        return (axis[index] for index in range(len(axis)))
+
+    def place(self, point: int, key: str) -> KeyPath:
+        return (key,) if isinstance(self.axes[key], Spaced) else (key, self.index(point, key))

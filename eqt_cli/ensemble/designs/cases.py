@@ -7,8 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from eqt_cli.core.errors import InputError
-from eqt_cli.core.problems import KeyPath, Problems, parse_key
+from eqt_cli.core.errors import InputError, KeyPath, Problems, parse_key
 from eqt_cli.ensemble.designs.base import CASE, Design, overlap
 
 MAX_CHARACTERS = 40

@@ -8,8 +8,8 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field
 
-from eqt_cli.core.problems import KeyPath, Problems
-from eqt_cli.core.validation import shown
+from eqt_cli.core.errors import KeyPath, Problems
+from eqt_cli.core.option_types import shown
 from eqt_cli.ensemble.designs import Design
 from eqt_cli.ensemble.designs.base import counted
 from eqt_cli.ensemble.sweep import Sweep

@@ -5,8 +5,8 @@ from functools import cached_property
 from math import prod
 from typing import Any, ClassVar
 
-from eqt_cli.core.problems import Problems
-from eqt_cli.ensemble.designs.listed import Listed
+from eqt_cli.core.errors import Problems
+from eqt_cli.ensemble.designs.base import Listed
 
 
 @dataclass(frozen=True)

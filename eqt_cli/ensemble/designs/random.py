@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.ensemble.designs.sampled import Sampled
+from eqt_cli.ensemble.designs.base import Sampled
 
 
 @dataclass(frozen=True, kw_only=True)

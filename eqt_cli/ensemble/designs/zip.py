@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from eqt_cli.core.problems import Problems
-from eqt_cli.ensemble.designs.listed import Listed
+from eqt_cli.core.errors import Problems
+from eqt_cli.ensemble.designs.base import Listed
 
 
 @dataclass(frozen=True)

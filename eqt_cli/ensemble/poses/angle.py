@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.option_types import Angle, Scale
-from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.poses.base import RotationDistribution
 from eqt_cli.ensemble.spread import Axis, check_axis, check_size, directed
 from eqt_cli.groups import MatrixLieGroup

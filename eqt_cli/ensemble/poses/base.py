@@ -2,12 +2,13 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.option_types import Unit
 from eqt_cli.ensemble.spread import Distribution, Spread
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
@@ -46,8 +47,8 @@ class RotationDistribution(PoseDistribution):
         Spread of the translation column of that name.
     """
 
-    position: Spread | None = None
-    velocity: Spread | None = None
+    position: Annotated[Spread | None, Unit("m")] = None
+    velocity: Annotated[Spread | None, Unit("m/s")] = None
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
         """Return the numbers of the rotation, then those of the columns from left to right."""

@@ -1,13 +1,13 @@
 """The exponential of normal coordinates, on every group."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.option_types import Angle
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.option_types import POSE, Real, Unit
 from eqt_cli.ensemble.poses.base import PoseDistribution
 from eqt_cli.ensemble.spread import NormalCoordinates, check_coordinates
 from eqt_cli.groups import MatrixLieGroup
@@ -27,8 +27,8 @@ class ExpNormal(NormalCoordinates, PoseDistribution):
 
     name: ClassVar[str] = "exp_normal"
 
-    std: Angle | list[Angle] = 1.0
-    centre: list[Angle] | None = None
+    std: Annotated[Real | list[Real], Unit(POSE)] = 1.0
+    centre: Annotated[list[Real] | None, Unit(POSE)] = None
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """Return exp of the centre times exp of the coordinates."""

@@ -1,10 +1,10 @@
 """The same initial pose in every run."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.option_types import Angle
+from eqt_cli.core.option_types import POSE, Real, Unit
 from eqt_cli.ensemble.poses.base import PoseDistribution
 from eqt_cli.ensemble.spread import Coordinates
 from eqt_cli.groups import MatrixLieGroup
@@ -22,7 +22,7 @@ class FixedPose(Coordinates, PoseDistribution):
 
     name: ClassVar[str] = "fixed"
 
-    coordinates: list[Angle] | None = None
+    coordinates: Annotated[list[Real] | None, Unit(POSE)] = None
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """Return exp of the coordinates."""

@@ -1,8 +1,9 @@
 """The same initial velocity in every run."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
+from eqt_cli.core.option_types import VELOCITY, Real, Unit
 from eqt_cli.ensemble.spread import Coordinates
 from eqt_cli.ensemble.velocities.base import VelocityDistribution
 
@@ -18,3 +19,5 @@ class FixedVelocity(Coordinates, VelocityDistribution):
     """
 
     name: ClassVar[str] = "fixed"
+
+    coordinates: Annotated[list[Real] | None, Unit(VELOCITY)] = None

@@ -1,8 +1,9 @@
 """Normal initial velocities, as in the paper's §7."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
+from eqt_cli.core.option_types import VELOCITY, Real, Unit
 from eqt_cli.ensemble.spread import NormalCoordinates
 from eqt_cli.ensemble.velocities.base import VelocityDistribution
 
@@ -18,3 +19,5 @@ class Normal(NormalCoordinates, VelocityDistribution):
     """
 
     name: ClassVar[str] = "normal"
+
+    std: Annotated[Real | list[Real], Unit(VELOCITY)] = 1.0

@@ -7,8 +7,8 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.option_types import Real, Scale
-from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.spread import Axis, check_axis, check_size, directed
 from eqt_cli.ensemble.velocities.base import VelocityDistribution
 from eqt_cli.groups import MatrixLieGroup, Part

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from eqt_cli.execution.executors.base import Executor, Outcome, Task
+from eqt_cli.execution.executors.base import Executor, ExecutorHere, Outcome, Task
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.executors.threads import Threads
 
@@ -20,8 +20,8 @@ WORTH_STARTING = 3.0
 """Least remaining work for which processes are started, s; a process takes 1 to 2 s to start."""
 
 WORTH_LEAVING_THREADS = 10.0
-"""The same with threads of an engine that computes outside Python, s. With `taylor`, two processes
-are 1.3 times as fast as two threads, which share one Python interpreter."""
+"""The same with threads of an engine that computes outside Python, s: they already use the cores,
+and lose to processes only what they compute in the one Python interpreter that they share."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Auto(Executor):
             yield from self._in_processes.share(task, list(waiting))
 
     @property
-    def _here(self) -> Serial | Threads:
+    def _here(self) -> ExecutorHere:
         return Threads(self.workers) if self.threads else Serial()
 
     @property

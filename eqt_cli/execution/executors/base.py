@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
-from eqt_cli.core.component import Component
 from eqt_cli.core.option_types import Count
+from eqt_cli.core.registry import Component
 from eqt_cli.core.reporting import reporter
 
 if TYPE_CHECKING:
@@ -89,3 +89,14 @@ class Executor(Component):
 
         An exception of the task, or closing the iterator, stops all running items.
         """
+
+
+class ExecutorHere(Executor):
+    """An executor in this process, which takes items one by one."""
+
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        yield from self.take(task, items, self.threads_for(len(items)))
+
+    @abstractmethod
+    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
+        """Yield the outcomes of items, each taken when it can begin, with `threads` for each."""

@@ -8,23 +8,20 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, ClassVar
 
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.core.errors import EqtError, Remedy
 from eqt_cli.core.reporting import reporter
-from eqt_cli.execution.executors.base import (
-    MOST_TRIES,
-    Executor,
-    Outcome,
-    Task,
-    TaskContext,
-)
+from eqt_cli.execution.executors.base import MOST_TRIES, Executor, Outcome, Task, TaskContext
 
 CONNECT_WITHIN = 20.0
 """Time limit for connecting to a scheduler, s."""
 
+NEEDED = {"distributed": "2026.7", "cryptography": "50.0"}
+"""The packages of the extra dask, and their oldest versions."""
 
 OF_WORKER = "from eqt_cli.core import interruptions\ninterruptions.of_worker()\n"
 """Code that each worker of a local cluster runs first."""
@@ -37,18 +34,26 @@ class Dask(Executor):
     Attributes
     ----------
     scheduler
-        Address of a running scheduler; None starts a cluster of `workers` processes here.
+        Address of a running scheduler; None starts a cluster of `workers` processes here, which
+        talk to each other by TLS with a certificate of their own.
+    tls_ca, tls_cert, tls_key
+        PEM files for a scheduler at tls://HOST:PORT: of its authority, and your certificate and
+        key. Default: those of Dask's own configuration.
     """
 
     name: ClassVar[str] = "dask"
     scheduler: str | None = None
+    tls_ca: str | None = None
+    tls_cert: str | None = None
+    tls_key: str | None = None
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         if not items:
             return
-        if not find_spec("distributed"):
+        if missing := [name for name in NEEDED if not find_spec(name)]:
             raise EqtError(
-                "executor dask needs Dask.distributed: pip install 'distributed>=2026.7'"
+                f"executor dask needs {' and '.join(missing)} (extra dask): pip install "
+                + " ".join(f"'{name}>={NEEDED[name]}'" for name in missing)
             )
         from distributed import KilledWorker, as_completed
 
@@ -87,9 +92,15 @@ class Dask(Executor):
         if self.scheduler:
             try:
                 return stack.enter_context(
-                    Client(self.scheduler, timeout=CONNECT_WITHIN, set_as_default=False)
+                    Client(
+                        self.scheduler,
+                        timeout=CONNECT_WITHIN,
+                        set_as_default=False,
+                        security=self._security(),
+                    )
                 )
-            except (OSError, ValueError, TimeoutError) as error:
+            # RuntimeError: TLS files for an address without TLS; TypeError: the reverse.
+            except (OSError, ValueError, RuntimeError, TypeError) as error:
                 raise EqtError(
                     f"scheduler {self.scheduler}: cannot be reached: {error}",
                     Remedy("start one with `dask scheduler`"),
@@ -99,15 +110,43 @@ class Dask(Executor):
             "distributed.scheduler.allowed-failures": MOST_TRIES - 1,
             # The terminal sends Ctrl-C to all processes; only this one handles it.
             "distributed.worker.preload": [OF_WORKER],
+            # Their web servers cannot be turned off; these answer nothing.
+            "distributed.scheduler.http.routes": [],
+            "distributed.worker.http.routes": [],
         }
         stack.enter_context(dask.config.set(settings))
         cluster = stack.enter_context(self._local_cluster())
         return stack.enter_context(Client(cluster, set_as_default=False))
 
-    def _local_cluster(self) -> Any:
-        """Start a cluster on this machine; try again if its workers die during the start."""
-        from distributed import LocalCluster
+    def _security(self) -> Any:
+        """Return how this process shows a scheduler who it is; None: as Dask is configured."""
+        from distributed import Security
 
+        files = {name: getattr(self, name) for name in ("tls_ca", "tls_cert", "tls_key")}
+        if not any(files.values()):
+            return None
+        for name, file in files.items():
+            if not file or not Path(file).is_file():
+                raise EqtError(
+                    f"executor dask: {name}: expected a PEM file, got {file or 'none'}; "
+                    f"TLS needs {', '.join(files)}"
+                )
+        return Security(
+            require_encryption=True,
+            tls_ca_file=self.tls_ca,
+            tls_client_cert=self.tls_cert,
+            tls_client_key=self.tls_key,
+        )
+
+    def _local_cluster(self) -> Any:
+        """Start a cluster on this machine; try again if its workers die during the start.
+
+        A scheduler executes what it is sent, in this process. Without the key of this certificate,
+        which is in memory only, nobody else on this machine can send it anything.
+        """
+        from distributed import LocalCluster, Security
+
+        security = Security.temporary()
         tries = 0
         while True:
             try:
@@ -115,7 +154,9 @@ class Dask(Executor):
                     n_workers=self.workers,
                     threads_per_worker=1,
                     processes=True,
-                    dashboard_address="127.0.0.1:0",  # any free port, not reachable from outside
+                    security=security,
+                    dashboard_address="127.0.0.1:0",  # any free port, for the empty web server
+                    scheduler_kwargs={"dashboard": False},
                     silence_logs=logging.CRITICAL,
                 )
             except RuntimeError as error:

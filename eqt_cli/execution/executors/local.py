@@ -25,13 +25,7 @@ from threadpoolctl import threadpool_limits
 from eqt_cli.core import interruptions
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.reporting import reporter
-from eqt_cli.execution.executors.base import (
-    MOST_TRIES,
-    Executor,
-    Outcome,
-    Task,
-    TaskContext,
-)
+from eqt_cli.execution.executors.base import MOST_TRIES, Executor, Outcome, Task, TaskContext
 
 NONE = -1
 """Marks a worker without an item."""

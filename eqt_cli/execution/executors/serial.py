@@ -1,16 +1,16 @@
 """Computes one item after the other in this process."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.execution.executors.base import Executor, Outcome, Task, TaskContext
+from eqt_cli.execution.executors.base import ExecutorHere, Outcome, Task, TaskContext
 
 
 @dataclass(frozen=True)
-class Serial(Executor):
+class Serial(ExecutorHere):
     """In this process, one item at a time. Some engines use several threads for an item."""
 
     name: ClassVar[str] = "serial"
@@ -23,11 +23,7 @@ class Serial(Executor):
         """Return all workers."""
         return self.workers
 
-    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
-        yield from self.take(task, items, self.threads_for(len(items)))
-
     def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
-        """Yield the outcomes of items, each taken when it can begin, with `threads` for each."""
         context = TaskContext(threads=threads)
         for item in items:
             with threadpool_limits(1):  # results must not depend on how a library splits a product

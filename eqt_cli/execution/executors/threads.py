@@ -1,7 +1,7 @@
 """Computes several items at a time in threads, for engines that compute outside Python."""
 
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextvars import copy_context
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ from typing import ClassVar
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.core.reporting import reporter
-from eqt_cli.execution.executors.base import Executor, Outcome, Task, TaskContext
+from eqt_cli.execution.executors.base import ExecutorHere, Outcome, Task, TaskContext
 
 
 @dataclass(frozen=True)
-class Threads(Executor):
+class Threads(ExecutorHere):
     """In threads of this process. If there are fewer items than workers, they share the rest."""
 
     name: ClassVar[str] = "threads"
@@ -24,11 +24,7 @@ class Threads(Executor):
         """Return the threads for each item: more than one if there are fewer items than workers."""
         return max(1, self.workers // min(self.workers, max(items, 1)))
 
-    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
-        yield from self.take(task, items, self.threads_for(len(items)))
-
     def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
-        """Yield the outcomes of items, each taken when it can begin, with `threads` for each."""
         lock, waiting, here = threading.Lock(), iter(items), reporter()
 
         def report(amount: float) -> None:

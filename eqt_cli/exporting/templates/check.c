@@ -2,8 +2,8 @@
 
        cc -std=c99 -O2 -ffp-contract=off -fno-math-errno ${label}_check.c $label.c -o ${label}_check
 
-   It prints one line, and its exit status is 0 where every torque is within the bound of its
-   rounding, else 1. Give that line with its exit status as evidence: it holds for this compiler and
+   It prints the largest errors, and its exit status is 0 where every torque is within the bound of its
+   rounding, else 1. Give them with the exit status as evidence: it holds for this compiler and
    this processor. */
 #include <stdio.h>
 
@@ -17,6 +17,7 @@ typedef struct {
     ${label}_memory memory;
     double torque[TORQUES], torque_bound[TORQUES];
     double after[MEMORY + 1], after_bound[MEMORY + 1];
+    int singular; /* near a singularity, such as a half turn, where bounds are large */
 } example;
 
 static const example examples[STATES] = {
@@ -25,7 +26,8 @@ $examples
 
 static const double start[MEMORY + 1] = {$start}, start_bound[MEMORY + 1] = {$start_bound};
 
-static double largest, allowed;
+/* Away from singularities, and near them. */
+static double largest[2], allowed[2];
 static int wrong;
 
 static void compare(const char *what, int state, int entry, double found, double expected,
@@ -33,9 +35,10 @@ static void compare(const char *what, int state, int entry, double found, double
 {
     const double error = found < expected ? expected - found : found - expected;
     if (error <= bound) {
-        if (error * allowed > largest * bound || allowed == 0.0) {
-            largest = error;
-            allowed = bound;
+        const int near = examples[state].singular;
+        if (error * allowed[near] > largest[near] * bound || allowed[near] == 0.0) {
+            largest[near] = error;
+            allowed[near] = bound;
         }
         return;
     }
@@ -48,12 +51,13 @@ static void compare(const char *what, int state, int entry, double found, double
 $filter
 int main(void)
 {
-    int state, entry;
+    int state, entry, near = 0;
     for (state = 0; state < STATES; state++) {
         const example *each = &examples[state];
         ${label}_memory memory = each->memory;
         const $real *numbers = (const $real *)&memory;
         $real torque[TORQUES];
+        near += each->singular;
         ${label}_torque(&${label}_defaults, &memory, &each->input, torque);
         for (entry = 0; entry < TORQUES; entry++)
             compare("torque", state, entry, (double)torque[entry], each->torque[entry],
@@ -71,7 +75,11 @@ int main(void)
     check_filter();
     if (wrong)
         return 1;
-    printf("$label: %d states pass; the largest error is %.2g, where %.2g is allowed\n", STATES,
-           largest, allowed);
+    if (near < STATES)
+        printf("$label: %d states pass; the largest error is %.2g, where %.2g is allowed\n",
+               STATES - near, largest[0], allowed[0]);
+    if (near)
+        printf("$label: %d states near a singularity, such as a half turn, pass; the largest error "
+               "is %.2g, where %.2g is allowed\n", near, largest[1], allowed[1]);
     return 0;
 }

@@ -5,6 +5,5 @@ void ${label}_reference($real t, ${label}_input *input)
 {
 $piece
     input->t = t;
-    ${label}_motion(&input->t, $held, input->desired_pose, input->desired_velocity,
-                    input->desired_acceleration);
+    ${label}_motion(&input->t, $held, $told);
 }

@@ -7,6 +7,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import Part, group_named
+from eqt_cli.plots.drawing.style import house_style
 from eqt_cli.plots.shown.controllers import Chosen, Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 from eqt_cli.results.result import Result
@@ -16,7 +17,7 @@ MOST_CONTROLLERS = 6
 
 
 @dataclass(frozen=True)
-class Course:
+class BodyPath:
     """Orientation and position over time.
 
     Attributes
@@ -55,8 +56,8 @@ class Motion:
     run: int
     times: Array
     ensembles: Sequence[Ensemble]
-    body: Course
-    reference: Course
+    body: BodyPath
+    reference: BodyPath
     has_translation: bool
     norms: dict[str, Array]
 
@@ -95,7 +96,8 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
         If the run is not stored, there is no such controller, or the group is not known here or
         moves no body.
     """
-    source = ShownRuns([results], "animation", Chosen(controllers))
+    with house_style():
+        source = ShownRuns([results], "animation", Chosen(controllers))
     poses = results.trajectory("pose", run)
     ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
     shown = [ensemble.controller for ensemble in ensembles]
@@ -121,7 +123,7 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
     )
 
 
-def _course(poses: Array, turning: Part | None, moving: Part | None) -> Course:
+def _course(poses: Array, turning: Part | None, moving: Part | None) -> BodyPath:
     rotation = np.broadcast_to(np.eye(3), (*poses.shape[:-2], 3, 3)).copy()
     position = np.zeros((*poses.shape[:-2], 3))
     if turning is not None:
@@ -131,4 +133,4 @@ def _course(poses: Array, turning: Part | None, moving: Part | None) -> Course:
     if moving is not None:
         column = poses[(..., *moving.entries)][..., 0]
         position[..., : column.shape[-1]] = column[..., :3]
-    return Course(rotation, position)
+    return BodyPath(rotation, position)

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.drawing.key_labels import key_label
 from eqt_cli.plots.drawing.labels import free_text
+from eqt_cli.plots.drawing.scales import key_label
 from eqt_cli.plots.drawing.style import Width, ink
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
@@ -138,8 +138,18 @@ class Cells:
             corner = self.columns[point] - side / 2, self.rows[point] - side / 2
             panel.add_patch(Rectangle(corner, side, side, fill=False, **look))
 
-    def scales(self, panel: Axes, result: Result, room: float, *, leftmost: bool = True) -> float:
+    def scales(
+        self,
+        panel: Axes,
+        result: Result,
+        room: float,
+        *,
+        leftmost: bool = True,
+        lowest: bool = True,
+    ) -> float:
         """Name the keys and number the cells along them, in a panel `room` inches wide.
+
+        A panel that is not the leftmost or not the lowest of its row or column has no such names.
 
         Return the extra room below the panel, in: texts for which it is too narrow stand upright.
         """
@@ -152,6 +162,9 @@ class Cells:
             panel.set_yticks([])
         elif leftmost:
             self._number(panel, "y", self.up, result)
+        # Matplotlib hides the numbers of every panel above the last row, whether it has one below.
+        panel.tick_params(axis="x", labelbottom=lowest)
+        panel.xaxis.label.set_visible(lowest)
         return longest if upright else 0.0
 
     def _number(self, panel: Axes, direction: str, key: SweptKey, result: Result) -> list[str]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup, Part
-from eqt_cli.plots.drawing.labels import component
+from eqt_cli.plots.drawing.labels import component, in_words, quantity
 
 
 def axis_labels(G: MatrixLieGroup) -> list[str]:
@@ -61,6 +61,43 @@ def pose_coordinates(
     if not part.turns:
         return turns, rf"\log {symbol}", ""
     return without_jumps(turns, near), rf"\log {_indexed('R', index)}", "rad"
+
+
+def part_curves(
+    G: MatrixLieGroup,
+    part: Part,
+    name: str,
+    values: Array,
+    *,
+    degrees: bool,
+    index: str = "",
+    near: Array | None = None,
+) -> tuple[Array, str]:
+    """Return a part of poses, errors, velocities or wrenches as curves, and the label of its scale.
+
+    Parameters
+    ----------
+    name
+        ``pose``, ``error``, ``velocity``, or ``wrench`` or ``torque``.
+    degrees
+        Whether angles and rates of rotations are in degrees.
+    index, near
+        As of `pose_coordinates`.
+    """
+    degrees = degrees and part.turns
+    if name == "pose":
+        near = np.radians(near) if degrees and near is not None else near
+        found, symbol, unit = pose_coordinates(G, part, values, index, near)
+    elif name == "error":
+        found, symbol, unit = values[:, part.axes], "", part.error_unit
+    else:
+        _, velocity, force = symbols(G, part, index)
+        of_velocity = name == "velocity"
+        found, symbol = values[:, part.axes], velocity if of_velocity else force
+        unit = part.velocity_unit if of_velocity else part.force_unit
+    if degrees and unit.startswith("rad"):
+        found, unit = np.degrees(found), unit.replace("rad", "deg")
+    return found, quantity(symbol, unit) if symbol else in_words(name, unit)
 
 
 def without_jumps(vectors: Array, near: Array | None = None) -> Array:

@@ -10,7 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap, PowerNorm
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from eqt_cli.analysis.comparison.bootstrap import Resampling, intervals_of_means
+from eqt_cli.analysis.comparison.intervals import Resampling, intervals_of_means
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.layout import NO_NUMBERS
 from eqt_cli.plots.drawing.style import Look, ink, line_style, marker

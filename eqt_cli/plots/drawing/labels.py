@@ -13,7 +13,7 @@ from matplotlib.mathtext import MathTextParser
 
 from eqt_cli.groups import Part
 from eqt_cli.plots.drawing import latex
-from eqt_cli.plots.drawing.tex_letters import mathematical, shift
+from eqt_cli.plots.drawing.latex import mathematical, shift
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import Result
 
@@ -113,7 +113,7 @@ def metric_label(result: Result, metric: str, characters: int) -> str:
         found, unit = result.quantity(metric), result.units(metric)
     else:  # computed from stored signals
         found = result.comparable_named(metric)
-        unit = found.unit(result.units(found.signals[0])) if found.signals else found.units
+        unit = result.unit_of(found)
     words = result.given_names.get(metric, "")
     if "{}" in found.label and not words:
         part = _part(result, found)

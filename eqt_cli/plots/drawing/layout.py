@@ -57,11 +57,7 @@ Mosaic = list[list[str]]
 
 
 def sheet(
-    width: Width,
-    mosaic: Mosaic,
-    span: tuple[float, float],
-    unit: str,
-    tallest: float = np.inf,
+    width: Width, mosaic: Mosaic, span: tuple[float, float], unit: str, tallest: float = np.inf
 ) -> tuple[Figure, dict[str, Axes]]:
     """Return a figure of panels with a common time axis, and its panels by name.
 

@@ -1,5 +1,13 @@
-"""Widths, line styles and style sheets of all figures; the colours are in eqt.mplstyle."""
+"""Widths, line styles and style sheets of all figures; the colours are in eqt.mplstyle.
 
+A user's sheet sets how a figure looks: no programs, no folders, no code that Matplotlib would call,
+and no numbers with which a drawing never ends or exceeds the memory. What Matplotlib would only
+warn of is refused with a reason.
+"""
+
+import ast
+import math
+import re
 import traceback
 import warnings
 from collections.abc import Iterator, Sequence
@@ -7,20 +15,211 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
+from itertools import product
 from math import lcm
 from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib
 import numpy as np
+from matplotlib import RcParams, style
 from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager
 from matplotlib.style import use
 
-from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing import latex, style_sheets
-from eqt_cli.plots.drawing.style_sheets import Settings
+from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.files import refusals, text_in
+from eqt_cli.plots.drawing import latex
+
+Settings = dict[str, Any]
+
+_CYCLE = "axes.prop_cycle"
+
+_WITHOUT_COMMENT = re.compile(r'(?:[^"#]|"[^"]*")*')
+
+# Typed as Any, since the stubs do not list every key.
+_DEFAULTS: Any = matplotlib.rcParamsDefault
+
+
+def read(name: str) -> Settings:
+    """Return the settings of a sheet: a file, or one of Matplotlib's by name.
+
+    Raises
+    ------
+    EqtError
+        If there is no such sheet, or a line of it is wrong.
+    """
+    path = Path(name).expanduser()
+    if path.is_file() or path.suffix or len(path.parts) > 1:
+        return read_file(path)
+    if name in style.library:
+        found: Any = style.library[name]
+        return dict(found)
+    hint = suggestion(name, style.available) or f"; Matplotlib has: {', '.join(style.available)}"
+    raise EqtError(f"style sheet '{name}' is neither a file nor one of Matplotlib's{hint}")
+
+
+def read_file(path: Path) -> Settings:
+    """Return the settings in a file.
+
+    Nothing in it is executed, whatever the version of Matplotlib, and no line without a key of
+    Matplotlib is quoted: the file may be no style sheet.
+
+    Raises
+    ------
+    EqtError
+        If it cannot be read, or a line is wrong.
+    """
+    with refusals(path, "read as a style sheet"):
+        text = text_in(path)
+    found: Any = RcParams()
+    for number, line in enumerate(text.splitlines(), start=1):
+        try:
+            for key, value in _setting(line):
+                if key == _CYCLE:
+                    check_cycle(value)
+                found[key] = value
+                if key not in OF_A_MACHINE:
+                    check(key, found[key], _DEFAULTS.get(key))
+        except (ValueError, TypeError) as error:
+            raise EqtError(f"{path}:{number}: the style sheet is wrong: {error}") from error
+    return {key: found[key] for key in found if key not in OF_A_MACHINE}
+
+
+def _setting(line: str) -> Iterator[tuple[str, str]]:
+    """Yield the key of a line and the text of its value; nothing for an empty line."""
+    own = _WITHOUT_COMMENT.match(line)
+    assert own is not None  # the pattern matches the empty string, too
+    if line[own.end() :].startswith('"'):
+        raise ValueError("a closing quotation mark is missing")
+    if not own[0].strip():
+        return
+    key, colon, value = (part.strip() for part in own[0].partition(":"))
+    if not colon:
+        raise ValueError("expected 'key: value'")
+    if key not in RcParams.validate:
+        known = suggestion(key, RcParams.validate)
+        raise ValueError(
+            f"Matplotlib has no key {key}{known}" if known else "expected a key of Matplotlib"
+        )
+    yield key, value[1:-1] if len(value) > 1 and value[0] == value[-1] == '"' else value
+
+
+# What a style may set ----------------------------------------------------------------------------
+
+_LOOKS = (
+    "axes. axes3d. boxplot. contour. date. errorbar. figure. font. grid. hatch. hist. image. "
+    "legend. lines. markers. mathtext. patch. path.simplify path.snap pdf. polaraxes. ps. savefig. "
+    "scatter. svg. text. xaxis. xtick. yaxis. ytick."
+).split()
+"""Prefixes of the keys that set how a figure looks."""
+
+_NOT_LOOKS = ("figure.hooks", "ps.usedistiller")
+"""Keys with these prefixes that name code or programs."""
+
+OF_A_MACHINE = frozenset(
+    "backend backend_fallback date.epoch docstring.hardcopy figure.max_open_warning "
+    "figure.raise_window interactive savefig.directory timezone tk.window_focus toolbar "
+    "webagg.address webagg.open_in_browser webagg.port webagg.port_retries".split()
+)
+"""Keys that Matplotlib itself leaves out of a style, as eqt does."""
+
+MOST = 300.0
+"""Largest magnitude of a number without a bound of its own, such as a size in points."""
+
+_MOST = {"dpi": 2400.0, "figsize": 50.0, "weight": 1000.0, "threshold": 1e4}
+"""Bounds of numbers, by suffix of the key."""
+
+THINNEST = 0.05
+"""Least non-zero width of a line, pt, since dashes scale with it."""
+
+SHORTEST = 0.5
+"""Least length of a pattern of dashes over the width of the line."""
+
+MOST_IN_CYCLE = 1000
+"""Most entries of a property cycle."""
+
+
+def check(key: str, value: Any, default: Any) -> None:
+    """Raise a `ValueError` with the reason if a style may not set a key to a value.
+
+    Matplotlib's default may always be set.
+    """
+    if value == default:
+        return
+    if not key.startswith(tuple(_LOOKS)) or key in _NOT_LOOKS:
+        raise ValueError(f"Key {key}: says nothing of how a figure looks; remove the line")
+    most = next((most for end, most in _MOST.items() if key.endswith(end)), MOST)
+    for number in _numbers(value):
+        if not abs(number) <= most:
+            raise ValueError(f"Key {key}: expected numbers of at most {most:g}, got {number:g}")
+        if key.endswith("width") and 0 < number < THINNEST:
+            raise ValueError(f"Key {key}: expected 0 or at least {THINNEST}, got {number:g}")
+    for pattern in _patterns(key, value):
+        if sum(pattern) < SHORTEST:
+            raise ValueError(
+                f"Key {key}: expected dashes and gaps of {SHORTEST} or more together, "
+                f"got {sum(pattern):g}"
+            )
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, bool):
+        return
+    if isinstance(value, int | float):
+        yield value
+    elif isinstance(value, list | tuple):
+        for entry in value:
+            yield from _numbers(entry)
+    elif hasattr(value, "by_key"):
+        yield from _numbers(list(value.by_key().values()))
+
+
+def _patterns(key: str, value: Any) -> Iterator[list[float]]:
+    """Yield lengths of dashes and gaps: from a list, behind an offset, or from a cycle."""
+    if key.endswith("pattern"):
+        yield list(_numbers(value))
+    elif hasattr(value, "by_key"):
+        for style in value.by_key().get("linestyle", ()):
+            yield from _patterns("linestyle", style)
+    elif key.endswith("linestyle") and isinstance(value, tuple):
+        _, dashes = value
+        yield from [list(_numbers(dashes))] if dashes else []
+
+
+def check_cycle(text: str) -> None:
+    """Raise a `ValueError` for a property cycle that is no cycler of literal values.
+
+    Matplotlib before 3.11 evaluates the text, with no names but ``cycler``; without attributes and
+    operators nothing else can be reached, and nothing is larger than it is written.
+    """
+    try:
+        count = _entries(ast.parse(text.strip(), mode="eval").body)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise ValueError(f"axes.prop_cycle is no cycler of literal values: {text}") from None
+    if count > MOST_IN_CYCLE:
+        raise ValueError(
+            f"Key axes.prop_cycle: expected at most {MOST_IN_CYCLE} entries, got {count}"
+        )
+
+
+def _entries(node: ast.expr) -> int:
+    """Return the number of entries of a cycle; raise a `ValueError` if it is none."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Mult):
+        both = _entries(node.left), _entries(node.right)
+        return max(both) if isinstance(node.op, ast.Add) else math.prod(both)
+    if not (isinstance(node, ast.Call) and getattr(node.func, "id", None) == "cycler"):
+        raise ValueError
+    given = [*node.args, *(keyword.value for keyword in node.keywords)]
+    return max((_length(ast.literal_eval(each)) for each in given), default=0)
+
+
+def _length(value: Any) -> int:
+    if isinstance(value, dict):
+        return max((_length(each) for each in value.values()), default=0)
+    return len(value) if isinstance(value, list | tuple | str) else 1
+
 
 Width = Literal["column", "page", "slide"]
 
@@ -31,9 +230,7 @@ WIDTHS: dict[Width, float] = {"column": 3.5, "page": 7.16, "slide": 13.3 / ENLAR
 """Layout widths of one and of both columns of a two-column journal (IEEE's, among others) and of a
 slide, in."""
 
-# Typed as Any, since the stubs do not list every key.
 _PRESENT: Any = matplotlib.rcParams
-_DEFAULTS: Any = matplotlib.rcParamsDefault
 
 _SHEET = Path(__file__).with_name("eqt.mplstyle")
 _SLIDE = Path(__file__).with_name("slide.mplstyle")
@@ -54,12 +251,17 @@ _GRID = 0.114
 # Solid, dashed, dash-dotted, dotted, in units of the line width.
 _DASHES: tuple[Any, ...] = ("-", (0, (4.5, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (1.2, 1)))
 
+_NAMED = {"solid": 0, "--": 1, "dashed": 1, "-.": 2, "dashdot": 2, ":": 3, "dotted": 3}
+"""Matplotlib's names of dashes, as indices of those above."""
+
 _MARKERS = "os^DvP*"
 
 _GREYS = (0.55, 0.35)
 """Shares of ink in curves that are not in focus."""
 _PALER = 0.55
-"""Share of the colour that is left in each further variant with the same dashes."""
+"""Share of the colour that is left in each further curve with the same dashes."""
+_SHADES = 5
+"""Number of shades of a colour; the palest is nearly that of the paper."""
 
 
 @dataclass(frozen=True)
@@ -91,17 +293,17 @@ class Style:
         """
         given: Settings = {}
         for sheet in self.sheets:
-            given |= style_sheets.read(sheet)
+            given |= read(sheet)
         if self.width == "slide":
-            given = style_sheets.read_file(_SLIDE) | given
-        settings = style_sheets.read_file(_SHEET) | given | _KEPT
+            given = read_file(_SLIDE) | given
+        settings = read_file(_SHEET) | given | _KEPT
         if not (self.tex or given.get("text.usetex", False)):
             return settings | {"text.usetex": False, "font.family": _installed(settings)}
         # Fonts that a sheet names are Matplotlib's; LaTeX's fonts come with its preamble.
         kind = {"font.family": given.get("font.family")}
         kept = kind if kind["font.family"] in (["sans-serif"], ["monospace"]) else {}
         preamble = latex.preamble(given.get("text.latex.preamble", ""))
-        own = style_sheets.read_file(_LATEX_SHEET) | kept
+        own = read_file(_LATEX_SHEET) | kept
         return settings | own | {"text.latex.preamble": preamble}
 
     def prepare(self, formats: Sequence[str] = ("pdf",)) -> None:
@@ -195,58 +397,111 @@ def _moderate_numbers() -> Iterator[None]:
 
 
 @dataclass(frozen=True)
-class Look:
-    """Look of a curve: its law gives the colour, its variant the dashes.
+class CurvePlace:
+    """Place of a curve among those of a figure: its law gives the colour, its variant the dashes.
 
     Attributes
     ----------
     law
-        Index of the law among all laws.
+        Index of the colour of the law.
     variant, variants
         Index of the variant, such as the start of a search or one of several results, and the
         largest number of variants of any law.
     grey
         Index among the grey curves, which are not in focus; None for the others.
+    colour
+        Colour that the user chose; empty for that of the style.
     """
 
     law: int
     variant: int = 0
     variants: int = 1
     grey: int | None = None
+    colour: str = ""
 
 
-def line_style(look: int | Look) -> dict[str, Any]:
-    """Return colour and dashes of a curve, by its look or the index of its controller.
+@dataclass(frozen=True)
+class Look:
+    """Colour, dashes and marker of a curve."""
+
+    colour: str
+    dashes: Any
+    marker: str
+
+
+def distinct(places: Sequence[CurvePlace]) -> list[Look]:
+    """Return the looks of curves; no two of them share colour and dashes, whatever the style.
+
+    A curve whose wish an earlier one has gets the next dashes, and a paler colour once all dashes
+    are taken.
+    """
+    found: list[Look] = []
+    taken: set[tuple[str, Any]] = set()
+    for place in places:
+        wished, shade, own = _wish(place)
+        kind = _kind(own)
+        first = kind + 1 if isinstance(kind, int) else 0
+        others = [_DASHES[(first + k) % len(_DASHES)] for k in range(len(_DASHES))]
+        for paler, dashes in product(range(shade, shade + _SHADES), [own, *others]):
+            colour = mixed(wished, ink(0), _PALER**paler)
+            if (colour, _kind(dashes)) not in taken:
+                break
+        taken.add((colour, _kind(dashes)))
+        # Where the colours of eqt's own style begin anew, the markers are the next ones.
+        turns = place.law // len(_MARKERS)
+        found.append(Look(colour, dashes, _MARKERS[(place.law + turns) % len(_MARKERS)]))
+    return found
+
+
+def _wish(place: CurvePlace) -> tuple[str, int, Any]:
+    """Return the colour that a curve has if no other has it, how often it is made paler, dashes.
 
     Dashes keep curves apart where colours do not: in greyscale, or for a colour-blind reader. They
     come from the sheet's property cycle, or from eqt where it has none. Where laws have variants,
-    the variant gives the dashes, and a paler colour once all dashes are taken.
+    the variant gives the dashes.
     """
-    look = Look(look) if isinstance(look, int) else look
     cycle = list(_PRESENT["axes.prop_cycle"])
-    if look.grey is not None:
-        shade, dashes = divmod(look.grey, len(_DASHES))
-        return {"color": ink(_GREYS[shade % len(_GREYS)]), "linestyle": _DASHES[dashes]}
-    own = cycle[look.law % len(cycle)]
-    colour = to_hex(own.get("color", ink()))
-    if look.variants > 1 and "linestyle" not in own and "color" in own:
-        shade, dashes = divmod(look.variant, len(_DASHES))
-        return {"color": mixed(colour, ink(0), _PALER**shade), "linestyle": _DASHES[dashes]}
-    index = look.law * look.variants + look.variant
+    if place.grey is not None:
+        shade, dashes = divmod(place.grey, len(_DASHES))
+        return ink(_GREYS[shade % len(_GREYS)]), 0, _DASHES[dashes]
+    own = cycle[place.law % len(cycle)]
+    if place.variants > 1 and "linestyle" not in own and "color" in own:
+        shade, dashes = divmod(place.variant, len(_DASHES))
+        return place.colour or to_hex(own["color"]), shade, _DASHES[dashes]
+    index = place.law * place.variants + place.variant
     own = cycle[index % len(cycle)]
     # Dashes shift by one after each full turn: all pairs occur before one repeats.
     turns = index // lcm(len(cycle), len(_DASHES))
     dashes = own.get("linestyle", _DASHES[(index + turns) % len(_DASHES)])
-    return {"color": to_hex(own.get("color", ink())), "linestyle": dashes}
+    return place.colour or to_hex(own.get("color", ink())), 0, dashes
+
+
+def _kind(dashes: Any) -> Any:
+    """Return the index of eqt's dashes that look like these; other dashes themselves, as text."""
+    if dashes in _DASHES:
+        return _DASHES.index(dashes)
+    return _NAMED.get(str(dashes), str(dashes))
+
+
+def colours_of_style() -> int:
+    """Return how many entries the property cycle of the style has."""
+    return len(_PRESENT["axes.prop_cycle"])
+
+
+def _look(look: int | Look) -> Look:
+    """Return a look, or that of a curve by its index among others."""
+    return distinct([CurvePlace(k) for k in range(look + 1)])[-1] if isinstance(look, int) else look
+
+
+def line_style(look: int | Look) -> dict[str, Any]:
+    """Return colour and dashes of a curve, by its look or its index."""
+    found = _look(look)
+    return {"color": found.colour, "linestyle": found.dashes}
 
 
 def marker(look: int | Look) -> str:
-    """Return the marker of a controller, by its look or index.
-
-    Where the colours of eqt's own style begin anew, the markers are the next ones.
-    """
-    index = look if isinstance(look, int) else look.law
-    return _MARKERS[(index + index // len(_MARKERS)) % len(_MARKERS)]
+    """Return the marker of a curve, by its look or index."""
+    return _look(look).marker
 
 
 def ink(share: float = 1.0) -> str:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
 from eqt_cli.analysis.certificates.base import Row, Verdict
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.option_types import CountOrNone
 from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.drawing.labels import notation
 from eqt_cli.plots.drawing.layout import add_legend
@@ -30,6 +30,9 @@ _STROKE: dict[str, Any] = {
 }
 _NO_LAW, _BEYOND = 0.65, 0.07
 """Shares of ink of markers in rows independent of the law, and of the ground beyond the bound."""
+
+_MOST = 1e300
+"""Largest ratio that is drawn: an axis needs room beyond it."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +53,7 @@ class Certificates(OfCertificates):
 
     name: ClassVar[str] = "certificates"
 
-    rows: int = 16
-
-    def check(self, problems: Problems) -> None:
-        """Require a number of rows of 0 or more."""
-        if self.rows < 0:
-            problems.at("rows").add(f"expected 0 or more, got {self.rows}")
+    rows: CountOrNone = 16
 
     def compose(self, found: ShownCertificates, width: Width) -> Drawing:
         """Draw identities above trajectories, in the paper's order downwards."""
@@ -97,7 +95,7 @@ def _legend(found: ShownCertificates, looks: dict[str, dict[str, Any]]) -> dict[
 def _ratio(row: Row) -> float:
     """Return the ratio of measured to bound; 0 where both are 0."""
     assert row.measured is not None and row.bound is not None
-    return abs(row.measured) / row.bound if row.measured else 0.0
+    return min(abs(row.measured) / row.bound, _MOST) if row.measured else 0.0
 
 
 def _least(found: ShownCertificates) -> float:

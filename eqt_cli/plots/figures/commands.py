@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.option_types import CountOrNone
 from eqt_cli.plots.base import OverTime, Panelled
 from eqt_cli.plots.drawing.labels import force_component, free_text, quantity
 from eqt_cli.plots.drawing.layout import add_legend, name_scale
@@ -53,13 +53,8 @@ class Commands(Panelled, OverTime):
 
     name: ClassVar[str] = "commands"
 
-    run: int = 0
+    run: CountOrNone = 0
     thrusters: bool = False
-
-    def check(self, problems: Problems) -> None:
-        """Require a run number of 0 or more."""
-        if self.run < 0:
-            problems.at("run").add(f"expected 0 or more, got {self.run}")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row with its own scale per axis, and a column per controller."""

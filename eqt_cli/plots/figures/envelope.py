@@ -7,13 +7,12 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from eqt_cli.analysis.comparison.shares import shares
-from eqt_cli.core.problems import Problems
-from eqt_cli.plots.base import OfSweep
+from eqt_cli.analysis.comparison.intervals import shares
+from eqt_cli.plots.base import OfSettled
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import draw_points
-from eqt_cli.plots.drawing.key_labels import key_at, scale_along
 from eqt_cli.plots.drawing.layout import add_title, blank_sheet, hide_inner_scales, rows_of
+from eqt_cli.plots.drawing.scales import key_at, scale_along
 from eqt_cli.plots.drawing.style import WIDTHS, Width
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.swept_key import SweptKey
@@ -24,25 +23,13 @@ _MOST_PANELS = 12
 
 
 @dataclass(frozen=True)
-class Envelope(OfSweep):
+class Envelope(OfSettled):
     """The share of runs that have settled, over a swept number, with 95 % Wilson intervals.
 
     A run that failed has not settled. A second swept key has a panel for each of its values.
-
-    Attributes
-    ----------
-    by
-        Time by which a run must have settled for good, s; its end if 0.
     """
 
     name: ClassVar[str] = "envelope"
-
-    by: float = 0.0
-
-    def check(self, problems: Problems) -> None:
-        """Require a time of 0 or more."""
-        if not self.by >= 0:
-            problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw a curve and a band per controller; a panel per value of a second key."""

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.option_types import CountOrNone
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.drawing.coordinates import axis_labels
@@ -35,7 +35,7 @@ _LINE = 0.8
 
 
 @dataclass(frozen=True)
-class Estimate(OverTime):
+class EstimateFigure(OverTime):
     """Errors of the estimate in one run within ±3 of its own deviations; NEES with χ² limits.
 
     A column per controller. Errors are those of the pose, in exponential coordinates, and of the
@@ -50,12 +50,7 @@ class Estimate(OverTime):
 
     name: ClassVar[str] = "estimate"
 
-    run: int = 0
-
-    def check(self, problems: Problems) -> None:
-        """Require a run number of 0 or more."""
-        if self.run < 0:
-            problems.at("run").add(f"expected 0 or more, got {self.run}")
+    run: CountOrNone = 0
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row with its own scale per error, and a column per controller."""
@@ -68,7 +63,7 @@ class Estimate(OverTime):
             runs, width, names, lambda row, law: row != "NEES" or law.label in judged, np.inf
         )
         for row, (part, error) in errors.items():
-            unit = part.velocity_unit if error == "bias" else _unit(part)
+            unit = part.velocity_unit if error == "bias" else part.error_unit
             words = in_words(_words(part, error, alone=len(G.parts) == 1), unit)
             name_scale(rows[row][shown[0].label], words)
             for ensemble in shown:
@@ -170,14 +165,8 @@ def _words(part: Part, error: str, *, alone: bool = False) -> str:
     return f"{part_name(part.name)} error"
 
 
-def _unit(part: Part) -> str:
-    """Return the unit of the logarithm of a part of a pose."""
-    return "rad" if part.turns else part.pose_unit
-
-
 def _limits(degrees: float, runs: int) -> Array:
     """Return the central 95 % limits of the mean of `runs` independent χ² variables."""
     from scipy.special import gammaincinv  # slow to import
 
-    found: Array = 2 * gammaincinv(runs * degrees / 2, np.array([0.025, 0.975])) / runs
-    return found
+    return 2 * gammaincinv(runs * degrees / 2, np.array([0.025, 0.975])) / runs

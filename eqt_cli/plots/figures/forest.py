@@ -8,17 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.analysis.comparison.bootstrap import FEWEST
+from eqt_cli.analysis.comparison.intervals import FEWEST, relative_difference, shares
 from eqt_cli.analysis.comparison.pairs import resolved_differences
-from eqt_cli.analysis.comparison.ratios import relative_difference
-from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import Problems
-from eqt_cli.plots.base import Alongside, OfOneMetric
+from eqt_cli.plots.base import Extras, OfDifferences
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend
 from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink, line_style, marker
-from eqt_cli.plots.shown.controllers import Chosen
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.result import Result
 from eqt_cli.tuning.held_out import side_by_side
@@ -38,34 +34,21 @@ _SMALL = 3.5
 
 
 @dataclass(frozen=True)
-class Forest(OfOneMetric):
+class Forest(OfDifferences):
     """A row for each point of a sweep: the paired difference of two laws, and who settles.
 
     The difference of the means over all runs, in per cent of the second law's mean, with its
     interval (Fieller); filled where the interval leaves out 0. Beside it, the share of runs of both
     laws that settle, with Wilson intervals.
-
-    Attributes
-    ----------
-    confidence
-        Confidence of each interval on its own.
     """
 
     name: ClassVar[str] = "forest"
 
-    confidence: float = 0.95
-
-    def check(self, problems: Problems) -> None:
-        """Require a confidence between 0 and 1."""
-        if not 0 < self.confidence < 1:
-            expected = "expected a number between 0 and 1"
-            problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
-
-    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownSweep:
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownSweep:
         """Return the points; of a tuning, the winners unless others are chosen."""
         shown = self._only(results, "sweep")
         laws = self.controllers or (side_by_side(shown) if shown.is_sweep else ())
-        return ShownSweep(shown, self.name, Chosen(laws, self.focus))
+        return ShownSweep(shown, self.name, self.chosen._replace(controllers=laws))
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw two panels with the same rows, the first point on top."""

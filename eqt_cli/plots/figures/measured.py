@@ -1,22 +1,28 @@
 """Figure of a recording beside a run: pose, error, velocity and wrench over time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
+from eqt_cli.analysis.measured.run import measured_runs
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError, Remedy
+from eqt_cli.core.option_types import CountOrNone
 from eqt_cli.groups import MatrixLieGroup, Part
-from eqt_cli.plots.base import OfMeasured, Panelled
-from eqt_cli.plots.drawing.coordinates import axis_labels, pose_coordinates, symbols
-from eqt_cli.plots.drawing.labels import in_words, part_name, quantity
+from eqt_cli.logs.recording import Recording
+from eqt_cli.plots.base import Extras, Panelled, Timed
+from eqt_cli.plots.drawing.coordinates import axis_labels, part_curves
+from eqt_cli.plots.drawing.labels import part_name
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
-from eqt_cli.plots.shown.measured import ShownMeasured
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, mixed
+from eqt_cli.plots.shown.controllers import ALWAYS, TimeRange, error_of, positions
+from eqt_cli.results.result import Result
 
 _MEASURED: dict[str, Any] = {"linewidth": 2.4, "zorder": 1.5, "solid_capstyle": "butt"}
 _SIMULATED = 0.8
@@ -25,8 +31,90 @@ _PALE = 0.35
 """Share of the colour in a measured curve."""
 
 
+class ShownMeasured:
+    """A recording and a simulated run over the same time.
+
+    Parameters
+    ----------
+    result, measured
+        The open result, and a recording on its group.
+    figure, chosen
+        See `ShownControllers`; the first controller if none is chosen.
+    run
+        Number of the run.
+
+    Attributes
+    ----------
+    pair
+        The run and the recording.
+
+    Raises
+    ------
+    EqtError
+        If there is no recording, run or controller, or the recording does not fit the run.
+    """
+
+    def __init__(
+        self,
+        result: Result,
+        measured: Recording | None,
+        figure: str,
+        chosen: Sequence[str],
+        run: int,
+        time: TimeRange = ALWAYS,
+    ) -> None:
+        if measured is None:
+            text = f"figure '{figure}' shows a recording beside a run, and none is given"
+            raise EqtError(text, Remedy("give one with {}", "measured"))
+        (places,) = positions([result], figure, chosen)
+        if chosen and len(places) > 1:
+            raise error_of(result, figure, f"shows one controller, got {len(places)}")
+        (self.pair,) = measured_runs(result, measured, places[:1], run, f"figure '{figure}'")
+        self.unit, self._time = result.units("time"), time
+        self._error = partial(error_of, result, figure)
+
+    @property
+    def group(self) -> MatrixLieGroup:
+        """The group G."""
+        return self.pair.recording.group
+
+    @property
+    def curves(self) -> list[tuple[str, tuple[Array, Array], tuple[Array, Array]]]:
+        """Rows of panels: a name, then times and values of the recording and of the run.
+
+        The values are poses, or coordinates of errors, velocities and wrenches.
+        """
+        pair, seen = self.pair, self.pair.recording
+        here, wanted = pair.simulated.states, pair.reference.states
+        G, t = self.group, pair.simulated.times
+        errors = pair.errors
+        error = G.log(G.inverse(wanted.pose) @ here.pose)
+        found = [
+            ("pose", (seen.times, seen.poses), (t, here.pose)),
+            ("error", (seen.times, errors[0].measured), (t, error)),
+            ("velocity", (seen.times, seen.velocities), (t, here.velocity)),
+            ("wrench", (seen.times, seen.wrenches), (t, here.wrench)),
+        ]
+        found = [row for row in found if not np.isnan(row[1][1]).all()]
+        seen_at = self._time.samples(seen.times, self._error)
+        run_at = self._time.samples(t, self._error)
+
+        def part(of: tuple[Array, Array], at: Array) -> tuple[Array, Array]:
+            return of[0][at], of[1][at]
+
+        return [(name, part(told, seen_at), part(run, run_at)) for name, told, run in found]
+
+    def notes(self) -> list[str]:
+        """Return notes on what is shown, how it was aligned, and what was not measured."""
+        pair = self.pair
+        return [
+            f"Lines: {pair.title}, run {pair.run}. Tints: {pair.notes[0]}.",
+            *(f"{note}." for note in pair.notes[1:]),
+        ]
+
+
 @dataclass(frozen=True)
-class Measured(Panelled, OfMeasured):
+class MeasuredFigure(Panelled, Timed[ShownMeasured]):
     """A recording beside a run: pose, error, velocity and wrench, a column per part.
 
     It shows one controller: the first, unless another is chosen. The error is log Q_d⁻¹Q, from the
@@ -35,13 +123,22 @@ class Measured(Panelled, OfMeasured):
 
     Attributes
     ----------
+    run
+        Number of the run.
     degrees
         Angles and rates of rotations in degrees.
     """
 
     name: ClassVar[str] = "measured"
 
+    run: CountOrNone = 0
     degrees: bool = False
+
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownMeasured:
+        """Return the run of one controller, aligned in time with the recording."""
+        shown = self._only(results, "result")
+        time = self.chosen.time
+        return ShownMeasured(shown, extras.measured, self.name, self.controllers, self.run, time)
 
     def compose(self, shown: ShownMeasured, width: Width) -> Drawing:
         """Draw a row for each quantity; the coordinates of a part share a panel."""
@@ -54,10 +151,12 @@ class Measured(Panelled, OfMeasured):
         for row, (name, measured, (t, run)) in zip(places, curves, strict=True):
             for panel, part in zip(row, parts, strict=True):
                 axes = panels[panel]
-                values, label = self._coordinates(shown, name, part, run)
+                values, label = part_curves(shown.group, part, name, run, degrees=self.degrees)
                 self._draw(axes, "simulated", shown.group, part, (t, values))
                 near = np.stack([np.interp(measured[0], t, one) for one in values.T], axis=-1)
-                seen, _ = self._coordinates(shown, name, part, measured[1], near)
+                seen, _ = part_curves(
+                    shown.group, part, name, measured[1], degrees=self.degrees, near=near
+                )
                 gaps = shown.pair.recording.gaps + 1
                 behind = np.insert(measured[0], gaps, np.nan), np.insert(seen, gaps, np.nan, axis=0)
                 self._draw(axes, "measured", shown.group, part, behind)
@@ -66,29 +165,9 @@ class Measured(Panelled, OfMeasured):
             add_title(panels[panel], part_name(part.name), WIDTHS[width] / len(parts))
         names = axis_labels(shown.group)
         lines = [Line2D([], [], **_thin(k)) for k in range(len(names))]
-        grey = Line2D([], [], color=_pale(ink()), **_MEASURED)
+        grey = Line2D([], [], color=mixed(ink(), ink(0), _PALE), **_MEASURED)
         add_legend(drawing, [*lines, grey], [*names, "measured"])
         return drawing
-
-    def _coordinates(
-        self, shown: ShownMeasured, name: str, part: Part, values: Array, near: Array | None = None
-    ) -> tuple[Array, str]:
-        """Return the curves of a part and their label; poses are unwrapped to match `near`."""
-        _, velocity, force = symbols(shown.group, part)
-        degrees = self.degrees and part.turns
-        if name == "pose":
-            near = np.radians(near) if degrees and near is not None else near
-            found, symbol, unit = pose_coordinates(shown.group, part, values, near=near)
-        else:
-            found = values[:, part.axes]
-            symbol, unit = {
-                "error": ("", "rad" if part.turns else part.pose_unit),
-                "velocity": (velocity, part.velocity_unit),
-                "wrench": (force, part.force_unit),
-            }[name]
-        if degrees and unit.startswith("rad"):
-            found, unit = np.degrees(found), unit.replace("rad", "deg")
-        return found, quantity(symbol, unit) if symbol else in_words(name, unit)
 
     def _draw(
         self, axes: Axes, kind: str, G: MatrixLieGroup, part: Part, curve: tuple[Array, Array]
@@ -96,16 +175,9 @@ class Measured(Panelled, OfMeasured):
         for k, axis in enumerate(G.axis_names[part.axes]):
             style = _thin(k)
             if kind == "measured":
-                style = {"color": _pale(style["color"]), **_MEASURED}
+                style = {"color": mixed(style["color"], ink(0), _PALE), **_MEASURED}
             axes.plot(curve[0], curve[1][:, k], label=f"{kind} {axis}", **style)
 
 
 def _thin(k: int) -> dict[str, Any]:
     return {"linewidth": _SIMULATED, **line_style(k)}
-
-
-def _pale(colour: str) -> str:
-    """Return a tint of a colour on the paper."""
-    both = zip(to_rgb(colour), to_rgb(ink(0)), strict=True)
-    red, green, blue = (_PALE * own + (1 - _PALE) * paper for own, paper in both)
-    return to_hex((red, green, blue))

@@ -8,15 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.plots.base import OverTime, Panelled
+from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import Bands, draw_mean, of_bands
 from eqt_cli.plots.drawing.labels import part_name
-from eqt_cli.plots.drawing.layout import (
-    add_title,
-    name_scale,
-    rows_of,
-    sheet,
-)
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width
 from eqt_cli.plots.law_columns import law_columns
@@ -71,14 +66,14 @@ class Paper(Panelled, OverTime):
         if len(parts) > 1:
             mosaic = [*rows, *([_FUNCTION] * len(parts) for norm in norms if norm == _FUNCTION)]
         else:
-            mosaic = rows_of([*(row[0] for row in rows), *norms[len(rows) :]], 2)
-        drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"))
+            mosaic = layout.rows_of([*(row[0] for row in rows), *norms[len(rows) :]], 2)
+        drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"))
         for signal, axes in panels.items():
             for ensemble in self._shown(runs, signal):
                 self._draw(axes, signal, runs, ensemble)
             self._scale([axes], signal, runs)
         for signal, part in zip(rows[0], parts, strict=True) if rows else ():
-            add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
+            layout.add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
         complete = [axes for axes in panels.values() if len(axes.lines) == len(runs.shown)]
         lines = max(panels.values(), key=lambda axes: len(axes.lines)).lines
         name_curves(drawing, complete, lines, [e.title for e in runs.shown])
@@ -106,4 +101,4 @@ class Paper(Panelled, OverTime):
         log = self.log_torque if signal.startswith("torque_norm") else self.log
         for axes in panels:
             scale_norm(axes, log=log)
-        name_scale(panels[0], runs.error_label(signal, degrees=self.degrees))
+        layout.name_scale(panels[0], runs.error_label(signal, degrees=self.degrees))

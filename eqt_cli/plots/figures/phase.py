@@ -13,20 +13,9 @@ from matplotlib.ticker import MaxNLocator
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import critical_sets
 from eqt_cli.plots.base import OfFirstRuns
+from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.curves import draw_density, draw_paths, path_legend
 from eqt_cli.plots.drawing.labels import signal_label
-from eqt_cli.plots.drawing.layout import (
-    Mosaic,
-    add_legend,
-    add_title,
-    blank_sheet,
-    hide_inner_scales,
-    name_scale,
-    numbered_below,
-    panel,
-    panel_title,
-    panels_by_controller,
-)
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.controllers import Ensemble
@@ -49,7 +38,7 @@ _HALF_TURN: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Phase(OfFirstRuns):
+class PhaseFigure(OfFirstRuns):
     """Phase plane of the error: norm of the velocity error over that of the pose error.
 
     Some single runs, from a hollow dot at the start to a filled one at the end; darker shading:
@@ -71,18 +60,18 @@ class Phase(OfFirstRuns):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row per controller and a column per part; with one part, controllers in rows."""
         shown, parts = runs.shown, runs.parts
-        places = panels_by_controller([e.label for e in shown], parts, _COLUMNS[width])
-        drawing, panels = blank_sheet(width, places, _HEIGHTS[width])
+        places = layout.panels_by_controller([e.label for e in shown], parts, _COLUMNS[width])
+        drawing, panels = layout.blank_sheet(width, places, _HEIGHTS[width])
         room = WIDTHS[width] / len(places[0]) - _BESIDE
         marked = False
         for part in parts:
-            column = [panels[panel(e.label, part)] for e in shown]
+            column = [panels[layout.panel(e.label, part)] for e in shown]
             for axes in column[1:]:
                 axes.sharex(column[0])
                 axes.sharey(column[0])
             for ensemble, axes in zip(shown, column, strict=True):
                 self._fill(axes, runs, ensemble, part)
-                add_title(axes, panel_title(ensemble.title, part), room)
+                layout.add_title(axes, layout.panel_title(ensemble.title, part), room)
             self._scale(column)
             if self.density:
                 self._shade(column, runs, part)
@@ -91,7 +80,7 @@ class Phase(OfFirstRuns):
         handles = path_legend(shown, self.runs, density=self.density)
         if marked:
             handles["unstable equilibria"] = Line2D([], [], color=ink(), **_HALF_TURN)
-        add_legend(drawing, list(handles.values()), list(handles))
+        layout.add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
     def _fill(self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, part: str) -> None:
@@ -100,7 +89,7 @@ class Phase(OfFirstRuns):
         numbers = runs.numbers(ensemble, self.runs)
         draw_paths(axes, dict(zip(numbers, zip(x, y, strict=True), strict=True)), ensemble)
         axes.set_xlabel(signal_label(ensemble.results, pose))
-        name_scale(axes, signal_label(ensemble.results, velocity))
+        layout.name_scale(axes, signal_label(ensemble.results, velocity))
 
     def _shade(self, column: Sequence[Axes], runs: ShownRuns, part: str) -> None:
         """Shade where all runs pass; keep the common scale as it is."""
@@ -123,14 +112,14 @@ class Phase(OfFirstRuns):
             column[0].xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
 
 
-def _hide_scales(panels: Mapping[str, Axes], places: Mosaic, parts: Sequence[str]) -> None:
+def _hide_scales(panels: Mapping[str, Axes], places: layout.Mosaic, parts: Sequence[str]) -> None:
     """Name and number a scale once, below and to the left of the panels that share it."""
-    numbered = numbered_below(places)
+    numbered = layout.numbered_below(places)
     for name, axes in panels.items():
         axes.tick_params(labelbottom=name in numbered)
         axes.xaxis.label.set_visible(name in numbered)
     if len(parts) == 1:
-        hide_inner_scales(panels, places)
+        layout.hide_inner_scales(panels, places)
 
 
 def _mark_half_turns(column: Sequence[Axes], group: MatrixLieGroup | None, part: str) -> bool:

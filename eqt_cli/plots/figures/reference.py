@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 from eqt_cli.plots.base import OfReference, Panelled
-from eqt_cli.plots.drawing.coordinates import axis_labels, pose_coordinates, symbols
-from eqt_cli.plots.drawing.labels import part_name, quantity
+from eqt_cli.plots.drawing.coordinates import axis_labels, part_curves
+from eqt_cli.plots.drawing.labels import part_name
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
 from eqt_cli.plots.shown.reference import ShownReference
@@ -41,22 +40,14 @@ class ReferenceOverTime(Panelled, OfReference):
         span = float(shown.times[0]), float(shown.times[-1])
         drawing, panels = sheet(width, rows, span, "s")
         for place, part in enumerate(parts):
-            turns = self.degrees and part.turns
-            values, symbol, unit = pose_coordinates(shown.group, part, shown.pose, "d")
-            _, velocity, force = symbols(shown.group, part, "d")
-            panes = {
-                "pose": (symbol, values, unit),
-                "velocity": (velocity, shown.velocity[:, part.axes], part.velocity_unit),
-                "torque": (force, shown.torque[:, part.axes], part.force_unit),
-            }
-            for row, which in zip(rows, names, strict=True):
-                name, coordinates, in_unit = panes[which]
-                axes = panels[row[place]]
-                if turns and in_unit.startswith("rad"):
-                    coordinates, in_unit = np.degrees(coordinates), in_unit.replace("rad", "deg")
+            for row, name in zip(rows, names, strict=True):
+                axes, of = panels[row[place]], getattr(shown, name)
+                values, label = part_curves(
+                    shown.group, part, name, of, degrees=self.degrees, index="d"
+                )
                 for k, axis in enumerate(shown.group.axis_names[part.axes]):
-                    axes.plot(shown.times, coordinates[:, k], label=axis, **line_style(k))
-                name_scale(axes, quantity(name, in_unit))
+                    axes.plot(shown.times, values[:, k], label=axis, **line_style(k))
+                name_scale(axes, label)
             if len(parts) > 1:
                 add_title(panels[rows[0][place]], part_name(part.name), WIDTHS[width] / len(parts))
         axes_of = axis_labels(shown.group)

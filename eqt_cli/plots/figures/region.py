@@ -7,10 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.analysis.comparison.shares import shares
+from eqt_cli.analysis.comparison.intervals import shares
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import Problems
-from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.base import OfSettled
 from eqt_cli.plots.drawing.cells import Cells, map_columns
 from eqt_cli.plots.drawing.layout import add_title
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
@@ -27,26 +26,14 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Region(OfSweep):
+class Region(OfSettled):
     """The share of runs that settle over two swept keys, a map for each law.
 
     In each cell, if it has room, the share in per cent, and below it its 95 % Wilson interval. A
     run that failed has not settled.
-
-    Attributes
-    ----------
-    by
-        Time by which a run must have settled for good, s; its end if 0.
     """
 
     name: ClassVar[str] = "region"
-
-    by: float = 0.0
-
-    def check(self, problems: Problems) -> None:
-        """Require a time of 0 or more."""
-        if not self.by >= 0:
-            problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw maps with common scales and colours from 0 to 100 %."""
@@ -78,9 +65,8 @@ class Region(OfSweep):
             if not told[-1]:
                 cells.write(panel, share, image, room, alone)
             add_title(panel, title, WIDTHS[width] / columns)
-            below = cells.scales(panel, swept.results, room[0], leftmost=index % columns == 0)
-            if index + columns < count:
-                panel.label_outer()
+            edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
+            below = cells.scales(panel, swept.results, room[0], **edges)
         drawing.set_figheight(height * rows + below)
         when = f"by {self.by:g} s" if self.by else "at the end"
         drawing.colorbar(image, ax=panels[:count], label=f"share settled {when} (%)")

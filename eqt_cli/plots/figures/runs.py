@@ -12,20 +12,10 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
 from eqt_cli.plots.base import OverTime
+from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.curves import thin_line, thin_line_legend
-from eqt_cli.plots.drawing.layout import (
-    add_legend,
-    add_title,
-    hide_inner_scales,
-    name_scale,
-    panel,
-    panel_title,
-    panels_by_controller,
-    share_scale,
-    sheet,
-)
 from eqt_cli.plots.drawing.scales import scale_norm, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink
 from eqt_cli.plots.shown.controllers import Ensemble
@@ -37,12 +27,15 @@ MOST_LINES = 200
 ESTIMATED = {"pose_error": "estimate_error"}
 """Signals that are shaded below others where a law reads an estimate."""
 
+_WHOLE = ("position_error", "heading_error", "lyapunov")
+"""Signals that have no parts."""
+
 _SHADE = 0.16
 """Share of ink in the shading behind the curves."""
 
 
 @dataclass(frozen=True)
-class Runs(OverTime):
+class RunsFigure(OverTime):
     """Single runs as thin lines and the mean over runs, a panel per controller.
 
     Where a norm has parts with units of their own, such as rotation and translation, each part has
@@ -60,7 +53,9 @@ class Runs(OverTime):
 
     name: ClassVar[str] = "runs"
 
-    signal: Literal["pose_error", "velocity_error", "torque_norm", "lyapunov"] = "pose_error"
+    signal: Literal[
+        "pose_error", "position_error", "heading_error", "velocity_error", "torque_norm", "lyapunov"
+    ] = "pose_error"
     log: bool | None = None
     degrees: bool = False
 
@@ -73,30 +68,35 @@ class Runs(OverTime):
         """Draw a row per controller and a column per part, or else controllers two by two."""
         runs.require_attitude(degrees=self.degrees)
         shown, parts = runs.shown, runs.parts
+        if self.signal in _WHOLE:
+            parts = [""]
         if self.signal == "lyapunov":
-            shown, parts = runs.with_function(), [""]
+            shown = runs.with_function()
             if not shown:
                 raise runs.error("has no L to show: none of these laws claims that its own falls")
-        places, estimated = panels_by_controller([e.label for e in shown], parts), False
+        places, estimated = layout.panels_by_controller([e.label for e in shown], parts), False
         room = WIDTHS[width] / len(places[0])
-        drawing, panels = sheet(width, places, runs.span, runs.unit("time"))
+        drawing, panels = layout.sheet(width, places, runs.span, runs.unit("time"))
         for part in parts:
-            column, signal = [panels[panel(e.label, part)] for e in shown], self.signal + part
-            share_scale(column)
+            column, signal = (
+                [panels[layout.panel(e.label, part)] for e in shown],
+                self.signal + part,
+            )
+            layout.share_scale(column)
             for ensemble, axes in zip(shown, column, strict=True):
                 values = runs.errors(signal, ensemble, degrees=self.degrees)
                 self._fill(axes, runs.times(ensemble), values, ensemble.look)
                 estimated |= self._shade(axes, runs, ensemble, part)
-                add_title(axes, panel_title(ensemble.title, part), room)
-                name_scale(axes, runs.error_label(signal, degrees=self.degrees))
+                layout.add_title(axes, layout.panel_title(ensemble.title, part), room)
+                layout.name_scale(axes, runs.error_label(signal, degrees=self.degrees))
             self._scale(column)  # after all curves of the common scale
         if len(parts) == 1:
-            hide_inner_scales(panels, places)
+            layout.hide_inner_scales(panels, places)
         handles = thin_line_legend(shown, MOST_LINES)
         handles["mean over runs"] = Line2D([], [], color=ink())
         if estimated:
             handles["mean error of the estimate"] = Patch(facecolor=ink(_SHADE), linewidth=0)
-        add_legend(drawing, list(handles.values()), list(handles))
+        layout.add_legend(drawing, list(handles.values()), list(handles))
         runs.remarks.append(f"Mean over runs, {runs.count()}.")
         return drawing
 

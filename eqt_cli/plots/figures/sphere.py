@@ -1,4 +1,4 @@
-"""Figure of attitude errors as paths on the sphere, in an equal-area projection."""
+"""Figure of directions on the sphere, in Lambert's azimuthal equal-area projection."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,22 +10,74 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Circle
 
+from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.mechanics.tracking import pose_error
 from eqt_cli.plots.base import OfFirstRuns
-from eqt_cli.plots.drawing import sphere_projection
+from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.curves import draw_density, draw_paths, path_legend
 from eqt_cli.plots.drawing.labels import free_text
-from eqt_cli.plots.drawing.layout import (
-    add_legend,
-    add_title,
-    blank_sheet,
-    panel,
-    panel_title,
-    panels_by_controller,
-)
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, size_of_type
 from eqt_cli.plots.shown.trajectories import ShownRuns
+
+_NEAR_RIM = -np.cos(np.pi / 4)
+"""Cosine of 135°: farther out, a path may pass the point opposite the centre."""
+
+
+_FINER = 16
+"""Number of parts into which a step near the rim is divided."""
+
+
+def radius_of(angle: Array | float) -> Array:
+    """Return the radius in the disc of a point at angle θ from the centre: sin(θ/2)."""
+    return np.sin(np.asarray(angle) / 2)
+
+
+def project(points: Array, centre: int) -> tuple[Array, Array]:
+    """Return horizontal and vertical coordinates of unit vectors ``(..., 3)``.
+
+    The eye is outside, at the tip of axis number `centre`: the next axis points right, the one
+    after it up. The rim is the point opposite the centre; that point itself is drawn to the right.
+    """
+    across, up = points[..., (centre + 1) % 3], points[..., (centre + 2) % 3]
+    cosine, length = points[..., centre], np.hypot(across, up)
+    there = length > 0
+    # Two forms of one number, each accurate in its own half of the sphere.
+    near = 1 / np.sqrt(2 * (1 + np.maximum(cosine, 0)))
+    far = np.sqrt(np.maximum(1 - cosine, 0) / 2) / np.where(there, length, 1)
+    scale = np.where(cosine >= 0, near, far)
+    opposite = (cosine < 0) & ~there
+    return np.where(opposite, 1, across) * scale, up * scale
+
+
+def path(points: Array, centre: int) -> tuple[Array, Array]:
+    """Project a path ``(samples, 3)`` as `project` does, refined towards the rim.
+
+    There a small step on the sphere may go far around the disc, so it is drawn as a great circle.
+    A path has a gap where it passes opposite the centre: it leaves the disc at one side and comes
+    back at the other.
+    """
+    outside = points[:, centre] < _NEAR_RIM
+    points = _refined(points, outside[1:] | outside[:-1])
+    x, y = project(points, centre)
+    outside = points[:, centre] < _NEAR_RIM
+    opposed = x[1:] * x[:-1] + y[1:] * y[:-1] < 0
+    gaps = np.flatnonzero(opposed & outside[1:] & outside[:-1]) + 1
+    return np.insert(x, gaps, np.nan), np.insert(y, gaps, np.nan)
+
+
+def _refined(points: Array, steps: Array) -> Array:
+    """Return the path with the flagged steps divided into `_FINER` parts."""
+    share = np.arange(1, _FINER)[:, None] / _FINER
+    pieces = [points[:1]]
+    for start, end, fine in zip(points, points[1:], steps, strict=False):
+        if fine:
+            between = (1 - share) * start + share * end
+            lengths = np.linalg.norm(between, axis=1, keepdims=True)
+            pieces.append(between / np.where(lengths > 0, lengths, 1))
+        pieces.append(end[None])
+    return np.concatenate(pieces)
+
 
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
 _AXES = "xyz"
@@ -79,25 +131,25 @@ class Sphere(OfFirstRuns):
         shown, centre = runs.shown, _AXES.index(self.axis)
         group, parts = self._rotations(runs)
         suffixes = [f"_{part.name}" for part in parts] if len(parts) > 1 else [""]
-        places = panels_by_controller([e.label for e in shown], suffixes, _COLUMNS[width])
+        places = layout.panels_by_controller([e.label for e in shown], suffixes, _COLUMNS[width])
         room = WIDTHS[width] / max(len(places[0]), 2)
-        drawing, panels = blank_sheet(width, places, room + _ABOVE)
+        drawing, panels = layout.blank_sheet(width, places, room + _ABOVE)
         for ensemble in shown:
             poses, desired = runs.values("pose", ensemble), runs.desired("pose", ensemble)
             errors = pose_error(group, poses, desired)
             for part, suffix in zip(parts, suffixes, strict=True):
-                axes = panels[panel(ensemble.label, suffix)]
+                axes = panels[layout.panel(ensemble.label, suffix)]
                 points = errors[(..., *part.entries)][..., centre]
                 _draw_grid(axes, centre, _NUMBERED if room >= _ROOM else _SPARSE)
-                paths = [sphere_projection.path(run, centre) for run in points[: self.runs]]
+                paths = [path(run, centre) for run in points[: self.runs]]
                 if self.density:
-                    every = [sphere_projection.project(run, centre) for run in points]
+                    every = [project(run, centre) for run in points]
                     draw_density(axes, every, _CELLS, ensemble.look)
                 numbers = runs.numbers(ensemble, self.runs)
                 draw_paths(axes, dict(zip(numbers, paths, strict=True)), ensemble)
-                add_title(axes, panel_title(ensemble.title, suffix), room - _BESIDE)
+                layout.add_title(axes, layout.panel_title(ensemble.title, suffix), room - _BESIDE)
         handles = path_legend(shown, self.runs, density=self.density)
-        add_legend(drawing, list(handles.values()), list(handles))
+        layout.add_legend(drawing, list(handles.values()), list(handles))
         runs.remarks.append(f"Paths of the body axis $e_{self.axis}$ under the error $R_E$.")
         return drawing
 
@@ -123,7 +175,7 @@ def _draw_grid(axes: Axes, centre: int, numbered: Sequence[int]) -> None:
     small = _SMALL * size_of_type("font.size")
     ticks = [[(0.0, _SCALE), (1.0, _SCALE)]]
     for angle in _CIRCLES:
-        radius = float(sphere_projection.radius(np.deg2rad(angle)))
+        radius = float(radius_of(np.deg2rad(angle)))
         edge = {"color": ink(), "linewidth": 0.6} if angle == _CIRCLES[-1] else grid
         axes.add_patch(Circle((0, 0), radius, fill=False, **edge))
         if angle in numbered:

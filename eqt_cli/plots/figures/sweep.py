@@ -9,16 +9,15 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Patch
 
-from eqt_cli.analysis.comparison.shares import shares
+from eqt_cli.analysis.comparison.intervals import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfOneMetric
 from eqt_cli.plots.drawing.cells import Cells, map_columns, short
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import BAND, draw_points
-from eqt_cli.plots.drawing.key_labels import scale_along
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title
-from eqt_cli.plots.drawing.scales import scale, spans_decade
+from eqt_cli.plots.drawing.scales import scale, scale_along, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.swept_key import SweptKey
@@ -138,9 +137,8 @@ class SweepFigure(OfOneMetric):
             for point, law in named.items():
                 _name(panel, cells.columns[point], cells.rows[point], law)
             add_title(panel, title, WIDTHS[width] / columns)
-            below = cells.scales(panel, swept.results, room[0], leftmost=index % columns == 0)
-            if index + columns < count:
-                panel.label_outer()
+            edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
+            below = cells.scales(panel, swept.results, room[0], **edges)
         drawing.set_figheight(height * rows + below)
         drawing.colorbar(image, ax=list(panels), label=label)
         _explain(drawing, bool(failed.any()), bool(beyond.any()))

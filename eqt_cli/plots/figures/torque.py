@@ -12,17 +12,10 @@ from matplotlib.lines import Line2D
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.base import OverTime, Panelled
+from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import Bands, draw_mean, of_bands
 from eqt_cli.plots.drawing.labels import force_component, quantity
-from eqt_cli.plots.drawing.layout import (
-    EMPTY,
-    Mosaic,
-    add_legend,
-    name_scale,
-    rows_of,
-    sheet,
-)
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import Width, ink
 from eqt_cli.plots.law_columns import law_columns
@@ -78,7 +71,9 @@ class Torque(Panelled, OverTime):
         if by_law:  # bands would hide each other
             drawing, rows = law_columns(runs, width, wanted)
         else:
-            drawing, panels = sheet(width, _places(units, width), runs.span, runs.unit("time"))
+            drawing, panels = layout.sheet(
+                width, _places(units, width), runs.span, runs.unit("time")
+            )
             rows = {name: {e.label: panels[name] for e in runs.shown} for name in wanted}
         for k, (name, _) in enumerate(runs.axes):
             for ensemble in runs.shown if name in wanted else ():
@@ -90,14 +85,16 @@ class Torque(Panelled, OverTime):
         laws = dict(zip((e.title for e in runs.shown), lines, strict=False))
         desired = {} if share == "feedback" else _draw_desired(runs, rows, log=self.log)
         for name, unit in units.items():
-            name_scale(next(iter(rows[name].values())), quantity(_symbol(name, unit, self), unit))
+            symbol = force_component(name, unit)
+            label = quantity(f"|{symbol}|" if self.log else symbol, unit)
+            layout.name_scale(next(iter(rows[name].values())), label)
             for axes in rows[name].values() if self.log else ():
                 scale_norm(axes, log=True)
         handles = desired if by_law else {**laws, **desired}
         if not desired and not by_law:
             name_curves(drawing, panels.values(), list(laws.values()), list(laws))
         elif handles:
-            add_legend(drawing, list(handles.values()), list(handles))
+            layout.add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
     def _of_laws(self, runs: ShownRuns) -> tuple[Share, dict[str, Array]]:
@@ -114,11 +111,6 @@ class Torque(Panelled, OverTime):
         if self.share == "feedforward":
             return self.share, given
         return "feedback", {label: torque[label] - given[label] for label in torque}
-
-
-def _symbol(axis: str, unit: str, figure: Torque) -> str:
-    symbol = force_component(axis, unit)
-    return f"|{symbol}|" if figure.log else symbol
 
 
 def _draw_desired(
@@ -141,15 +133,15 @@ def _draw_desired(
     return {r"$\tau_d$": line}
 
 
-def _places(axes: Mapping[str, str], width: Width) -> Mosaic:
+def _places(axes: Mapping[str, str], width: Width) -> layout.Mosaic:
     """Return the panels by axis, with torques and forces in separate rows or columns."""
     units = dict.fromkeys(axes.values())
     parts = [[axis for axis, of in axes.items() if of == unit] for unit in units]
     if width != "column":
         across = min(_ACROSS, max(map(len, parts)))
-        rows = [row for part in parts for row in rows_of(part, across)]
-        return [row + [EMPTY] * (across - len(row)) for row in rows]
+        rows = [row for part in parts for row in layout.rows_of(part, across)]
+        return [row + [layout.EMPTY] * (across - len(row)) for row in rows]
     if len(parts) == 1:
         return [[axis] for axis in parts[0]]
     tallest = max(map(len, parts))
-    return [[part[k] if k < len(part) else EMPTY for part in parts] for k in range(tallest)]
+    return [[part[k] if k < len(part) else layout.EMPTY for part in parts] for k in range(tallest)]

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Patch
 
 from eqt_cli.analysis.comparison.maps import NOBODY, Map, compare_map
-from eqt_cli.core.problems import Problems
-from eqt_cli.plots.base import OfOneMetric
+from eqt_cli.plots.base import OfDifferences
 from eqt_cli.plots.drawing.cells import Cells
 from eqt_cli.plots.drawing.curves import RESAMPLING
 from eqt_cli.plots.drawing.labels import metric_label
@@ -34,27 +33,14 @@ FAILED = "////"
 
 
 @dataclass(frozen=True)
-class Winners(OfOneMetric):
+class Winners(OfDifferences):
     """Which law wins at each point of a sweep over one or two keys, and by how many per cent.
 
     A law wins where it is better than every other one, run by run, with all tests of the map
     counted (`eqt compare` on the sweep). White: undecided. Hatched: some runs failed.
-
-    Attributes
-    ----------
-    confidence
-        1 minus the allowed share of false wins.
     """
 
     name: ClassVar[str] = "winners"
-
-    confidence: float = 0.95
-
-    def check(self, problems: Problems) -> None:
-        """Require a confidence between 0 and 1."""
-        if not 0 < self.confidence < 1:
-            expected = "expected a number between 0 and 1"
-            problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw one map; laws have the colours of all other figures."""

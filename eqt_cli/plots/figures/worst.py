@@ -1,5 +1,6 @@
 """Figure of a search for the worst run: the worst along each key."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -7,19 +8,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.plots.base import OfWorst
-from eqt_cli.plots.drawing.key_labels import scale_along
+from eqt_cli.core.arrays import Array
+from eqt_cli.plots.base import Extras, Figure
+from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.labels import metric_label
-from eqt_cli.plots.drawing.layout import (
-    add_legend,
-    blank_sheet,
-    hide_inner_scales,
-    rows_of,
-    share_scale,
-)
-from eqt_cli.plots.drawing.scales import scale
-from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
-from eqt_cli.plots.shown.worst import Along, ShownWorst
+from eqt_cli.plots.drawing.scales import scale, scale_along
+from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, line_style, marker
+from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, looks, positions
+from eqt_cli.results.result import Result
+from eqt_cli.results.swept_key import SweptKey
+from eqt_cli.tuning.folder import WORST
+from eqt_cli.tuning.law_search import coordinate_of
+from eqt_cli.tuning.worst import costs_of_runs
 
 _HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.2, "slide": 1.35}
 _IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
@@ -28,7 +28,114 @@ _SMALL, _LARGE = 2.5, 4.5
 
 
 @dataclass(frozen=True)
-class WorstFigure(OfWorst):
+class Along:
+    """Costs of a law along one key through its worst case.
+
+    Attributes
+    ----------
+    key
+        Configuration key.
+    look
+        Look of the law, which determines its line style.
+    title
+        Title of the law.
+    values : (points,)
+        Values of the key.
+    worst : (points,)
+        Worst objective over all runs; NaN where a run failed, or none has a value.
+    failed : (points,)
+        Whether a run failed.
+    found
+        Index of the point at the worst case.
+    """
+
+    key: str
+    look: Look
+    title: str
+    values: Array
+    worst: Array
+    failed: Array
+    found: int
+
+
+class ShownWorst:
+    """Results of a search for the worst run, along each key.
+
+    Parameters
+    ----------
+    results
+        The open result.
+    figure, chosen
+        See `ShownControllers`.
+
+    Attributes
+    ----------
+    lines : list of Along
+        Lines of all laws, with keys in the order of the configuration.
+    objective : str
+        The metric that is searched.
+
+    Raises
+    ------
+    EqtError
+        If the result is not of such a search, or there is no such controller.
+    """
+
+    def __init__(self, results: Result, figure: str, chosen: Chosen = ALL) -> None:
+        self.results = results
+        record = WORST.beside(results)
+        if record is None:
+            raise error_of(results, figure, "shows what `eqt worst` found; this is none")
+        shown = positions([results], figure, chosen.controllers)[0]
+        look_of = dict(zip(shown, looks([results], [shown], figure, chosen), strict=True))
+        self.objective: str = record["objective"]
+        costs = costs_of_runs(results, self.objective).max(axis=-1)
+        quantity = results.quantity(self.objective)
+        self._log = {key for law in record["laws"] for key in law["log"]}
+        self.lines = []
+        for law in record["laws"]:
+            position = results.labels.index(law["label"])
+            for line in law["lines"] if position in shown else ():
+                points = slice(*line["points"])
+                key = line["key"]
+                values = results.coordinate(coordinate_of(key))[points]
+                cost = costs[points, position]
+                self.lines.append(
+                    Along(
+                        key,
+                        look_of[position],
+                        results.titled[law["label"]],
+                        values.astype(float),
+                        quantity.cost(np.where(np.isfinite(cost), cost, np.nan)),
+                        np.isposinf(cost),
+                        int(np.argmin(np.abs(values - law["values"][key]))),
+                    )
+                )
+
+    @property
+    def keys(self) -> list[str]:
+        """The varied keys, each once."""
+        return list(dict.fromkeys(line.key for line in self.lines))
+
+    def swept(self, key: str) -> SweptKey:
+        """Return a key with all values of its lines, as a swept key."""
+        values = np.concatenate([line.values for line in self.lines if line.key == key])
+        return SweptKey(key, values, {}, key in self._log)
+
+    def notes(self) -> list[str]:
+        """Return the notes for the reader about the curves."""
+        runs = self.results.runs
+        of = f"the worst of {runs} runs" if runs > 1 else "one run"
+        failed = any(line.failed.any() for line in self.lines)
+        return [
+            f"Each point: {of}; the other keys as found for the law (filled marker). "
+            "Found by search: worse runs may exist.",
+            *["Crosses at the top: a run failed."] * failed,
+        ]
+
+
+@dataclass(frozen=True)
+class WorstFigure(Figure[ShownWorst]):
     """The worst run of each law along each key, through the worst that `eqt worst` found.
 
     The other keys stay where the worst of the law was found; a filled marker shows this point. A
@@ -45,12 +152,16 @@ class WorstFigure(OfWorst):
 
     log: bool | None = None
 
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownWorst:
+        """Return the worst runs along each key."""
+        return ShownWorst(self._only(results, "search"), self.name, self.chosen)
+
     def compose(self, shown: ShownWorst, width: Width) -> Drawing:
         """Draw a panel per key; laws have the colours and markers of all other figures."""
-        mosaic = rows_of(shown.keys, min(_IN_A_ROW[width], len(shown.keys)))
-        drawing, panels = blank_sheet(width, mosaic, _HEIGHTS[width])
+        mosaic = layout.rows_of(shown.keys, min(_IN_A_ROW[width], len(shown.keys)))
+        drawing, panels = layout.blank_sheet(width, mosaic, _HEIGHTS[width])
         room = WIDTHS[width] / len(mosaic[0])
-        share_scale(panels.values())
+        layout.share_scale(panels.values())
         titles: dict[str, Any] = {}
         for key in shown.keys:
             panel = panels[key]
@@ -64,8 +175,8 @@ class WorstFigure(OfWorst):
         label = f"worst {metric_label(shown.results, shown.objective, 30)}"
         for row in mosaic:
             panels[row[0]].set_ylabel(label)
-        hide_inner_scales(panels, mosaic)
-        add_legend(drawing, list(titles.values()), list(titles))
+        layout.hide_inner_scales(panels, mosaic)
+        layout.add_legend(drawing, list(titles.values()), list(titles))
         return drawing
 
 

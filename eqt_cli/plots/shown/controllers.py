@@ -1,14 +1,16 @@
 """The controllers of single experiments that a figure shows, and why some runs are left out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.colors import is_color_like, to_hex, to_rgba
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
-from eqt_cli.plots.drawing.style import Look
+from eqt_cli.plots.drawing.style import CurvePlace, Look, colours_of_style, distinct
 from eqt_cli.results.result import Result
 from eqt_cli.tuning.folder import TUNE
 
@@ -62,11 +64,14 @@ class Chosen(NamedTuple):
         Controllers to draw in colour; the first `MOST_COLOURS` laws if empty.
     time
         Range of time to show; all by default.
+    colours
+        Colours by label or title; those of the style for the other controllers.
     """
 
     controllers: Sequence[str] = ()
     focus: Sequence[str] = ()
     time: TimeRange = ALWAYS
+    colours: Mapping[str, str] = MappingProxyType({})
 
 
 ALL = Chosen()
@@ -150,7 +155,7 @@ class ShownControllers:
                 )
                 raise error_of(one, figure, message)
         kept = positions(results, figure, chosen.controllers)
-        self.ensembles = _ensembles(results, kept, looks(results, kept, figure, chosen.focus))
+        self.ensembles = _ensembles(results, kept, looks(results, kept, figure, chosen))
         if not self.shown:
             raise self.error("has nothing to show, since every run failed; see `eqt show`")
 
@@ -214,33 +219,54 @@ def looks(
     results: Sequence[Result],
     kept: Sequence[Sequence[int]],
     figure: str = "",
-    focus: Sequence[str] = (),
+    chosen: Chosen = ALL,
+    *,
+    variants: bool = True,
 ) -> list[Look]:
     """Return the looks of the controllers at these positions of each result, as one list.
 
     A law has one colour in all results and variants; where only one law is shown, each of its
-    variants has its own. A law keeps the colour that it has among all laws, as far as there are
-    enough.
+    variants has its own. A law keeps the colour that it has among all laws, as far as the style has
+    enough. The looks are those of the style in force.
+
+    Parameters
+    ----------
+    variants
+        Whether the variants of a law differ in their dashes, and not the laws.
     """
     places = [(number, k) for number, of in enumerate(kept) for k in of]
     laws = [_laws(one) for one in results]
     every = list(dict.fromkeys(law for of in laws for law, _ in of))
     most = 1 + max(variant for of in laws for _, variant in of)
     variant = {(number, k): number * most + laws[number][k][1] for number, k in places}
-    several = len(set(variant.values())) > 1
+    several = variants and len(set(variant.values())) > 1
     shown = list(dict.fromkeys(laws[number][k][0] for number, k in places))
+    own = {
+        _law(results, laws, name, figure, "to colour"): _colour(results, figure, name, colour)
+        for name, colour in chosen.colours.items()
+    }
     if len(shown) == 1 and several:
-        return [Look(index) for index in range(len(places))]
-    chosen = {_law(results, laws, name, figure) for name in focus} or set(shown[:MOST_COLOURS])
-    colours = _colours([law for law in shown if law in chosen], every)
-    found: list[Look] = []
+        colour = own.get(shown[0], "")
+        return distinct([CurvePlace(index, colour=colour) for index in range(len(places))])
+    focus = {_law(results, laws, name, figure, "to focus on") for name in chosen.focus}
+    coloured = (focus or set(shown[:MOST_COLOURS])) | own.keys()
+    colours = _colours([law for law in shown if law in coloured], every)
+    found: list[CurvePlace] = []
     for number, k in places:
         law = laws[number][k][0]
-        grey = None if law in chosen else sum(look.grey is not None for look in found)
+        grey = None if law in coloured else sum(place.grey is not None for place in found)
         position = colours.get(law, every.index(law))
         of_law = (variant[number, k], most * len(results)) if several else (0, 1)
-        found.append(Look(position, *of_law, grey))
-    return found
+        found.append(CurvePlace(position, *of_law, grey, own.get(law, "")))
+    return distinct(found)
+
+
+def _colour(results: Sequence[Result], figure: str, name: str, colour: str) -> str:
+    """Return a colour that a user chose, in hexadecimal digits."""
+    if not is_color_like(colour) or to_rgba(colour)[3] == 0:
+        expected = "expected a colour as Matplotlib names it, such as '#0A62AE' or tab:blue"
+        raise error_of(results[0], figure, f"draws {name}: {expected}, got '{colour}'")
+    return to_hex(colour)
 
 
 def _laws(result: Result) -> list[tuple[str, int]]:
@@ -256,24 +282,32 @@ def _laws(result: Result) -> list[tuple[str, int]]:
 
 
 def _law(
-    results: Sequence[Result], laws: Sequence[list[tuple[str, int]]], name: str, figure: str
+    results: Sequence[Result],
+    laws: Sequence[list[tuple[str, int]]],
+    name: str,
+    figure: str,
+    purpose: str,
 ) -> str:
-    """Return the law that a user names."""
+    """Return the law that a user names for a purpose."""
     for one, of in zip(results, laws, strict=True):
         if (label := one.label_of(name)) in one.labels:
             return of[one.labels.index(label)][0]
         if any(law == name for law, _ in of):
             return name
-    raise error_of(results[0], figure, f"has no controller '{name}' to focus on")
+    hint = suggestion(name, results[0].labels) or f"; there are: {', '.join(results[0].labels)}"
+    raise error_of(results[0], figure, f"has no controller '{name}' {purpose}{hint}")
 
 
 def _colours(shown: Sequence[str], every: Sequence[str]) -> dict[str, int]:
-    """Return the colour index of each law: its own if it has one, else one that is free here."""
+    """Return the colour index of each law: its own if the style has it, else one free here."""
+    count = min(MOST_COLOURS, colours_of_style())
     own = {law: every.index(law) for law in shown}
-    if len(shown) > MOST_COLOURS or max(own.values(), default=0) < MOST_COLOURS:
+    if max(own.values(), default=0) < count:
         return own
-    kept = {law: colour for law, colour in own.items() if colour < MOST_COLOURS}
-    free = iter(sorted(set(range(MOST_COLOURS)) - set(kept.values())))
+    if len(shown) > count:
+        return {law: index for index, law in enumerate(shown)}
+    kept = {law: colour for law, colour in own.items() if colour < count}
+    free = iter(sorted(set(range(count)) - set(kept.values())))
     return kept | {law: next(free) for law in shown if law not in kept}
 
 

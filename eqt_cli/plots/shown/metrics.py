@@ -22,7 +22,7 @@ DEFAULT_METRICS = (
 
 
 @dataclass(frozen=True)
-class Sample:
+class MetricValues:
     """One metric over the good runs of a controller.
 
     Attributes
@@ -96,7 +96,7 @@ class ShownMetrics(ShownControllers):
             one.check_metrics(unknown, who=f"figure '{figure}'")
 
     @cached_property
-    def samples(self) -> dict[tuple[str, str], Sample]:
+    def samples(self) -> dict[tuple[str, str], MetricValues]:
         """Samples by metric and controller label, without the runs that have no value."""
         return {(name, e.label): _sample(name, e) for name in self.metrics for e in self.shown}
 
@@ -119,7 +119,7 @@ class ShownMetrics(ShownControllers):
                     yield f"{ensemble.title}: {without} of {total} runs have no {name}; left out."
 
 
-def _sample(name: str, ensemble: Ensemble) -> Sample:
+def _sample(name: str, ensemble: Ensemble) -> MetricValues:
     result, controller = ensemble.results, ensemble.controller
     if name in result.metrics:
         found, late = result.metric(name, controller), result.censored(name, controller)
@@ -129,4 +129,4 @@ def _sample(name: str, ensemble: Ensemble) -> Sample:
         found, late = of.values[controller], of.censored[controller]
         good = np.isfinite(found)
     values = np.where(late, np.inf, found)
-    return Sample(values[good & ~np.isnan(values)])
+    return MetricValues(values[good & ~np.isnan(values)])

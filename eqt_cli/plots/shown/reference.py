@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import EqtError
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import EqtError, Problems
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
 from eqt_cli.groups import MatrixLieGroup

@@ -57,7 +57,7 @@ class ShownSweep:
                 "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
             )
         self.controllers = positions([results], figure, chosen.controllers)[0]
-        self.looks = looks([results], [self.controllers], figure, chosen.focus)
+        self.looks = looks([results], [self.controllers], figure, chosen)
         self.titles = [results.titles[position] for position in self.controllers]
         self._shown: list[str] = []
         self.remarks: list[str] = []
@@ -129,13 +129,11 @@ class ShownSweep:
     @property
     def failed_runs(self) -> Array:
         """Number of failed runs, ``(points, shown controllers)``."""
-        found: Array = np.count_nonzero(self.results.status, axis=-1)[:, self.controllers]
-        return found
+        return np.count_nonzero(self.results.status, axis=-1)[:, self.controllers]
 
     def beyond(self, name: str) -> Array:
         """Return the number of runs with a metric beyond the horizon, ``(points, controllers)``."""
-        found: Array = self.results.censored(name).sum(axis=-1)[:, self.controllers]
-        return found
+        return self.results.censored(name).sum(axis=-1)[:, self.controllers]
 
     def laws(self, shown: int) -> dict[int, str]:
         """Return the titles of the registered laws that the n-th shown controller equals, by point.
@@ -191,8 +189,7 @@ class ShownSweep:
         self.results.check_metrics(["settling_time"], who=f"figure '{self.figure}'")
         self._shares = True
         times = self.results.metric("settling_time")[:, self.controllers]
-        found: Array = times <= (by or np.inf)  # False for NaN: not settled
-        return found
+        return times <= (by or np.inf)  # False for NaN: not settled
 
     def error(self, message: str) -> EqtError:
         """Return an error of this figure about this result."""

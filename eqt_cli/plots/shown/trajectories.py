@@ -8,7 +8,7 @@ import numpy as np
 
 from eqt_cli.closed_loop.signals import MIXED
 from eqt_cli.core.arrays import Array
-from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.angles import turn_of_distance
 from eqt_cli.mechanics.tracking import Tracking
@@ -62,8 +62,7 @@ class ShownRuns(ShownControllers):
 
     def times(self, ensemble: Ensemble) -> Array:
         """Return the sample times of a controller's runs."""
-        found: Array = ensemble.results.times[self._samples(ensemble.results)]
-        return found
+        return ensemble.results.times[self._samples(ensemble.results)]
 
     def _samples(self, result: Result) -> Array:
         """Return the indices of the samples that are shown."""
@@ -82,6 +81,10 @@ class ShownRuns(ShownControllers):
         EqtError
             If the result does not hold the signal over time.
         """
+        return self._stored(signal, ensemble, most) * ensemble.results.factor(signal)
+
+    def _stored(self, signal: str, ensemble: Ensemble, most: int | None = None) -> Array:
+        """Return `values` in the unit of the file."""
         self._check_stored(ensemble.results, signal)
         every = ensemble.results.trajectories(signal, ensemble.controller, most)
         return every[:, self._samples(ensemble.results)]
@@ -97,20 +100,21 @@ class ShownRuns(ShownControllers):
         found: Array = ensemble.results.trajectory(signal, run)[ensemble.controller]
         if not ensemble.results.good[ensemble.controller, run]:
             raise self.error(f"cannot show run {run} of {ensemble.label}, which failed")
-        return found[self._samples(ensemble.results)]
+        return found[self._samples(ensemble.results)] * ensemble.results.factor(signal)
 
     def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
         """Return `values` of a norm; with `degrees`, distances of rotations become angles."""
         values = self.values(signal, ensemble)
         turns = signal.replace("estimate_error", "pose_error") in self.results[0].attitude_errors
         if degrees and turns:
-            return np.degrees(turn_of_distance(values))
+            _, factor = self.results[0].shown_in("", "deg")
+            return np.degrees(turn_of_distance(values)) * factor
         return values
 
     def error_label(self, signal: str, *, degrees: bool) -> str:
         """Return the label of the scale of `errors`."""
         if degrees and signal in self.results[0].attitude_errors:
-            return in_words("attitude error", "deg")
+            return in_words("attitude error", self.results[0].shown_in("", "deg")[0])
         return signal_label(self.results[0], signal)
 
     def require_attitude(self, *, degrees: bool) -> None:
@@ -126,8 +130,11 @@ class ShownRuns(ShownControllers):
     def desired(self, signal: str, ensemble: Ensemble) -> Array:
         """Return a signal of the reference, ``(samples, …)``: ``torque`` for τ_d."""
         self._check_stored(ensemble.results, f"desired_{signal}")
-        found: Array = ensemble.results[f"desired_{signal}"][self._samples(ensemble.results)]
-        return found
+        found = self._desired(signal, ensemble)
+        return found * ensemble.results.factor(f"desired_{signal}")
+
+    def _desired(self, signal: str, ensemble: Ensemble) -> Array:
+        return ensemble.results[f"desired_{signal}"][self._samples(ensemble.results)]
 
     def feedforward(self, ensemble: Ensemble) -> Array:
         """Return the feedforward torque of the good runs, body frame, ``(runs, samples, m)``.
@@ -144,7 +151,7 @@ class ShownRuns(ShownControllers):
                 f"separates feedforward from feedback in ideal loops only. {result.loop_in_words}"
             )
         loop = result.experiment().loops[ensemble.law]
-        poses, velocities = (self.values(name, ensemble) for name in ("pose", "velocity"))
+        poses, velocities = (self._stored(name, ensemble) for name in ("pose", "velocity"))
         found = np.empty_like(velocities)
         for k, t in enumerate(self.times(ensemble)):
             inertia = loop.inertia.at(t)
@@ -155,9 +162,9 @@ class ShownRuns(ShownControllers):
                 t=t,
                 Q=poses[:, k],
                 P=inertia.momentum(velocities[:, k]),
-                Qd=self.desired("pose", ensemble)[k],
-                Pd=inertia.momentum(self.desired("velocity", ensemble)[k]),
-                tau_d=self.desired("torque", ensemble)[k],
+                Qd=self._desired("pose", ensemble)[k],
+                Pd=inertia.momentum(self._desired("velocity", ensemble)[k]),
+                tau_d=self._desired("torque", ensemble)[k],
             )
             given = loop.controller.feedforward_torque(state)
             if given is None:
@@ -167,7 +174,7 @@ class ShownRuns(ShownControllers):
                     "'controllers'"
                 )
             found[:, k] = given
-        return found
+        return found * result.factor("torque")
 
     @cached_property
     def parts(self) -> list[str]:
@@ -188,7 +195,8 @@ class ShownRuns(ShownControllers):
         units = [self.unit("torque")] * len(axes)
         if MIXED in units and self.group is not None:
             for part in self.group.parts:
-                units[part.axes] = [part.force_unit] * len(axes[part.axes])
+                unit, _ = self.results[0].shown_in("torque", part.force_unit)
+                units[part.axes] = [unit] * len(axes[part.axes])
         return list(zip(axes, units, strict=True))
 
     @property
@@ -220,7 +228,9 @@ class ShownRuns(ShownControllers):
         vehicle = experiment.loops[ensemble.law].vehicle
         random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, run)
         flying = vehicle.of_run(experiment.group, random_of)
-        return flying.thrust_limits if thrusters else flying.torque_limits(experiment.group)
+        found = flying.thrust_limits if thrusters else flying.torque_limits(experiment.group)
+        factor = ensemble.results.factor("thrust" if thrusters else "torque")
+        return found and (found[0] * factor, found[1] * factor)
 
     def notes(self) -> list[str]:
         """Return notes on loops and stored runs, then `ShownControllers.notes`."""

@@ -16,11 +16,8 @@ from eqt_cli.vehicle.component import VehiclePart
 class Actuator(VehiclePart):
     """One of the actuators through which a command passes in order.
 
-    Its output depends on its input command, and on its own states if any, which start at 0.
+    Its output depends on its input command, and on its own states if any.
     """
-
-    has_closed_form: ClassVar[bool] = False
-    """Whether `after` gives the states after a held command in closed form."""
 
     limited: ClassVar[str] = ""
     """Prefix of its limit in messages: ``a rate of``; empty for a limit of torques."""
@@ -35,6 +32,11 @@ class Actuator(VehiclePart):
     @property
     def moves(self) -> bool:
         """Whether the actuator has states that change between instants, by `state_rate`."""
+        return False
+
+    @property
+    def runs(self) -> bool:
+        """Whether its states at the start of a run follow from the first command, and are not 0."""
         return False
 
     @property
@@ -73,15 +75,12 @@ class Actuator(VehiclePart):
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the output for a command and the states x, ``(..., m)``."""
 
+    def running(self, G: MatrixLieGroup, command: Array) -> Array:
+        """Return the states at the start of a run with this first command, if it `runs`."""
+        return 0.0 * command[..., :1]
+
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the time derivative of the states."""
-        return x
-
-    def after(self, G: MatrixLieGroup, command: Array, x: Array, duration: Array) -> Array:
-        """Return the states after a command was held for `duration`, if there is a closed form.
-
-        The states that change at instants only, which come first, are left out.
-        """
         return x
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:

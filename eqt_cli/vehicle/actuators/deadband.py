@@ -1,12 +1,13 @@
 """An actuator with a dead zone for small commands."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from eqt_cli.core.arrays import Array, absolute, less, where
+from eqt_cli.core.option_types import TORQUE, Unit
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
-from eqt_cli.vehicle.numbers import Numbers
+from eqt_cli.vehicle.component import Numbers
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Deadband(Actuator):
     positive: ClassVar[tuple[str, ...]] = ("width",)
     sampled: ClassVar[bool] = True
 
-    width: Numbers
+    width: Annotated[Numbers, Unit(TORQUE)]
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the command, or 0 within the width."""

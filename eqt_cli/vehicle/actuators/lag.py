@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from eqt_cli.core.arrays import Array, exp
+from eqt_cli.core.arrays import Array
 from eqt_cli.core.option_types import Scale
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator
-from eqt_cli.vehicle.numbers import Numbers
+from eqt_cli.vehicle.component import Numbers
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,7 @@ class Lag(Actuator):
 
     moves: ClassVar[bool] = True
 
-    has_closed_form: ClassVar[bool] = True
-
-    time_constant: Annotated[Numbers, Scale("time constant", "s")]
+    time_constant: Annotated[Numbers, Scale("time constant of the actuators", "s")]
 
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states, one along each axis."""
@@ -42,8 +40,3 @@ class Lag(Actuator):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (command − x) / T."""
         return (command - x) / self.time_constant
-
-    def after(self, G: MatrixLieGroup, command: Array, x: Array, duration: Array) -> Array:
-        """Return command + (x − command) e^(−t/T)."""
-        left: Array = (x - command) * exp(-duration / self.time_constant)
-        return command + left

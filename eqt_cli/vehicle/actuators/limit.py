@@ -6,12 +6,12 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array, clip, less, norm, where
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import with_fields
-from eqt_cli.core.option_types import TORQUE, Scale
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.option_types import TORQUE, Scale, Unit
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough, against
-from eqt_cli.vehicle.numbers import Numbers, check_limits
+from eqt_cli.vehicle.component import Numbers, check_limits
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class Limit(Actuator):
     positive: ClassVar[tuple[str, ...]] = ("limit",)
     limits: ClassVar[bool] = True
 
-    limit: Annotated[Numbers | None, Scale("limit", TORQUE)] = None
+    limit: Annotated[Numbers | None, Scale("limit of the torque", TORQUE)] = None
     norm: bool = False
-    low: Numbers | None = None
-    high: Numbers | None = None
+    low: Annotated[Numbers | None, Unit(TORQUE)] = None
+    high: Annotated[Numbers | None, Unit(TORQUE)] = None
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the actuator with limits in both directions, or with the limit of the norm."""

@@ -1,14 +1,15 @@
 """Reaction wheels, whose momentum is limited."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, clip
+from eqt_cli.core.option_types import MOMENTUM, Unit
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
-from eqt_cli.vehicle.numbers import Numbers
+from eqt_cli.vehicle.component import Numbers
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class MomentumLimit(Actuator):
     sampled: ClassVar[bool] = True
     limited: ClassVar[str] = "a momentum of "
 
-    momentum: Numbers
+    momentum: Annotated[Numbers, Unit(MOMENTUM)]
 
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states: torque and momentum at the end of the period, each m."""

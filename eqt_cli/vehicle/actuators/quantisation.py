@@ -1,12 +1,13 @@
 """An actuator whose output is a multiple of a step."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.option_types import TORQUE, Unit
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
-from eqt_cli.vehicle.numbers import Numbers
+from eqt_cli.vehicle.component import Numbers
 
 SHIFT = 1.5 * 2.0**52
 """A size at which doubles are whole numbers: adding it rounds to the nearest, half to even."""
@@ -29,7 +30,7 @@ class Quantisation(Actuator):
     positive: ClassVar[tuple[str, ...]] = ("resolution",)
     sampled: ClassVar[bool] = True
 
-    resolution: Numbers
+    resolution: Annotated[Numbers, Unit(TORQUE)]
     # Fields, so that a compiler cannot cancel them.
     up: float = field(default=SHIFT, init=False, repr=False)
     down: float = field(default=SHIFT, init=False, repr=False)

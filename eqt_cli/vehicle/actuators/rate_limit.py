@@ -9,7 +9,7 @@ from eqt_cli.core.arrays import Array, clip
 from eqt_cli.core.option_types import TORQUE_RATE, Scale
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
-from eqt_cli.vehicle.numbers import Numbers
+from eqt_cli.vehicle.component import Numbers
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class RateLimit(Actuator):
     sampled: ClassVar[bool] = True
     limited: ClassVar[str] = "a rate of "
 
-    rate: Annotated[Numbers, Scale("rate limit", TORQUE_RATE)]
+    rate: Annotated[Numbers, Scale("limit of the torque's rate", TORQUE_RATE)]
 
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states: the torque along each axis."""

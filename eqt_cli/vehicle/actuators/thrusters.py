@@ -7,14 +7,17 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array, apply_matrix, clip, exp
+from eqt_cli.core.arrays import Array, apply_matrix, clip, maximum, sqrt
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import with_fields
-from eqt_cli.core.option_types import Real, Scale
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.option_types import Real, Scale, Unit
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.groups.euclidean import EuclideanGroup, rigid_motions
 from eqt_cli.vehicle.actuators.base import Actuator, against
-from eqt_cli.vehicle.numbers import Numbers, check_limits, check_numbers
+from eqt_cli.vehicle.component import Numbers, check_limits, check_numbers, drawn, lowest
+
+SPEEDS = ("low_speed", "high_speed")
+"""Limits of rotors."""
 
 SMALLEST = 1e-10
 """Largest singular value of B, relative to the largest of all, that counts as 0."""
@@ -32,6 +35,8 @@ class Thruster:
         The direction of its thrust; the length does not matter.
     turns
         The torque about `along` for each N of thrust, from the drag of its propeller, m; SE3 only.
+        With a `moment_constant` k_m, this torque is turns · k_m · speed²: 1, or −1 for a rotor that
+        spins counter-clockwise seen from where it pushes to.
     name
         What figures call it; `thruster 1`, … if left out.
     """
@@ -39,19 +44,22 @@ class Thruster:
     # Not strict, for the reason given in `Distribution`.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
-    at: list[Real]
+    at: Annotated[list[Real], Unit("m")]
     along: list[Real]
-    turns: Real = 0.0
+    turns: Annotated[Real, Unit("m")] = 0.0
     name: str = ""
 
-    def wrench(self, G: EuclideanGroup) -> Array:
-        """Return torque and force of a unit thrust, ``(m,)``: ⟨f, V⟩ is the power at the point."""
+    def wrench(self, G: EuclideanGroup, ratio: float = 1.0) -> Array:
+        """Return torque and force of a unit thrust, ``(m,)``: ⟨f, V⟩ is the power at the point.
+
+        `ratio` is that of `turns`.
+        """
         along = np.array(self.along, dtype=float)
         along = along / np.linalg.norm(along)
         point = np.append(np.array(self.at, dtype=float), 1.0)
         found = np.einsum("a,iab,b->i", along, G.basis[:, : G.space], point)
         if G.space == G.rotations:
-            found[: G.rotations] += self.turns * along
+            found[: G.rotations] += ratio * self.turns * along
         return found
 
 
@@ -61,7 +69,9 @@ class Thrusters(Actuator):
 
     Torque and command are in the body frame and in the order of the coordinates of the group, on
     SE2 and SE3 the torque before the force. Without limits and lag, and with B of rank m, the
-    torque is the command.
+    torque is the command. With a `thrust_constant`, the thrusters are rotors: the thrust is that
+    constant times the square of a speed, which has the limits and the lag, and which is at the
+    start of a run what the first command asks for.
 
     Attributes
     ----------
@@ -74,6 +84,12 @@ class Thrusters(Actuator):
         The least and the largest thrust of each, N, or lists of k; none if left out.
     time_constant
         T of a lag of first order, s, of each, or a list of k; none if left out.
+    thrust_constant
+        k_η of rotors, the thrust over the square of the speed, N s²/rad², of each, or a list of k.
+    moment_constant
+        k_m of rotors, the torque over the square of the speed, N m s²/rad², likewise.
+    low_speed, high_speed
+        The least and the largest speed of rotors, rad/s, instead of `low` and `high`.
     weights
         The thrusts have the least sum of weight · thrust²; a number each, or a list of k.
     allocation
@@ -84,14 +100,26 @@ class Thrusters(Actuator):
 
     name: ClassVar[str] = "thrusters"
     departs: ClassVar[str] = "thrusters"
-    positive: ClassVar[tuple[str, ...]] = ("time_constant", "weights")
-    has_closed_form: ClassVar[bool] = True
+    positive: ClassVar[tuple[str, ...]] = (
+        "time_constant",
+        "weights",
+        "thrust_constant",
+        "moment_constant",
+    )
 
     matrix: list[list[Real]] | None = None
     thrusters: list[Thruster] | None = None
-    low: Numbers | None = None
-    high: Numbers | None = None
-    time_constant: Annotated[Numbers | None, Scale("time constant", "s")] = None
+    low: Annotated[Numbers | None, Unit("N")] = None
+    high: Annotated[Numbers | None, Unit("N")] = None
+    time_constant: Annotated[Numbers | None, Scale("time constant of the thrusters", "s")] = None
+    thrust_constant: Annotated[
+        Numbers | None, Scale("thrust constant of the rotors", "N s^2/rad^2")
+    ] = None
+    moment_constant: Annotated[
+        Numbers | None, Scale("moment constant of the rotors", "N m s^2/rad^2")
+    ] = None
+    low_speed: Annotated[Numbers | None, Unit("rad/s")] = None
+    high_speed: Annotated[Numbers | None, Unit("rad/s")] = None
     weights: Numbers | None = None
     allocation: Literal["pseudo_inverse", "bounded"] = "pseudo_inverse"
     inverse: Any = field(default=None, init=False, repr=False)
@@ -100,12 +128,17 @@ class Thrusters(Actuator):
     @property
     def limits(self) -> bool:
         """Whether thrusts have limits."""
-        return self.low is not None
+        return self.low is not None or self.low_speed is not None
 
     @property
     def moves(self) -> bool:
         """Whether thrusts lag."""
         return self.time_constant is not None
+
+    @property
+    def runs(self) -> bool:
+        """Whether thrusters are rotors that lag."""
+        return self.moves and self.thrust_constant is not None
 
     @property
     def sampled(self) -> bool:
@@ -124,7 +157,8 @@ class Thrusters(Actuator):
         """The thrusters without limits: B of full rank then gives the command, up to the lag."""
         if not self.limits:
             return self
-        return with_fields(self, low=None, high=None, scale=None, allocation="pseudo_inverse")
+        limits = dict.fromkeys(("low", "high", "low_speed", "high_speed", "scale"))
+        return with_fields(self, **limits, allocation="pseudo_inverse")
 
     @cached_property
     def count(self) -> int:
@@ -142,16 +176,25 @@ class Thrusters(Actuator):
         if self.matrix is not None:
             return np.array(self.matrix, dtype=float)
         assert isinstance(G, EuclideanGroup)
-        return np.stack([each.wrench(G) for each in self.thrusters or ()], axis=-1)
+        ratios = np.ones(self.count)
+        if self.moment_constant is not None:
+            k_m, k = drawn(self.moment_constant, None), drawn(self.thrust_constant, None)
+            ratios = ratios * np.array(k_m) / np.array(k)
+        places = zip(self.thrusters or (), ratios.tolist(), strict=True)
+        return np.stack([each.wrench(G, ratio) for each, ratio in places], axis=-1)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return thrusters with B, its weighted pseudo-inverse, and an entry for each thruster."""
-        part, B = self.drawn(random), self.columns(G)
+        part = self.drawn(random)
+        B = part.columns(G)
         each = {
             name: np.broadcast_to(np.array(value, dtype=float), (self.count,)).copy()
-            for name in ("low", "high", "time_constant")
+            for name in ("low", "high", "time_constant", "thrust_constant", *SPEEDS)
             if (value := getattr(part, name)) is not None
         }
+        for name, speed in zip(("low", "high"), SPEEDS, strict=True):
+            if speed in each:
+                each[name] = each["thrust_constant"] * each.pop(speed) ** 2
         scale = 1 / np.sqrt(np.ones(self.count) * np.array(part.weights or 1.0, dtype=float))
         inverse = scale[:, None] * np.linalg.pinv(B * scale, rcond=SMALLEST)
         return with_fields(
@@ -160,6 +203,9 @@ class Thrusters(Actuator):
             matrix=B,
             thrusters=[Thruster([], [], name=name) for name in self.thruster_names],
             weights=None,
+            moment_constant=None,
+            low_speed=None,
+            high_speed=None,
             inverse=inverse,
             scale=scale if self.sampled else None,
         )
@@ -174,8 +220,22 @@ class Thrusters(Actuator):
         return apply_matrix(B, self.thrust(G, command, x))
 
     def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """Return the thrusts: the state of the lag, or the commanded thrusts."""
-        return x[..., -self.count :] if self.moves else self._asked(command, x)
+        """Return the thrusts: of the state of the lag, or the commanded thrusts."""
+        if not self.moves:
+            return self._asked(command, x)
+        state: Any = x[..., -self.count :]
+        return state if self.thrust_constant is None else self.thrust_constant * state * state
+
+    def running(self, G: MatrixLieGroup, command: Array) -> Array:
+        """Return the states of rotors that have long had a command."""
+        asked = self.solution(G, command) if self.sampled else self._asked(command, command)
+        return np.concatenate([asked] * self.sampled + [self._followed(asked)], axis=-1)
+
+    def _followed(self, asked: Array) -> Array:
+        """Return what the lag follows: the thrusts asked for, or their speeds."""
+        if self.thrust_constant is None:
+            return asked
+        return sqrt(maximum(asked, 0.0) / self.thrust_constant)
 
     def _asked(self, command: Array, x: Array) -> Array:
         """Return the commanded thrusts, within the limits."""
@@ -187,15 +247,8 @@ class Thrusters(Actuator):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (asked − x) / T, and 0 for thrusts that are solved for at the next instant."""
         asked = self._asked(command, x)
-        rate: Array = (asked - x[..., -self.count :]) / self.time_constant
+        rate: Array = (self._followed(asked) - x[..., -self.count :]) / self.time_constant
         return np.concatenate([0.0 * asked, rate], axis=-1) if self.sampled else rate
-
-    def after(self, G: MatrixLieGroup, command: Array, x: Array, duration: Array) -> Array:
-        """Return asked + (x − asked) e^(−t/T)."""
-        asked = self._asked(command, x)
-        left = (x[..., -self.count :] - asked) * exp(-duration / self.time_constant)
-        later: Array = asked + left
-        return later
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """Return the states with the thrusts that were solved for; thrusts that lag stay."""
@@ -254,16 +307,42 @@ class Thrusters(Actuator):
             self._check_places(G, problems.at("thrusters"))
         if problems:
             return
-        for name in ("low", "high", "time_constant", "weights"):
+        self._check_rotors(problems)
+        for name in ("low", "high", *SPEEDS, *self.positive):
             here, value = problems.at(name), getattr(self, name)
             if value is not None:
                 check_numbers(value, here, name in self.positive)
             if isinstance(value, list) and len(value) != self.count:
                 here.add(f"expected {self.count} entries, one for each thruster, got {len(value)}")
         if not problems:
-            check_limits(self.low, self.high, problems)
+            fast = any(getattr(self, name) is not None for name in SPEEDS)
+            low, high = names = SPEEDS if fast else ("low", "high")
+            check_limits(getattr(self, low), getattr(self, high), problems, names)
         if self.sampled and not self.limits and not problems:
             problems.at("allocation").add("bounded needs limits; give low and high")
+
+    def _check_rotors(self, problems: Problems) -> None:
+        """Note keys of rotors without a thrust constant, and rotors that could push backwards."""
+        if self.thrust_constant is None:
+            for name in ("moment_constant", *SPEEDS):
+                if getattr(self, name) is not None:
+                    problems.at(name).add("belongs to rotors; give thrust_constant, too")
+            return
+        if self.moment_constant is not None and self.matrix is not None:
+            problems.at("moment_constant").add(
+                "belongs to thrusters with places; a matrix has its torques in its rows"
+            )
+        if not self.limits and self.high is None and self.high_speed is None:
+            problems.add("rotors need limits; give low_speed and high_speed, or low and high")
+        for name in ("low", "low_speed", "high", "high_speed"):
+            value = getattr(self, name)
+            if value is not None and name.endswith("_speed") and self.low is not None:
+                problems.at(name).add("give limits of the speed or of the thrust, not of both")
+            for entry in value if isinstance(value, list) else [value]:
+                if name.startswith("low") and entry is not None and lowest(entry) < 0:
+                    problems.at(name).add(
+                        f"a rotor pushes one way; expected at least 0, got {lowest(entry):g}"
+                    )
 
     def _check_matrix(self, G: MatrixLieGroup, problems: Problems) -> None:
         rows, order = self.matrix or [], ", ".join(G.axis_names)
@@ -280,7 +359,7 @@ class Thrusters(Actuator):
                 )
 
     def _check_places(self, G: MatrixLieGroup, problems: Problems) -> None:
-        if not (isinstance(G, EuclideanGroup) and G.rotations and len(G.columns) == 1):
+        if not rigid_motions(G):
             problems.add(f"places of thrusters need group SE2 or SE3, got {G.name}; give matrix")
             return
         if not self.thrusters:

@@ -7,16 +7,16 @@ estimate starts.
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, less, where
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.option_types import POSE, Unit
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.component import VehiclePart
+from eqt_cli.vehicle.component import Numbers, VehiclePart
 from eqt_cli.vehicle.estimators.schedule import Schedule
-from eqt_cli.vehicle.numbers import Numbers
 
 INNOVATIONS = 3
 """Length of the sums over all innovations: count, squares, products of successive ones."""
@@ -73,7 +73,7 @@ class Fix(NamedTuple):
     arrived: Array
 
 
-class Measured(NamedTuple):
+class Measurement(NamedTuple):
     """Measurements, and the truth, at a control instant.
 
     Attributes
@@ -118,7 +118,7 @@ class Estimator(VehiclePart):
     has_covariance: ClassVar[bool] = False
     """Whether the estimate has a covariance."""
 
-    initial_error: Numbers | None = field(default=None, kw_only=True)
+    initial_error: Annotated[Numbers | None, Unit(POSE)] = field(default=None, kw_only=True)
 
     # For kinds to define.
 
@@ -177,7 +177,7 @@ class Estimator(VehiclePart):
         return {name: length for name, length in found.items() if length}
 
     def after(
-        self, schedule: Schedule, measured: Measured, states: Mapping[str, Array]
+        self, schedule: Schedule, measured: Measurement, states: Mapping[str, Array]
     ) -> dict[str, Array]:
         """Return the states after an instant."""
         G, depth, begun = schedule.G, schedule.depth, states["begun"]
@@ -208,7 +208,7 @@ class Estimator(VehiclePart):
             found["lost"] = indefinite(here.covariance)[..., None]
         return found
 
-    def _start(self, schedule: Schedule, measured: Measured) -> Estimate:
+    def _start(self, schedule: Schedule, measured: Measurement) -> Estimate:
         G, Q = schedule.G, measured.true_pose
         if self.initial_error is not None:
             # Symbols, or many runs, with leading axes as the pose has.
@@ -235,7 +235,9 @@ class Estimator(VehiclePart):
 class _Past:
     """The measurements known at an instant, of the steps from the oldest instant kept to now."""
 
-    def __init__(self, schedule: Schedule, measured: Measured, states: Mapping[str, Array]) -> None:
+    def __init__(
+        self, schedule: Schedule, measured: Measurement, states: Mapping[str, Array]
+    ) -> None:
         self._schedule, self._measured, self._begun = schedule, measured, states["begun"]
         m, depth, parts = schedule.G.dimension, schedule.depth, len(schedule.fixes)
         self._velocities = [*_cut(states["past_velocity"], m, depth + 1), measured.velocity]

@@ -6,13 +6,13 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.option_types import Scale
-from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics import navigation
+from eqt_cli.vehicle.component import Numbers, drawn
 from eqt_cli.vehicle.estimators.base import Deviations, Estimate, Estimator, Fix
 from eqt_cli.vehicle.estimators.schedule import Schedule
-from eqt_cli.vehicle.numbers import Numbers, drawn
 
 
 @dataclass(frozen=True)

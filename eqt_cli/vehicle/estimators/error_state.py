@@ -12,14 +12,13 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array, sqrt, transpose
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import with_fields
-from eqt_cli.core.option_types import Scale
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.option_types import POSE, VELOCITY, Scale
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.component import check_deviations
+from eqt_cli.vehicle.component import Numbers, check_deviations, drawn
 from eqt_cli.vehicle.estimators.base import Deviations, Estimate, Estimator, Fix, symmetric
 from eqt_cli.vehicle.estimators.schedule import Schedule
-from eqt_cli.vehicle.numbers import Numbers, drawn
 
 
 @dataclass(frozen=True)
@@ -59,11 +58,15 @@ class ErrorStateFilter(Estimator):
     )
     has_covariance: ClassVar[bool] = True
 
-    pose_std: Annotated[Numbers | None, Scale("assumed deviation of a fix")] = None
-    velocity_std: Annotated[Numbers | None, Scale("assumed deviation of a velocity")] = None
+    pose_std: Annotated[Numbers | None, Scale("assumed deviation of a fix", POSE)] = None
+    velocity_std: Annotated[Numbers | None, Scale("assumed deviation of a velocity", VELOCITY)] = (
+        None
+    )
     bias_walk: Annotated[Numbers | None, Scale("assumed drift of the bias")] = None
-    initial_pose_std: Annotated[Numbers | None, Scale("initial deviation of the pose")] = None
-    initial_bias_std: Annotated[Numbers | None, Scale("initial deviation of the bias")] = None
+    initial_pose_std: Annotated[Numbers | None, Scale("initial deviation of the pose", POSE)] = None
+    initial_bias_std: Annotated[
+        Numbers | None, Scale("initial deviation of the bias", VELOCITY)
+    ] = None
 
     # For kinds to define.
 

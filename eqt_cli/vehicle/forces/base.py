@@ -8,6 +8,8 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.mechanics.flatness import RigidMotion
 from eqt_cli.vehicle.component import VehiclePart
 
 
@@ -35,6 +37,20 @@ class Force(VehiclePart):
         force = self.acting(G, t, Q, G.Ad(Q, V))
         return G.Ad_star(Q, force + 0 * V)
 
-    def instants(self) -> Array:
+    @property
+    def turns(self) -> bool:
+        """Whether it may have a torque about the origin of the body."""
+        return True
+
+    def in_space(self, G: EuclideanGroup, t: Any, moving: RigidMotion) -> Any:
+        """Return what moves the origin of a rigid body as a series, in space, ``(..., n)``.
+
+        The time is a series, too, see `eqt_cli.core.jets`.
+        """
+        assert G.translation is not None
+        force: Any = self.in_body(G, t, moving.pose, moving.twist)[..., G.translation.axes]
+        return (G.rotation(moving.pose) @ force[..., None])[..., 0]
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times, s, at which the force switches to another expression, in order."""
         return np.empty(0)

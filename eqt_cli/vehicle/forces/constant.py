@@ -1,12 +1,13 @@
 """A force that does not change: a push, or the torque of a thruster that leaks."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.option_types import TORQUE, Unit
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.component import Numbers
 from eqt_cli.vehicle.forces.base import Force
-from eqt_cli.vehicle.numbers import Numbers
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class ConstantForce(Force):
     departs: ClassVar[str] = "constant force"
     vectors: ClassVar[tuple[str, ...]] = ("force",)
 
-    force: Numbers
+    force: Annotated[Numbers, Unit(TORQUE)]
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return the force."""

@@ -1,18 +1,19 @@
 """Drag, linear and quadratic in the velocity, in a medium that may flow."""
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, absolute, apply_matrix, stack
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.leaves import STRUCTURE, with_fields
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.option_types import DAMPING, Unit
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.references.base import instants_of
+from eqt_cli.vehicle.component import Matrix, NumberOrExpression, check_numbers
 from eqt_cli.vehicle.forces.base import Force
-from eqt_cli.vehicle.numbers import Matrix, NumberOrExpression, check_numbers
 
 
 @dataclass(frozen=True)
@@ -34,9 +35,9 @@ class Drag(Force):
     departs: ClassVar[str] = "drag"
     matrices: ClassVar[tuple[str, ...]] = ("linear", "quadratic")
 
-    linear: Matrix = 0.0
+    linear: Annotated[Matrix, Unit(DAMPING)] = 0.0
     quadratic: Matrix = 0.0
-    current: list[NumberOrExpression] | None = None
+    current: Annotated[list[NumberOrExpression] | None, Unit("m/s")] = None
 
     expressions: tuple[Expression | None, ...] = field(
         default=(), init=False, repr=False, metadata=STRUCTURE
@@ -56,9 +57,9 @@ class Drag(Force):
             expressions=tuple(None if text is None else formula(text) for text in texts),
         )
 
-    def instants(self) -> Array:
-        """Return the times at which an expression changes its piece."""
-        return instants_of(expression for expression in self.expressions if expression)
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which an expression changes its piece, and of short pulses."""
+        return instants_of(filter(None, self.expressions), until)
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return −D₁ U − D₂ (|U| U)."""

@@ -6,14 +6,14 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, cos, cross, sin, stack
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.option_types import Scale
-from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.notation.poses import square
+from eqt_cli.vehicle.component import Matrix, Number, check_numbers, drawn
 from eqt_cli.vehicle.forces.base import Force
-from eqt_cli.vehicle.numbers import Matrix, Number, check_numbers, drawn
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,12 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array, as_array, sin
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import with_fields
-from eqt_cli.core.option_types import Scale
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.option_types import TORQUE, Scale, Unit
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.component import check_deviations
+from eqt_cli.vehicle.component import Number, Numbers, check_deviations, check_numbers
 from eqt_cli.vehicle.forces.base import Force
-from eqt_cli.vehicle.numbers import Number, Numbers, check_numbers
 
 SINES = 12
 """Number of sines per coordinate; each carries the same part of the variance."""
@@ -41,8 +40,8 @@ class Gust(Force):
     vectors: ClassVar[tuple[str, ...]] = ("std",)
     positive: ClassVar[tuple[str, ...]] = ("time_constant",)
 
-    std: Numbers
-    time_constant: Annotated[Number, Scale("time constant", "s")]
+    std: Annotated[Numbers, Unit(TORQUE)]
+    time_constant: Annotated[Number, Scale("time constant of the gust", "s")]
     amplitude: Any = field(default=None, init=False, repr=False)
     frequency: Any = field(default=None, init=False, repr=False)
     phase: Any = field(default=None, init=False, repr=False)

@@ -7,11 +7,10 @@ from typing import Annotated
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.option_types import CountOrNone, Positive, Real, Scale
-from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.component import VehiclePart, check_count
-from eqt_cli.vehicle.numbers import Numbers
+from eqt_cli.vehicle.component import Numbers, VehiclePart, check_count
 
 
 @dataclass(frozen=True)
@@ -19,8 +18,11 @@ class Sensor(VehiclePart):
     """An error of a measured pose or velocity, at the instants at which it is measured.
 
     Errors of a pose add up to n with Q_m = Q exp(n), errors of a velocity to b with V_m = V + b.
-    They depend on the run and on the instant, not on the motion. Entries of one part share
-    `period`, `delay` and `dropout`, given at one of them.
+    They depend on the run and on the instant. Entries of one part share `period`, `delay` and
+    `dropout`, given at one of them.
+
+    A sensor of a velocity may have states that follow the motion. What it measures is their
+    `reading`, to which the errors of all sensors add.
 
     Attributes
     ----------
@@ -41,7 +43,7 @@ class Sensor(VehiclePart):
     period: Annotated[Positive | None, Scale("measurement period", "s")] = field(
         default=None, kw_only=True
     )
-    delay: Annotated[CountOrNone | None, Scale("delay in periods")] = field(
+    delay: Annotated[CountOrNone | None, Scale("delay of the measurement in periods")] = field(
         default=None, kw_only=True
     )
     dropout: Real | None = field(default=None, kw_only=True)
@@ -56,6 +58,22 @@ class Sensor(VehiclePart):
         first errors do not depend on how many there are.
         """
 
+    def states(self, G: MatrixLieGroup) -> int:
+        """Return the number of states that follow the motion; a sensor of a pose has none."""
+        return 0
+
+    def started(self, V: Array) -> Array:
+        """Return the states at t = 0, from the measured coordinates of V, ``(..., n)``."""
+        return V
+
+    def state_rate(self, V: Array, x: Array) -> Array:
+        """Return the time derivative of the states x."""
+        return x
+
+    def reading(self, V: Array, x: Array) -> Array:
+        """Return the velocity as it is measured before errors, ``(..., n)``."""
+        return V
+
     @property
     def loses(self) -> bool:
         """Whether measurements may be lost."""
@@ -69,10 +87,13 @@ class Sensor(VehiclePart):
         """
         return random.random(measurements) < (self.dropout or 0.0)
 
+    def axes(self, G: MatrixLieGroup) -> slice:
+        """Return the measured coordinates: those of the part, or all."""
+        return next((part.axes for part in G.parts if part.name == self.of), slice(None))
+
     def coordinates(self, G: MatrixLieGroup) -> int:
-        """Return the number of measured coordinates: those of the part, or m."""
-        axes = (part.axes for part in G.parts if part.name == self.of)
-        return len(range(G.dimension)[next(axes, slice(None))])
+        """Return the number of measured coordinates."""
+        return len(range(G.dimension)[self.axes(G)])
 
     def entries(self, value: float | list[float], G: MatrixLieGroup) -> Array:
         """Return a number for each measured coordinate; one given number stands for all."""

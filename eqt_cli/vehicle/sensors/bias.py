@@ -1,14 +1,15 @@
 """An offset of a measurement, which may drift."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.option_types import MEASURED, Unit
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.numbers import Numbers, drawn, mean_square
+from eqt_cli.vehicle.component import Numbers, drawn, mean_square
 from eqt_cli.vehicle.sensors.base import Sensor
 
 
@@ -27,7 +28,7 @@ class Bias(Sensor):
     name: ClassVar[str] = "bias"
     departs: ClassVar[str] = "measurements with bias"
 
-    value: Numbers = 0.0
+    value: Annotated[Numbers, Unit(MEASURED)] = 0.0
     walk: Numbers = 0.0
 
     def errors(

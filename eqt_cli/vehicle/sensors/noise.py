@@ -1,14 +1,15 @@
 """White noise of a measurement."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.option_types import MEASURED, Unit
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.numbers import Numbers
+from eqt_cli.vehicle.component import Numbers
 from eqt_cli.vehicle.sensors.base import Sensor
 
 
@@ -28,7 +29,7 @@ class Noise(Sensor):
     name: ClassVar[str] = "noise"
     departs: ClassVar[str] = "measurements with noise"
 
-    std: Numbers | None = None
+    std: Annotated[Numbers | None, Unit(MEASURED)] = None
     density: Numbers | None = None
 
     def errors(

@@ -1,0 +1,82 @@
+"""Checks of cascades: the rates of the commanded attitude, and what keeps it defined."""
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.analysis.certificates.base import Identity, Row, TrajectoryCheck, Verdict
+from eqt_cli.analysis.evidence.numbers import rate_of
+from eqt_cli.analysis.evidence.runs import Runs
+from eqt_cli.analysis.evidence.sample import Sample
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers.cascade import Cascade
+from eqt_cli.core.arrays import Array, norm
+
+WEAK = 0.1
+"""Least share of its median below which a force is remarked: its direction then turns fast."""
+
+
+class CommandedRates(Identity):
+    """Ω_c and Ω̇_c are the rates of R_c along the motion of the model, at random states.
+
+    Without a heading R_c follows the body, so that only the direction of the push is compared.
+    """
+
+    name: ClassVar[str] = "rates of the commanded attitude"
+    statement: ClassVar[str] = "derived"
+    section: ClassVar[float] = 7.0
+    per_law: ClassVar[bool] = True
+    of_whole: ClassVar[bool] = True
+    not_rational: ClassVar[str] = "a direction is no rational function of a force"
+
+    def applies(self, loop: ClosedLoop) -> bool:
+        """Whether the rates are those of the model."""
+        law = loop.controller
+        return isinstance(law, Cascade) and law.rates == "model"
+
+    def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
+        """Compare Ṙ_c with R_cΩ_c^, and the rate of Ω_c with Ω̇_c."""
+        law = sample.loop.controller
+        assert isinstance(law, Cascade) and sample.s.flat is not None
+        s = law.attitude_input(sample.s)
+        turning = s.Qd @ s.G.hat(s.Vd)
+        axis = np.array(law.direction)
+        yield rate_of(s.Qd @ axis), turning @ axis
+        if sample.s.flat.heading is not None or s.G.dimension == 1:
+            yield rate_of(s.Qd), turning
+            yield rate_of(s.Vd), s.Vd_dot
+
+
+class ForceStays(TrajectoryCheck):
+    """‖F‖ > 0 in all runs, without which no attitude is commanded. Measured: the least ‖F‖/m."""
+
+    name: ClassVar[str] = "F is not 0"
+    statement: ClassVar[str] = "Lee et al. (2010)"
+    section: ClassVar[float] = 7.1
+
+    def applies(self, runs: Runs) -> bool:
+        """Whether the law is a cascade."""
+        found = runs.vehicle
+        return found is not None and isinstance(found.problem.loop.controller, Cascade)
+
+    def check(self, runs: Runs) -> Row:
+        """Compare the least with the median: samples can miss a zero."""
+        assert runs.vehicle is not None
+        if not len(runs.vehicle.states):
+            return self.undecided(runs)
+        loop = runs.vehicle.loop
+        law, s = loop.controller, loop.tracking(runs.vehicle.problem.times, runs.vehicle.states)
+        assert isinstance(law, Cascade)
+        sizes = norm(law.asked(s))
+        least, typical = float(sizes.min()), float(np.median(sizes))
+        angle = _angle(law.attitude_input(s).relative.Q[:, 0])
+        remark = f"R(0) is up to {np.degrees(angle):.3g}° from R_c(0)"
+        verdict = Verdict.HOLDS if least > WEAK * typical else Verdict.VIOLATED
+        return self.row(verdict, least, WEAK * typical, remark, runs.label)
+
+
+def _angle(R: Array) -> float:
+    n = R.shape[-1]
+    trace = np.trace(R, axis1=-2, axis2=-1)
+    return float(np.arccos(np.clip((trace - (n - 2)) / 2, -1, 1)).max())

@@ -1,0 +1,433 @@
+"""A position loop around an attitude law, for bodies that are pushed along one body axis only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from eqt_cli.controllers.base import Controller
+from eqt_cli.core.arrays import Array, apply_matrix, dot, exp, frobenius, sqrt
+from eqt_cli.core.errors import Problems, Remedy
+from eqt_cli.core.jets import Jet
+from eqt_cli.core.leaves import STRUCTURE, with_fields
+from eqt_cli.core.option_types import Positive, Real, Scale, component
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import rigid, rigid_motions
+from eqt_cli.mechanics.flatness import (
+    PlantModel,
+    RigidMotion,
+    attitude,
+    check_along,
+    check_rigid_body,
+    only_direction,
+    third_axis,
+    unit_vector,
+)
+from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
+from eqt_cli.mechanics.law_input import LawInput
+from eqt_cli.mechanics.tracking import Gains, Tracking
+
+ORDER = 2
+"""Derivatives of the force that the rates of the attitude need."""
+
+FILTERED, FILTERED_RATE = "filtered", "filtered_rate"
+"""States of the filter: F/m as it gives it, and its rate."""
+
+OWN = "attitude_"
+"""Prefix of the states of the attitude law, before its own names."""
+
+
+@dataclass(frozen=True)
+class PositionGains:
+    """The feedback of the position, p̈_d − sat(k_x e + k_v ė + k_i ∫e) with e = p − p_d in space.
+
+    Attributes
+    ----------
+    kx
+        k_x, 1/s².
+    kv
+        k_v, 1/s.
+    ki
+        k_i, 1/s³; without it, there is no integral.
+    limit
+        l of sat(u) = u/√(1 + |u|²/l²), m/s²; none if left out. It keeps the force away from 0.
+    """
+
+    # Not strict, for the reason given in `Distribution`.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    kx: Annotated[Positive, Scale("k_x", "1/s^2", is_symbol=True)]
+    kv: Annotated[Positive, Scale("k_v", "1/s", is_symbol=True)]
+    ki: Annotated[Real | None, Scale("k_i", "1/s^3", is_symbol=True)] = None
+    limit: Annotated[Positive | None, Scale("limit of the feedback", "m/s^2")] = None
+
+    def __post_init__(self) -> None:
+        if self.ki == 0.0:
+            object.__setattr__(self, "ki", None)
+
+    def bounded(self, u: Any) -> Any:
+        """Return sat(u), of an array or a series."""
+        if self.limit is None:
+            return u
+        share = u / self.limit
+        return u / sqrt(1.0 + dot(share, share))[..., None]
+
+
+class Inside(NamedTuple):
+    """What the position loop asks for.
+
+    Attributes
+    ----------
+    tracking
+        All that the attitude law reads, on the group of rotations.
+    asked : (..., n)
+        F/m: the acceleration that the actuators are to give, in space.
+    error : (..., n)
+        e = p − p_d, in space.
+    """
+
+    tracking: Tracking
+    asked: Array
+    error: Array
+
+
+@dataclass(frozen=True)
+class Cascade(Controller):
+    """A position loop around an attitude law, for a body pushed along one body axis b; SE2 and SE3.
+
+    The force F = m (p̈_d − sat(k_x e + k_v ė + k_i ∫e)) − known forces, in space, is to be given by
+    a push f = F·Rb along b and by the attitude R_c, whose axis b has the direction of F, with b₁ in
+    the plane of F and the heading (cos ψ, sin ψ, 0). The attitude law tracks R_c with the inertia J
+    and the gains of this entry. Known forces are those of `model.forces`; Lee, Leok and McClamroch
+    (2010) is the case `attitude: lee2010`.
+
+    R_c turns at rates that need Ḟ and F̈ along the motion. They follow from the law itself: the
+    model's acceleration is substituted, and so on order by order. Known forces that turn with the
+    body are differentiated as if Ω were constant. L and its dissipation are the attitude law's, and
+    their balance holds only if the rates are right.
+
+    Attributes
+    ----------
+    attitude
+        The attitude law: a kind of SO3 (SO2 in the plane), or a mapping with `kind` and options.
+    position
+        Gains of the position, and its limit.
+    rates
+        Rates of R_c: `model` from the law and the model; `filter` from a filter of second order on
+        F; `reference` those of the reference; `heading` ψ̇ about the third axis; `none` 0.
+    bandwidth
+        Of the filter, rad/s; both its poles are there.
+    along
+        b in the body, such as [0, 0, -1]. Default: the only direction in which actuators push.
+    """
+
+    name: ClassVar[str] = "cascade"
+    title: ClassVar[str] = "cascade"
+    tasks: ClassVar[tuple[str, ...]] = ()
+    reads_flat_output: ClassVar[bool] = True
+    commands_attitude: ClassVar[bool] = True
+    reads_gains: ClassVar[bool] = False
+
+    attitude: str | dict[str, Any]
+    position: PositionGains
+    rates: Literal["model", "filter", "reference", "heading", "none"] = "model"
+    bandwidth: Annotated[Positive | None, Scale("bandwidth", "rad/s")] = None
+    along: list[Real] | None = None
+    inner: Any = field(default=None, init=False, repr=False)  # Controller
+    known: Any = field(default=(), init=False, repr=False)  # tuple of forces
+    exact: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
+    direction: Any = field(default=(), init=False, metadata=STRUCTURE)  # tuple of numbers
+
+    # What it is made of.
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note groups without an attitude and a position, and laws that are none of attitudes."""
+        if not rigid_motions(G):
+            problems.add(
+                f"cascade needs a group of one rotation and one translation, SE2 or SE3, "
+                f"got {G.name}"
+            )
+            return
+        from eqt_cli.controllers import controllers  # the registry imports this file
+
+        own = self.gains_group(G)
+        law = component(controllers, self.attitude, problems.at("attitude"), group=own)
+        if law is not None and ("track" not in law.tasks or law.design_pieces):
+            problems.at("attitude").add(
+                f"expected a law of {own.name} that tracks with given gains, such as lee2010, got "
+                f"{law.name}"
+            )
+        if self.rates == "filter" and self.bandwidth is None:
+            problems.at("bandwidth").add("missing; rates: filter needs it, in rad/s")
+        if self.rates != "filter" and self.bandwidth is not None:
+            problems.at("bandwidth").add(f"applies to rates: filter only, got rates: {self.rates}")
+        check_along(self.along, G.space, problems)
+        object.__setattr__(self, "inner", law)
+
+    def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
+        """Return the group of rotations."""
+        return rigid(G).rotation_group if rigid_motions(G) else G
+
+    def inside(
+        self, G: MatrixLieGroup, inertia: InertiaLaw
+    ) -> tuple[MatrixLieGroup, InertiaLaw, Controller] | None:
+        """Return the attitude law, with the rotations and their inertia."""
+        return self.gains_group(G), _of_rotation(G, inertia.at(0.0)), self.inner
+
+    def with_position(self, factor: float) -> Cascade:
+        """Return the law with k_x, k_v and k_i multiplied."""
+        own = {
+            name: factor * gain
+            for name in ("kx", "kv", "ki")
+            if (gain := getattr(self.position, name)) is not None
+        }
+        return with_fields(self, position=with_fields(self.position, **own))
+
+    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
+        """Return the attitude law with the options that follow its gains."""
+        if self.inner is None:
+            return {}
+        given = self.attitude if isinstance(self.attitude, dict) else {}
+        found = self.inner.defaults(self.gains_group(G), gains).items()
+        own = {name: value for name, value in found if name not in given}
+        return {"inner": with_fields(self.inner, **own)} if own else {}
+
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Cascade:
+        """Return the law with the forces that it knows, and the direction in which it pushes."""
+        if problems:
+            return self
+        check_flat_output(plant, problems)
+        if self.rates == "heading" and plant.flat is not None and plant.flat.heading is None:
+            problems.at("rates").add("the reference gives no heading; use rates: model")
+        check_rigid_body(G, plant.inertia, problems)
+        along: Any = self.along
+        pushes = plant.pushes
+        if along is None and pushes is None:
+            problems.at("along").add(
+                "missing; no thrusters in `actuators` say in which direction the body is pushed",
+                (Remedy("give it in the body frame, such as along: [0, 0, -1]"),),
+            )
+        elif along is None and pushes is not None and (along := only_direction(pushes)) is None:
+            problems.at("along").add(
+                "missing; the thrusters push in more than one direction",
+                (Remedy("give the one that carries the body, such as along: [0, 0, -1]"),),
+            )
+        if problems:
+            return self
+        direction = unit_vector(along)
+        return with_fields(self, known=plant.forces, direction=direction, exact=plant.exact)
+
+    def attitude_error(self, s: Tracking) -> Array:
+        """Return ‖R − R_c‖_F."""
+        inside = self._inside(s).tracking
+        return frobenius(inside.Q - inside.Qd)
+
+    @property
+    def pushes_along(self) -> tuple[float, ...] | None:
+        """b."""
+        return self.direction or None
+
+    # The position loop.
+
+    def attitude_input(self, s: Tracking) -> Tracking:
+        """Return all that the attitude law reads: Q_d is R_c, V_d and V̇_d are Ω_c and Ω̇_c."""
+        return self._inside(s).tracking
+
+    def asked(self, s: Tracking) -> Array:
+        """Return F/m in space, ``(..., n)``."""
+        return self._inside(s).asked
+
+    def _inside(self, s: Tracking) -> Inside:
+        """Return what the position loop asks for, computed once for each state."""
+        found: Inside | None = vars(s).get("_inside")
+        if found is None:
+            asked, error = self._asked(s)
+            found = Inside(self._of_attitude(s, asked), asked.value, error)
+            vars(s)["_inside"] = found
+        return found
+
+    def _asked(self, s: Tracking) -> tuple[Jet, Array]:
+        """Return F/m as a series, and e.
+
+        The law at order k gives the k-th derivative of F, and so of the acceleration, which the law
+        at the next order reads.
+        """
+        G = rigid(s.G)
+        R, turning, moving = G.rotation(s.Q), s.V[..., : G.rotations], s.V[..., G.rotations :]
+        axis = np.array(self.direction)
+        push = [R @ axis, apply_matrix(R, G.rotation_group.hat(turning) @ axis)]
+        place = [G.translations(s.Q)[..., 0], apply_matrix(R, moving)]
+        mass = _mass(s)
+        asked: Any = Jet([0.0])
+        error = asked
+        order = ORDER if self.rates == "model" else 0
+        for k in range(order + 1):
+            motion = RigidMotion(G, R, turning, Jet.of(place[: k + 1]), Jet.of(place[1:]))
+            given: Any = 0.0
+            for force in self.known:
+                given = given + force.in_space(G, Jet.time(s.t, k), motion) / mass
+            error, feedback = self._feedback(s, motion)
+            asked = _desired(s, 2, k) - feedback - given
+            if k < order:
+                b: Any = Jet.of(push[: k + 1])  # a series acts as an array
+                place.append((given + dot(asked, b)[..., None] * b).derivative(k))
+        return asked, error.value
+
+    def _feedback(self, s: Tracking, moving: RigidMotion) -> tuple[Jet, Any]:
+        """Return e and its feedback as series."""
+        gains, k = self.position, moving.position.order
+        error = moving.position - _desired(s, 0, k)
+        feedback = gains.kx * error + gains.kv * (moving.velocity - _desired(s, 1, k))
+        if gains.ki is not None:
+            integral = [s.memory["integral"], *(error.derivative(j) for j in range(k))]
+            feedback = feedback + gains.ki * Jet.of(integral)
+        return error, gains.bounded(feedback)
+
+    def _of_attitude(self, s: Tracking, asked: Jet) -> Tracking:
+        """Return all that the attitude law reads."""
+        assert s.flat is not None
+        G, turns = rigid(s.G), slice(0, rigid(s.G).rotations)
+        R, turning = G.rotation(s.Q), s.V[..., turns]
+        if self.rates == "filter":
+            now, rate = s.memory[FILTERED], s.memory[FILTERED_RATE]
+            asked = Jet.of([now, rate, self._filter_rate(s, asked.value)])
+        found = attitude(asked, self.direction, s.flat.turn(asked.order), R)
+        if self.rates == "reference":
+            found = found._replace(velocity=s.Vd[..., turns], acceleration=s.Vd_dot[..., turns])
+        elif self.rates == "heading":
+            assert s.flat.heading is not None
+            axis, psi = third_axis(self.direction), s.flat.heading[..., None]
+            found = found._replace(
+                velocity=psi[..., 1, :] * axis, acceleration=psi[..., 2, :] * axis
+            )
+        told = LawInput(s.t, R, turning, *found)
+        memory = {name.removeprefix(OWN): z for name, z in s.memory.items() if name.startswith(OWN)}
+        J = _of_rotation(s.G, s.inertia)
+        return told.tracking(G.rotation_group, J, s.gains, memory)
+
+    def _filter_rate(self, s: Tracking, asked: Array) -> Any:
+        w: Any = self.bandwidth
+        return w * w * (asked - s.memory[FILTERED]) - 2.0 * w * s.memory[FILTERED_RATE]
+
+    # The law.
+
+    def torque(self, s: Tracking) -> Array:
+        """Return torque and push, body frame."""
+        return self._wrench(s, self.inner.torque(self._inside(s).tracking))
+
+    def _wrench(self, s: Tracking, torque: Array) -> Array:
+        G, axis = rigid(s.G), np.array(self.direction)
+        for force in self.known:
+            if force.turns:
+                torque = torque - force.in_body(G, s.t, s.Q, s.V)[..., : G.rotations]
+        b = G.rotation(s.Q) @ axis
+        push = _mass(s) * dot(self._inside(s).asked, b)[..., None] * axis
+        return np.concatenate([torque, push], axis=-1)
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """Return that of the attitude law."""
+        return self.inner.lyapunov(self._inside(s).tracking)
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """Return that of the attitude law, and 0 for the translation."""
+        inside = self._inside(s)
+        return np.concatenate(
+            [self.inner.velocity_error(inside.tracking), 0.0 * inside.error], axis=-1
+        )
+
+    def dissipation(self, s: Tracking) -> Array | None:
+        """Return that of the attitude law; None where R_c turns otherwise than by the model."""
+        if not self.exact or self.rates != "model":
+            return None
+        return self.inner.dissipation(self._inside(s).tracking)
+
+    @property
+    def energy(self) -> str:  # type: ignore[override]  # a constant of most laws
+        """L of the attitude law."""
+        return self.inner.energy if self.inner else Controller.energy
+
+    @property
+    def theorem(self) -> str:  # type: ignore[override]  # a constant of most laws
+        """Nothing is claimed for the whole."""
+        return ""
+
+    # Its memory.
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the lengths of the integral, of the filter, and of the attitude law's memory."""
+        own, n = self.inner.memory(self.gains_group(G)).items(), rigid(G).space
+        names = ["integral"] * (self.position.ki is not None)
+        names += [FILTERED, FILTERED_RATE] * (self.rates == "filter")
+        return dict.fromkeys(names, n) | {OWN + name: length for name, length in own}
+
+    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+        """Return a filter that has settled, and the beginning of the attitude law."""
+        begun: dict[str, Array] = {}
+        if self.rates == "filter":
+            begun = {FILTERED: self._asked(s)[0].value}
+            s = replace(s, memory={**s.memory, **begun})
+        own = self.inner.initial_memory(self._inside(s).tracking).items()
+        return begun | {OWN + name: z for name, z in own}
+
+    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+        """ė_I = e, the filter's rates, and those of the attitude law."""
+        inside = self._inside(s)
+        own = self.inner.memory_rate(inside.tracking).items()
+        found = {OWN + name: rate for name, rate in own}
+        if self.position.ki is not None:
+            found["integral"] = inside.error
+        if self.rates == "filter":
+            found[FILTERED] = s.memory[FILTERED_RATE]
+            found[FILTERED_RATE] = self._filter_rate(s, inside.asked)
+        return found
+
+    def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
+        """Return ∂L/∂z of the attitude law; None where R_c has a memory, too."""
+        own = self.inner.memory_gradient(self._inside(s).tracking)
+        if own is None or self.position.ki is not None or self.rates == "filter":
+            return None
+        return {OWN + name: gradient for name, gradient in own.items()}
+
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
+        """Return the command, and the memory a period later, while F is held."""
+        inside = self._inside(s)
+        torque, own = self.inner.answer(inside.tracking, period)
+        later = {OWN + name: z for name, z in own.items()}
+        if self.position.ki is not None:
+            later["integral"] = s.memory["integral"] + period * inside.error
+        if self.rates == "filter":
+            w: Any = self.bandwidth
+            behind, rate = s.memory[FILTERED] - inside.asked, s.memory[FILTERED_RATE]
+            decay, slope = exp(-w * period), rate + w * behind
+            later[FILTERED] = inside.asked + decay * (behind + period * slope)
+            later[FILTERED_RATE] = decay * (rate - w * period * slope)
+        return self._wrench(s, torque), later
+
+
+def check_flat_output(plant: PlantModel, problems: Problems) -> None:
+    """Note a reference without a flat output."""
+    if plant.flat is None:
+        problems.add(
+            "needs a reference that gives jerk and snap",
+            (Remedy("use reference: {kind: flat, position: […]}, or {kind: flat, of: …}"),),
+        )
+
+
+def _of_rotation(G: MatrixLieGroup, inertia: Inertia) -> Inertia:
+    turns = slice(0, rigid(G).rotations)
+    return Inertia(inertia.matrix[..., turns, turns], inertia.inverse[..., turns, turns])
+
+
+def _mass(s: Tracking) -> Array:
+    """m, ``(..., 1)``."""
+    first = rigid(s.G).rotations
+    return s.inertia.matrix[..., first, first, None]
+
+
+def _desired(s: Tracking, k: int, order: int) -> Jet:
+    """Return the k-th derivative of p_d as a series."""
+    assert s.flat is not None
+    return Jet.of([s.flat.position[..., k + j, :] for j in range(order + 1)])

@@ -1,0 +1,150 @@
+"""Units in which numbers may be written: in configurations, in files, and in tables and figures.
+
+One table serves them all. A library such as pint would take as long to import as all of `import
+eqt_cli.api` (0.38 s), for a dozen units.
+"""
+
+import re
+from functools import lru_cache
+from typing import TypeAlias
+
+Dimension: TypeAlias = tuple[int, int, int, int]
+"""Exponents of kg, m, s and rad."""
+
+_MASS, _LENGTH, _TIME, _ANGLE = (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)
+_FORCE, _TORQUE = (1, 1, -2, 0), (1, 2, -2, 0)
+_PI = 3.141592653589793
+
+_SYMBOLS: dict[str, tuple[float, Dimension]] = {
+    "kg": (1.0, _MASS),
+    "g": (1e-3, _MASS),
+    "km": (1e3, _LENGTH),
+    "m": (1.0, _LENGTH),
+    "cm": (1e-2, _LENGTH),
+    "mm": (1e-3, _LENGTH),
+    "um": (1e-6, _LENGTH),
+    "h": (3600.0, _TIME),
+    "min": (60.0, _TIME),
+    "s": (1.0, _TIME),
+    "sec": (1.0, _TIME),
+    "ms": (1e-3, _TIME),
+    "us": (1e-6, _TIME),
+    "ns": (1e-9, _TIME),
+    "rad": (1.0, _ANGLE),
+    "mrad": (1e-3, _ANGLE),
+    "deg": (_PI / 180, _ANGLE),
+    "arcmin": (_PI / 10_800, _ANGLE),
+    "arcsec": (_PI / 648_000, _ANGLE),
+    "rpm": (_PI / 30, (0, 0, -1, 1)),
+    **{f"{prefix}J": (size, _TORQUE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
+    **{f"{prefix}N": (size, _FORCE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
+    "uN": (1e-6, _FORCE),
+    **{f"{prefix}Nm": (size, _TORQUE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
+    "uNm": (1e-6, _TORQUE),
+    "1": (1.0, (0, 0, 0, 0)),
+}
+
+_OFFERED: dict[str, tuple[str, ...]] = {
+    "a time": ("s", "ms", "us", "min", "h"),
+    "an angle": ("rad", "mrad", "deg", "arcmin", "arcsec"),
+    "a length": ("m", "cm", "mm", "km"),
+    "an angular velocity": ("rad/s", "deg/s", "rpm"),
+    "a velocity": ("m/s", "cm/s", "mm/s", "km/h"),
+    "an acceleration": ("m/s^2",),
+    "an angular acceleration": ("rad/s^2", "deg/s^2"),
+    "a torque": ("N m", "mN m", "uN m"),
+    "a force": ("N", "mN", "kN"),
+    "a mass": ("kg", "g"),
+    "a moment of inertia": ("kg m^2", "kg cm^2", "g cm^2"),
+    "an angular momentum": ("N m s", "mN m s"),
+    "a momentum": ("N s", "mN s"),
+    "a stiffness": ("N/m",),
+    "a torque per time": ("N m/s", "mN m/s"),
+    "a force per time": ("N/s",),
+    "a rate": ("1/s",),
+}
+"""Units that messages offer, the first one that of eqt, by the name of their dimension."""
+
+_ALIKE = str.maketrans({"µ": "u", "μ": "u", "°": "deg", "²": "^2", "³": "^3", "·": " ", "*": " "})
+_SYMBOL = "|".join(sorted(map(re.escape, _SYMBOLS), key=len, reverse=True))
+_TERM = rf"(?:{_SYMBOL})(?![A-Za-z])(?:\^-?[0-9])?"
+_PRODUCT = rf"{_TERM}(?:(?: */ *| +){_TERM})*"
+_UNIT = rf"(?:\({_PRODUCT}\)(?:\^-?[0-9])?(?:(?: */ *| +){_TERM})*|{_PRODUCT})"
+_NUMBER_AND_UNIT = re.compile(rf"(.*?(?:[\d.)]|\bpi))(?: +(?=1)| *(?!1))({_UNIT})\s*")
+
+
+@lru_cache(maxsize=256)
+def size_of(unit: str) -> tuple[float, Dimension] | None:
+    """Return the factor of a unit to kg, m, s and rad, and its dimension; None if it is unknown."""
+    text = " ".join(unit.replace("**", "^").translate(_ALIKE).split())
+    if not re.fullmatch(_UNIT, text):
+        return None
+    bracket = re.match(r"\((.*)\)(?:\^(-?\d))?", text)
+    size, dimension = 1.0, (0, 0, 0, 0)
+    if bracket:
+        inner, power = size_of(bracket[1]), int(bracket[2] or 1)
+        assert inner is not None  # it is a product of known symbols
+        size, dimension = _times(size, dimension, inner, power)
+        text = text[bracket.end() :]
+    for slash, symbol, exponent in re.findall(rf"(/?) *({_SYMBOL})(?![A-Za-z])(?:\^(-?\d))?", text):
+        power = int(exponent or 1) * (-1 if slash else 1)
+        size, dimension = _times(size, dimension, _SYMBOLS[symbol], power)
+    return size, dimension
+
+
+def _times(
+    size: float, dimension: Dimension, other: tuple[float, Dimension], power: int
+) -> tuple[float, Dimension]:
+    a, b, c, d = (x + power * y for x, y in zip(dimension, other[1], strict=True))
+    return size * other[0] ** power, (a, b, c, d)
+
+
+def split(text: str) -> tuple[str, str] | None:
+    """Return the number and the unit of ``20 ms`` or ``pi/2 rad``; None for a text without unit."""
+    found = _NUMBER_AND_UNIT.fullmatch(text.strip().replace("**", "^").translate(_UNIT_SIGNS))
+    return (found[1].replace("^", "**"), found[2]) if found else None
+
+
+_UNIT_SIGNS = {sign: other for sign, other in _ALIKE.items() if sign != ord("*")}
+"""The product sign stays: it is of the number."""
+
+
+def factor(unit: str, to: str) -> float | None:
+    """Return the factor from a unit to another one of its dimension; None for any other."""
+    one, other = size_of(unit), size_of(to)
+    return one[0] / other[0] if one and other and _same(one[1], other[1]) else None
+
+
+def _same(one: Dimension, other: Dimension) -> bool:
+    """Whether dimensions are equal; a torque per angle is a torque."""
+    return one == other or (one[0] != 0 and one[:3] == other[:3])
+
+
+def offered(unit: str) -> str:
+    """Return the dimension of a unit, and what it may be written in: ``a time in s, ms or h``."""
+    for name, units in _OFFERED.items():
+        if factor(unit, units[0]) is not None:
+            listed = " or ".join(filter(None, [", ".join(units[:-1]), units[-1]]))
+            return f"{name} in {listed}"
+    return f"a number in {unit}"
+
+
+def in_wished(unit: str, wish: str) -> tuple[str, float] | None:
+    """Return a wished unit and the factor to it; ``(mN m)^2 s`` for ``(N m)^2 s`` and ``mN m``.
+
+    None if it has another dimension; an energy in J is no torque.
+    """
+    square = re.fullmatch(r"(?:\((.+)\)|([A-Za-z]+))\^2 s", unit)
+    inner = (square[1] or square[2]) if square else unit
+    found = factor(inner, wish) if ("J" in inner) == ("J" in wish) else None
+    if found is None:
+        return None
+    if square:
+        return f"{wish if wish.isalpha() else f'({wish})'}^2 s", found**2
+    return wish, found
+
+
+def base_of(unit: str) -> str:
+    """Return the unit in which eqt keeps numbers that are written in a unit."""
+    names = (units[0] for units in _OFFERED.values())
+    return next((name for name in names if factor(unit, name) is not None), unit)

@@ -1,0 +1,136 @@
+"""LQR against closed forms, dense Riccati equations written here, and the cost of runs."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm, solve_discrete_are
+
+import eqt_cli
+from eqt_cli.core.errors import ConfigError
+from eqt_cli.engines import Problem
+from eqt_cli.engines.solve_ivp import SolveIvp
+
+J = np.array([1.0, 2.0, 3.0])
+BODY = {
+    "group": "SO3",
+    "inertia": J.tolist(),
+    "gains": {"kp": 1.0, "kd": 1.0},
+    "reference": {"kind": "constant"},
+    "controllers": ["lqr"],
+    "initial": {"pose": {"kind": "angle", "angle": 0.1}, "velocity": {"kind": "normal", "std": 0}},
+    "time": {"duration": 20.0},
+}
+PERIOD, LAG = 0.1, 0.2
+LATE = {
+    "control": {"period": PERIOD, "delay": 2},
+    "actuators": [{"kind": "lag", "time_constant": LAG}],
+}
+WEIGHTS = {"pose": [4.0, 1.0, 2.0], "velocity": 0.5, "torque": [1.0, 2.0, 3.0]}
+RATES = ["0.5*cos(2*pi*t/5)", "0.3", "0.4*sin(2*pi*t/5)"]
+
+# Differences of the loop give A and B to 1e-12; measured 7e-15 where they are exact.
+GAINS = 1e-10
+
+
+def law_of(**changes):
+    return eqt_cli.load_experiment({**BODY, **changes}).experiment(0).loops["lqr"].controller
+
+
+def hat(w):
+    return np.cross(np.eye(3), w)
+
+
+def test_gains_at_rest_are_the_closed_form():
+    """S solves 1 = k_ε² and J k_e² = J + 2J k_ε J⁻¹ … for each axis: k_ε = 1, k_e² = 1 + 2J."""
+    gain = law_of().regulator.gain
+    np.testing.assert_allclose(gain[:, :3], np.eye(3), rtol=0, atol=GAINS)
+    np.testing.assert_allclose(gain[:, 3:], np.diag(np.sqrt(1 + 2 * J)), rtol=0, atol=GAINS)
+
+
+def test_weights_are_numbers_diagonals_or_matrices():
+    weights = {**WEIGHTS, "velocity": (0.5 * np.eye(3)).tolist()}
+    one, other = (
+        law_of(controllers=[{"kind": "lqr", "weights": each}]).regulator.gain
+        for each in (WEIGHTS, weights)
+    )
+    np.testing.assert_array_equal(one, other)
+    stiffness = np.sqrt(np.array([4.0, 1.0, 2.0]) / np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(one[:, :3], np.diag(stiffness), rtol=0, atol=GAINS)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_sampled_late_loop_has_the_gains_of_the_dense_equation(axis):
+    """States ε, e, the lag's, and the commands of two periods on their way."""
+    A = np.array([[0, 1, 0], [0, 0, 1 / J[axis]], [0, 0, -1 / LAG]])
+    B = np.array([[0], [0], [1 / LAG]])
+    both = expm(PERIOD * np.block([[A, B], [np.zeros((1, 4))]]))
+    late, add = np.zeros((5, 5)), np.eye(5)[:, 4:]
+    late[:3, :4], late[3, 4] = both[:3], 1.0
+    Q, R = PERIOD * np.diag([1.0, 1, 0, 0, 0]), PERIOD * np.eye(1)
+    S = solve_discrete_are(late, add, Q, R)
+    expected = np.linalg.solve(R + add.T @ S @ add, add.T @ S @ late)[0]
+    row = law_of(**LATE).regulator.gain[axis]
+    # Its own order: errors, the queue of commands, whose oldest is spent, then lags.
+    found = [row[axis], row[3 + axis], row[15 + axis], row[9 + axis], row[12 + axis]]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=GAINS)
+    assert np.abs(row[6:9]).max() < GAINS
+
+
+def test_along_a_periodic_reference_gains_are_those_of_the_periodic_solution():
+    """The gain of each piece against −Ṡ = AᵀS + SA − SBBᵀS + Q, after two periods."""
+    rates = {"kind": "rates", "rates": RATES}
+    table = law_of(
+        controllers=[{"kind": "lqr", "pieces": 200}], reference=rates, time={"duration": 5.0}
+    ).table
+    inverse, B = np.diag(1 / J), np.vstack([np.zeros((3, 3)), np.diag(1 / J)])
+    rate = 2 * np.pi / 5
+
+    def plant(t):
+        w = np.array([0.5 * np.cos(rate * t), 0.3, 0.4 * np.sin(rate * t)])
+        w_dot = rate * np.array([-0.5 * np.sin(rate * t), 0.0, 0.4 * np.cos(rate * t)])
+        slope = inverse @ (hat(J * w) - hat(w) * J)
+        lower = [slope @ hat(w) - hat(w_dot), slope - hat(w)]
+        return np.block([[np.zeros((3, 3)), np.eye(3)], lower])
+
+    def riccati(before, flat):
+        S, A = flat.reshape(6, 6), plant(-before)
+        return (A.T @ S + S @ A - S @ B @ B.T @ S + np.eye(6)).ravel()
+
+    found = solve_ivp(riccati, (0, 15), np.eye(6).ravel(), rtol=1e-7, atol=1e-9, dense_output=True)
+    middles = table.knots + 5.0 / 400
+    expected = [B.T @ found.sol(15 - t).reshape(6, 6) for t in middles]
+    # A is held over pieces of 25 ms: to second order, measured 3.7e-4.
+    np.testing.assert_allclose(table.gains, expected, rtol=0, atol=6e-4)
+
+
+@pytest.mark.parametrize("vehicle", [{}, LATE], ids=["continuous", "sampled"])
+def test_the_cost_of_a_small_error_is_x_s_x(vehicle):
+    """To 1e-3, because errors of 1e-3 leave the linear loop by their square only."""
+    loop = eqt_cli.load_experiment({**BODY, **vehicle}).experiment(0).loops["lqr"]
+    Q, V = loop.group.exp(np.array([1e-3, -2e-3, 1.5e-3])), np.array([1e-3, 1e-3, -2e-3])
+    start = loop.initial_state(Q, V, loop.group.identity, np.zeros(3))
+    times = np.linspace(0.0, 20.0, 2_001 if not vehicle else 201)
+    states = SolveIvp().solve(Problem(loop, start[None], times)).states[0]
+    s = loop.tracking(times, states)
+    torque = loop.command(s)
+    rates = sum((x**2).sum(axis=-1) for x in (loop.group.log(s.Q), s.V, torque))
+    cost = np.trapezoid(rates, times) if not vehicle else PERIOD * rates.sum()
+    x = np.concatenate([loop.group.log(Q), V])
+    value = loop.controller.regulator.value[:6, :6]
+    assert cost == pytest.approx(x @ value @ x, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        ({"torque": -1}, "weights.torque: expected a positive definite matrix, got an eigenvalue"),
+        ({"pose": -1}, "weights.pose: expected a positive semidefinite matrix, got an eigenvalue"),
+        ({"pose": [1, 2]}, "weights.pose: expected 3 diagonal entries for SO3, got 2"),
+        ({"pose": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}, "weights.pose: expected a symmetric matrix"),
+        ({"pose": 0}, "controllers[0]: the loop to first order has no stabilising regulator"),
+    ],
+)
+def test_weights_that_give_no_regulator_are_refused(weights, message):
+    with pytest.raises(ConfigError) as caught:
+        law_of(controllers=[{"kind": "lqr", "weights": weights}])
+    assert message in str(caught.value)

@@ -1,0 +1,384 @@
+"""Laws in the compiled engine: the numbers of solve_ivp, and messages for what fails."""
+
+import re
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import Controller, controllers
+from eqt_cli.controllers.eqt import EqT
+from eqt_cli.core import arrays
+from eqt_cli.core.arrays import FUNCTIONS
+from eqt_cli.core.errors import Problems, TraceError
+from eqt_cli.core.expressions import parse
+from eqt_cli.engines import Problem, Status
+from eqt_cli.engines.native import Native
+from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.flatness import PlantModel
+from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
+from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.references import references
+from eqt_cli.references.constant import ConstantReference
+from eqt_cli.references.flat import FlatReference, Knot
+from eqt_cli.references.log import LogReference
+from eqt_cli.references.path import PathFactor, PathReference
+from eqt_cli.references.rates import RatesReference
+from eqt_cli.references.slew import SlewReference
+from eqt_cli.references.torque import TorqueReference
+from eqt_cli.references.waypoints import Waypoint, WaypointsReference
+from eqt_cli.vehicle.forces.restoring import Restoring
+
+pytestmark = pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler")
+
+TORQUE = ["cos(t)", "sin(t)", "cos(t)*sin(t)"] * 9
+INERTIA = np.array([[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]])
+
+
+def any_matrix(n, seed):
+    """A positive definite matrix with eigenvalues between ½ and about 2."""
+    A = np.random.default_rng(seed).uniform(-1.0, 1.0, (n, n)) / np.sqrt(n)
+    return A @ A.T + np.eye(n) / 2
+
+
+def any_inertia(n, seed):
+    matrix = any_matrix(n, seed)
+    return Inertia(matrix, np.linalg.inv(matrix))
+
+
+def loop_of(controller, G=None, reference=None, inertia=None):
+    """A loop with gains that have no symmetry; with the paper's inertia on SO(3)."""
+    G = G or group_named("SO3")
+    m = G.dimension
+    return ClosedLoop(
+        group=G,
+        inertia=inertia
+        or (Inertia(INERTIA, np.linalg.inv(INERTIA)) if m == 3 else any_inertia(m, 1)),
+        gains=Gains(any_matrix(G.size, 2), any_matrix(m, 3)),
+        reference=reference or TorqueReference(TORQUE[:m]),
+        controller=controller,
+    )
+
+
+def problem_of(loop, runs, duration=2.0, samples=9, seed=4):
+    """Runs from anywhere, on a reference that starts anywhere."""
+    G, random = loop.group, np.random.default_rng(seed)
+    Q, Qd = (G.exp(random.standard_normal((runs, G.dimension))) for _ in range(2))
+    V, Vd = random.standard_normal((2, runs, G.dimension))
+    if "track" not in loop.controller.tasks:
+        Vd = 0 * Vd
+    return Problem(loop, loop.initial_state(Q, V, Qd, Vd), np.linspace(0.0, duration, samples))
+
+
+def assert_engines_agree(problem):
+    """To 1e-8: a thousand rtol of solve_ivp, near half-turns, where the others err far less."""
+    theirs = SolveIvp(rtol=1e-11, atol=1e-14, block=problem.runs).solve(problem)
+    ours = Native(rtol=1e-11, atol=1e-11).solve(problem)
+    assert not ours.status.any()
+    assert np.abs(ours.states - theirs.states).max() < 1e-8
+
+
+# Agreement with solve_ivp -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["SO2", "SE2", "SE3", "SE23", "SE3*SO2"])
+def test_engines_agree_on_groups(name):
+    """One law: the program of every law is compared with it in contracts/test_programs.py."""
+    loop = loop_of(EqT(), group_named(name))
+    assert_engines_agree(problem_of(loop, runs=2, duration=0.5, samples=3))
+
+
+RECORDED = """\
+t,qx,qy,qz,qw,wx,wy,wz
+0,0,0,0,1,0.3,0,0.1
+0.7,0.1,0,0,0.99498743710662,0.3,0.2,0.1
+30,0,0.1,0,0.99498743710662,0,0.2,0
+"""
+
+REFERENCES = {
+    "log": LogReference(file="a.csv").with_files({"a.csv": RECORDED}),
+    "constant": ConstantReference(),
+    "torque": TorqueReference(["exp(-t)", 1, "sqrt(1 + t**2)"]),
+    "rates": RatesReference(["cos(t)", 1, "sqrt(1 + t**2)"]),
+    "path": PathReference([PathFactor("wz", "0.3*sin(t)"), PathFactor("wx", "0.1*t**2")]),
+    "slew": SlewReference(to={"rotvec": [0, 0.5, 1]}, start=0.2, duration=0.5),
+    "waypoints": WaypointsReference(
+        points=[
+            Waypoint(0.0, "identity"),
+            Waypoint(0.7, {"rotvec": [0.3, 0, 0]}),
+            Waypoint(30.0, {"rotvec": [0, 0.5, 0.5]}),
+        ]
+    ),
+}
+
+
+def flat():
+    """A motion of minimum snap, of a body that is pushed along its third axis."""
+    G, one = group_named("SE3"), np.eye(6)
+    knots = [Knot(0.0, [0, 0, 0]), Knot(0.8, [1, 0, 1]), Knot(2.0, [1, 1, 0])]
+    weight = Restoring(30.0).of_run(G, None)
+    plant = PlantModel(Inertia(one, one), (weight,), None, True, 2.0, along=[0.0, 0.0, 1.0])
+    return FlatReference(minimum_snap=knots, heading="t").knowing(G, plant, Problems())
+
+
+DENSE = WaypointsReference(
+    points=[Waypoint(0.15 * k, {"rotvec": [0.1 * k, 0, 0.02 * k**2]}) for k in range(15)]
+)
+
+
+@pytest.mark.parametrize("name", references.names())
+def test_engines_agree_on_every_reference(name):
+    if name == "flat":
+        loop = loop_of(EqT(), group_named("SE3"), flat())
+    else:
+        loop = loop_of(EqT(), reference=REFERENCES[name])
+    assert_engines_agree(problem_of(loop, runs=2))
+
+
+@pytest.mark.parametrize("name", ["eqt", "stabilising"])
+def test_engines_agree_with_a_time_varying_inertia(name):
+    rows = (("1 + t/4", "0", "0"), ("sin(t)/5", "1", "0"), ("0", "0", "exp(-t/9)"))
+    factor = tuple(tuple(parse(entry) for entry in row) for row in rows)
+    loop = loop_of(controllers.get(name)(), inertia=FactoredInertia(INERTIA, factor))
+    assert_engines_agree(problem_of(loop, runs=2, duration=0.5, samples=3))
+
+
+# An argument for each function that stays in its domain as t goes from 0 to 2.
+ARGUMENTS = {
+    **dict.fromkeys(FUNCTIONS, "t/3"),
+    "acosh": "1.5 + t",
+    "log": "1 + t",
+    "sqrt": "1 + t",
+    "abs": "t - 1",
+}
+
+
+TEXTS = [
+    *(f"{name}({argument})" for name, argument in ARGUMENTS.items()),
+    *("(1 + t)**t", "2**t", "t**7", "(1 + t)**-0.5", "-t**2", "t**3/(1 + t)", "3*pi"),
+]
+
+
+def test_expressions_of_the_grammar():
+    """A third of them in the sum about each axis."""
+    texts = [" + ".join(f"({text})" for text in TEXTS[first::3]) for first in range(3)]
+    assert_engines_agree(problem_of(loop_of(EqT(), reference=TorqueReference(texts)), 2))
+
+
+# Laws of a user's own -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Own(Controller):
+    """A law that is given as a function."""
+
+    name: ClassVar[str] = "own"
+
+    law: object = None
+
+    def torque(self, s):
+        return self.law(s)
+
+
+SMOOTH_LAWS = {
+    "tanh": lambda s: s.tau_d - arrays.tanh(s.gradient + 3 * s.V_tilde),
+    "exp": lambda s: -s.V * arrays.exp(-s.V * s.V),
+    "norm": lambda s: s.tau_d - s.V_tilde * arrays.norm(s.V_tilde)[..., None],
+    "frobenius": lambda s: -s.gradient * arrays.frobenius(s.G.identity - s.Q_E)[..., None],
+    "stack": lambda s: arrays.stack([s.V[..., 0], arrays.sin(s.t), arrays.cos(s.V[..., 1])]),
+    "sqrt": lambda s: -s.V * arrays.sqrt(1 + arrays.dot(s.V, s.V))[..., None],
+    "log": lambda s: -s.V * arrays.log(2 + arrays.dot(s.V, s.V))[..., None],
+    "power": lambda s: -s.V * (1 + arrays.dot(s.V, s.V))[..., None] ** 0.3,
+    "cube": lambda s: s.tau_d - s.V_tilde**3,  # s.V_tilde is 0 on the reference
+    "numpy": lambda s: np.cross(s.V, s.P) - np.einsum("...i,i->...i", s.V, [1.0, 2.0, 3.0]),
+    "constant": lambda s: np.array([0.1, 0.2, 0.3]),
+}
+
+
+@pytest.mark.parametrize("name", SMOOTH_LAWS)
+def test_engines_agree_on_a_law_of_array_functions(name):
+    """The second run starts on the reference, where norms of errors have no derivative."""
+    loop = loop_of(Own(SMOOTH_LAWS[name]))
+    states = problem_of(loop, runs=2).states
+    states[1] = loop.initial_state(np.eye(3), np.zeros(3), np.eye(3), np.zeros(3))
+    assert_engines_agree(Problem(loop, states, np.linspace(0.0, 0.5, 6)))
+
+
+WAY_OUT = (
+    "; write it with operators, @ and the functions of eqt_cli.core.arrays, "
+    "or use `engine: solve_ivp`"
+)
+
+
+class Sine(Own):
+    def torque(self, s):
+        return -np.sin(s.V)
+
+
+class Inverse(Own):
+    def torque(self, s):
+        return -np.linalg.inv(s.gains.K_d) @ s.V
+
+
+class Branch(Own):
+    def torque(self, s):
+        return -s.V if s.V[..., 0] > 0 else s.V
+
+
+class Drift(Own):
+    def torque(self, s):
+        return s.G.violation(s.Q) * s.V
+
+
+class Condition(Own):
+    def torque(self, s):
+        return -s.V if arrays.less(s.t, 1.0) else s.V
+
+
+class Assignment(Own):
+    def torque(self, s):
+        tau = np.zeros(s.V.shape)
+        tau[..., 0] = s.V[..., 0]
+        return tau
+
+
+UNTRACEABLE = {
+    Sine: (
+        "TypeError: loop of ufunc does not support argument 0 of type Symbol which has no "
+        "callable sin method at test_compiled_laws.py:LINE: return -np.sin(s.V)"
+    ),
+    Inverse: (
+        "UFuncTypeError: Cannot cast ufunc 'inv' input from dtype('O') to dtype('float64') with "
+        "casting rule 'same_kind' at test_compiled_laws.py:LINE: "
+        "return -np.linalg.inv(s.gains.K_d) @ s.V"
+    ),
+    Branch: (
+        "TypeError: '>' not supported between instances of 'Symbol' and 'int' "
+        "at test_compiled_laws.py:LINE: return -s.V if s.V[..., 0] > 0 else s.V"
+    ),
+    Condition: (
+        "TypeError: a symbol has no truth value; choose by where(less(a, b), x, y) "
+        "at test_compiled_laws.py:LINE: return -s.V if arrays.less(s.t, 1.0) else s.V"
+    ),
+    Assignment: (
+        "TypeError: float() argument must be a string or a real number, not 'Symbol' "
+        "at test_compiled_laws.py:LINE: tau[..., 0] = s.V[..., 0]"
+    ),
+}
+
+
+def trace_error(controller):
+    """What is said of a law, without the lines."""
+    with pytest.raises(TraceError) as caught:
+        Native().rehearse(problem_of(loop_of(controller), runs=1))
+    return re.sub(r"(\.py):\d+", r"\1:LINE", str(caught.value))
+
+
+@pytest.mark.parametrize("law", UNTRACEABLE)
+def test_message_of_a_law_that_cannot_be_traced(law):
+    message = f"controller 'own' cannot be compiled: {UNTRACEABLE[law]}{WAY_OUT}"
+    assert trace_error(law()) == message
+
+
+def test_message_of_a_law_that_asks_the_group_for_what_cannot_be_traced():
+    message = trace_error(Drift())
+    assert re.fullmatch(
+        r"group 'SO3' cannot be compiled: .+ at base\.py:LINE: .+, "
+        r"called by controller 'own' at test_compiled_laws\.py:LINE: "
+        r"return s\.G\.violation\(s\.Q\) \* s\.V" + re.escape(WAY_OUT),
+        message,
+    )
+
+
+def test_message_of_a_torque_of_the_wrong_shape():
+    message = trace_error(Own(lambda s: np.concatenate([s.V, s.V])))
+    assert message.startswith("the closed loop cannot be compiled: ValueError: ")
+    assert message.endswith(WAY_OUT)
+
+
+# Runs that fail -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Faulty(Controller):
+    """EqT, but for runs with a `fault` a torque that cannot be integrated."""
+
+    name: ClassVar[str] = "faulty"
+
+    fault: float = 0.0
+
+    def torque(self, s):
+        return EqT().torque(s) + self.bad_torque(s)
+
+
+class Escaping(Faulty):
+    def bad_torque(self, s):
+        return self.fault * 4 * s.P * arrays.dot(s.P, s.P)[..., None]
+
+
+class RootOfANegativeNumber(Faulty):
+    def bad_torque(self, s):
+        return arrays.sqrt(1 - self.fault * s.t) * s.P
+
+
+class Pole(Faulty):
+    def bad_torque(self, s):
+        return s.P / (1 - self.fault * s.t)
+
+
+class NotANumberAtOnce(Faulty):
+    def bad_torque(self, s):
+        return arrays.log(-self.fault + 0 * s.P + 0.5)
+
+
+class Rattling(Faulty):
+    def bad_torque(self, s):
+        return self.fault * 1e4 * arrays.sin(1e5 * s.t) + 0 * s.P
+
+
+NO_LONGER_FINITE = "the state or its derivative is no longer finite"
+STEP_LIMIT = Status.STEP_LIMIT, "step limit: 500 steps (solver.max_steps)"
+NO_STEP_IS_SHORT_ENOUGH = "no step is short enough: the state has no bound, or the law is singular"
+FAULTS = {
+    "escape": (Escaping, Status.SOLVER_FAILED, NO_STEP_IS_SHORT_ENOUGH),
+    "root": (RootOfANegativeNumber, Status.NON_FINITE, NO_LONGER_FINITE),
+    "pole": (Pole, *STEP_LIMIT),
+    "at_once": (NotANumberAtOnce, Status.NON_FINITE, NO_LONGER_FINITE),
+    "rattling": (Rattling, *STEP_LIMIT),
+}
+ENGINE = Native(max_steps=500)
+
+
+def faulty_problem(controller, faults):
+    problem = problem_of(loop_of(controller()), runs=len(faults))
+    varying = {"controller.fault": np.array(faults, dtype=float)[:, None]}
+    return Problem(problem.loop, problem.states, problem.times, varying)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_failing_run_gets_a_status_and_harms_no_other(fault):
+    """The fourth of ten runs fails; the others are, bit for bit, what they are without it."""
+    controller, status, reason = FAULTS[fault]
+    problem = faulty_problem(controller, np.arange(10) == 3)
+    others = np.delete(np.arange(10), 3)
+    healthy = ENGINE.solve(problem.select(others))
+    assert not healthy.status.any()
+    for workers in (1, 2):
+        solution = ENGINE.solve(problem, workers)
+        assert solution.status[3] == status
+        assert solution.messages[3].endswith(f" s: {reason}")
+        assert np.array_equal(solution.states[others], healthy.states)
+        assert np.array_equal(solution.steps[others], healthy.steps)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_failing_run_keeps_its_samples_up_to_the_failure(fault):
+    problem = faulty_problem(FAULTS[fault][0], [1])
+    solution = ENGINE.solve(problem)
+    at = float(re.search(r"t = (\S+) s", solution.messages[0]).group(1))
+    known = np.isfinite(solution.states[0]).all(axis=1)
+    # At a pole itself there is no state, but the message rounds to it.
+    assert known.tolist() in ((problem.times <= at).tolist(), (problem.times < at).tolist())

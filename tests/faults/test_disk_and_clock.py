@@ -1,0 +1,119 @@
+"""What else happens to a run: a disk that fails, a clock that jumps, another process, a kill."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from faults_harness import CONFIG, FLIGHT, START, Session, assert_equal, contents
+
+from eqt_cli import api
+from eqt_cli.core.errors import EqtError
+from eqt_cli.engines.native import Native
+
+SMALL = CONFIG + "ensemble: {runs: 4, seed: 1}\n" + FLIGHT
+NATIVE = SMALL.replace("rtol:", "engine: native, rtol:")
+
+pytestmark = pytest.mark.slow("runs experiments, some in processes of their own")
+
+
+@pytest.fixture
+def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    if missing := Native.unavailable():
+        pytest.skip(missing)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 2)
+    Path("c.yaml").write_text(NATIVE, encoding="utf-8")
+    return Path("c.yaml")
+
+
+@pytest.fixture
+def expected(config: Path) -> Any:
+    api.run(config, "expected")
+    return contents(Path("expected/results.h5"))
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "000001.h5", "results.h5"])
+@pytest.mark.parametrize("number", [errno.EIO, errno.ENOSPC], ids=["EIO", "full"])
+def test_what_cannot_be_written_is_written_later(
+    config: Path, expected: Any, monkeypatch: pytest.MonkeyPatch, name: str, number: int
+) -> None:
+    opened = io.FileIO
+
+    class Failing(opened):  # type: ignore[misc, valid-type]  # a name for the class it replaces
+        def write(self, data: Any) -> int:
+            if name in str(self.name):
+                raise OSError(number, os.strerror(number))
+            return int(super().write(data))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(io, "FileIO", Failing)
+        with pytest.raises(EqtError, match=f"(?i){os.strerror(number)}"):
+            api.run(config, "out")
+    assert not list(Path("out").rglob("*.tmp"))
+    api.run(config, "out")
+    assert_equal(Path("out/results.h5"), expected)
+
+
+def test_a_clock_that_jumps_changes_nothing(
+    config: Path, expected: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = random.Random(1)
+    monkeypatch.setattr(time, "time", lambda: rng.choice([0.0, 1e9, 4e9]))
+    api.run(config, "out")
+    assert_equal(Path("out/results.h5"), expected)
+
+
+def test_of_two_processes_on_one_folder_one_says_so(config: Path, expected: Any) -> None:
+    sessions = [Session("run", config, Path("out"), ["--executor", "serial"]) for _ in range(2)]
+    said = [session.process.communicate(timeout=100) for session in sessions]
+    codes = [session.process.returncode for session in sessions]
+    assert 0 in codes
+    for code, (_, err) in zip(codes, said, strict=True):
+        assert code == 0 or (code == 2 and "out: " in err), err
+    assert_equal(Path("out/results.h5"), expected)
+
+
+@pytest.mark.parametrize(
+    ("command", "given"), [("export", "c.yaml"), ("report", "expected")], ids=["export", "report"]
+)
+def test_a_kill_leaves_whole_files_or_none(
+    config: Path, expected: Any, command: str, given: str
+) -> None:
+    """The result of a report is that of native; the states of an export come from its runs."""
+    del expected
+
+    def begun(out: str) -> subprocess.Popen[bytes]:
+        words = [f"{out}.html", "--date", "2026-01-01"] if command == "report" else [out]
+        return subprocess.Popen(
+            [sys.executable, "-c", START, command, given, "--out", *words],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+    def files(out: str) -> dict[str, bytes]:
+        found = Path().glob(f"{out}.html" if command == "report" else f"{out}/*")
+        return {path.name.replace(out, ""): path.read_bytes() for path in found}
+
+    started = time.monotonic()
+    assert begun("whole").wait() == 0
+    duration, rng = time.monotonic() - started, random.Random(command)
+    whole = files("whole")
+    for _ in range(2):
+        process = begun("killed")
+        time.sleep(rng.uniform(0.5, 1.0) * duration)
+        process.kill()
+        process.wait()
+        for name, content in files("killed").items():
+            assert ".tmp" in name or content == whole[name], name
+    assert begun("killed").wait() == 0
+    left = {name: text for name, text in files("killed").items() if ".tmp" not in name}
+    assert left == whole
