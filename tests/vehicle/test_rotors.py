@@ -135,7 +135,7 @@ def test_options_of_rotors_that_do_not_fit(experiment, options):
 
 
 def test_a_crazyflie_flies_by_both_engines_alike(invoke, tmp_path):
-    short = "time.duration=0.04", "time.samples=3", "ensemble.runs=1", "solver.cross_check=0"
+    short = "time.duration=0.02", "time.samples=3", "ensemble.runs=1", "solver.cross_check=0"
     found = []
     for engine in ("native", "solve_ivp"):
         overrides = [word for key in (*short, f"solver.engine={engine}") for word in ("--set", key)]
