@@ -191,7 +191,7 @@ class Clock:
     ("seconds", "outcome"),
     [
         (np.inf, r"cross-check: 3 runs per controller by LSODA, largest difference \S+e-\d+ "),
-        (600, r"3 runs per controller by LSODA over the first \d+ s, ended by its limit of time, "),
+        (600, r"3 runs per controller by LSODA over the first \S+ s, ended by its limit of time, "),
         (3, r"cross-check: nothing to compare, since LSODA was ended by its limit of time$"),
     ],
 )
