@@ -6,12 +6,16 @@ import re
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
+from matplotlib.legend import Legend
+from matplotlib.patches import Patch
 
 from eqt_cli import api
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import is_foreign, meanings
 from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.base import Extras, OfCertificates, OfSweep
+from eqt_cli.plots.drawing.style import Style
 from eqt_cli.plots.figures.commands import Commands
 from eqt_cli.plots.figures.estimate import EstimateFigure
 from eqt_cli.plots.figures.fronts import Fronts
@@ -46,8 +50,8 @@ TUNE = {
     "tune": {
         "over": {"gains.kp": [0.5, 2], "gains.kd": [0.5, 2]},
         "objectives": ["effort", "mean_pose_error"],
-        "budget": 2,
-        "population": 5,
+        "budget": 3,
+        "population": 6,
         "seeds": 1,
         "confirm": {"runs": 5},
     }
@@ -140,6 +144,45 @@ def test_it_draws_a_result_as_wide_as_it_is_told(figure_class, results, width):
         for curve in drawn
         if re.fullmatch(r"((line|points|cells|lower edge|upper edge) )?\d+", curve.name)
     ] == []
+
+
+def looks_of_laws(drawing, names):
+    """What tells the laws apart in each panel and each legend: (law, look) for each artist."""
+    panels = [[(str(a.get_label()), a) for a in panel.lines] for panel in drawing.axes]
+    for legend in drawing.findobj(Legend):
+        panels.append([(text.get_text(), a) for text, a in zip_handles(legend)])
+    for named in panels:
+        found = [(law, look(a)) for text, a in named for law in names if starts(text, law)]
+        if found:
+            yield found
+
+
+def zip_handles(legend):
+    return zip(legend.get_texts(), legend.legend_handles, strict=True)
+
+
+def starts(text, law):
+    """Whether a name of a curve begins with that of a law: ``GT``, ``GT: 3``, ``GT, start``."""
+    return re.match(rf"{re.escape(law)}($|[ ,:])", text)
+
+
+def look(artist):
+    if isinstance(artist, Patch):
+        return to_hex(artist.get_facecolor(), keep_alpha=True), artist.get_hatch()
+    dashes = artist.get_linestyle(), artist._unscaled_dash_pattern
+    return to_hex(artist.get_color()), str(dashes), artist.get_marker(), artist.get_fillstyle()
+
+
+@pytest.mark.parametrize("cycle", ['color=["k"]', 'color=["k", "k"], linestyle=["-", "-"]'])
+def test_no_two_laws_look_alike_in_a_style_of_one_colour(figure_class, results, tmp_path, cycle):
+    opened, extras = results
+    shown = opened[subject(figure_class)]
+    sheet = tmp_path / "one.mplstyle"
+    sheet.write_text(f"axes.prop_cycle: cycler({cycle})", encoding="utf-8")
+    drawing = figure_class().draw([shown], style=Style((str(sheet),)), extras=extras)
+    for found in looks_of_laws(drawing, {"eqt", "gt", "EqT", "GT"}):
+        for law, one in found:
+            assert not [other for other, same in found if same == one and other != law]
 
 
 def test_its_options_are_documented(figure_class):

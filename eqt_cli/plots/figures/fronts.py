@@ -92,7 +92,7 @@ class ShownFronts:
         """Return the notes for the reader about the points."""
         return [
             f"Means over {self.results.runs} held-out runs with 95 % intervals. Hollow: found by "
-            "the search, but dominated on these runs. Crosses: starting gains."
+            "the search, but dominated on these runs. Half filled: starting gains."
         ]
 
 
@@ -101,7 +101,7 @@ class Fronts(Figure[ShownFronts]):
     """The winners of each law by both objectives on held-out runs, with 95 % intervals.
 
     The line joins the Pareto front of these runs; hollow points are not on it.
-    A cross marks the starting gains of each law.
+    A half-filled point marks the starting gains of each law.
 
     Attributes
     ----------
@@ -136,8 +136,8 @@ class Fronts(Figure[ShownFronts]):
                 x, y = (each[others, 0] for each in points)
                 hollow = style | {"linestyle": "", "markerfacecolor": "none"}
                 panel.plot(x, y, label=f"{front.law}, dominated", **hollow)
-            start = shown.start(front)
-            panel.plot(*start, "x", color=look["color"], label=f"{front.law}, start")
+            half = style | {"linestyle": "", "fillstyle": "left", "markersize": 1.4 * _SMALL}
+            panel.plot(*shown.start(front), label=f"{front.law}, start", **half)
             seen += points
         panel.margins(0.03)
         scale(panel, "x", np.concatenate(seen[0::2]), log=self.log)

@@ -16,7 +16,7 @@ from eqt_cli.plots.drawing.cells import Cells
 from eqt_cli.plots.drawing.curves import RESAMPLING
 from eqt_cli.plots.drawing.labels import metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, mixed
 from eqt_cli.plots.shown.sweep import ShownSweep
 
 _CELL = 0.32
@@ -53,7 +53,9 @@ class Winners(OfDifferences):
         height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
         drawing = Drawing(figsize=(WIDTHS[width], height))
         panel = drawing.add_subplot()
-        colours = [ink(0), *(line_style(look)["color"] for look in swept.looks)]
+        own = [look.colour for look in swept.looks]
+        # Cells have no dashes: a colour that the style gives to several laws is paler for each.
+        colours = [ink(0), *(mixed(c, ink(0), 0.5 ** own[:k].count(c)) for k, c in enumerate(own))]
         winners = np.array([cell.winner - NOBODY for cell in found.cells], dtype=float)
         look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
         look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
