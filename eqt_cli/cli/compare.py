@@ -355,15 +355,15 @@ def _findings(comparison: Comparison) -> list[str]:
     """Return a sentence for each claim; without claims, which law is best."""
     from eqt_cli.analysis.comparison.records import findings, sources
 
-    about = f"Claims of {sources(comparison)}" if comparison.judgements else "Findings"
+    judged = comparison.judgements and not comparison.departures
+    about = f"Claims of {sources(comparison)}" if judged else "Findings"
     lines = [f"{about}, tested on {output.count_of(comparison.runs, 'run')} per controller"]
     for found in findings(comparison, comparison.titles):
-        if found.verdict and not found.claim:
-            return [_wrapped(f"{found.verdict}: {found.words}")]
-        without = f" (without {found.absent})" if found.absent else ""
         if found.claim:
-            lines.append(f"  {found.verdict}: “{found.claim}”{without}")
-        lines.append(f"{'    ' if found.claim else '  '}{found.words}")
+            without = f" (without {found.absent})" if found.absent else ""
+            lines += [f"  {found.verdict}: “{found.claim}”{without}", f"    {found.words}"]
+        else:
+            lines.append(f"{found.verdict}: {found.words}" if found.verdict else f"  {found.words}")
     return [_wrapped(line) for line in lines]
 
 

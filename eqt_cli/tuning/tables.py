@@ -10,6 +10,7 @@ import numpy as np
 
 from eqt_cli.analysis.comparison import Comparison, compare
 from eqt_cli.analysis.comparison.intervals import (
+    FEWEST,
     Resampling,
     intervals_of_means,
     relative_difference,
@@ -37,6 +38,12 @@ def measured(result: Result, name: str, write: Plain) -> str:
     """Return the name of a metric with its unit, for captions."""
     unit = write.unit(result.units(name))
     return f"{write.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
+
+
+def _means_over(result: Result) -> str:
+    """``means over 6 held-out runs ± half the 95 % interval``; few runs have no interval."""
+    interval = " ± half the 95 % interval" if result.runs >= FEWEST else ""
+    return f"means over {result.runs} held-out run{'s' * (result.runs > 1)}{interval}"
 
 
 def seed_labels(law: Record) -> list[str]:
@@ -124,8 +131,7 @@ def _by_case(cases: Mapping[str, Result], record: Record, write: Plain) -> TextT
     result = next(iter(cases.values()))
     return TextTable(
         "cases",
-        f"{measured(result, name, write)} of the tuned laws in each case: means over "
-        f"{result.runs} held-out runs ± half the 95 % interval",
+        f"{measured(result, name, write)} of the tuned laws in each case: {_means_over(result)}",
         ["case", *(result.titled[label] for label in labels)],
         [Block("", rows)] if rows and labels else [],
     )
@@ -154,7 +160,7 @@ def _front_points(result: Result, record: Record, how: Resampling) -> TextTable:
     ]
     return TextTable(
         "points",
-        f"Points of the fronts: means over {result.runs} held-out runs ± half the 95 % interval",
+        f"Points of the fronts: {_means_over(result)}",
         ["law", "tuned", *names],
         [Block("", rows)],
         list(_notes(result, record)),
@@ -213,8 +219,7 @@ def _winners(
         blocks.append(Block(title, rows))
     return TextTable(
         "tuned",
-        f"Tuned laws against their starting gains: means over {result.runs} held-out "
-        f"run{'s' if result.runs > 1 else ''} ± half the 95 % interval",
+        f"Tuned laws against their starting gains: {_means_over(result)}",
         ["law", "tuned", "start", "found", "over searches", "change"],
         blocks,
         list(_notes(result, record)),

@@ -272,7 +272,11 @@ def test_claims_about_the_ideal_loop_are_not_judged_on_another(eqt, folder):
     eqt("run", "c.yaml", "--set", "control.period=0.05", "--quiet")
     out = eqt("compare", "results/c").out
     claims = "claims of Hampsey et al. (2025), section 7. Beyond their theorems: sampled control."
-    assert out.endswith(f"\n\nnot covered: {claims}\n")
+    said = out.partition("\n\nFindings, tested on 3 runs per controller\n")[2].splitlines()
+    assert said[-1] == f"not covered: {claims}"
+    seen = "  no difference seen between EqT and GT in share of runs settled over 0–1 s (0.000)."
+    assert said[-2] == seen
+    assert said[0].startswith("  EqT has the smallest mean ‖τ‖ over 0–1 s, ")
     assert "supported" not in out and " [" not in out.partition("Means")[0]
     rows = json.loads(eqt("compare", "results/c", "--json").out)["claims"]
     assert {row["verdict"] for row in rows} == {"not covered"}

@@ -9,7 +9,7 @@ import pytest
 from rich.cells import cell_len
 
 from eqt_cli.analysis.text_tables import Block, TextTable
-from eqt_cli.cli.shared.output import room, table
+from eqt_cli.cli.shared.output import folded, room, table
 from eqt_cli.cli.shared.terminal_tables import table_text
 
 ROWS = [
@@ -91,6 +91,12 @@ def test_no_word_is_ever_broken(width: int) -> None:
         plain = "\n".join(laid_out(width, shown))
         for word in ("stabilising", "1.830", "-0.283", "0.65]"):
             assert word in plain
+
+
+@pytest.mark.parametrize("width", range(20, 60))
+def test_no_line_begins_with_the_number_of_a_p_value(width: int) -> None:
+    note = "McNemar's exact test: settled, EqT − GT: p = 1; settled, EqT − nog: p = 9.3e-09."
+    assert not [line for line in folded(note, width).splitlines() if line[0].isdigit()]
 
 
 def test_verdicts_are_coloured_and_say_the_same_in_words() -> None:

@@ -8,10 +8,12 @@ import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
 from eqt_cli.core.interruptions import Interrupted
+from eqt_cli.tuning.tables import _means_over
 
 TUNE = """\
 tune:
@@ -53,6 +55,12 @@ def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt: Eqt, config: P
     assert eqt("run", "results/t-tuned/tuned/eqt.yaml").code == 0
     assert eqt("compare", "results/t-tuned").code == 0
     assert "Tuned laws on held-out runs" in _report(eqt)
+
+
+def test_means_over_few_runs_promise_no_interval() -> None:
+    said = [_means_over(Mock(runs=runs)) for runs in (1, 4, 5)]
+    assert said[:2] == ["means over 1 held-out run", "means over 4 held-out runs"]
+    assert said[2] == "means over 5 held-out runs ± half the 95 % interval"
 
 
 def _report(eqt: Eqt) -> str:

@@ -124,7 +124,7 @@ class Finding:
 
 
 def findings(comparison: Comparison, titles: Mapping[str, str]) -> list[Finding]:
-    """Return one finding for each claim; without claims, the best laws by the usual measures.
+    """Return one finding for each claim; where none is judged, the best laws by usual measures.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def findings(comparison: Comparison, titles: Mapping[str, str]) -> list[Finding]
     """
     if comparison.judgements and comparison.departures:
         words = f"claims of {sources(comparison)}. Beyond their theorems: {comparison.departures}."
-        return [Finding(str(ClaimVerdict.NOT_COVERED), "", words)]
+        return [*_ranking(comparison, titles), Finding(str(ClaimVerdict.NOT_COVERED), "", words)]
     claimed = groupby(comparison.judgements, key=lambda judgement: judgement.says)
     level = f"{100 * comparison.confidence:g} %"
     found = [_of_claim(says, list(rows), titles, level) for says, rows in claimed]
@@ -229,14 +229,13 @@ def _ranking(comparison: Comparison, titles: Mapping[str, str]) -> Iterator[Find
             continue
         upwards = levels[0].measured.quantity.better == "higher"
         best, *others = sorted(levels, key=lambda level: level.mean, reverse=upwards)
-        words = _level_in_words(
-            best, "largest" if upwards else "smallest", titles, alone=not others
-        )
-        if others:
-            named = (id(best.measured), frozenset((best.controller, others[0].controller)))
-            if pair := by_laws.get(named):
-                ordered = pair if pair.first == best.controller else pair.swapped()
-                words += f"; {_difference(ordered, titles)}"
+        extreme = "largest" if upwards else "smallest"
+        words = _level_in_words(best, extreme, titles, alone=not others)
+        named = frozenset(level.controller for level in (best, *others[:1]))
+        if pair := by_laws.get((id(best.measured), named)):
+            ordered = pair if pair.first == best.controller else pair.swapped()
+            seen = _difference(ordered, titles)
+            words = f"{words}; {seen}" if ordered.differs or others[1:] else seen
         yield Finding("", "", f"{words}.")
 
 
@@ -248,7 +247,8 @@ def _level_in_words(level: Level, extreme: str, titles: Mapping[str, str], *, al
 
 
 def _measure(measured: PerRun) -> str:
-    return f"{_WRITE.name(measured.quantity)} over {_WRITE.window(measured.window)}"
+    of = "share of runs " if measured.quantity.counts else ""
+    return f"{of}{_WRITE.name(measured.quantity)} over {_WRITE.window(measured.window)}"
 
 
 def _number(row: Pair | Level, value: float, measured: PerRun) -> str:
