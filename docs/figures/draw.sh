@@ -181,7 +181,7 @@ sweep_region() {
 satellite_wheels() {
 	experiment satellite_wheels configs/satellite_wheels.yaml --engine native --set ensemble.runs=2
 	numbers commands --option run=1
-	picture commands commands --option run=1
+	picture commands commands --option run=1 --to 20
 }
 
 satellite_breaks() {

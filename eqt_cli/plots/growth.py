@@ -15,7 +15,7 @@ NAME = "replay"
 
 
 def save_growth(found: Growth, folder: Path) -> list[Path]:
-    """Draw and write the figure: median, quantiles and noise, a panel for each part.
+    """Draw and write the figure: rms, quantiles and noise, a panel for each part.
 
     Raises
     ------
@@ -25,19 +25,17 @@ def save_growth(found: Growth, folder: Path) -> list[Path]:
     t = found.horizons
     with house_style():
         drawing, panels = layout.sheet(
-            "column", layout.rows_of(found.parts, 1), (0.0, float(t[-1])), "s"
+            "column", layout.rows_of(found.parts, 1), (float(t[0]), float(t[-1])), "s"
         )
         for k, (part, unit) in enumerate(zip(found.parts, found.units, strict=True)):
             axes = panels[part]
             look = line_style(0)
-            (median,) = axes.plot(t, found.median[k], **look)
+            (rms,) = axes.plot(t, found.rms[k], **look)
             band = axes.fill_between(t, found.low[k], found.high[k], **band_look(look["color"]))
             (noise,) = axes.plot(t, found.noise[k], color=ink(), linestyle=(0, (1.2, 1)))
             axes.set_ylim(bottom=0.0)
             layout.name_scale(axes, in_words(part, unit))
-        layout.add_legend(
-            drawing, [median, band, noise], ["median", "10 % to 90 %", "noise alone, rms"]
-        )
+        layout.add_legend(drawing, [rms, band, noise], ["rms", "10 % to 90 %", "noise alone, rms"])
         layout.add_letters(drawing)
         panels[found.parts[-1]].set_xlabel(in_words("horizon", "s"))
         layout.add_remarks(drawing, [f"Errors of {found.windows} windows of {found.name}."])

@@ -43,7 +43,7 @@ def test_names_and_remarks_are_for_print(eqt: Eqt, result: str) -> None:
     done = eqt("plot", result, "--format", "json", "--out", "print", "-q", *chosen)
     assert (done.code, done.err) == (0, "")
     assert Path("print/paper-caption.tex").read_text(encoding="utf-8").splitlines()[1] == (
-        "Curves: mean over runs, n = 3.%"
+        "Curves: mean over 3 runs.%"
     )
     kept = json.loads(Path("print/paper.json").read_text(encoding="utf-8"))
     assert {curve["name"] for curve in kept} == {"eqt"}

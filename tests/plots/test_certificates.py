@@ -73,7 +73,7 @@ def test_the_legend_says_what_the_markers_mean_and_remarks_what_has_none(so3, op
     names = [text.get_text() for text in drawing.legends[0].get_texts()]
     assert names[-3:] == ["holds", "FAILS", "undecided"]
     assert drawing.get_supxlabel().splitlines() == [
-        r"rate of $\mathrm{Ad}_{Q_d^{-1}}$ (eqt): undecided."
+        r"rate of $\mathrm{Ad}_{Q_{\mathrm{d}}^{-1}}$ (eqt): undecided."
     ]
 
 

@@ -93,7 +93,7 @@ def test_a_figure_says_what_the_loop_contains(flown):
 
 
 def test_of_the_papers_loop_there_is_nothing_to_say(so3, opened):
-    assert Paper().draw([opened(so3)]).get_supxlabel() == "Curves: mean over runs, n = 6."
+    assert Paper().draw([opened(so3)]).get_supxlabel() == "Curves: mean over 6 runs."
 
 
 THRUSTERS = {

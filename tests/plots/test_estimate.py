@@ -49,7 +49,7 @@ def test_errors_lie_in_three_deviations_and_nees_in_the_limits_of_chi_squared(fi
     limits = [(each.get_y(), each.get_y() + each.get_height()) for each in (one, of_mean)]
     assert limits[0] == pytest.approx(chi2.ppf([0.025, 0.975], 6))
     assert limits[1] == pytest.approx(chi2.ppf([0.025, 0.975], 6 * 6) / 6)
-    assert drawing.get_supxlabel().endswith("Run 2, and means over runs, n = 6.")
+    assert drawing.get_supxlabel().endswith("Run 2, and means over 6 runs.")
 
 
 def test_without_a_covariance_there_are_errors_only(filtered, simulate, opened, curve_names):

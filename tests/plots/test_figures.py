@@ -314,7 +314,7 @@ def test_the_number_of_stored_runs_is_said(name, odd_names, opened):
 def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, se3, drawn):
     drawing = drawn(name, se3).drawing
     averaged = name in ("paper", "runs", "torque", "distributions")
-    assert ("n = 6" in drawing.get_supxlabel()) == averaged
+    assert ("over 6 runs" in drawing.get_supxlabel()) == averaged
     assert len(drawing.get_supxlabel().splitlines()) == (averaged or name == "sphere")  # its axis
 
 

@@ -21,7 +21,7 @@ from eqt_cli.results.quantity_table import QUANTITIES
         ("N m", r"$L$ $(\mathrm{N\,m})$"),
         ("m/s^2", r"$L$ $(\mathrm{m/s^{2}})$"),
         ("m s^-2", r"$L$ $(\mathrm{m\,s^{-2}})$"),
-        ("(N m)^2 s", r"$L$ $(\mathrm{N^{2}\,m^{2}\,s})$"),
+        ("(N m)^2 s", r"$L$ in $\mathrm{(N\,m)^{2}\,s}$"),
         ("µm", "$L$ (µm)"),
         ("US$", r"$L$ (US\$)"),
         ("m^", "$L$ (m^)"),
@@ -131,11 +131,11 @@ def test_free_text_can_always_be_typeset(name):
 @pytest.mark.parametrize(
     ("plain", "typeset"),
     [
-        ("rate of Ad_{Q_d⁻¹}", r"rate of $\mathrm{Ad}_{Q_d^{-1}}$"),
+        ("rate of Ad_{Q_d⁻¹}", r"rate of $\mathrm{Ad}_{Q_{\mathrm{d}}^{-1}}$"),
         ("Ad and ad of G ⋉ g*", r"Ad and ad of $G$ $\ltimes$ $\mathfrak{g}^*$"),
         ("ad* is the dual", r"$\mathrm{ad}^*$ is the dual"),
-        ("power of τ_ff − τ_d", r"power of $\tau_{\mathrm{ff}}$ − $\tau_d$"),
-        ("Q → Q_d", r"$Q$ $\to$ $Q_d$"),
+        ("power of τ_ff − τ_d", r"power of $\tau_{\mathrm{ff}}$ − $\tau_{\mathrm{d}}$"),
+        ("Q → Q_d", r"$Q$ $\to$ $Q_{\mathrm{d}}$"),
         ("rate of L", r"rate of $\mathcal{L}$"),
         ("EqT on SO(3)", "EqT on SO(3)"),
     ],

@@ -47,8 +47,12 @@ def drawn(result, recording, **options):
 def test_measured_curves_lie_on_those_of_their_run(result, recording):
     drawing = drawn(result, recording)
     found = {(one.panel, one.name): one for one in curves(drawing)}
-    panels = [f"{row} rotation" for row in ("pose", "error", "velocity", "wrench")]
+    rows = ("pose", "error", "difference", "velocity", "wrench")
+    panels = [f"{row} rotation" for row in rows]
     assert list(dict.fromkeys(panel for panel, _ in found)) == panels
+    for axis in ("ωx", "ωy", "ωz"):  # the noise of a recording without noise is its interpolation
+        assert np.nanmax(np.abs(found["difference rotation", f"difference {axis}"].y)) < 1e-3
+    panels.remove("difference rotation")
     for panel in panels:
         for axis in ("ωx", "ωy", "ωz"):
             lines = {
@@ -72,7 +76,9 @@ def test_measured_curves_lie_on_those_of_their_run(result, recording):
 def test_what_was_not_measured_has_no_panels(result, recording):
     none = np.full(recording.velocities.shape, np.nan)
     drawing = drawn(result, replace(recording, wrenches=none, velocities=none))
-    assert [axes.get_label() for axes in drawing.axes] == ["pose rotation", "error rotation"]
+    assert [axes.get_label() for axes in drawing.axes] == [
+        f"{row} rotation" for row in ("pose", "error", "difference")
+    ]
 
 
 def test_degrees(result, recording):

@@ -34,7 +34,7 @@ def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_o
     assert drawing.get_supxlabel().splitlines() == [
         "Gains not matched: Goodarzi 2013, Slotine–Li.",
         "Without L, since the law does not claim that it falls: Goodarzi 2013.",
-        "Curves: mean over runs, n = 6.",
+        "Curves: mean over 6 runs.",
     ]
 
 
@@ -53,7 +53,7 @@ def test_failed_runs_are_left_out_of_the_means(so3, altered, opened, curve_names
         )
     assert curve_names(drawing) == ["EqT", "nog", "asym"]
     assert drawing.get_supxlabel().splitlines()[-1] == (
-        "Curves: mean over runs, n = 5 (EqT), 6 (nog), 6 (asym)."
+        "Curves: mean over runs: 5 (EqT), 6 (nog), 6 (asym)."
     )
 
 
@@ -69,8 +69,8 @@ def test_stored_runs_are_paired_with_their_own_status(odd_names, altered, opened
 def test_axes_carry_symbols_and_units(so3, opened):
     drawing = Paper().draw([opened(so3)])
     assert [axes.get_ylabel() for axes in drawing.axes] == [
-        r"$\|I - Q_E\|_{\mathrm{F}}$",
-        r"$\|V - V_d\|$ $(\mathrm{rad/s})$",
+        r"$\|I - Q_{\mathrm{E}}\|_{\mathrm{F}}$",
+        r"$\|V - V_{\mathrm{d}}\|$ $(\mathrm{rad/s})$",
         r"$\|\tau\|$ $(\mathrm{N\,m})$",
         r"$\mathcal{L}$ $(\mathrm{J})$",
     ]
@@ -93,10 +93,10 @@ def test_rotation_and_translation_are_shown_apart(se3, opened):
     for axes, signal in zip(drawing.axes, [*signals, "lyapunov"], strict=True):
         np.testing.assert_array_equal(axes.lines[1].get_ydata(), results[signal][1].mean(axis=0))
     assert [axes.get_ylabel() for axes in drawing.axes] == [
-        r"$\|I - R_E\|_{\mathrm{F}}$",
-        r"$\|x_E\|$ $(\mathrm{m})$",
-        r"$\|\omega - \omega_d\|$ $(\mathrm{rad/s})$",
-        r"$\|v - v_d\|$ $(\mathrm{m/s})$",
+        r"$\|I - R_{\mathrm{E}}\|_{\mathrm{F}}$",
+        r"$\|p_{\mathrm{E}}\|$ $(\mathrm{m})$",
+        r"$\|\omega - \omega_{\mathrm{d}}\|$ $(\mathrm{rad/s})$",
+        r"$\|v - v_{\mathrm{d}}\|$ $(\mathrm{m/s})$",
         r"$\|\tau\|$ $(\mathrm{N\,m})$",
         r"$\|f\|$ $(\mathrm{N})$",
         r"$\mathcal{L}$ $(\mathrm{J})$",
@@ -108,12 +108,12 @@ def test_parts_of_extended_poses_have_symbols_of_their_own(simulate, opened):
     results = opened(simulate(group="SE23", inertia=1.0, reference={"kind": "constant"}))
     labels = [axes.get_ylabel().split(" $(")[0] for axes in Paper().draw([results]).axes[:6]]
     assert labels == [
-        r"$\|I - R_E\|_{\mathrm{F}}$",
-        r"$\|v_E\|$",
-        r"$\|p_E\|$",
-        r"$\|\omega - \omega_d\|$",
-        r"$\|V - V_d\|_{v}$",
-        r"$\|V - V_d\|_{p}$",
+        r"$\|I - R_{\mathrm{E}}\|_{\mathrm{F}}$",
+        r"$\|v_{\mathrm{E}}\|$",
+        r"$\|p_{\mathrm{E}}\|$",
+        r"$\|\omega - \omega_{\mathrm{d}}\|$",
+        r"$\|V - V_{\mathrm{d}}\|_{v}$",
+        r"$\|V - V_{\mathrm{d}}\|_{p}$",
     ]
 
 
@@ -121,7 +121,7 @@ def test_a_norm_without_parts_says_the_units_of_all_parts(se3, altered, opened):
     parts = [name for name in opened(se3).names if name.endswith(("_rotation", "_translation"))]
     drawing = Paper().draw([altered(se3, **dict.fromkeys(parts))])
     units = r"($\mathrm{rad/s}$ and $\mathrm{m/s}$)"
-    assert drawing.axes[1].get_ylabel() == rf"$\|V - V_d\|$ {units}"
+    assert drawing.axes[1].get_ylabel() == r"$\|V - V_{\mathrm{d}}\|$ " + units
 
 
 def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened):
@@ -135,8 +135,8 @@ def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened):
         assert (at_time.min(), at_time.max()) == (low, high)
 
 
-def test_log_leaves_the_torque_linear_unless_asked(so3, opened):
-    for options, of_torque in (({}, "linear"), ({"log_torque": True}, "log")):
+def test_log_is_of_the_torque_too_unless_it_has_a_scale_of_its_own(so3, opened):
+    for options, of_torque in (({}, "log"), ({"log_torque": False}, "linear")):
         drawing = Paper(log=True, **options).draw([opened(so3)])
         scales = [axes.get_yscale() for axes in drawing.axes]
         assert scales == ["log", "log", of_torque, "log"]

@@ -14,7 +14,7 @@ HALF_TURN = 2 * np.sqrt(2)  # ‖I − R‖_F² = 2 tr(I − R) = 4 (1 − cos �
 
 def marks(axes):
     """Where the triangles are."""
-    return [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "^"]
+    return [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "*"]
 
 
 def test_every_good_run_is_a_path_with_start_and_end(so3, altered, opened):
@@ -70,8 +70,8 @@ def test_parts_have_columns_and_half_turns_are_rotations(se3, altered, opened):
     rotation, translation = drawing.axes[0::2], drawing.axes[1::2]
     assert drawing.axes[1].get_title() == "EqT, translation"
     assert [axes.get_xlabel() for axes in drawing.axes[:2]] == [
-        r"$\|I - R_E\|_{\mathrm{F}}$",
-        r"$\|x_E\|$ $(\mathrm{m})$",
+        r"$\|I - R_{\mathrm{E}}\|_{\mathrm{F}}$",
+        r"$\|p_{\mathrm{E}}\|$ $(\mathrm{m})$",
     ]
     for axes in rotation:
         np.testing.assert_allclose(marks(axes), [HALF_TURN], rtol=1e-12)

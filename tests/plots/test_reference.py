@@ -75,7 +75,7 @@ def test_a_result_shows_the_same(tmp_path):
 def test_jumps_are_said_below():
     rates = ["0", "0", "step(t, 4)", "0", "0", "0"]
     shown = ShownReference(experiment(reference={"kind": "rates", "rates": rates}), "reference")
-    assert shown.notes() == ["The reference: V_d jumps by 1 at t = 4 s."]
+    assert shown.notes() == ["The reference: $V_{\\mathrm{d}}$ jumps by 1 at t = 4 s."]
 
 
 def test_other_figures_need_a_run():

@@ -46,7 +46,7 @@ def test_a_slide_is_13_inches_wide_in_every_format(so3, opened, tmp_path):
     assert re.search(rb"/MediaBox \[ 0 0 957.6 [0-9.]+ \]", files[2].read_bytes())
     assert b"DejaVuSans" in files[2].read_bytes() and b"STIXGeneral" not in files[2].read_bytes()
     assert files[3].read_bytes() == (
-        b"% caption by eqt: small: paper\nCurves: mean over runs, n = 6.%\n"
+        b"% caption by eqt: small: paper\nCurves: mean over 6 runs.%\n"
     )
     assert is_eqts(files[3])
 

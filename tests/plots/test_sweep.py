@@ -235,7 +235,7 @@ def test_a_point_of_which_one_run_settles_is_not_the_best(swept, altered):
     assert cells[0, 0] == cells.max() > 0.5
     count = 2 * (runs - 1)
     assert drawing.get_supxlabel().replace("\n", " ") == (
-        f"Mean over runs at each point, n = {runs}. settling_time: {count} runs unsettled at "
+        f"Mean at each point over {runs} runs. settling_time: {count} runs unsettled at "
         f"{horizon:g} s count as {horizon:g} s; means are lower bounds."
     )
 
@@ -343,7 +343,7 @@ def test_a_forest_has_a_row_for_each_case_with_paired_differences_and_shares(swe
     left, right = drawing.axes
     (notes,) = (text.get_text() for text in drawing.texts if "per row" in text.get_text())
     assert " ".join(notes.split()).startswith(
-        "n = 8 per row. Left of 0: EqT is better. Intervals of 50 %, each by itself; filled where "
+        "8 runs per row. Left of 0: EqT is better. Intervals of 50 %, each by itself; filled where "
         "they exclude 0."
     )
     assert [text.get_text() for text in left.get_yticklabels()] == ["ideal", "soft", "stiff"]
@@ -481,7 +481,7 @@ def test_a_region_has_the_share_that_settles_in_every_cell_with_its_interval(swe
         "initial angular speed $(\\mathrm{rad/s})$",
     )
     assert (top.get_title(), bottom.get_title()) == ("EqT", "GT")
-    said = "Each cell: n = 6; below the share, its 95 % Wilson interval."
+    said = "Each cell: 6 runs; below the share, its 95 % Wilson interval."
     assert drawing.get_supxlabel() == said
 
 

@@ -50,7 +50,7 @@ def test_bands_are_drawn_on_request(so3, opened):
     assert [len(axes.collections) for axes in drawing.axes] == 12 * [1]  # a column for each law
     assert [axes.get_title() for axes in drawing.axes[:4]] == ["EqT", "GT", "nog", "asym"]
     assert drawing.get_supxlabel() == (
-        "Curves: mean of the feedback over runs, n = 6; bands: 10–90 % of runs."
+        "Curves: mean of the signed feedback over 6 runs; bands: 10–90 % of runs."
     )
 
 
@@ -92,8 +92,8 @@ def test_a_law_that_does_not_say_what_is_feedforward_is_refused(simulate, opened
 def test_torques_and_forces_have_their_own_symbols_units_and_panels(se3, opened):
     labels = [axes.get_ylabel() for axes in Torque().draw([opened(se3)], "page").axes]
     assert labels == [
-        *(rf"$\tau_{{{axis}}}$ $(\mathrm{{N\,m}})$" for axis in "xyz"),
-        *(rf"$f_{{{axis}}}$ $(\mathrm{{N}})$" for axis in "xyz"),
+        *(rf"$\tau_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N\,m}})$" for axis in "xyz"),
+        *(rf"$f_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N}})$" for axis in "xyz"),
     ]
 
 
@@ -124,8 +124,8 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog):
         },
     )
     assert [axes.get_ylabel() for axes in Torque().draw([opened(product)]).axes] == [
-        r"$\tau_{1}$ $(\mathrm{N\,m})$",
-        r"$f_{1_{2}}$ $(\mathrm{N})$",
+        r"$\tau_{1,\mathrm{fb}}$ $(\mathrm{N\,m})$",
+        r"$f_{1_{2},\mathrm{fb}}$ $(\mathrm{N})$",
     ]
     assert not caplog.records  # Matplotlib would say which letters its fonts lack
 

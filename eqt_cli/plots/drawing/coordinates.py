@@ -26,11 +26,11 @@ def symbols(G: MatrixLieGroup, part: Part, index: str = "") -> tuple[str, str, s
     """Return the symbols of pose, velocity and force in a part, with an index if given."""
     vectors = [each for each in G.parts if not each.turns]
     if len(G.parts) == 1 or not (part.turns or part.pose_unit.startswith("m")):
-        pose, velocity, force = ("x" if part.pose_unit == "m" else "Q"), "V", r"\tau"
+        pose, velocity, force = ("p" if part.pose_unit == "m" else "Q"), "V", r"\tau"
     elif part.turns:
         pose, velocity, force = "R", r"\omega", r"\tau"
     elif len(vectors) == 1:
-        pose, velocity, force = "x", "v", "f"
+        pose, velocity, force = "p", "v", "f"
     else:
         initial = part.name[0]
         pose, velocity = initial, str(G.axis_names[part.axes][0])[0]
@@ -78,7 +78,7 @@ def part_curves(
     Parameters
     ----------
     name
-        ``pose``, ``error``, ``velocity``, or ``wrench`` or ``torque``.
+        ``pose``, ``error``, ``difference``, ``velocity``, or ``wrench`` or ``torque``.
     degrees
         Whether angles and rates of rotations are in degrees.
     index, near
@@ -88,7 +88,7 @@ def part_curves(
     if name == "pose":
         near = np.radians(near) if degrees and near is not None else near
         found, symbol, unit = pose_coordinates(G, part, values, index, near)
-    elif name == "error":
+    elif name in ("error", "difference"):
         found, symbol, unit = values[:, part.axes], "", part.error_unit
     else:
         _, velocity, force = symbols(G, part, index)

@@ -27,18 +27,6 @@ _GAP, _PAD = 2.0, 1.5
 """Distance of a name from its curve, and its least distance from all curves, pt."""
 _NEARER = 1.6
 """Least ratio of the distances of a name from the next curve and from its own."""
-_LED, _LEAST_GAP, _STEEPEST = 6.0, 0.6, 0.8
-"""Search step from the curves to a stack of names, pt; least gap between curves where leaders end,
-pt; and largest slope of a leader."""
-_LONGEST = 0.25
-"""Longest leader over the width of its panel; a longer one crosses curves."""
-_LEADER: dict[str, Any] = {
-    "arrowstyle": "-",
-    "linewidth": 0.4,
-    "shrinkA": 1,
-    "shrinkB": 0,
-    "relpos": (0, 0.5),
-}
 _STEP = 2.0
 """Distance between the points of a curve that a name must not hide, pt."""
 
@@ -74,8 +62,6 @@ def name_curves(
             if places := _places(panel, wanted):
                 _write(panel, wanted, places)
                 return
-            if _led(panel, wanted):
-                return
     add_legend(drawing, lines, names)
 
 
@@ -86,79 +72,6 @@ def _write(axes: Axes, names: Sequence[str], places: Sequence[_Place]) -> None:
         look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
         look["path_effects"] = [Stroke(linewidth=1.5, foreground=ink(0)), Normal()]
         axes.text(float(x), float(y), name, color=darker(str(line.get_color())), **look)
-
-
-def _led(axes: Axes, names: Sequence[str]) -> bool:
-    """Write all names in a stack with leaders if no curve is hidden; return whether it fits.
-
-    Leaders end where the curves lie apart; the names stand in the order of the curves there.
-    """
-    if len(axes.lines) < len(names) or any(map(_marked, axes.lines)):
-        return False
-    curves = [_points(axes, line) for line in axes.lines]
-    if any(len(points) < 2 for points in curves[: len(names)]):
-        return False
-    seen = np.concatenate(curves)
-    low, high = _points_of(axes, axes.bbox.get_points())
-    sizes = np.array([_size(axes, name) for name in names])
-    size = np.array([sizes[:, 0].max(), sizes[:, 1].sum() + _PAD * (len(names) - 1)])
-    for x, heights in _apart(curves[: len(names)], np.linspace(low[0], high[0], _PLACES)[1:-1]):
-        longest = min(_LONGEST * (high[0] - low[0]), _LED * _PLACES)
-        for left in np.arange(x + _LED, x + longest, _LED):
-            for top in (high[1] - _PAD, low[1] + _PAD + size[1]):
-                corner, opposite = np.array([left, top - size[1]]), np.array([left + size[0], top])
-                if (opposite > high - _PAD).any() or (corner < low + _PAD).any():
-                    continue
-                rise = np.abs(_middles(sizes, heights, top) - heights).max()
-                if rise <= _STEEPEST * (left - x) and _distance(seen, corner, opposite) >= _PAD:
-                    _write_stack(axes, names, np.array([left, top]), sizes, x, heights)
-                    return True
-    return False
-
-
-def _apart(curves: Sequence[Array], across: Array) -> list[tuple[float, Array]]:
-    """Return where all curves are seen and lie apart, and their heights, widest gap first."""
-    found = []
-    for x in across:
-        if all(points[0, 0] <= x <= points[-1, 0] for points in curves):
-            heights = np.array([np.interp(x, *points.T) for points in curves])
-            gap = np.diff(np.sort(heights)).min()
-            if gap >= _LEAST_GAP:
-                found.append((gap, float(x), heights))
-    return [(x, heights) for _, x, heights in sorted(found, key=lambda each: -each[0])]
-
-
-def _middles(sizes: Array, heights: Array, top: float) -> Array:
-    """Return the heights of the names in a stack below `top`, indexed as `heights`, pt."""
-    found = np.empty(len(heights))
-    for index in np.argsort(-heights):
-        found[index] = top - sizes[index, 1] / 2
-        top -= sizes[index, 1] + _PAD
-    return found
-
-
-def _write_stack(
-    axes: Axes, names: Sequence[str], at: Array, sizes: Array, x: float, heights: Array
-) -> None:
-    """Write names below each other from a corner, pt, with leaders to the curves."""
-    to_data = axes.transData.inverted()
-
-    def in_data(across: float, up: float) -> tuple[float, float]:
-        found = to_data.transform(np.array([across, up]) * axes.figure.dpi / 72)
-        return float(found[0]), float(found[1])
-
-    for index, up in enumerate(_middles(sizes, heights, at[1])):
-        colour = darker(str(axes.lines[index].get_color()))
-        axes.annotate(
-            names[index],
-            in_data(x, heights[index]),
-            in_data(at[0], up),
-            ha="left",
-            va="center",
-            fontsize="small",
-            color=colour,
-            arrowprops={**_LEADER, "color": colour},
-        )
 
 
 def _places(axes: Axes, names: Sequence[str]) -> list[_Place]:

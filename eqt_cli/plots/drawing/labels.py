@@ -37,12 +37,12 @@ _COMMANDS = {
 _LONGEST = 30
 """Most characters in a line of a user's name of a signal."""
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
+_DESCRIPTIVE = re.compile(r"_\{?([Ed])(?:\}|(?!\w))")
+"""Index that describes, such as of an error or a desired value, and is therefore upright."""
 _DOLLAR = re.compile(r"(?<!\\)\$")
-_POWER = re.compile(r"\(([^()]*)\)\^(-?\d+)")
-"""Power of a product of units: ``(N m)^2``."""
 
 _OF_MOTIONS = {
-    "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|x_E\|", r"\|%s_E\|"),
+    "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|p_E\|", r"\|%s_E\|"),
     "velocity_error": (r"\|\omega - \omega_d\|", r"\|v - v_d\|", r"\|V - V_d\|_{%s}"),
     "torque_norm": (r"\|\tau\|", r"\|f\|", r"\|f_{%s}\|"),
 }
@@ -61,28 +61,21 @@ def quantity(symbol: str, unit: str) -> str:
         Unit as in a result file: ``rad/s``, ``N m``, ``m/s^2``; ``1`` or nothing for a pure number,
         and ``mixed`` for a norm over parts with different units.
     """
+    symbol = _DESCRIPTIVE.sub(r"_{\\mathrm{\1}}", symbol)
     if unit in ("", "1"):
         return f"${symbol}$"
     if unit == "mixed":
         return f"${symbol}$ (mixed units)"
     if not _PLAIN_UNIT.fullmatch(unit):
         return f"${symbol}$ ({_literal(unit)})"
+    if "(" in unit:
+        return rf"${symbol}$ in ${_upright(unit)}$"
     return rf"${symbol}$ $({_upright(unit)})$"
 
 
 def _upright(unit: str) -> str:
-    powers = re.sub(r"\^(-?\d+)", r"^{\1}", _multiplied_out(unit)).replace(" ", r"\,")
+    powers = re.sub(r"\^(-?\d+)", r"^{\1}", unit).replace(" ", r"\,")
     return rf"\mathrm{{{powers}}}"
-
-
-def _multiplied_out(unit: str) -> str:
-    """Return a unit without powers of products: ``N^2 m^2 s`` for ``(N m)^2 s``."""
-
-    def product(power: re.Match[str]) -> str:
-        factors = (re.fullmatch(r"([^^]+)(?:\^(-?\d+))?", each) for each in power[1].split())
-        return " ".join(f"{f[1]}^{int(f[2] or 1) * int(power[2])}" for f in factors if f)
-
-    return unit if "/" in unit else _POWER.sub(product, unit)
 
 
 def in_words(words: str, unit: str) -> str:
@@ -94,7 +87,7 @@ def _labelled(result: Result, name: str, symbol: str, unit: str) -> str:
     """Return a symbol with its unit; with mixed units of parts, ``‖τ‖ (N m and N)``."""
     several = result.part_units(name) if unit == "mixed" else []
     units = " and ".join(f"${_upright(each)}$" for each in several)
-    return f"${symbol}$ ({units})" if several else quantity(symbol, unit)
+    return f"{quantity(symbol, '')} ({units})" if several else quantity(symbol, unit)
 
 
 def signal_label(result: Result, signal: str) -> str:
@@ -178,7 +171,7 @@ def notation(text: str) -> str:
 def _typeset(symbol: str) -> str:
     for plain, command in _COMMANDS.items():
         symbol = symbol.replace(plain, command)
-    return symbol
+    return _DESCRIPTIVE.sub(r"_{\\mathrm{\1}}", symbol)
 
 
 def free_text(name: str, characters: int) -> str:

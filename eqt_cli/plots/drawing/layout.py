@@ -33,6 +33,8 @@ _NARROW = 1.1
 """Width below which a panel has fewer numbers along its time axis, in."""
 _CHARACTERS, _BY_LATEX = 2.0, 1.8
 """Characters per length equal to the type size; Computer Modern is wider than other fonts."""
+_OF_PROSE = 1.15
+"""Characters of prose over those of names, which have more capitals and digits."""
 _SMALL = 0.833
 """Size of small type over the usual size, as in Matplotlib."""
 
@@ -218,7 +220,7 @@ def add_remarks(figure: Figure, remarks: Sequence[str]) -> None:
     """Print remarks below the panels, a line each; the figure grows by them."""
     if remarks:
         size = _SMALL * size_of_type("font.size")
-        characters = _characters(figure.get_figwidth(), size)
+        characters = _characters(_OF_PROSE * figure.get_figwidth(), size)
         text = "\n".join(free_text(remark, characters) for remark in remarks)
         lines = text.count("\n") + 1
         figure.set_figheight(figure.get_figheight() + _REMARK_HEIGHT * size / 72 * lines)

@@ -18,7 +18,7 @@ Direction = Literal["x", "y"]
 
 FEW = 12
 """Most values that are written below a scale instead of round numbers."""
-_LETTER, _BETWEEN = 0.055, 0.12
+_LETTER, _BETWEEN = 0.055, 0.06
 """Width of a digit, and of the gap between two numbers, in."""
 
 
@@ -83,7 +83,7 @@ def number_values(axes: Axes, values: Array, room: float) -> None:
     texts, end = [], -np.inf
     for place, level in zip(places, levels, strict=True):
         number = f"{level:.4g}"
-        half = _LETTER * len(number) / 2
+        half = _LETTER * (len(number) - 0.5 * ("." in number)) / 2
         fits = place - half >= end
         texts.append(_number(level) if fits else "")
         end = place + half + _BETWEEN if fits else end
@@ -129,7 +129,8 @@ def _named(result: Result, swept: SweptKey) -> tuple[str, str]:
     of, unit = _owner(result, key), swept.unit or _unit(result, scale.unit)
     if scale.is_symbol:
         return f"${scale.label}$" + free_text(of, _LONGEST), unit
-    return free_text(scale.label + of, _LONGEST), unit
+    label = re.sub(r"(?<= )[gcnq]$", r"$\g<0>$", scale.label)  # the letter of a weight
+    return free_text(label + of, _LONGEST), unit
 
 
 def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> None:

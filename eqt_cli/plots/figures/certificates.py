@@ -1,5 +1,6 @@
 """Figure of certificates: the measured number of each statement over its bound."""
 
+import re
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -127,9 +128,14 @@ def _shape(verdict: Verdict) -> dict[str, Any]:
 
 
 def _name_rows(axes: Axes, found: ShownCertificates, width: Width) -> None:
-    """Name the rows by their statements, with their place in the paper if there is room."""
+    """Name the rows by their statements, with their place in the paper, abbreviated in a column."""
     firsts = [found.rows(name)[0] for name in found.names]
-    statements = [f"{row.statement}:  " if width == "page" else "" for row in firsts]
+    long = [row.statement for row in firsts]
+    short = [
+        re.sub(r", (eq|its|§).*", "", each).replace("Theorem", "Thm.").replace("Thm.s", "Thms.")
+        for each in long
+    ]
+    statements = [f"{each}:  " for each in (short if width == "column" else long)]
     texts = [notation(where + row.name) for where, row in zip(statements, firsts, strict=True)]
     axes.set_yticks(range(len(texts)), texts)
     axes.tick_params(axis="y", length=0)

@@ -32,6 +32,8 @@ _SEEN = 2.0
 Limits = tuple[Array, Array] | None
 
 _GIVEN = {"torque": "given", "thrust": "thrust"}
+_FEW = 4
+"""Most thrusters whose panels have room for several laws in a column."""
 _MOST_NAME = 10
 """Most characters in a line of the name of a thruster, where there are many."""
 
@@ -66,7 +68,10 @@ class Commands(Panelled, OverTime):
         axes = {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
         if self.thrusters:
             names = runs.thrusters
-            unit, most = runs.unit("thrust"), 2 * _MOST_NAME // (1 + len(names) // 5)
+            if len(names) > _FEW and width == "column" and not self.controllers:
+                runs.ensembles = runs.shown[:1]
+                runs.remarks.append("Of the first law; --controller chooses others.")
+            unit, most = runs.unit("thrust"), 2 * _MOST_NAME // (1 + len(names) // _FEW)
             axes = {name: free_text(f"{name} ({unit})", most) for name in names}
         places, wanted = list(axes), self.picked(list(axes))
         drawing, rows = law_columns(runs, width, wanted)
@@ -77,7 +82,7 @@ class Commands(Panelled, OverTime):
             for ensemble in runs.shown:
                 k, panel = places.index(name), rows[name][ensemble.label]
                 self._fill(panel, runs, ensemble, k, limits[ensemble.label], found)
-        self._add_legend(drawing, found)
+        self._add_legend(drawing, runs, found)
         runs.remarks.append(f"Run {self.run}.")
         return drawing
 
@@ -110,9 +115,10 @@ class Commands(Panelled, OverTime):
             axes.plot(times, asked, color=ink(), label="asked", **_ASKED)
         found.shaded |= bool(beyond.any())
 
-    def _add_legend(self, drawing: Drawing, found: "_Kinds") -> None:
+    def _add_legend(self, drawing: Drawing, runs: ShownRuns, found: "_Kinds") -> None:
+        alone = line_style(runs.shown[0].look)["color"] if len(runs.shown) == 1 else ink(_ANY)
         given = "thrust" if self.thrusters else "given by the actuators"
-        handles: dict[str, Artist] = {given: Line2D([], [], color=ink(_ANY))}
+        handles: dict[str, Artist] = {given: Line2D([], [], color=alone)}
         if not self.thrusters:
             handles["asked by the law"] = Line2D([], [], color=ink(), **_ASKED)
         if found.limits:

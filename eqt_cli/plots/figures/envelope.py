@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
+from matplotlib.ticker import PercentFormatter
 
 from eqt_cli.analysis.comparison.intervals import shares
 from eqt_cli.plots.base import OfSettled
@@ -51,7 +52,8 @@ class Envelope(OfSettled):
                 share, low, high = shares(settled[order, k]).T
                 lines += draw_points(axes, x, share, (low, high), look, title)
             axes.set_ylim(-0.03, 1.03)
-            axes.set_ylabel(f"share settled {f'by {self.by:g} s' if self.by else 'at the end'}")
+            axes.set_ylabel(f"share settled {f'by {self.by:g} s' if self.by else 'at the end'} (%)")
+            axes.yaxis.set_major_formatter(PercentFormatter(1, decimals=0, symbol=""))
             scale_along(axes, swept.results, across, room)
             if other:
                 add_title(axes, key_at(swept.results, other, int(points[0])), room)

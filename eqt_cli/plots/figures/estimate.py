@@ -60,18 +60,19 @@ class EstimateFigure(OverTime):
         judged = {e.label: e for e in shown if e.results.has("nees")}
         names = [*errors, "NEES"] if judged else [*errors]
         drawing, rows = law_columns(
-            runs, width, names, lambda row, law: row != "NEES" or law.label in judged, np.inf
+            runs, width, names, lambda row, law: row != "NEES" or law.label in judged
         )
         for row, (part, error) in errors.items():
             unit = part.velocity_unit if error == "bias" else part.error_unit
-            words = in_words(_words(part, error, alone=len(G.parts) == 1), unit)
-            name_scale(rows[row][shown[0].label], words)
+            words = row if len(G.parts) > 1 else _words(part, error, alone=True)
+            words = f"{words.removesuffix(' error')} error"
+            name_scale(rows[row][shown[0].label], in_words(words, unit))
             for ensemble in shown:
                 self._fill(rows[row][ensemble.label], runs, ensemble, error, G, part)
         if judged:
             self._judge(runs, {rows["NEES"][label]: e for label, e in judged.items()})
         self._add_legend(drawing, G, bool(judged))
-        means = f", and means over runs, {runs.count()}" if judged else ""
+        means = f", and means over {runs.count()}" if judged else ""
         runs.remarks.append(f"Run {self.run}{means}.")
         return drawing
 
@@ -151,7 +152,7 @@ class EstimateFigure(OverTime):
             handles["NEES"] = Line2D([], [], **_NEES)
             handles["mean over runs"] = Line2D([], [], color=ink(), linewidth=_LINE)
             handles[r"95 % of $\chi^2$"] = Patch(facecolor=ink(_OF_ONE), linewidth=0)
-            handles["of its mean"] = Patch(facecolor=ink(_OF_MEAN), linewidth=0)
+            handles["95 % of the mean"] = Patch(facecolor=ink(_OF_MEAN), linewidth=0)
         add_legend(drawing, list(handles.values()), list(handles))
 
 

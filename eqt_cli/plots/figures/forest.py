@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import PercentFormatter
 
 from eqt_cli.analysis.comparison.intervals import FEWEST, relative_difference, shares
 from eqt_cli.analysis.comparison.pairs import resolved_differences
@@ -78,7 +79,8 @@ class Forest(OfDifferences):
             share = shares(settled[:, k].astype(float), self.confidence)
             _draw_shares(right, rows + (2 * k - 1) * _BESIDE, share, look, swept.titles[k])
         right.set_xlim(-0.04, 1.04)
-        right.set_xlabel("share settled")
+        right.set_xlabel("share settled (%)")
+        right.xaxis.set_major_formatter(PercentFormatter(1, decimals=0, symbol=""))
         left.set_yticks(rows, [free_text(swept.point_name(int(k)), _LONGEST) for k in rows])
         left.set_ylim(points - 0.4, -0.6)
         for panel in (left, right):

@@ -106,13 +106,12 @@ class Fronts(Figure[ShownFronts]):
     Attributes
     ----------
     log
-        Logarithmic scales, where all numbers are positive; by default, of the objectives that span
-        more than a decade.
+        Logarithmic scales where all numbers are positive, which is the default.
     """
 
     name: ClassVar[str] = "fronts"
 
-    log: bool | None = None
+    log: bool = True
 
     def subject(self, results: Sequence[Result], extras: Extras) -> ShownFronts:
         """Return the fronts of the laws."""

@@ -19,7 +19,7 @@ from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.base import Extras, Panelled, Timed
 from eqt_cli.plots.drawing.coordinates import axis_labels, part_curves
 from eqt_cli.plots.drawing.labels import part_name
-from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
+from eqt_cli.plots.drawing.layout import EMPTY, add_legend, add_title, name_scale, sheet
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, mixed
 from eqt_cli.plots.shown.controllers import ALWAYS, TimeRange, error_of, positions
 from eqt_cli.results.result import Result
@@ -92,6 +92,7 @@ class ShownMeasured:
         found = [
             ("pose", (seen.times, seen.poses), (t, here.pose)),
             ("error", (seen.times, errors[0].measured), (t, error)),
+            ("difference", (seen.times, errors[0].difference), (t, 0 * error)),
             ("velocity", (seen.times, seen.velocities), (t, here.velocity)),
             ("wrench", (seen.times, seen.wrenches), (t, here.wrench)),
         ]
@@ -115,11 +116,11 @@ class ShownMeasured:
 
 @dataclass(frozen=True)
 class MeasuredFigure(Panelled, Timed[ShownMeasured]):
-    """A recording beside a run: pose, error, velocity and wrench, a column per part.
+    """A recording beside a run: pose, error, difference, velocity, wrench; a column per part.
 
     It shows one controller: the first, unless another is chosen. The error is log Q_d⁻¹Q, from the
-    reference in the body frame. The clock of the recording is aligned with that of the run, and
-    its gaps stay empty.
+    reference in the body frame, and the difference is that of the recording from the run. The clock
+    of the recording is aligned with that of the run, and its gaps stay empty.
 
     Attributes
     ----------
@@ -145,24 +146,30 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
         parts = shown.group.parts
         wanted = self.picked([name for name, *_ in shown.curves])
         curves = [row for row in shown.curves if row[0] in wanted]
-        places = [[f"{name} {part.name}" for part in parts] for name, *_ in curves]
+        places = [
+            [f"{name} {part.name}" if _told(part, seen) else EMPTY for part in parts]
+            for name, (_, seen), _ in curves
+        ]
         times = curves[0][2][0]
         drawing, panels = sheet(width, places, (float(times[0]), float(times[-1])), shown.unit)
         for row, (name, measured, (t, run)) in zip(places, curves, strict=True):
-            for panel, part in zip(row, parts, strict=True):
+            for panel, part in ((p, of) for p, of in zip(row, parts, strict=True) if p != EMPTY):
                 axes = panels[panel]
                 values, label = part_curves(shown.group, part, name, run, degrees=self.degrees)
-                self._draw(axes, "simulated", shown.group, part, (t, values))
+                if name != "difference":
+                    self._draw(axes, "simulated", shown.group, part, (t, values))
                 near = np.stack([np.interp(measured[0], t, one) for one in values.T], axis=-1)
                 seen, _ = part_curves(
                     shown.group, part, name, measured[1], degrees=self.degrees, near=near
                 )
                 gaps = shown.pair.recording.gaps + 1
                 behind = np.insert(measured[0], gaps, np.nan), np.insert(seen, gaps, np.nan, axis=0)
-                self._draw(axes, "measured", shown.group, part, behind)
+                kind = "difference" if name == "difference" else "measured"
+                self._draw(axes, kind, shown.group, part, behind)
                 name_scale(axes, label)
         for panel, part in zip(places[0], parts, strict=True) if len(parts) > 1 else ():
-            add_title(panels[panel], part_name(part.name), WIDTHS[width] / len(parts))
+            if panel != EMPTY:
+                add_title(panels[panel], part_name(part.name), WIDTHS[width] / len(parts))
         names = axis_labels(shown.group)
         lines = [Line2D([], [], **_thin(k)) for k in range(len(names))]
         grey = Line2D([], [], color=mixed(ink(), ink(0), _PALE), **_MEASURED)
@@ -177,6 +184,12 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
             if kind == "measured":
                 style = {"color": mixed(style["color"], ink(0), _PALE), **_MEASURED}
             axes.plot(curve[0], curve[1][:, k], label=f"{kind} {axis}", **style)
+
+
+def _told(part: Part, values: Array) -> bool:
+    """Whether any coordinate of a part was measured, of poses or of coordinates."""
+    of_part = values[:, part.axes] if values.ndim == 2 else values[(..., *part.entries)]
+    return not np.isnan(of_part).all()
 
 
 def _thin(k: int) -> dict[str, Any]:

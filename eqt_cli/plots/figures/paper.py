@@ -32,21 +32,21 @@ class Paper(Panelled, OverTime):
     Attributes
     ----------
     log
-        A logarithmic scale for what converges to zero: the errors and L, but not the torque. The
-        default is linear, as in the paper, so that the two can be compared.
+        Logarithmic scales. The default is linear, as in the paper, so that the two can be
+        compared.
     log_torque
-        A logarithmic scale for the torque, too.
+        A logarithmic scale for the torque; by default as `log`.
     bands
         ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a column of
         panels per law; ``bootstrap`` the 95 % interval of the mean at each time.
     degrees
-        The attitude error as the angle of the rotation, in degrees.
+        The attitude error as the angle of the rotation, in degrees; its rate in deg/s.
     """
 
     name: ClassVar[str] = "paper"
 
     log: bool = False
-    log_torque: bool = False
+    log_torque: bool | None = None
     bands: Bands = "none"
     degrees: bool = False
 
@@ -56,7 +56,7 @@ class Paper(Panelled, OverTime):
         norms = self.picked((*_NORMS, _FUNCTION))
         draw = self._by_law if self.bands == "quantiles" else self._together
         drawing = draw(runs, width, norms)  # such bands would hide each other
-        runs.remarks.append(f"Curves: mean over runs, {runs.count()}{of_bands(self.bands)}.")
+        runs.remarks.append(f"Curves: mean over {runs.count()}{of_bands(self.bands)}.")
         return drawing
 
     def _together(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
@@ -98,7 +98,7 @@ class Paper(Panelled, OverTime):
         draw_mean(axes, runs.times(ensemble), values, self.bands, ensemble)
 
     def _scale(self, panels: Sequence[Axes], signal: str, runs: ShownRuns) -> None:
-        log = self.log_torque if signal.startswith("torque_norm") else self.log
+        of_torque = signal.startswith("torque_norm") and self.log_torque is not None
         for axes in panels:
-            scale_norm(axes, log=log)
+            scale_norm(axes, log=bool(self.log_torque if of_torque else self.log))
         layout.name_scale(panels[0], runs.error_label(signal, degrees=self.degrees))

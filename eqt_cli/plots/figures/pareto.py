@@ -77,7 +77,7 @@ class Pareto(OfSweep):
         add_legend(drawing, lines, swept.titles)
         if width != "column" and sum(map(len, fronts)) <= MOST_NAMED:
             _name_fronts(panel, swept, fronts, cost, error)
-        swept.remarks.append(f"Each point: mean over runs, {swept.count}.")
+        swept.remarks.append(f"Each point: mean over {swept.count}.")
         return drawing
 
 

@@ -30,8 +30,8 @@ _CELLS = 48
 _POSE, _VELOCITY = "pose_error", "velocity_error"
 _HALF_TURN: dict[str, Any] = {
     "linestyle": "none",
-    "marker": "^",
-    "markersize": 4,
+    "marker": "*",
+    "markersize": 5,
     "clip_on": False,
     "zorder": 3,
 }
@@ -43,7 +43,7 @@ class PhaseFigure(OfFirstRuns):
 
     Some single runs, from a hollow dot at the start to a filled one at the end; darker shading:
     more runs pass there. A panel per controller, and a column per part where parts have units of
-    their own. A triangle marks the unstable equilibria, if they are within the axes: the
+    their own. A star marks the unstable equilibria, if they are within the axes: the
     rotation error of the critical points of Υ other than I, which are half-turns for every weight.
 
     Attributes

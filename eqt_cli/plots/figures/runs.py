@@ -97,7 +97,7 @@ class RunsFigure(OverTime):
         if estimated:
             handles["mean error of the estimate"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         layout.add_legend(drawing, list(handles.values()), list(handles))
-        runs.remarks.append(f"Mean over runs, {runs.count()}.")
+        runs.remarks.append(f"Mean over {runs.count()}.")
         return drawing
 
     def _scale(self, panels: Sequence[Axes]) -> None:

@@ -65,7 +65,7 @@ class SweepFigure(OfOneMetric):
         axes = swept.one_or_two("; figure 'pareto' shows sweeps of any number")
         label = metric_label(swept.results, self.metric_of(swept), 36)
         counts = swept.results.quantity(self.metric_of(swept)).counts
-        remark = f"Mean over runs at each point, {swept.count}"
+        remark = f"Mean at each point over {swept.count}"
         if len(axes) == 1:
             bands = "95 % Wilson intervals" if counts else "10–90 % of runs"
             swept.remarks.append(f"{remark}; bands: {bands}.")

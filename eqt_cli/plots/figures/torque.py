@@ -30,7 +30,7 @@ _ACROSS = 3
 
 Share = Literal["total", "feedback", "feedforward"]
 
-_NAMED = {"total": "torque"}
+_NAMED = {"total": "torque", "feedback": "signed feedback"}
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Torque(Panelled, OverTime):
         share, values = self._of_laws(runs)
         size = "size of the " if self.log else ""
         what = "" if share == "total" and not size else f" of the {size}{_NAMED.get(share, share)}"
-        runs.remarks.append(f"Curves: mean{what} over runs, {runs.count()}{of_bands(self.bands)}.")
+        runs.remarks.append(f"Curves: mean{what} over {runs.count()}{of_bands(self.bands)}.")
         by_law = self.bands == "quantiles" and len(runs.shown) > 1
         if by_law:  # bands would hide each other
             drawing, rows = law_columns(runs, width, wanted)
@@ -86,6 +86,9 @@ class Torque(Panelled, OverTime):
         desired = {} if share == "feedback" else _draw_desired(runs, rows, log=self.log)
         for name, unit in units.items():
             symbol = force_component(name, unit)
+            if share != "total":
+                index = "fb" if share == "feedback" else "ff"
+                symbol = rf"{symbol.removesuffix('}')},\mathrm{{{index}}}}}"
             label = quantity(f"|{symbol}|" if self.log else symbol, unit)
             layout.name_scale(next(iter(rows[name].values())), label)
             for axes in rows[name].values() if self.log else ():
@@ -130,7 +133,7 @@ def _draw_desired(
             drawn = desired[:, places.index(axis)]
             for panel in dict.fromkeys(row.values()):
                 (line,) = panel.plot(runs.times(first), abs(drawn) if log else drawn, **look)
-    return {r"$\tau_d$": line}
+    return {quantity(r"\tau_d", ""): line}
 
 
 def _places(axes: Mapping[str, str], width: Width) -> layout.Mosaic:

@@ -60,6 +60,7 @@ class Winners(OfDifferences):
         look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
         look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
         panel.grid(False)
+        panel.tick_params(length=0)
         cells.draw(panel, winners, cmap=ListedColormap(colours), **look)
         failed = [cell.point for cell in found.cells if any(cell.failed)]
         cells.hatch(panel, failed, FAILED)

@@ -23,7 +23,7 @@ from eqt_cli.tuning.worst import costs_of_runs
 
 _HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.2, "slide": 1.35}
 _IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
-_SMALL, _LARGE = 2.5, 4.5
+_SMALL, _LARGE = 2.5, 7.0
 """Sizes of markers, pt; large where the worst was found."""
 
 
@@ -128,7 +128,7 @@ class ShownWorst:
         of = f"the worst of {runs} runs" if runs > 1 else "one run"
         failed = any(line.failed.any() for line in self.lines)
         return [
-            f"Each point: {of}; the other keys as found for the law (filled marker). "
+            f"Each point: {of}; the other keys as found for the law (large marker). "
             "Found by search: worse runs may exist.",
             *["Crosses at the top: a run failed."] * failed,
         ]
@@ -138,7 +138,7 @@ class ShownWorst:
 class WorstFigure(Figure[ShownWorst]):
     """The worst run of each law along each key, through the worst that `eqt worst` found.
 
-    The other keys stay where the worst of the law was found; a filled marker shows this point. A
+    The other keys stay where the worst of the law was found; a large marker shows this point. A
     cross at the top marks values at which a run failed.
 
     Attributes
@@ -158,7 +158,8 @@ class WorstFigure(Figure[ShownWorst]):
 
     def compose(self, shown: ShownWorst, width: Width) -> Drawing:
         """Draw a panel per key; laws have the colours and markers of all other figures."""
-        mosaic = layout.rows_of(shown.keys, min(_IN_A_ROW[width], len(shown.keys)))
+        rows = -(-len(shown.keys) // _IN_A_ROW[width])
+        mosaic = layout.rows_of(shown.keys, -(-len(shown.keys) // rows))
         drawing, panels = layout.blank_sheet(width, mosaic, _HEIGHTS[width])
         room = WIDTHS[width] / len(mosaic[0])
         layout.share_scale(panels.values())
@@ -185,7 +186,7 @@ def _draw(panel: Axes, line: Along) -> Any:
     mark: dict[str, Any] = {"marker": marker(line.look), "color": look["color"]}
     hollow = look | mark | {"markersize": _SMALL, "markerfacecolor": "none"}
     (drawn,) = panel.plot(line.values, line.worst, label=line.title, **hollow)
-    found_look = mark | {"markersize": _LARGE, "linestyle": "", "clip_on": False}
+    found_look = hollow | {"markersize": _LARGE, "linestyle": "", "clip_on": False}
     found = [line.values[line.found]], [line.worst[line.found]]
     panel.plot(*found, label=f"{line.title}, found", **found_look)
     if line.failed.any():

@@ -165,11 +165,11 @@ class ShownControllers:
         return [ensemble for ensemble in self.ensembles if ensemble.good.any()]
 
     def count(self) -> str:
-        """Return the number of good runs, ``n = 200``; per controller where they differ."""
+        """Return the number of good runs, ``200 runs``; per controller where they differ."""
         counts = {e.title: int(np.count_nonzero(e.good)) for e in self.shown}
         if len(set(counts.values())) == 1:
-            return f"n = {next(iter(counts.values()))}"
-        return f"n = {', '.join(f'{count} ({title})' for title, count in counts.items())}"
+            return f"{next(iter(counts.values()))} runs"
+        return f"runs: {', '.join(f'{count} ({title})' for title, count in counts.items())}"
 
     def unit(self, name: str) -> str:
         """Return the unit of a variable."""

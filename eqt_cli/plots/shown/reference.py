@@ -7,6 +7,7 @@ from eqt_cli.core.errors import EqtError, Problems
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.plots.drawing.labels import notation
 from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, positions
 from eqt_cli.results.result import Result
 
@@ -71,6 +72,6 @@ class ShownReference:
 
     def notes(self) -> list[str]:
         """Return the first remarks: where the reference is not finite, and where it jumps."""
-        shown = [f"The reference: {remark}." for remark in self._remarks[:MOST_REMARKS]]
+        shown = [f"The reference: {notation(each)}." for each in self._remarks[:MOST_REMARKS]]
         left = len(self._remarks) - len(shown)
         return [*shown, f"And {left} more jumps."] if left else shown

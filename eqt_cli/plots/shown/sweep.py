@@ -152,8 +152,8 @@ class ShownSweep:
 
     @property
     def count(self) -> str:
-        """Number of runs of each point: ``n = 20``."""
-        return f"n = {self.results.runs}"
+        """Number of runs of each point: ``20 runs``."""
+        return f"{self.results.runs} run{'s' * (self.results.runs != 1)}"
 
     def _failed(self) -> Iterator[str]:
         failed = self.results.status[:, self.controllers] != 0

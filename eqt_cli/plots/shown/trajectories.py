@@ -103,19 +103,26 @@ class ShownRuns(ShownControllers):
         return found[self._samples(ensemble.results)] * ensemble.results.factor(signal)
 
     def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
-        """Return `values` of a norm; with `degrees`, distances of rotations become angles."""
+        """Return `values` of a norm; with `degrees`, rotations are angles and in deg/s."""
         values = self.values(signal, ensemble)
         turns = signal.replace("estimate_error", "pose_error") in self.results[0].attitude_errors
         if degrees and turns:
             _, factor = self.results[0].shown_in("", "deg")
             return np.degrees(turn_of_distance(values)) * factor
-        return values
+        return np.degrees(values) if degrees and self._turns_at(signal) else values
 
     def error_label(self, signal: str, *, degrees: bool) -> str:
         """Return the label of the scale of `errors`."""
         if degrees and signal in self.results[0].attitude_errors:
             return in_words("attitude error", self.results[0].shown_in("", "deg")[0])
-        return signal_label(self.results[0], signal)
+        label = signal_label(self.results[0], signal)
+        return label.replace("rad/s", "deg/s") if degrees and self._turns_at(signal) else label
+
+    def _turns_at(self, signal: str) -> bool:
+        """Whether a signal is the norm of angular velocities in rad/s."""
+        of_pose = signal.replace("velocity_error", "pose_error")
+        turns = of_pose != signal and of_pose in self.results[0].attitude_errors
+        return turns and self.unit(signal) == "rad/s"
 
     def require_attitude(self, *, degrees: bool) -> None:
         """Refuse degrees where there is no attitude error."""
