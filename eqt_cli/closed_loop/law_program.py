@@ -32,6 +32,9 @@ PERIOD = "period"
 CONTROLLER = "controller."
 """Prefix of the paths of a law's own numbers."""
 
+HELD = "held_law."
+"""The same of those that are held between two known instants."""
+
 NUMBER_NAMES = {
     "inertia.matrix": "inertia",
     "inertia.inverse": "inertia_inverse",
@@ -110,7 +113,8 @@ def law_program(loop: ClosedLoop) -> LawProgram:
 
     A law that cannot be traced raises whatever error it raises on symbols.
     """
-    G = loop.group
+    G, held = loop.group, loop.controller.held(loop.group, 0.0)
+    loop = dataclasses.replace(loop, held_law=held)
     told, numbers, memory = _told(loop), _numbers(loop), _memory(loop)
     groups = sizes({TOLD: told, NUMBER: numbers, MEMORY: memory})
 
@@ -179,7 +183,7 @@ def _told(loop: ClosedLoop) -> tuple[Entry, ...]:
 
 def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
     """Return the numbers that a law can read, and the period."""
-    readable = dataclasses.replace(loop, vehicle=Vehicle(), held_reference=None, held_law=None)
+    readable = dataclasses.replace(loop, vehicle=Vehicle(), held_reference=None)
     shapes = {path: _shape(value) for path, value in leaves(readable).items()}
     names = distinct([name_of_number(path) for path in shapes], taken=(PERIOD,))
     pairs = zip(names, shapes.items(), strict=True)
@@ -189,7 +193,7 @@ def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
 
 def name_of_number(path: str) -> str:
     """Return the name in a configuration of the number at a path."""
-    return NUMBER_NAMES.get(path, path.removeprefix(CONTROLLER))
+    return NUMBER_NAMES.get(path, path.removeprefix(CONTROLLER).removeprefix(HELD))
 
 
 def _shape(value: Array) -> tuple[int, ...]:

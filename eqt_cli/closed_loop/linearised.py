@@ -19,14 +19,14 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.vehicle.sensors.channels import FIRST, MEASURED, NOTHING, Errors
-from eqt_cli.vehicle.vehicle import ESTIMATOR
+from eqt_cli.vehicle.vehicle import ESTIMATOR, Vehicle
 
 
 def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> ClosedLoop:
     """Return a loop whose law has the gains that follow from its model of the loop.
 
-    The model has the law's inertia, the linear part of the actuators, and the clock; it knows no
-    other inertia, no forces and no sensors.
+    The model has the law's inertia, the forces that it knows, the linear part of the actuators, and
+    the clock; it knows no other inertia, no other forces and no sensors.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
     InputError
         If the model has no derivative, or no gain makes it stable.
     """
-    known = dataclasses.replace(loop.vehicle, inertia=None, forces=(), estimator=None)
-    known = dataclasses.replace(known, pose_sensors=(), velocity_sensors=(), moving_sensors=())
+    clock, forces = loop.vehicle.control, loop.controller.known_forces
+    known = Vehicle(forces=forces, actuators=loop.vehicle.actuators, control=clock)
     found = linearised(dataclasses.replace(loop, vehicle=known), times, poses, velocities)
     if not np.isfinite(found.closed).all():
         raise InputError(

@@ -73,6 +73,11 @@ class ClosedLoop:
         return cls(**{field.name: getattr(loop, field.name) for field in dataclasses.fields(loop)})
 
     @property
+    def law(self) -> Controller:
+        """The law, with its numbers between two known instants where these are held."""
+        return self.controller.with_held(self.held_law)
+
+    @property
     def inside(self) -> "ClosedLoop":
         """The loop that L and the gains are of: for a cascade that of its attitude, else itself."""
         found = self.controller.inside(self.group, self.inertia)
@@ -87,7 +92,7 @@ class ClosedLoop:
         """Return the commanded torque, a held one if sampled, body frame, ``(..., m)``."""
         if self.vehicle.control is not None:
             return self.vehicle.last_command(self.group, s.vehicle)
-        return (self.held_law or self.controller).torque(s)
+        return self.law.torque(s)
 
     def torque(self, s: Tracking) -> Array:
         """Return the torque τ of the actuators, body frame, ``(..., m)``."""
@@ -158,7 +163,7 @@ class ClosedLoop:
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return the Lyapunov function L of the law, ``(...)``; laws may have different ones."""
-        return self.controller.lyapunov(s)
+        return self.law.lyapunov(s)
 
     def work(self, state: Array) -> Array:
         """Return the work W taken out of L up to a flat state."""
@@ -305,7 +310,7 @@ class ClosedLoop:
         Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, acting)
         outflow = self.outflow(s, acting)
         held = self._holds_memory
-        memory = dict.fromkeys(s.memory, 0.0) if held else self.controller.memory_rate(s)
+        memory = dict.fromkeys(s.memory, 0.0) if held else self.law.memory_rate(s)
         rates = {
             "pose": self.group.pack(Q_dot),
             "momentum": P_dot,
@@ -361,7 +366,7 @@ class ClosedLoop:
     ) -> tuple[Array, dict[str, Array]]:
         """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
         s = told.tracking(self.group, self.inertia, self.gains, memory)
-        torque, later = self.controller.answer(s, period)
+        torque, later = self.law.answer(s, period)
         return torque + 0.0 * told.velocity, dict(later)
 
     def answered(

@@ -167,15 +167,24 @@ class Controller(GivenOverTime, Component):
         """The body axis along which it pushes a rigid body, if there is only one."""
         return None
 
+    @property
+    def known_forces(self) -> tuple[Any, ...]:
+        """The forces of `model` for which it is `designed`."""
+        return ()
+
     def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what it knows of the plant, after noting what does not fit."""
+        return self
+
+    def with_held(self, held: Any) -> Self:
+        """Return the law with the numbers that it `held` from one instant to the next."""
         return self
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note where the law or its options do not fit the group."""
 
     @property
-    def design_pieces(self) -> int:
+    def pieces(self) -> int:
         """Number of pieces of the horizon for which it is `designed`; 0 where gains are given."""
         return 0
 

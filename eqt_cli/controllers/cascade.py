@@ -155,7 +155,7 @@ class Cascade(Controller):
 
         own = self.gains_group(G)
         law = component(controllers, self.attitude, problems.at("attitude"), group=own)
-        if law is not None and ("track" not in law.tasks or law.design_pieces):
+        if law is not None and ("track" not in law.tasks or law.pieces):
             problems.at("attitude").add(
                 f"expected a law of {own.name} that tracks with given gains, such as lee2010, got "
                 f"{law.name}"

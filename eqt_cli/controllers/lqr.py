@@ -12,11 +12,12 @@ import numpy as np
 
 from eqt_cli.controllers.base import Controller, LinearPlant
 from eqt_cli.core.arrays import Array, apply_matrix, dot
-from eqt_cli.core.errors import InputError, Problems, Remedy, TraceError
+from eqt_cli.core.errors import InputError, Problems, Remedy
 from eqt_cli.core.leaves import STRUCTURE, with_fields
 from eqt_cli.core.option_types import Count, Matrix
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.motions import SAME_TIME
+from eqt_cli.mechanics.flatness import PlantModel
+from eqt_cli.mechanics.motions import piece_at
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.notation.poses import square
 
@@ -107,14 +108,7 @@ class RegulatorTable:
 
     def at(self, t: Any) -> Regulator:
         """Return the regulator at time t, or those at an array of times."""
-        if np.asarray(t).dtype == object:
-            raise TraceError(
-                "lqr cannot be compiled by itself along a reference that changes its linearised "
-                "loop, because its gains change at knots",
-                Remedy("remove `control`, or use engine solve_ivp"),
-            )
-        late = t + SAME_TIME * np.maximum(1.0, np.abs(t))
-        row = np.maximum(np.searchsorted(self.knots, late, side="right") - 1, 0)
+        row = piece_at(self.knots, t)
         return Regulator(self.gains[row], self.values[row])
 
 
@@ -122,7 +116,8 @@ class RegulatorTable:
 class Lqr(Controller):
     """The linear-quadratic regulator about the reference, on every group.
 
-    τ = τ_d − K (ε, e, z) with ε = log Q_L, Q_L = Q_d⁻¹Q, and e = V − Ad_{Q_L⁻¹}V_d. K minimises
+    τ = τ_d − f_d − K (ε, e, z) with ε = log Q_L, Q_L = Q_d⁻¹Q, and e = V − Ad_{Q_L⁻¹}V_d; f_d are
+    the forces of `model` at the reference. K minimises
     ∫ (εᵀW_ε ε + eᵀW_e e + uᵀW_u u) dt for the loop to first order about its reference, by the law's
     own inertia: from the algebraic Riccati equation where the linearised loop is constant, else
     from the Riccati differential equation, backwards from the end of the horizon, with one K for
@@ -156,6 +151,7 @@ class Lqr(Controller):
     regulator: Any = field(default=None, init=False, repr=False)  # Regulator | None
     table: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)  # RegulatorTable
     actuators: Any = field(default=None, init=False, repr=False)  # ActuatorModel | None
+    known_forces: Any = field(default=(), init=False, repr=False)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note weights that are not symmetric, or not definite enough."""
@@ -164,7 +160,7 @@ class Lqr(Controller):
             with here.catching(name):
                 matrix = square(getattr(self.weights, name), G.dimension, G)
                 if not np.array_equal(matrix, matrix.T):
-                    raise InputError("expected a symmetric matrix")
+                    raise InputError(f"expected a symmetric matrix, got {matrix.tolist()}")
                 least = np.linalg.eigvalsh(matrix).min()
                 if least < 0 or (least == 0 and name == "torque"):
                     kind = "definite" if name == "torque" else "semidefinite"
@@ -172,12 +168,11 @@ class Lqr(Controller):
                         f"expected a positive {kind} matrix, got an eigenvalue of {least:.4g}"
                     )
 
-    # The design.
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Lqr:
+        """Return the law with the forces that it knows."""
+        return with_fields(self, known_forces=plant.forces)
 
-    @property
-    def design_pieces(self) -> int:
-        """`pieces`."""
-        return self.pieces
+    # The design.
 
     def designed(self, G: MatrixLieGroup, plant: LinearPlant) -> Lqr:
         """Return the law with its gains for a linearised loop without feedback.
@@ -202,9 +197,13 @@ class Lqr(Controller):
         """Return the knots."""
         return np.empty(0) if self.table is None else self.table.knots
 
-    def held(self, G: MatrixLieGroup, t: Any) -> Held | None:
-        """Return the law from time t to the next knot; None for constant gains."""
-        return None if self.table is None else Held(self.table.at(t))
+    def held(self, G: MatrixLieGroup, t: Any) -> Regulator | None:
+        """Return the regulator from time t to the next knot; None for constant gains."""
+        return None if self.table is None else self._at(t)
+
+    def with_held(self, held: Regulator | None) -> Lqr:
+        """Return the law with this regulator."""
+        return self if held is None else with_fields(self, regulator=held, table=None)
 
     # The law. Until it is designed, it is its feedforward alone.
 
@@ -212,12 +211,16 @@ class Lqr(Controller):
         return self.regulator if self.table is None else self.table.at(t)
 
     def torque(self, s: Tracking) -> Array:
-        """τ_d − K x, body frame."""
-        return Held(self._at(s.t)).torque(s)
+        """τ_d − f_d − K x, body frame."""
+        now, torque = self._at(s.t), self.feedforward_torque(s)
+        return torque if now is None else torque - apply_matrix(now.gain, _state(s))
 
-    def feedforward_torque(self, s: Tracking) -> Array | None:
-        """Return τ_d."""
-        return s.tau_d + 0.0 * s.P
+    def feedforward_torque(self, s: Tracking) -> Array:
+        """Return τ_d − f_d with the known forces f_d at the reference."""
+        torque = s.tau_d + 0.0 * s.P  # broadcast to all runs
+        for force in self.known_forces:
+            torque = torque - force.in_body(s.G, s.t, s.Qd, s.Vd)
+        return torque
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return xᵀSx, the cost from x to first order."""
@@ -241,7 +244,7 @@ class Lqr(Controller):
 
     def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
         """ż = Fz + Gu of a continuous loop."""
-        model, u = self.actuators, self.torque(s) - s.tau_d
+        model, u = self.actuators, self.torque(s) - self.feedforward_torque(s)
         if model is None:
             return {}
         moved = apply_matrix(model.transition, s.memory["actuators"])
@@ -250,22 +253,6 @@ class Lqr(Controller):
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
         """Return the command, and z one period later, which is Fz + Gu of a sampled loop."""
         return self.torque(s), self.memory_rate(s)
-
-
-@dataclass(frozen=True)
-class Held:
-    """The law with the gains of one time."""
-
-    regulator: Regulator | None
-
-    def torque(self, s: Tracking) -> Array:
-        """τ_d − K x, body frame."""
-        tau_d = s.tau_d + 0.0 * s.P  # broadcast to all runs
-        return (
-            tau_d
-            if self.regulator is None
-            else tau_d - apply_matrix(self.regulator.gain, _state(s))
-        )
 
 
 def _state(s: Tracking) -> Array:
@@ -309,19 +296,16 @@ class _Design:
     def over_time(self) -> RegulatorTable:
         """Return the regulators of all pieces, backwards from the end of the horizon."""
         plant = self.plant
-        S, found = self.constant(len(plant.times) - 1).value, list[Regulator]()
+        S, found = self.constant(len(plant.times) - 1).value, list[tuple[Array, Array]]()
         for _ in range(SWEEPS if plant.is_periodic else 1):
             after, found = S, []
             for k in reversed(range(len(plant.times))):
                 middle = self._earlier(k, S, plant.periods // 2)
-                found.append(Regulator(self._gain(k, middle), middle))
+                found.append((self._gain(k, middle), middle))
                 S = self._earlier(k, middle, plant.periods - plant.periods // 2)
             if np.abs(S - after).max() <= SETTLED * np.abs(S).max():
                 break
-        found.reverse()
-        gains, values = (
-            np.array([getattr(each, name) for each in found]) for name in ("gain", "value")
-        )
+        gains, values = map(np.array, zip(*reversed(found), strict=True))
         return RegulatorTable(plant.times - plant.piece / 2, gains, values)
 
     def _gain(self, k: int, S: Array) -> Array:

@@ -1,17 +1,18 @@
 """Applies a recorded wrench in open loop, to test the model of a plant."""
 
 from collections.abc import Hashable
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, TypeAlias
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, as_array
-from eqt_cli.core.errors import Problems, Remedy, TraceError
+from eqt_cli.core.errors import Problems
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.logs.recording import RecordingInFile
-from eqt_cli.mechanics.motions import SAME_TIME
+from eqt_cli.mechanics.motions import piece_at
 from eqt_cli.mechanics.tracking import Tracking
 
 Hold: TypeAlias = Literal["zero", "linear"]
@@ -39,6 +40,7 @@ class Replay(RecordingInFile, Controller):
     departs: ClassVar[str] = "no feedback, but a recorded wrench"
 
     hold: Hold = "zero"
+    now: Any = field(default=None, init=False, repr=False)  # HeldWrench | None
 
     @property
     def structure(self) -> Hashable:
@@ -52,7 +54,7 @@ class Replay(RecordingInFile, Controller):
 
     def torque(self, s: Tracking) -> Array:
         """Return the recorded wrench at the time of a state."""
-        return self.held(s.G, s.t).torque(s)
+        return (self.now or self.held(s.G, s.t)).torque(s)
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times of the rows."""
@@ -60,21 +62,18 @@ class Replay(RecordingInFile, Controller):
 
     def held(self, G: MatrixLieGroup, t: Any) -> "HeldWrench":
         """Return the wrench from a time to the next row."""
-        if np.asarray(t).dtype == object:
-            raise TraceError(
-                "replay cannot be compiled by itself, because its wrench changes at the rows of a "
-                "recording",
-                Remedy("remove `control`, use engine solve_ivp, or export another law"),
-            )
         times, wrenches = self.recording(G).times, self.recording(G).wrenches
-        late = t + SAME_TIME * np.maximum(1.0, np.abs(t))
-        row = np.searchsorted(times, late, side="right") - 1
+        row = piece_at(times, t)
         if self.hold == "zero":
-            return HeldWrench(wrenches[np.maximum(row, 0)])
-        row = np.clip(row, 0, len(times) - 2)
+            return HeldWrench(wrenches[row])
+        row = np.minimum(row, len(times) - 2)
         step = (times[row + 1] - times[row])[..., None]
         slope = (wrenches[row + 1] - wrenches[row]) / step
         return HeldWrench(wrenches[row], slope, np.asarray(times[row]))
+
+    def with_held(self, held: "HeldWrench | None") -> Self:
+        """Return the law with this wrench."""
+        return self if held is None else with_fields(self, now=held)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid file or mapping, and a file without a wrench."""

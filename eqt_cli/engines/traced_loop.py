@@ -154,7 +154,7 @@ class InstantPrograms:
         told = chain.then(self.told, inputs)
         given = {TOLD + entry.name: told[entry.source] for entry in self.law.told}
         for entry in self.law.numbers[:-1]:
-            given[NUMBER + entry.name] = chain.given("parameters", _stretch(loop, entry.source))
+            given[NUMBER + entry.name] = chain.given(*_stretch(loop, entry.source))
         given[NUMBER + self.law.numbers[-1].name] = chain.constant(control.period)
         for entry in self.law.memory:
             where = loop.layout.slices[CONTROLLER + entry.source]
@@ -226,11 +226,13 @@ def _explained(loop: ClosedLoop) -> Iterator[None]:
         raise TraceError(_explain(error, loop)) from error
 
 
-def _stretch(loop: ClosedLoop, parameter: str) -> slice:
-    """Return the slice of a parameter in a row of all."""
-    sizes = {path: number.size for path, number in leaves(loop).items()}
+def _stretch(loop: ClosedLoop, parameter: str) -> tuple[str, slice]:
+    """Return the group of inputs that a number is in, and its slice."""
+    own, held = leaves(loop), loop.holding(0.0).held_leaves
+    group, numbers = ("parameters", own) if parameter in own else ("held", held)
+    sizes = {path: number.size for path, number in numbers.items()}
     end = dict(zip(sizes, np.cumsum(list(sizes.values())).tolist(), strict=True))[parameter]
-    return slice(end - sizes[parameter], end)
+    return group, slice(end - sizes[parameter], end)
 
 
 @lru_cache(maxsize=64)

@@ -373,24 +373,21 @@ def _reads_gains(entry: Any) -> bool:
 
 def _designed(experiment: Experiment, index: dict[str, int], problems: Problems) -> Experiment:
     """Return the experiment with the gains of the laws that are designed for their loops."""
-    made = {
-        label: loop for label, loop in experiment.loops.items() if loop.controller.design_pieces
-    }
-    if not made:
-        return experiment
-    shown, horizon = reference_over_horizon(experiment), float(experiment.times[-1])
-    if not shown.finite.all():
-        return experiment  # the checks of the reference say so
-    for label, loop in made.items():
+    made, horizon = dict(experiment.loops), float(experiment.times[-1])
+    for label, loop in experiment.loops.items():
+        if not (count := loop.controller.pieces):
+            continue
         with problems.catching("controllers", index[label]):
-            control, count = loop.vehicle.control, loop.controller.design_pieces
-            piece = horizon / count
+            control, piece = loop.vehicle.control, horizon / count
             if control is not None:  # a whole number of periods
                 piece = control.period * max(1, round(piece / control.period))
             times = np.concatenate([[0.0], np.arange(piece / 2, horizon, piece), [horizon]])
-            where = np.minimum(np.searchsorted(shown.times, times), len(shown.times) - 1)
+            shown = reference_over_horizon(experiment, times)
+            if shown.spent or not shown.finite.all():
+                return experiment  # the checks of the reference say so
+            where = np.searchsorted(shown.times, times)
             made[label] = designed(loop, times, shown.pose[where], shown.velocity[where])
-    return replace(experiment, loops=experiment.loops | made)
+    return replace(experiment, loops=made)
 
 
 def _sections(

@@ -1,7 +1,7 @@
 """Checks an experiment before any run: its reference over the horizon, and its numerics."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -196,12 +196,12 @@ class Horizon:
         return np.isfinite(np.array(parts)).all(axis=0)
 
 
-def reference_over_horizon(experiment: Experiment) -> Horizon:
-    """Compute Q_d, V_d, V̇_d and τ_d over the horizon."""
+def reference_over_horizon(experiment: Experiment, also: Iterable[float] = ()) -> Horizon:
+    """Compute Q_d, V_d, V̇_d and τ_d over the horizon, `also` at some times."""
     system = ReferenceSystem.of(next(iter(experiment.loops.values())))
     stop = float(experiment.times[-1])
     instants = np.array([t for t in system.instants(stop) if 0 < t < stop])
-    times = np.unique([*np.linspace(0.0, stop, SAMPLES), *instants])
+    times = np.unique([*np.linspace(0.0, stop, SAMPLES), *instants, *also])
     Qd, Vd = experiment.initial_pose, experiment.initial_velocity
     state = system.initial_state(Qd, Vd, Qd, Vd)
     states = np.broadcast_to(state, (len(times), len(state)))
@@ -309,8 +309,8 @@ def _component_remarks(experiment: Experiment) -> Placed:
     loops, G = experiment.loops.values(), experiment.group
     loop = next(iter(loops))
     yield from ((("reference",), text) for text in loop.reference.remarks(G))
-    # Laws that all push along one axis ask for no more than thrusters in one direction give.
-    if not all(loop.controller.reads_flat_output for loop in loops):
+    # Laws that push along one axis, or are designed for the thrusters, ask for what these give.
+    if not all(loop.controller.reads_flat_output or loop.controller.pieces for loop in loops):
         for index, actuator in enumerate(loop.vehicle.actuators):
             for text in actuator.remarks(G):
                 yield (ACTUATORS, index), f"{actuator.name} {text}"

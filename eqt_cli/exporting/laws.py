@@ -406,6 +406,12 @@ def _program(experiment: Experiment, label: str) -> LawProgram:
             Remedy("leave it out, or export the law that it claims to be"),
         )
     program = law_of(loop)
+    if not {entry.source for entry in program.numbers[:-1]} <= leaves(loop).keys():
+        raise EqtError(
+            f"{label}: the numbers of {loop.controller.name} change at instants of the run, and "
+            "C code has one set of them",
+            Remedy("export another law, or lqr for a reference that does not change its loop"),
+        )
     if program.memory and loop.vehicle.control is None:
         states = ", ".join(entry.source for entry in program.memory)
         raise EqtError(

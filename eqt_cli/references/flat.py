@@ -116,7 +116,7 @@ class FlatReference(ClosedReference):
     heading: str | float | None = field(default=None, metadata=STRUCTURE)
     along: list[Real] | None = None
     mass: float = field(default=0.0, init=False, repr=False, metadata=STRUCTURE)
-    known: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
+    known_forces: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
     direction: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
     inner: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
     since: Any = field(default=None, init=False, repr=False)
@@ -156,7 +156,7 @@ class FlatReference(ClosedReference):
         still = np.eye(G.space), np.zeros(G.rotations)
         moving = RigidMotion(G, *still, course.to_order(OF_FORCE), course.rate)
         asked = Jet.of([position[..., k, :] for k in range(2, ORDER + 1)])
-        for force in self.known:
+        for force in self.known_forces:
             asked = asked - force.in_space(G, Jet.time(t, OF_FORCE), moving) / self.mass
         return asked
 
@@ -275,11 +275,6 @@ class FlatReference(ClosedReference):
 
     # What it knows of the plant.
 
-    @property
-    def known_forces(self) -> tuple[Any, ...]:
-        """The forces of `model`."""
-        return self.known
-
     def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
         """Return Q_d(0) and V_d(0) of the motion, which a model decides; until then those given."""
         return super().initial(G, pose, velocity) if self.direction else (pose, velocity)
@@ -302,7 +297,9 @@ class FlatReference(ClosedReference):
         if problems:
             return self
         mass = float(plant.inertia.at(0.0).matrix[-1, -1])
-        found = with_fields(self, mass=mass, known=plant.forces, direction=unit_vector(along))
+        found = with_fields(
+            self, mass=mass, known_forces=plant.forces, direction=unit_vector(along)
+        )
         found._check_horizon(G, plant.horizon, problems)
         return found
 
@@ -321,7 +318,7 @@ class FlatReference(ClosedReference):
                 f"needs a thrust of {self.mass * smallest:.2g} N at {t:.4g} s: no attitude follows",
                 (
                     Remedy("change the motion there")
-                    if self.known
+                    if self.known_forces
                     else Remedy("give the weight of the body in model.forces"),
                 ),
             )

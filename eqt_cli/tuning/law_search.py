@@ -148,7 +148,7 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
     ranges = dict(sorted(ranges.items(), key=lambda item: item[0].startswith("controllers[")))
     for index, entry in enumerate(base.resolved["controllers"]):
         law = base.loops[str(entry["label"])].controller
-        keeps = law.gains_group(base.group) is not base.group
+        keeps = law.gains_group(base.group) is not base.group or not law.reads_gains
         data = without_search(base.source.data) | {"controllers": [entry]}
         if not keeps:
             of_law = {key: value for key, value in entry.items() if key != "gains"}

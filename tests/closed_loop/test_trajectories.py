@@ -142,7 +142,7 @@ def test_energy_balance_off_the_plane(G):
         )
         for name in controllers.names()
         # Else it is code, and no formula, or is designed from a loop.
-        if controllers.get(name).tasks and not controllers.get(name)().design_pieces
+        if controllers.get(name).tasks and not controllers.get(name)().pieces
     ],
 )
 def test_trajectories_reach_the_desired_one(name):

@@ -175,7 +175,7 @@ def loop_with() -> Any:
             or (made(references.get("torque"), m) if moves else made(references.get("constant"))),
             controller=law,
         )
-        if not law.design_pieces:
+        if not law.pieces:
             return made_loop
         at_rest = np.broadcast_to(G.identity, (3, *G.identity.shape)), np.zeros((3, m))
         return designed(made_loop, np.zeros(3), *at_rest)

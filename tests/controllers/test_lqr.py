@@ -1,4 +1,8 @@
-"""LQR against closed forms, dense Riccati equations written here, and the cost of runs."""
+"""LQR against closed forms, dense Riccati equations written here, and the cost of runs.
+
+With x = (ε, e), Q = Q_d exp(ε) and V = V_d + ad_{V_d}ε + e to first order, ε̇ = e and
+ė = ∂V̇/∂V (ad_{V_d}ε + e) − ad_{V̇_d}ε − ad_{V_d}e + 𝕀⁻¹u, where 𝕀V̇ = ad*_V 𝕀V.
+"""
 
 import numpy as np
 import pytest
@@ -120,17 +124,132 @@ def test_the_cost_of_a_small_error_is_x_s_x(vehicle):
     assert cost == pytest.approx(x @ value @ x, rel=1e-3)
 
 
+@pytest.mark.parametrize("vehicle", [{}, LATE], ids=["continuous", "sampled"])
+def test_the_cost_to_come_falls_near_the_reference(vehicle):
+    """L falls by what the interval cost, to 1 %, while it is above rounding."""
+    loop = eqt_cli.load_experiment({**BODY, **vehicle}).experiment(0).loops["lqr"]
+    Q, V = loop.group.exp(np.array([1e-3, -2e-3, 1.5e-3])), np.array([1e-3, 1e-3, -2e-3])
+    start = loop.initial_state(Q, V, loop.group.identity, np.zeros(3))
+    times = np.arange(101) * PERIOD
+    s = loop.tracking(times, SolveIvp().solve(Problem(loop, start[None], times)).states[0])
+    L = loop.lyapunov(s)
+    assert (np.diff(L) < 0).all() and L[-1] < 0.1 * L[0]
+
+
+# A heavy body that is coupled, along a constant velocity.
+COUPLED = {
+    "group": "SE3",
+    "inertia": [
+        [0.28, 0, 0, 0, -0.23, 0],
+        [0, 0.28, 0, 0.23, 0, 0],
+        [0, 0, 0.28, 0, 0, 0],
+        [0, 0.23, 0, 17.0, 0, 0],
+        [-0.23, 0, 0, 0, 24.2, 0],
+        [0, 0, 0, 0, 0, 26.07],
+    ],
+    "reference": {"kind": "constant", "velocity": [0, 0, 0.3, 0.15, 0, 0]},
+    "controllers": [{"kind": "lqr", "weights": {"pose": [8, 8, 8, 4, 4, 4], "torque": 0.1}}],
+}
+
+
+def coupled():
+    """A, B, Q and R of that loop, by hand: ė = (∂V̇ − ad_{V_d})e + (∂V̇ ad_{V_d})ε."""
+    inertia, V = np.array(COUPLED["inertia"]), np.array([0, 0, 0.3, 0.15, 0, 0])
+    P, none = inertia @ V, np.zeros((3, 3))
+    ad = np.block([[hat(V[:3]), none], [hat(V[3:]), hat(V[:3])]])
+    free = np.block([[hat(P[:3]), hat(P[3:])], [hat(P[3:]), none]]) + ad.T @ inertia
+    slope = np.linalg.solve(inertia, free)
+    A = np.block([[np.zeros((6, 6)), np.eye(6)], [slope @ ad, slope - ad]])
+    B = np.vstack([np.zeros((6, 6)), np.linalg.inv(inertia)])
+    return A, B, np.diag([8.0] * 3 + [4.0] * 3 + [1.0] * 6), 0.1 * np.eye(6)
+
+
+def test_gains_of_a_coupled_body_follow_from_the_stable_subspace():
+    """S = Y X⁻¹ of the eigenvectors (X, Y) of the Hamiltonian with negative real parts."""
+    A, B, Q, R = coupled()
+    values, vectors = np.linalg.eig(np.block([[A, -B @ np.linalg.solve(R, B.T)], [-Q, -A.T]]))
+    X, Y = np.split(vectors[:, values.real < 0], 2)
+    expected = np.linalg.solve(R, B.T @ (Y @ np.linalg.inv(X)).real)
+    gain = law_of(**COUPLED).regulator.gain
+    np.testing.assert_allclose(gain, expected, rtol=0, atol=GAINS * np.abs(expected).max())
+
+
+def test_gains_of_a_coupled_body_are_those_of_python_control():
+    control = pytest.importorskip("control", reason="make oracles installs it")
+    A, B, Q, R = coupled()
+    expected = control.lqr(A, B, Q, R)[0]
+    gain = law_of(**COUPLED).regulator.gain
+    np.testing.assert_allclose(gain, expected, rtol=0, atol=GAINS * np.abs(expected).max())
+
+
+@pytest.mark.slow("compiles the loops")
+@pytest.mark.parametrize("vehicle", [{}, LATE], ids=["continuous", "sampled"])
+def test_gains_that_change_at_knots_are_the_same_by_both_engines(vehicle, tmp_path):
+    rates = {"kind": "rates", "rates": RATES}
+    config = {**BODY, **vehicle, "reference": rates, "time": {"duration": 5.0, "samples": 51}}
+    config["controllers"] = [{"kind": "lqr", "pieces": 20}]
+    found = [
+        eqt_cli.open_results(
+            eqt_cli.run(
+                config | {"solver": {"engine": engine, "cross_check": 0}}, tmp_path / engine
+            )
+        )
+        for engine in ("native", "solve_ivp")
+    ]
+    for name in ("pose", "velocity", "torque"):
+        # Both steps are accurate to 1e-9.
+        np.testing.assert_allclose(*(each[name].values for each in found), rtol=0, atol=1e-7)
+
+
+SEMI, DEFINITE = "expected a positive semidefinite matrix", "expected a positive definite matrix"
+
+
 @pytest.mark.parametrize(
-    ("weights", "message"),
+    ("options", "message"),
     [
-        ({"torque": -1}, "weights.torque: expected a positive definite matrix, got an eigenvalue"),
-        ({"pose": -1}, "weights.pose: expected a positive semidefinite matrix, got an eigenvalue"),
-        ({"pose": [1, 2]}, "weights.pose: expected 3 diagonal entries for SO3, got 2"),
-        ({"pose": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}, "weights.pose: expected a symmetric matrix"),
-        ({"pose": 0}, "controllers[0]: the loop to first order has no stabilising regulator"),
+        ({"weights": {"torque": -1}}, f".weights.torque: {DEFINITE}, got an eigenvalue of -1"),
+        ({"weights": {"torque": 0}}, f".weights.torque: {DEFINITE}, got an eigenvalue of 0"),
+        ({"weights": {"pose": -1}}, f".weights.pose: {SEMI}, got an eigenvalue of -1"),
+        (
+            {"weights": {"velocity": [1, -2, 1]}},
+            f".weights.velocity: {SEMI}, got an eigenvalue of -2",
+        ),
+        (
+            {"weights": {"pose": [1, 2]}},
+            ".weights.pose: expected 3 diagonal entries for SO3, got 2",
+        ),
+        ({"weights": {"pose": [[1, 0], [0, 1]]}}, ".weights.pose: expected 3×3 for SO3, got 2×2"),
+        (
+            {"weights": {"pose": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}},
+            ".weights.pose: expected a symmetric matrix, got "
+            "[[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]",
+        ),
+        ({"weights": {"poses": 1}}, ".weights.poses: unknown key; did you mean 'pose'?"),
+        ({"weights": 3}, ".weights: expected a mapping, got 3"),
+        ({"pieces": 0}, ".pieces: expected a whole number of at least 1, got 0"),
+        (
+            {"weights": {"pose": 0}},
+            ": the loop to first order has no stabilising regulator: an error that does not decay "
+            "by itself is moved by no command, or has no weight; give weights.pose a weight along "
+            "every axis, and check the actuators",
+        ),
     ],
 )
-def test_weights_that_give_no_regulator_are_refused(weights, message):
+def test_weights_that_give_no_regulator_are_refused(options, message):
     with pytest.raises(ConfigError) as caught:
-        law_of(controllers=[{"kind": "lqr", "weights": weights}])
-    assert message in str(caught.value)
+        law_of(controllers=[{"kind": "lqr", **options}])
+    place, _, said = str(caught.value).partition(": ")
+    assert place.startswith("config:") and said == f"controllers[0]{message}"
+
+
+def test_laws_that_read_no_gains_need_none_and_compensate_known_forces():
+    """At hover the command is the weight, and the plant stays where it is."""
+    weight = {"kind": "restoring", "weight": 9.81}
+    body = {"group": "SE3", "inertia": [0.1, 0.2, 0.3, 1, 1, 1], "model": {"forces": [weight]}}
+    config = {**BODY, **body, "initial": {"pose": {"kind": "exp_normal", "std": 0}}}
+    del config["gains"]
+    loop = eqt_cli.load_experiment(config).experiment(0).loops["lqr"]
+    at = np.eye(4)[None], np.zeros((1, 6))
+    s = loop.tracking(0.0, loop.initial_state(*at, *at))
+    np.testing.assert_array_equal(loop.command(s), [[0, 0, 0, 0, 0, 9.81]])
+    np.testing.assert_array_equal(loop.acting_and_rates(s)[0], np.zeros((1, 6)))

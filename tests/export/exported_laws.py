@@ -69,7 +69,7 @@ def fits(law, group):
 LAWS = [
     name
     for name in controllers.names()
-    if controllers.get(name).tasks and not controllers.get(name)().design_pieces
+    if controllers.get(name).tasks and not controllers.get(name)().pieces
 ]
 FEW = [("lee2010", "SE3"), ("logarithmic", "SE2"), ("goodarzi2013", "SO3"), ("sliding", "SE2")]
 # A law is written once for all groups, so that more pairs tell no more.

@@ -1,14 +1,17 @@
 """Exported laws are within the bound that their header states, which is no more than it must be."""
 
 import ctypes
+import functools
 
 import numpy as np
 import pytest
-from exported_laws import IN_TURN, compilers, law_of, library, written
+from exported_laws import IN_TURN, checked, compilers, law_of, library, made, written
 
+from eqt_cli.analysis.evidence.program_error import ARITHMETICS
 from eqt_cli.closed_loop.law_program import MEMORY, NUMBER, TOLD
+from eqt_cli.core.errors import EqtError
 from eqt_cli.exporting.files import bounds_in_words
-from eqt_cli.exporting.laws import _random
+from eqt_cli.exporting.laws import _random, exported
 from eqt_cli.program.decimals import evaluated
 
 STATES = 400
@@ -65,6 +68,40 @@ def test_a_law_is_within_its_bound(tmp_path, law, group, real):
 @pytest.mark.parametrize(("law", "group", "real"), IN_TURN)
 def test_every_law_is_within_its_bound(tmp_path, law, group, real):
     judge(law_of(group, law, real), tmp_path, STATES)
+
+
+LATE = {
+    "reference": {"kind": "constant", "velocity": [0, 0, 0.1]},
+    "control": {"period": 0.1, "delay": 1},
+    "actuators": [{"kind": "lag", "time_constant": 0.2}],
+}
+
+
+@functools.cache
+def regulator(real):
+    """LQR of a late loop, with its model of the delay and the lag."""
+    [law] = exported(made("SO3", ["lqr"], **LATE), [], ARITHMETICS[real]).laws
+    return law
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_regulator_with_a_model_of_its_actuators_is_within_its_bound(tmp_path, real):
+    law = regulator(real)
+    gain = law.program.values(law.loop)["regulator_gain"]
+    np.testing.assert_array_equal(gain, law.loop.controller.regulator.gain)
+    assert [(entry.name, entry.size) for entry in law.program.memory] == [("actuators", 9)]
+    judge(law, tmp_path, 60)
+    status, said = checked(law, tmp_path, compilers()[0])
+    assert status == 0, said
+
+
+def test_a_regulator_whose_gains_change_at_knots_is_refused():
+    with pytest.raises(EqtError) as caught:
+        exported(made("SO3", ["lqr"]), [], ARITHMETICS["double"])
+    assert str(caught.value) == (
+        "lqr: the numbers of lqr change at instants of the run, and C code has one set of them; "
+        "export another law, or lqr for a reference that does not change its loop"
+    )
 
 
 def judge(law, folder, count):

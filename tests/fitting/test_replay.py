@@ -156,13 +156,28 @@ def test_mistakes(recorded, mistake):
     assert sorted(found) == sorted(expected)
 
 
-def test_an_engine_that_compiles_sampled_laws_refuses_it(recorded):
+@pytest.mark.slow("compiles")
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+def test_a_sampled_wrench_is_the_same_by_both_engines(recorded, hold):
+    recorded()
+    laws = [{"kind": "replay", "file": "flight.csv", "hold": hold}]
+    first, second = (
+        eqt_cli.open_results(
+            eqt_cli.run(replayed(each, control={"period": 0.05}, controllers=laws), each)
+        )
+        for each in ("native", "solve_ivp")
+    )
+    for name in ("pose", "velocity", "torque"):
+        np.testing.assert_allclose(first[name].values, second[name].values, rtol=0, atol=AGAIN)
+
+
+def test_a_recorded_wrench_is_not_exported(recorded):
     recorded()
     with pytest.raises(EqtError) as caught:
-        eqt_cli.run(replayed("native", control={"period": 0.05}), "sampled")
+        eqt_cli.export(replayed(control={"period": 0.05}), out="exported")
     assert str(caught.value) == (
-        "replay cannot be compiled by itself, because its wrench changes at the rows of a "
-        "recording; remove `control`, use engine solve_ivp, or export another law"
+        "replay: the numbers of replay change at instants of the run, and C code has one set of "
+        "them; export another law, or lqr for a reference that does not change its loop"
     )
 
 

@@ -224,9 +224,10 @@ class LyapunovRate(Identity):
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """Compare the derivative of L along the flow with the dissipation of the law, if known."""
-        loop, s = sample.loop, sample.s
-        outflow = loop.outflow(s, loop.acting_and_rates(s)[0])
-        if outflow is not None:
+        loop = sample.loop
+        if loop.dissipation(sample.resting) is not None:
+            s = sample.s
+            outflow: Any = loop.outflow(s, loop.acting_and_rates(s)[0])
             yield rate_of(loop.lyapunov(s)), -outflow
 
     def check(self, sample: Sample) -> list[Row]:

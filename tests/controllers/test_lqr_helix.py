@@ -1,0 +1,175 @@
+"""LQR of a quadrotor on the helix of Lee, Leok and McClamroch (2010), against plain NumPy.
+
+The reference, the linearised plant and the Riccati equations are written here once more, from the
+equations of a rigid body that rotors push along one axis. Only the configuration is shared.
+"""
+
+import functools
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import eqt_cli
+
+J, MASS, G = np.array([0.0820, 0.0845, 0.1377]), 4.34, 9.81
+LIFT = np.array([0.0, 0.0, -1.0])  # the rotors push up, and z points down
+REPEATS = 2.0
+"""Period of the body velocity along the helix, s."""
+WEIGHTS = {"pose": [4, 4, 4, 2, 2, 2], "velocity": 0.5, "torque": [2, 2, 2, 0.1, 0.1, 0.1]}
+ROTORS = [[0, 1, 0, -1], [-1, 0, 1, 0], [1, -1, 1, -1], [0] * 4, [0] * 4, [-1] * 4]
+PERIOD = 0.02
+
+
+def config(**changes):
+    return {
+        "group": "SE3",
+        "inertia": [*J.tolist(), MASS, MASS, MASS],
+        "model": {"forces": [{"kind": "restoring", "weight": MASS * G, "up": LIFT.tolist()}]},
+        "reference": {
+            "kind": "flat",
+            "position": ["0.4*t", "0.4*sin(pi*t)", "0.6*cos(pi*t)"],
+            "heading": "pi*t",
+        },
+        "controllers": [{"kind": "lqr", "weights": WEIGHTS}],
+        "actuators": [{"kind": "thrusters", "matrix": ROTORS}],
+        "initial": {"pose": {"kind": "exp_normal", "std": 1e-2}},
+        "ensemble": {"runs": 2, "seed": 1},
+        "time": {"duration": REPEATS, "samples": 21},
+        **changes,
+    }
+
+
+def table_of(pieces, **changes):
+    law = {"kind": "lqr", "weights": WEIGHTS, "pieces": pieces}
+    loaded = eqt_cli.load_experiment(config(controllers=[law], **changes))
+    return loaded.experiment(0).loops["lqr"].controller.table
+
+
+def hat(w):
+    return np.cross(np.eye(3), w)
+
+
+def ad(V):
+    w, v = hat(V[:3]), hat(V[3:])
+    return np.block([[w, np.zeros((3, 3))], [v, w]])
+
+
+@functools.cache
+def series():
+    """Fourier coefficients of V_d, V̇_d and Rᵀe₃ over a period, differentiated as a series."""
+    t = REPEATS * np.arange(128) / 128
+    a = np.pi**2 * np.stack([0 * t, -0.4 * np.sin(np.pi * t), -0.6 * np.cos(np.pi * t)], 1)
+    v = np.pi * np.stack(
+        [0 * t + 0.4 / np.pi, 0.4 * np.cos(np.pi * t), -0.6 * np.sin(np.pi * t)], 1
+    )
+    force = MASS * (a - [0, 0, G])
+    b3 = -force / np.linalg.norm(force, axis=1)[:, None]
+    b2 = np.cross(b3, np.stack([np.cos(np.pi * t), np.sin(np.pi * t), 0 * t], 1))
+    b2 /= np.linalg.norm(b2, axis=1)[:, None]
+    R = np.stack([np.cross(b2, b3), b2, b3], -1)
+    rate = 2j * np.pi * np.fft.fftfreq(128, REPEATS / 128)
+
+    def slope(x):
+        return np.fft.ifft(
+            rate.reshape(-1, *[1] * (x.ndim - 1)) * np.fft.fft(x, axis=0), axis=0
+        ).real
+
+    turn = np.swapaxes(R, 1, 2) @ slope(R)
+    V = np.concatenate(
+        [np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], 1), (v[:, None] @ R)[:, 0]], 1
+    )
+    return rate, np.fft.fft(np.concatenate([V, slope(V), R[:, 2]], 1), axis=0) / 128
+
+
+def plant(t):
+    """A and B of ε̇ = e, and of 𝕀V̇ = ad*_V 𝕀V + weight + u with V = V_d + ad_{V_d}ε + e."""
+    rate, coefficients = series()
+    found = (np.exp(rate * t) @ coefficients).real
+    V, V_dot, down = found[:6], found[6:12], found[12:]
+    inertia = np.diag([*J, MASS, MASS, MASS])
+    P = inertia @ V
+    free = np.block([[hat(P[:3]), hat(P[3:])], [hat(P[3:]), np.zeros((3, 3))]]) + ad(V).T @ inertia
+    slope = np.linalg.solve(inertia, free)
+    falls = np.zeros((6, 6))
+    falls[3:, :3] = G * hat(down)
+    lower = [slope @ ad(V) - ad(V_dot) + falls, slope - ad(V)]
+    A = np.block([[np.zeros((6, 6)), np.eye(6)], lower])
+    B = np.zeros((12, 6))
+    B[6:] = np.linalg.solve(inertia, np.diag([1.0, 1, 1, 0, 0, 1]))
+    return A, B
+
+
+Q = np.diag([4.0] * 3 + [2.0] * 3 + [0.5] * 6)
+R = np.diag([2.0] * 3 + [0.1] * 3)
+
+
+def periodic():
+    """S as a function, integrated backwards over 8 periods; each shrinks what is left by 40."""
+
+    def riccati(before, flat):
+        S, (A, B) = flat.reshape(12, 12), plant(-before)
+        return (A.T @ S + S @ A - S @ B @ np.linalg.solve(R, B.T @ S) + Q).ravel()
+
+    stop, bounds = 8 * REPEATS, {"rtol": 1e-9, "atol": 1e-9}
+    found = solve_ivp(riccati, (0, stop), Q.ravel(), "DOP853", dense_output=True, **bounds)
+    return lambda t: found.sol(stop - t).reshape(12, 12)
+
+
+@pytest.mark.slow("integrates a Riccati equation over 8 periods")
+def test_gains_tend_to_those_of_the_periodic_riccati_equation():
+    """Gains of n and 3n pieces share their times; without their h² they are right to h⁴."""
+    few, many = table_of(150), table_of(450)
+    S, times = periodic(), few.knots + REPEATS / 300
+    expected = np.array([np.linalg.solve(R, plant(t)[1].T @ S(t)) for t in times])
+    size = np.abs(expected).max()
+    assert np.abs(few.gains - expected).max() < 2e-3 * size  # measured 1.6e-3
+    assert np.abs(many.gains[1::3] - expected).max() < 2.2e-4 * size  # a ninth, 1.7e-4
+    without = (9 * many.gains[1::3] - few.gains) / 8
+    assert np.abs(without - expected).max() < 1e-6 * size  # measured 1.5e-7
+
+
+SAMPLED = {"control": {"period": PERIOD, "delay": 1}}
+
+
+def test_gains_of_a_sampled_loop_are_those_of_the_periodic_difference_equation():
+    """States ε, e, the command that acts and the one on its way; A of each period at its middle."""
+    count = round(REPEATS / PERIOD)
+    found = table_of(count, **SAMPLED).gains
+    B, steps = np.zeros((18, 6)), []
+    B[12:] = np.eye(6)
+    for k in range(count):
+        rows = np.block([*plant((k + 0.5) * PERIOD)])
+        both = expm(PERIOD * np.vstack([rows, np.zeros((6, 18))]))
+        steps.append(np.vstack([both[:12], np.zeros((6, 18))]))
+    cost, S = np.zeros((18, 18)), np.zeros((18, 18))
+    cost[:12, :12] = PERIOD * Q
+    for _ in range(8):
+        expected = []
+        for A in reversed(steps):
+            K = np.linalg.solve(PERIOD * R + B.T @ S @ B, B.T @ S @ A)
+            S = cost + A.T @ S @ (A - B @ K)
+            expected.insert(0, K)
+    size = np.abs(expected).max()
+    own = np.concatenate([found[:, :, :12], found[:, :, 18:24]], axis=-1)
+    assert np.abs(own - expected).max() < 1e-9 * size  # differences of the loop; measured 9e-11
+    assert np.abs(np.delete(found, [*range(12), *range(18, 24)], axis=-1)).max() < 1e-9 * size
+
+
+@pytest.mark.slow("compiles the loops")
+@pytest.mark.parametrize("vehicle", [{}, SAMPLED], ids=["continuous", "sampled"])
+def test_it_flies_the_helix_by_both_engines(vehicle, tmp_path):
+    """Errors halve in a period; a feedforward that is held and late leaves an error of 0.1."""
+    found = [
+        eqt_cli.open_results(
+            eqt_cli.run(
+                config(solver={"engine": engine, "cross_check": 0}, **vehicle), tmp_path / engine
+            )
+        )
+        for engine in ("native", "solve_ivp")
+    ]
+    for name in ("pose", "velocity", "torque"):
+        np.testing.assert_allclose(*(each[name].values for each in found), rtol=0, atol=1e-7)
+    error = found[0].pose_error.values[0]
+    assert (error[:, -1] < (0.2 if vehicle else error[:, 0] / 2)).all()
