@@ -80,14 +80,14 @@ class Judged:
         loop = self.loop
         with np.errstate(all="ignore"):  # inputs may be not finite
             s = states.inputs.tracking(loop.group, loop.inertia, loop.gains, states.memory)
-            return Watched(*self.law.watched(s, _period(loop)))
+            return Watched(*self.law.watched(s, loop.period))
 
     @cached_property
     def is_watched(self) -> bool:
         """Whether the outcomes are known: the code that keeps them computes the same torques."""
         if self.law.decisions is None:
             return False
-        torque, _ = self.loop.answer(*self.drawn, _period(self.loop))
+        torque, _ = self.loop.answer(*self.drawn, self.loop.period)
         found = self.watched(self.drawn)
         return bool(found.outcomes.any()) and np.array_equal(torque, found.torque, equal_nan=True)
 
@@ -205,7 +205,7 @@ def _finite(judged: Judged) -> Iterator[Row]:
     flat = (None if part is None else 0 * part[: m + 1] for part in judged.drawn.inputs[6:])
     inputs = LawInput(np.zeros(m + 1), turned, still, rest, still, still, *flat)
     memory = {name: np.zeros((m + 1, n)) for name, n in loop.controller.memory(G).items()}
-    torque, _ = loop.answer(inputs, memory, _period(loop))
+    torque, _ = loop.answer(inputs, memory, loop.period)
     bad = ~np.isfinite(torque).all(axis=1)
     law = loop.controller.formula
     known: Any = np.ones_like(bad)
@@ -231,7 +231,7 @@ def _repeatable(judged: Judged) -> Iterator[Row]:
     shows in torques that differ when the states are evaluated in another order, with something
     else where the memory has no name.
     """
-    period, states, loop = _period(judged.loop), judged.drawn, judged.loop
+    period, states, loop = judged.loop.period, judged.drawn, judged.loop
     first, kept = loop.answer(*states, period)
     filling = judged.law.running(replace(judged.law.called, fills=True), loop.group)
     other = replace(loop, controller=filling)
@@ -283,7 +283,7 @@ def _compared(judged: Judged) -> Iterator[Row]:
     for place, states in (("at random states", judged.states), ("along runs", judged.along)):
         if states is None:
             continue
-        torque, kept = loop.answer(*states, _period(loop))
+        torque, kept = loop.answer(*states, loop.period)
         question = Question(formula, *states)
         found = _differences(question, torque, code.real)
         words, verdict = [], Verdict.HOLDS
@@ -389,9 +389,8 @@ def _rounding(question: Question, where: Array) -> Array:
     bounded = with_leaves(loop, {path: given(values) for path, values in leaves(loop).items()})
     inputs = question.inputs.each(lambda part: given(np.asarray(part)[where]))
     memory = {name: given(values[where]) for name, values in question.memory.items()}
-    s = inputs.tracking(loop.group, bounded.inertia, bounded.gains, memory)
     with np.errstate(all="ignore"):
-        _, errors = value_of(bounded.controller.torque(s) + 0.0 * inputs.velocity)
+        _, errors = value_of(bounded.answer(inputs, memory, loop.period)[0])
     return np.asarray(errors)
 
 
@@ -433,7 +432,7 @@ def _other_law(question: Question, torque: Array, real: str) -> str:
 
 def _memory_row(judged: Judged, question: Question, kept: dict[str, Array], real: str) -> Row:
     """Check that the memory changes over a period as that of the law."""
-    loop, period = question.loop, _period(judged.loop)
+    loop, period = question.loop, judged.loop.period
     s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
     _, later = loop.controller.answer(s, period)
     inputs = question.inputs
@@ -493,11 +492,6 @@ def _memory_bounds(question: Question, z: Array, real: str) -> Array:
     parts = (*(part for part in question.inputs[1:] if part is not None), z)
     sizes = [np.abs(part).reshape(len(z), -1).max(axis=-1, initial=1.0) for part in parts]
     return ROUNDOFF[real] * MEMORY_ROUNDINGS * np.maximum.reduce(sizes)
-
-
-def _period(loop: ClosedLoop) -> float:
-    control = loop.vehicle.control
-    return 0.0 if control is None else control.period
 
 
 def _row(

@@ -219,7 +219,7 @@ class LawMargins:
     delay_is_least
         Whether the loop is stable with this delay, and longer ones were not tried.
     cycle
-        Time after which all sensors of a sampled law measure together again, s.
+        Time after which all sensors of a sampled law, and its position loop, are due together, s.
     left_out
         Places in the configuration of parts that the linear loop leaves out.
     gains
@@ -344,7 +344,7 @@ def _delay_of_cycle(loop: Linearised) -> tuple[float, bool]:
     the first unstable one all again. Whether longer delays were not tried comes with it.
     """
     assert loop.period is not None
-    _, n, m = loop.B.shape
+    _, n, m = loop.phases[0].B.shape
     most = max((MOST_STATES - n) // m, TRIED)
     known = 0
     while known < most:
@@ -358,7 +358,7 @@ def _delay_of_cycle(loop: Linearised) -> tuple[float, bool]:
 
 def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
     """Return the margins of the gains that the law uses."""
-    times, found = np.zeros(len(loop.A)), {}
+    times, found = np.zeros(len(loop.closed)), {}
     for which, names in GAINS.items():
         if np.array_equal(loop.with_gains(dict.fromkeys(names, FACTOR_STEP)).closed, loop.closed):
             continue

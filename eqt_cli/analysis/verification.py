@@ -18,6 +18,7 @@ from eqt_cli.closed_loop.linearised import linearised
 from eqt_cli.controllers.cascade import Cascade
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array, norm
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.registry import blamed
 from eqt_cli.core.reporting import RUNS_DONE, reporter, step
 from eqt_cli.engines import Solution
@@ -308,7 +309,9 @@ def _cascades(experiment: Experiment, horizon: float) -> Iterator[Sample]:
     """Yield the cascades along the motion of their model."""
     for index, (label, loop) in enumerate(experiment.loops.items(), start=1):
         if isinstance(loop.controller, Cascade):
-            of_model = replace(loop, vehicle=Vehicle(forces=loop.controller.known))
+            position = with_fields(loop.controller.position, period=None)
+            law = with_fields(loop.controller, position=position)
+            of_model = replace(loop, vehicle=Vehicle(forces=law.known), controller=law)
             yield sampled(label, of_model, horizon, _random(experiment, index))
 
 

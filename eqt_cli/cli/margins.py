@@ -103,9 +103,9 @@ def _notes(found: Margins) -> Iterator[str]:
     for law in found.laws:
         if beside := _beside(found, law):
             yield f"{titles[law.label]} stays {beside} beside its reference; linearised there"
-    cycle = found.laws[0].cycle
-    if cycle is not None and found.period is not None and cycle > 1.5 * found.period:
-        yield f"eigenvalues: of {cycle:g} s, after which all sensors measure together again"
+    for cycle in sorted({law.cycle for law in found.laws if law.cycle} - {found.period}):
+        of = ", ".join(titles[law.label] for law in found.laws if law.cycle == cycle)
+        yield f"eigenvalues of {of}: of {cycle:g} s, after which all that is slower is due together"
     if any(law.is_indicative and not law.changes for law in found.laws):
         yield (
             "indicative: the loop without the parts that are left out decides nothing about the "

@@ -101,8 +101,7 @@ class LawProgram:
 
     def values(self, loop: ClosedLoop) -> dict[str, Array]:
         """Return the law's numbers in a loop, by name; the period is 0 without sampled control."""
-        control, numbers = loop.vehicle.control, leaves(loop)
-        period = np.array(0.0 if control is None else control.period)
+        numbers, period = leaves(loop), np.array(loop.period)
         given = {entry.name: numbers[entry.source] for entry in self.numbers[:-1]}
         found = {**given, self.numbers[-1].name: period}
         return {entry.name: found[entry.name].reshape(entry.shape) for entry in self.numbers}

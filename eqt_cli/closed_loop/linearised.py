@@ -6,14 +6,14 @@ those of a run.
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from eqt_cli.closed_loop.system import DESIRED, VEHICLE, ClosedLoop
+from eqt_cli.closed_loop.system import DESIRED, MEMORY, VEHICLE, ClosedLoop
 from eqt_cli.controllers.base import LinearPlant
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
@@ -47,7 +47,7 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
         raise InputError(
             "the loop has no derivative about its reference, so that it has no regulator"
         )
-    A, B, period = found.closed, found.B, found.period
+    A, B, period = found.closed, found.phases[0].B, found.period
     pieces = slice(1) if found.is_constant else slice(1, -1)
     piece = 2 * float(times[1] - times[0])
     plant = LinearPlant(
@@ -124,7 +124,7 @@ class Linearised:
     ----------
     phases
         The matrices A, B, C from each control instant to the next, until all sensors measure
-        together again; a loop whose sensors all have the control period has one phase.
+        together again, and a law with a cycle begins it again; other loops have one phase.
     period
         Control period of a sampled loop, s; None for a continuous one.
     offset : (times, m)
@@ -141,34 +141,9 @@ class Linearised:
     about: "_About" = dataclasses.field(repr=False)
 
     @property
-    def A(self) -> Array:
-        """A of the first phase, ``(times, n, n)``."""
-        return self.phases[0].A
-
-    @property
-    def B(self) -> Array:
-        """B of the first phase, ``(times, n, m)``."""
-        return self.phases[0].B
-
-    @property
-    def C(self) -> Array:
-        """C of the first phase, ``(times, m, n)``."""
-        return self.phases[0].C
-
-    @property
     def cycle(self) -> float | None:
-        """The time after which all sensors measure together again, s; None for a continuous one."""
+        """The duration of all phases, s; None for a continuous loop."""
         return None if self.period is None else len(self.phases) * self.period
-
-    @property
-    def has_estimator(self) -> bool:
-        """Whether the estimate of an estimator is part of the state."""
-        return self.about.loop.vehicle.estimator is not None
-
-    @property
-    def is_settled(self) -> bool:
-        """Whether the covariance of that estimator repeats from cycle to cycle."""
-        return self.about.is_settled
 
     @cached_property
     def closed(self) -> Array:
@@ -177,11 +152,6 @@ class Linearised:
         for phase in self.phases[1:]:
             found = phase.closed @ found
         return found
-
-    @cached_property
-    def eigenvalues(self) -> Array:
-        """The closed loop's eigenvalues, ``(times, n)``: rates, 1/s, or multipliers per cycle."""
-        return np.linalg.eigvals(self.closed)
 
     def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
         """Return the loop about the same states with its gains kp, kd and position multiplied."""
@@ -319,7 +289,7 @@ class _About:
         """The slice in x of each stretch besides pose and momentum."""
         found, begin = {}, 2 * self.loop.group.dimension
         for name, length in self.loop.layout.lengths.items():
-            if name in _ELSEWHERE or name in _KEPT:
+            if name in _ELSEWHERE or name in _KEPT or name in self._counts[0]:
                 continue
             length = self.loop.group.dimension if name in _POSES else length
             found[name] = slice(begin, begin + length)
@@ -335,7 +305,15 @@ class _About:
     @cached_property
     def instants(self) -> int:
         """The number of control instants of a cycle."""
-        return math.lcm(*(each.every for each in self.loop.vehicle.holding(self.loop.group)))
+        every = (each.every for each in self.loop.vehicle.holding(self.loop.group))
+        return math.lcm(*every, len(self._counts))
+
+    @cached_property
+    def _counts(self) -> list[dict[str, float]]:
+        """What the law counts, at each instant of its own cycle, by stretch."""
+        control = self.loop.vehicle.control
+        found = [{}] if control is None else self.loop.controller.cycle(control.period)
+        return [{MEMORY + name: value for name, value in each.items()} for each in found]
 
     def estimated(self, estimator: Any) -> Self:
         """Return the chart with an estimator that has settled at the base states."""
@@ -384,15 +362,12 @@ class _About:
     @property
     def is_same_at_all_times(self) -> bool:
         """Whether neither the matrices nor the steps to rest depend on time."""
-        found = [self._flow, *(() if self._is_continuous else (*self._measurements, self._answer))]
+        sampled = () if self.loop.vehicle.control is None else (*self._measurements, *self._answers)
+        found = [self._flow, *sampled]
         if not all(_same(each.slope) for each in found):
             return False
         steps = self.steps_to_rest()
         return bool(np.abs(steps - steps[0]).max() <= AT_REST)
-
-    @property
-    def _is_continuous(self) -> bool:
-        return self.loop.vehicle.control is None
 
     def linearised(self, is_constant: bool = False) -> Linearised:
         """Return the matrices of the linearised loop."""
@@ -401,11 +376,13 @@ class _About:
             whole = self._flow.slope
             closed, B, C = whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n]
             return Linearised((Phase(closed - B @ C, B, C),), None, offset, is_constant, self)
-        answer = self._answer.slope
-        after, B, C = answer[:, :n, :n], answer[:, :n, n:], answer[:, n:, :n]
-        after, B = self.held @ (after - B @ C), self.held @ B
-        seen = [measured.slope for measured in self._measurements]
-        phases = [Phase(after @ M, B, C @ M) for M in seen] if seen else [Phase(after, B, C)]
+        seen, phases = self._measurements, []
+        for k in range(self.instants):
+            answer = self._answers[k % len(self._answers)].slope
+            after, B, C = answer[:, :n, :n], answer[:, :n, n:], answer[:, n:, :n]
+            after, B = self.held @ (after - B @ C), self.held @ B
+            M = seen[k].slope if seen else np.eye(n)
+            phases.append(Phase(after @ M, B, C @ M))
         return Linearised(_moving(phases), control.period, offset, is_constant, self)
 
     @cached_property
@@ -429,8 +406,8 @@ class _About:
         """
         n = self.dimension
         value, slope = self._flow.value[:, :n], self._flow.slope[0, :n, :n]
-        if not self._is_continuous:  # at rest, a control instant changes nothing
-            after, then = self._answer.value[:, :n], self._answer.slope[:, :n, :n]
+        if self.loop.vehicle.control is not None:  # at rest, a control instant changes nothing
+            after, then = self._answers[0].value[:, :n], self._answers[0].slope[:, :n, :n]
             if self._measurements:
                 seen = self._measurements[0]
                 after = after + (then @ seen.value[..., None])[..., 0]
@@ -446,8 +423,12 @@ class _About:
         return self._derivative(self._rates_and_command)
 
     @cached_property
-    def _answer(self) -> _Derivative:
-        return self._derivative(self._change_and_command)
+    def _answers(self) -> list[_Derivative]:
+        """x after the law has answered at each instant of its own cycle."""
+        kinds = [tuple(each.items()) for each in self._counts]
+        answers = {kind: partial(self._change_and_command, counts=kind) for kind in kinds}
+        found = {kind: self._derivative(answer) for kind, answer in answers.items()}
+        return [found[kind] for kind in kinds]
 
     @cached_property
     def _measurements(self) -> list[_Derivative]:
@@ -536,14 +517,15 @@ class _About:
         moved += x[..., : moved.shape[-1]]
         return np.concatenate([moved, *self._others(states, after)], axis=-1)
 
-    def _change_and_command(self, x: Array) -> Array:
+    def _change_and_command(self, x: Array, counts: Iterable[tuple[str, float]]) -> Array:
         """Return x after the law has answered at a control instant, and the command."""
-        loop, t, control = self.loop, self.times, self.loop.vehicle.control
-        assert control is not None
+        loop, t = self.loop, self.times
         states = self._flat(x)
+        for name, value in counts:
+            states[..., loop.layout.slices[name]] = value
         errors = _at_instant(loop, None) if loop.changes_by_measuring else None
         told, memory = loop.told(t, states, errors), loop.memory(states)
-        command, memory = loop.answer(told, memory, control.period)
+        command, memory = loop.answer(told, memory, loop.period)
         after = loop.answered(t, states, command + x[..., self.dimension :], memory)
         still = np.zeros((*command.shape[:-1], 2 * loop.group.dimension))
         still += x[..., : still.shape[-1]]

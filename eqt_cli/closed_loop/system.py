@@ -86,6 +86,11 @@ class ClosedLoop:
         G, inertia, law = found
         return ClosedLoop(G, inertia, self.gains, TorqueReference([0.5] * G.dimension), law)
 
+    @property
+    def period(self) -> float:
+        """The control period, s; 0 without sampled control."""
+        return 0.0 if self.vehicle.control is None else self.vehicle.control.period
+
     # Quantities for certificates, metrics and figures.
 
     def command(self, s: Tracking) -> Array:
@@ -248,7 +253,7 @@ class ClosedLoop:
         }
         dtype = np.result_type(Q, V, Qd, Vd)
         state = self.layout.join(stretches, np.empty((*batch, self.state_length), dtype=dtype))
-        if self.controller.memory(self.group):
+        if any(name.startswith(MEMORY) for name in stretches):
             memory = self.controller.initial_memory(self.tracking(t, state))
             stretches |= _named(MEMORY, memory)
             state = self.layout.join(stretches, state)
@@ -403,10 +408,9 @@ class ClosedLoop:
 
         The law is evaluated at its input, `told`, with these measurement errors.
         """
-        assert self.vehicle.control is not None
         state = self.measured(t, state, errors)
         told, memory = self.told(t, state, errors), self.memory(state)
-        torque, memory = self.answer(told, memory, self.vehicle.control.period)
+        torque, memory = self.answer(told, memory, self.period)
         return self.answered(t, state, torque, memory)
 
     def estimate_lost(self, state: Array) -> Array:

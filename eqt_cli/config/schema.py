@@ -44,6 +44,7 @@ from eqt_cli.core.option_types import (
     has_unit,
     number_of,
     one_of,
+    periods_in,
     rank,
 )
 from eqt_cli.ensemble.axes import DrawnRange
@@ -51,7 +52,6 @@ from eqt_cli.groups.angles import distance_of_turn
 from eqt_cli.logs.mapping import LogMapping
 from eqt_cli.vehicle.component import Matrix as DrawnMatrix
 from eqt_cli.vehicle.component import Number
-from eqt_cli.vehicle.sampling import periods_in
 
 
 def _weight_kind(value: Any) -> str | None:

@@ -1,7 +1,7 @@
 """Base class of control laws."""
 
 from abc import abstractmethod
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -255,6 +255,10 @@ class Controller(GivenOverTime, Component):
     def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
         """Return the time derivatives of all states, which are in `s.memory`."""
         return {}
+
+    def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
+        """Return the states that count control instants, at each instant of the law's cycle."""
+        return [{}]
 
     def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
         """Return ∂L/∂z of all states z; None where it is not known.

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from eqt_cli.controllers.base import Controller
-from eqt_cli.core.arrays import Array, apply_matrix, dot, exp, frobenius, sqrt
+from eqt_cli.core.arrays import Array, apply_matrix, dot, exp, frobenius, less, sqrt, where
 from eqt_cli.core.errors import Problems, Remedy
 from eqt_cli.core.jets import Jet
 from eqt_cli.core.leaves import STRUCTURE, with_fields
-from eqt_cli.core.option_types import Positive, Real, Scale, component
+from eqt_cli.core.option_types import Positive, Real, Scale, check_period, component
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import rigid, rigid_motions
 from eqt_cli.mechanics.flatness import (
@@ -36,6 +36,10 @@ ORDER = 2
 FILTERED, FILTERED_RATE = "filtered", "filtered_rate"
 """States of the filter: F/m as it gives it, and its rate."""
 
+HELD, LEFT = "held", "left"
+"""States of a position loop with a period: F/m with its derivatives, and the time until it is
+computed again, s."""
+
 OWN = "attitude_"
 """Prefix of the states of the attitude law, before its own names."""
 
@@ -54,6 +58,9 @@ class PositionGains:
         k_i, 1/s³; without it, there is no integral.
     limit
         l of sat(u) = u/√(1 + |u|²/l²), m/s²; none if left out. It keeps the force away from 0.
+    period
+        Of the position loop, s: a whole number of control periods. Between its instants, F and its
+        derivatives are held. If left out, F is computed whenever the law is.
     """
 
     # Not strict, for the reason given in `Distribution`.
@@ -63,6 +70,7 @@ class PositionGains:
     kv: Annotated[Positive, Scale("k_v", "1/s", is_symbol=True)]
     ki: Annotated[Real | None, Scale("k_i", "1/s^3", is_symbol=True)] = None
     limit: Annotated[Positive | None, Scale("limit of the feedback", "m/s^2")] = None
+    period: Annotated[Positive | None, Scale("period of the position loop", "s")] = None
 
     def __post_init__(self) -> None:
         if self.ki == 0.0:
@@ -82,7 +90,8 @@ class Inside(NamedTuple):
     Attributes
     ----------
     tracking
-        All that the attitude law reads, on the group of rotations.
+        All that the attitude law reads, on the group of rotations: Q_d is R_c, V_d and V̇_d are Ω_c
+        and Ω̇_c.
     asked : (..., n)
         F/m: the acceleration that the actuators are to give, in space.
     error : (..., n)
@@ -127,6 +136,7 @@ class Cascade(Controller):
     name: ClassVar[str] = "cascade"
     title: ClassVar[str] = "cascade"
     tasks: ClassVar[tuple[str, ...]] = ()
+    theorem: ClassVar[str] = ""  # nothing is claimed for the whole
     reads_flat_output: ClassVar[bool] = True
     commands_attitude: ClassVar[bool] = True
     reads_gains: ClassVar[bool] = False
@@ -203,6 +213,8 @@ class Cascade(Controller):
         if self.rates == "heading" and plant.flat is not None and plant.flat.heading is None:
             problems.at("rates").add("the reference gives no heading; use rates: model")
         check_rigid_body(G, plant.inertia, problems)
+        if self.position.period is not None:
+            check_period(self.position.period, plant.period, problems.at("position", "period"))
         along: Any = self.along
         pushes = plant.pushes
         if along is None and pushes is None:
@@ -220,9 +232,15 @@ class Cascade(Controller):
         direction = unit_vector(along)
         return with_fields(self, known=plant.forces, direction=direction, exact=plant.exact)
 
+    def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
+        """Return no time that is left at the first instant, and some at the others."""
+        if self.position.period is None:
+            return [{}]
+        return [{LEFT: 0.0}] + [{LEFT: period}] * (round(self.position.period / period) - 1)
+
     def attitude_error(self, s: Tracking) -> Array:
         """Return ‖R − R_c‖_F."""
-        inside = self._inside(s).tracking
+        inside = self.commanded(s).tracking
         return frobenius(inside.Q - inside.Qd)
 
     @property
@@ -232,22 +250,22 @@ class Cascade(Controller):
 
     # The position loop.
 
-    def attitude_input(self, s: Tracking) -> Tracking:
-        """Return all that the attitude law reads: Q_d is R_c, V_d and V̇_d are Ω_c and Ω̇_c."""
-        return self._inside(s).tracking
-
-    def asked(self, s: Tracking) -> Array:
-        """Return F/m in space, ``(..., n)``."""
-        return self._inside(s).asked
-
-    def _inside(self, s: Tracking) -> Inside:
+    def commanded(self, s: Tracking) -> Inside:
         """Return what the position loop asks for, computed once for each state."""
-        found: Inside | None = vars(s).get("_inside")
+        found: Inside | None = vars(s).get("_commanded")
         if found is None:
             asked, error = self._asked(s)
+            if HELD in s.memory:
+                held, n = s.memory[HELD], rigid(s.G).space
+                asked = Jet.of([held[..., n * k : n * (k + 1)] for k in range(self._order + 1)])
             found = Inside(self._of_attitude(s, asked), asked.value, error)
-            vars(s)["_inside"] = found
+            vars(s)["_commanded"] = found
         return found
+
+    @property
+    def _order(self) -> int:
+        """The derivatives of F that the rates need."""
+        return ORDER if self.rates == "model" else 0
 
     def _asked(self, s: Tracking) -> tuple[Jet, Array]:
         """Return F/m as a series, and e.
@@ -263,18 +281,22 @@ class Cascade(Controller):
         mass = _mass(s)
         asked: Any = Jet([0.0])
         error = asked
-        order = ORDER if self.rates == "model" else 0
-        for k in range(order + 1):
+        for k in range(self._order + 1):
             motion = RigidMotion(G, R, turning, Jet.of(place[: k + 1]), Jet.of(place[1:]))
             given: Any = 0.0
             for force in self.known:
                 given = given + force.in_space(G, Jet.time(s.t, k), motion) / mass
             error, feedback = self._feedback(s, motion)
             asked = _desired(s, 2, k) - feedback - given
-            if k < order:
+            if k < self._order:
                 b: Any = Jet.of(push[: k + 1])  # a series acts as an array
                 place.append((given + dot(asked, b)[..., None] * b).derivative(k))
         return asked, error.value
+
+    def _renewed(self, s: Tracking) -> Array:
+        """Return F/m with its derivatives, as it is held."""
+        asked, _ = self._asked(s)
+        return np.concatenate([asked.derivative(k) for k in range(asked.order + 1)], axis=-1)
 
     def _feedback(self, s: Tracking, moving: RigidMotion) -> tuple[Jet, Any]:
         """Return e and its feedback as series."""
@@ -316,7 +338,7 @@ class Cascade(Controller):
 
     def torque(self, s: Tracking) -> Array:
         """Return torque and push, body frame."""
-        return self._wrench(s, self.inner.torque(self._inside(s).tracking))
+        return self._wrench(s, self.inner.torque(self.commanded(s).tracking))
 
     def _wrench(self, s: Tracking, torque: Array) -> Array:
         G, axis = rigid(s.G), np.array(self.direction)
@@ -324,35 +346,30 @@ class Cascade(Controller):
             if force.turns:
                 torque = torque - force.in_body(G, s.t, s.Q, s.V)[..., : G.rotations]
         b = G.rotation(s.Q) @ axis
-        push = _mass(s) * dot(self._inside(s).asked, b)[..., None] * axis
+        push = _mass(s) * dot(self.commanded(s).asked, b)[..., None] * axis
         return np.concatenate([torque, push], axis=-1)
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return that of the attitude law."""
-        return self.inner.lyapunov(self._inside(s).tracking)
+        return self.inner.lyapunov(self.commanded(s).tracking)
 
     def velocity_error(self, s: Tracking) -> Array:
         """Return that of the attitude law, and 0 for the translation."""
-        inside = self._inside(s)
+        inside = self.commanded(s)
         return np.concatenate(
             [self.inner.velocity_error(inside.tracking), 0.0 * inside.error], axis=-1
         )
 
     def dissipation(self, s: Tracking) -> Array | None:
         """Return that of the attitude law; None where R_c turns otherwise than by the model."""
-        if not self.exact or self.rates != "model":
+        if not self.exact or self.rates != "model" or self.position.period is not None:
             return None
-        return self.inner.dissipation(self._inside(s).tracking)
+        return self.inner.dissipation(self.commanded(s).tracking)
 
     @property
     def energy(self) -> str:  # type: ignore[override]  # a constant of most laws
         """L of the attitude law."""
         return self.inner.energy if self.inner else Controller.energy
-
-    @property
-    def theorem(self) -> str:  # type: ignore[override]  # a constant of most laws
-        """Nothing is claimed for the whole."""
-        return ""
 
     # Its memory.
 
@@ -361,22 +378,26 @@ class Cascade(Controller):
         own, n = self.inner.memory(self.gains_group(G)).items(), rigid(G).space
         names = ["integral"] * (self.position.ki is not None)
         names += [FILTERED, FILTERED_RATE] * (self.rates == "filter")
-        return dict.fromkeys(names, n) | {OWN + name: length for name, length in own}
+        clock = {} if self.position.period is None else {HELD: n * (1 + self._order), LEFT: 1}
+        return dict.fromkeys(names, n) | clock | {OWN + name: length for name, length in own}
 
     def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
         """Return a filter that has settled, and the beginning of the attitude law."""
         begun: dict[str, Array] = {}
+        if self.position.period is not None:
+            begun[HELD] = self._renewed(s)
         if self.rates == "filter":
-            begun = {FILTERED: self._asked(s)[0].value}
-            s = replace(s, memory={**s.memory, **begun})
-        own = self.inner.initial_memory(self._inside(s).tracking).items()
+            begun[FILTERED] = self._asked(s)[0].value
+        s = replace(s, memory={**s.memory, **begun})
+        own = self.inner.initial_memory(self.commanded(s).tracking).items()
         return begun | {OWN + name: z for name, z in own}
 
     def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
         """ė_I = e, the filter's rates, and those of the attitude law."""
-        inside = self._inside(s)
+        inside = self.commanded(s)
         own = self.inner.memory_rate(inside.tracking).items()
-        found = {OWN + name: rate for name, rate in own}
+        found = {name: 0.0 * s.memory[name] for name in (HELD, LEFT) if name in s.memory}
+        found |= {OWN + name: rate for name, rate in own}
         if self.position.ki is not None:
             found["integral"] = inside.error
         if self.rates == "filter":
@@ -386,18 +407,26 @@ class Cascade(Controller):
 
     def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
         """Return ∂L/∂z of the attitude law; None where R_c has a memory, too."""
-        own = self.inner.memory_gradient(self._inside(s).tracking)
-        if own is None or self.position.ki is not None or self.rates == "filter":
+        own = self.inner.memory_gradient(self.commanded(s).tracking)
+        if own is None or {"integral", HELD, FILTERED} & s.memory.keys():
             return None
         return {OWN + name: gradient for name, gradient in own.items()}
 
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
         """Return the command, and the memory a period later, while F is held."""
-        inside = self._inside(s)
+        step, later = period, dict[str, Array]()
+        if self.position.period is not None:
+            left = s.memory[LEFT]
+            is_due = less(left, period / 2)
+            step = where(is_due, self.position.period + 0 * left, 0 * left)
+            later[LEFT] = left + step - period
+            later[HELD] = where(is_due, self._renewed(s), s.memory[HELD])
+            s = replace(s, memory={**s.memory, **later})
+        inside = self.commanded(s)
         torque, own = self.inner.answer(inside.tracking, period)
-        later = {OWN + name: z for name, z in own.items()}
+        later |= {OWN + name: z for name, z in own.items()}
         if self.position.ki is not None:
-            later["integral"] = s.memory["integral"] + period * inside.error
+            later["integral"] = s.memory["integral"] + step * inside.error
         if self.rates == "filter":
             w: Any = self.bandwidth
             behind, rate = s.memory[FILTERED] - inside.asked, s.memory[FILTERED_RATE]

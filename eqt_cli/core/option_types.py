@@ -309,6 +309,52 @@ Duration = Annotated[Positive, AfterValidator(_is_long_enough)]
 """The length of a horizon, s."""
 
 
+EXACT = 1e9
+"""Largest number of periods for which rounding can tell whether it is whole."""
+
+ROUNDING = 1e-9
+"""Relative error that decimals of a time and of a period may leave."""
+
+
+def periods_in(time: float, period: float, least: int = 0) -> int:
+    """Return how many whole control periods a time is.
+
+    Parameters
+    ----------
+    time, period
+        Time and control period, s.
+
+    Raises
+    ------
+    ValueError
+        If it is no whole number of periods; it names the nearest.
+    """
+    count = time / period
+    if not least * (1 - ROUNDING) <= count < EXACT:
+        raise ValueError(
+            f"expected from {least} to {EXACT:g} periods of {period:g} s, got {time:g} s"
+        )
+    if abs(count - round(count)) > ROUNDING * max(count, 1.0):
+        near = [math.floor(count), math.ceil(count)]
+        times = " or ".join(f"{1e3 * each * period:g} ms" for each in near)
+        raise ValueError(
+            f"expected a whole number of periods of {1e3 * period:g} ms, got {1e3 * time:g} ms; "
+            f"write {times}"
+        )
+    return round(count)
+
+
+def check_period(own: float, control: float | None, problems: Problems) -> None:
+    """Note a period that is not a whole number of control periods."""
+    if control is None:
+        problems.add("counts control periods; set control.period")
+        return
+    try:
+        periods_in(own, control, least=1)
+    except ValueError as error:
+        problems.add(str(error))
+
+
 def _is_no_device(name: str) -> str:
     if is_device(name):
         raise ValueError(f"expected no name that Windows keeps for a device, got '{name}'")

@@ -72,9 +72,8 @@ class Layout:
         }
 
     def _is_kept(self, quantity: Quantity) -> bool:
-        if quantity.per is ValuePer.TRAJECTORY:
-            return self.study.kept > 0
-        return quantity.per is not ValuePer.DESIRED or self.study.keeps_desired
+        alone = quantity.per is ValuePer.DESIRED and self.study.desired_varies
+        return self.study.kept > 0 or not (alone or quantity.per is ValuePer.TRAJECTORY)
 
     def of(self, per: ValuePer) -> Iterator[Quantity]:
         """Return the quantities of a kind."""

@@ -305,7 +305,8 @@ class _Parts:
         acts, model = sections["plant"], sections["model"]
         acting = acts is not None and acts.forces and not (model and model.forces == "plant")
         exact, flat = vehicle.is_direct and not acting, desired.reference.flat_output(G, 0.0)
-        plant = PlantModel(inertia, forces, pushes, exact, horizon, flat)
+        period = vehicle.control.period if vehicle.control else None
+        plant = PlantModel(inertia, forces, pushes, exact, horizon, flat, None, period)
         for label, entry in laws.items():
             laws[label] = replace(entry, law=entry.law.knowing(G, plant, self._at(entry)))
         if self.problems:

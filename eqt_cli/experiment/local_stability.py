@@ -101,7 +101,7 @@ def _grown(loop: Linearised, place: int) -> Growth:
         moves += len(matrix) * rounding * (left * np.abs(right).T).sum(axis=1)
     beyond = _beyond(loop, eigenvalues)
     doubtful = ~(np.abs(beyond) > moves)
-    several = ~(moves < DEFECTIVE * error.max())
+    several = ~(moves < DEFECTIVE * DERIVATIVE * np.abs(eigenvalues).max())  # in any units
     if (doubtful & several).any():
         random = np.random.default_rng(0)
         shape = (TRIALS, *matrix.shape)
@@ -185,17 +185,18 @@ def left_out(loop: ClosedLoop, found: Linearised | None = None) -> Iterator[Left
     vehicle = loop.vehicle
     for index, actuator in enumerate(vehicle.actuators):
         if actuator.linear_part is not actuator or actuator.limits:
+            what = "only the limits of the " * isinstance(actuator.linear_part, type(actuator))
             # At a limit no loop is pushed harder: what grows from small errors, grows.
-            yield LeftOut(f"{ACTUATORS}[{index}] ({actuator.departs})", not actuator.limits)
+            yield LeftOut(f"{ACTUATORS}[{index}] ({what}{actuator.departs})", not actuator.limits)
     for place, sensor in vehicle.sensors().items():
         loses = ["dropout"] if getattr(sensor, "dropout", None) else []
         if sensor.states(loop.group) and not loses:
             continue  # its states are part of the loop
         words = f"{place} ({', '.join([sensor.departs, *loses])})"
         yield LeftOut(words, bool(loses), bool(loses))
-    if vehicle.estimator is not None and not (found and found.has_estimator):
+    if vehicle.estimator is not None and not (found and found.about.loop.vehicle.estimator):
         yield LeftOut(f"{ESTIMATOR} ({vehicle.estimator.departs})")
-    elif found and not found.is_settled:
+    elif found and not found.about.is_settled:
         yield LeftOut(f"{ESTIMATOR} (its covariance has not settled)")
     if vehicle.varies:
         yield LeftOut("what is drawn for each run (means are used)")

@@ -109,7 +109,7 @@ class Plan:
     size: int
 
     def __len__(self) -> int:
-        return self._ranges * self.controllers
+        return -(-self.entries // self.size) * self.controllers
 
     @property
     def entries(self) -> int:
@@ -120,10 +120,6 @@ class Plan:
     def total(self) -> int:
         """The number of runs over all points and controllers."""
         return self.entries * self.controllers
-
-    @property
-    def _ranges(self) -> int:
-        return -(-self.entries // self.size)
 
     def part(self, number: int) -> StudyPart:
         """Return part `number`. The controllers alternate, as they share the initial states."""

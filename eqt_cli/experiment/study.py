@@ -116,11 +116,6 @@ class Study:
         return runs if store.trajectories == "all" else 0
 
     @property
-    def keeps_desired(self) -> bool:
-        """Whether desired trajectories are stored: always if shared, else with trajectories."""
-        return not self.desired_varies or self.kept > 0
-
-    @property
     def _all_runs(self) -> int:
         return len(self) * self.base.config.ensemble.runs * len(self.base.loops)
 

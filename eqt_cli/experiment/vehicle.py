@@ -12,7 +12,7 @@ from eqt_cli.config.schema import (
     SensorsSection,
 )
 from eqt_cli.core.errors import Problems
-from eqt_cli.core.option_types import as_section, component, has_unit
+from eqt_cli.core.option_types import as_section, check_period, component, has_unit
 from eqt_cli.core.registry import Registry
 from eqt_cli.experiment.inertia import inertia_from
 from eqt_cli.groups import MatrixLieGroup
@@ -26,9 +26,6 @@ from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors import Sensor, sensors
 from eqt_cli.vehicle.sensors.channels import TIMING
 from eqt_cli.vehicle.vehicle import CONTROL
-
-ROUNDING = 1e-9
-"""Relative tolerance for a period that is a whole number of control periods."""
 
 
 def check_sensors(
@@ -54,21 +51,9 @@ def check_sensors(
                 f"expected a probability of at least 0 and less than 1, got {sensor.dropout:g}"
             )
         if sensor.period is not None and period is not None:
-            _check_period(sensor.period, period, here.at("period"))
+            check_period(sensor.period, period, here.at("period"))
     for part in known:
         _check_agreement(sensors, part, problems)
-
-
-def _check_period(own: float, control: float, problems: Problems) -> None:
-    """Note a period that is not a whole number of control periods."""
-    count = round(own / control)
-    if count >= 1 and abs(own - count * control) <= ROUNDING * own:
-        return
-    below = max(1, int(own / control))
-    near = f"{below * control:g} or {(below + 1) * control:g}"
-    problems.add(
-        f"expected a whole number of control periods of {control:g} s, such as {near}, got {own:g}"
-    )
 
 
 def _check_agreement(sensors: Mapping[int, Sensor], part: str, problems: Problems) -> None:

@@ -74,6 +74,8 @@ class PlantModel(NamedTuple):
         The flat output of the reference at t = 0; None if it has none.
     along : (n,)
         The body axis along which a rigid body is pushed; None if nothing says it.
+    period
+        Control period, s; None for laws that act continuously.
     """
 
     inertia: InertiaLaw
@@ -83,6 +85,7 @@ class PlantModel(NamedTuple):
     horizon: float
     flat: FlatOutput | None = None
     along: Any = None
+    period: float | None = None
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,9 @@ def check_expressions(
 
 
 def check_rising(points: Sequence[Any], problems: Problems) -> None:
-    """Note points that are not in the order of time."""
+    """Note fewer than two points, and those that are not in the order of time."""
+    if len(points) < 2:
+        problems.add(f"expected at least two points, got {len(points)}")
     for index, (before, point) in enumerate(pairwise(points), 1):
         if not point.t > before.t:
             wanted = f"expected a time after {before.t:g} s, got {point.t:g} s"

@@ -350,7 +350,8 @@ class FlatReference(ClosedReference):
             problems.add(f"expected one of {', '.join(ways)}, got {' and '.join(given) or 'none'}")
         if self.position is not None:
             check_expressions(self.position, n, G, problems.at("position"))
-        self._check_knots(n, problems.at("minimum_snap"))
+        if self.minimum_snap is not None:
+            self._check_knots(self.minimum_snap, n, problems.at("minimum_snap"))
         self._check_of(G, problems.at("of"))
         if self.heading is not None and n == 2:
             problems.at("heading").add("the plane has none; remove this key")
@@ -359,15 +360,12 @@ class FlatReference(ClosedReference):
                 formula(self.heading)
         check_along(self.along, n, problems)
 
-    def _check_knots(self, n: int, problems: Problems) -> None:
-        knots = self.minimum_snap
-        if knots is not None and len(knots) < 2:
-            problems.add(f"expected at least two positions, got {len(knots)}")
-        for index, knot in enumerate(knots or ()):
+    def _check_knots(self, knots: list[Knot], n: int, problems: Problems) -> None:
+        for index, knot in enumerate(knots):
             if len(knot.position) != n:
                 wanted = f"expected {n} numbers, got {len(knot.position)}"
                 problems.at(index, "position").add(wanted)
-        check_rising(knots or (), problems)
+        check_rising(knots, problems)
 
     def _check_of(self, G: MatrixLieGroup, problems: Problems) -> None:
         inner = None if self.of is None else self._of(G, problems)

@@ -384,8 +384,6 @@ class WaypointsReference(InFile, PiecewiseReference):
                 self.prepared(G, self.pieces)
 
     def _check_points(self, points: list[Waypoint], G: MatrixLieGroup, problems: Problems) -> None:
-        if len(points) < 2:
-            problems.add(f"expected at least two waypoints, got {len(points)}")
         for index, point in enumerate(points):
             pose_from(point.pose, G, problems.at(index, "pose"))
         check_rising(points, problems)

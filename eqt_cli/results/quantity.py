@@ -216,14 +216,9 @@ class Quantity:
         return self.label.replace("{}", plain(self.symbol)) or self.long_name
 
     @property
-    def plain_formula(self) -> str:
-        """Formula in plain characters; empty if the short name shows it."""
-        return plain(self.formula.replace("{}", self.symbol))
-
-    @property
     def described(self) -> str:
         """Short name and formula in plain characters: ``effort ∫‖τ‖² dt``."""
-        return f"{self.plain} {self.plain_formula}".rstrip()
+        return f"{self.plain} {plain(self.formula.replace('{}', self.symbol))}".rstrip()
 
     def part(self, name: str) -> Quantity:
         """Return the same quantity for one part of its norm, such as ``rotation``."""

@@ -325,11 +325,6 @@ class Tuned:
             found.setdefault(label, self.law.values(shares.tolist()))
         return found
 
-    @property
-    def least_violation(self) -> float:
-        """Smallest violation of any surviving point; 0 if one is feasible."""
-        return float(self.population.scores.violation.min())
-
 
 def tune(search: Search, folder: SearchFolder, do: Computing) -> tuple[Execution, dict[str, Any]]:
     """Search for the best gains of each law, and run the winners on held-out initial states."""
@@ -368,7 +363,7 @@ def _law_record(search: Search, found: Tuned) -> dict[str, Any]:
         "label": found.law.label,
         "over": {key: [axis.low, axis.high] for key, axis in found.law.axes.items()},
         "start": started(found.law.label),
-        "least_violation": found.least_violation,
+        "least_violation": float(scored.violation.min()),  # 0 if a point is feasible
         "winners": [
             {
                 "label": label,

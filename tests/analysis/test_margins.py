@@ -132,7 +132,7 @@ def test_eigenvalues_are_those_of_the_period_that_stored_runs_show(tmp_path: Any
     scale = np.abs(before).max(axis=0)
     M = np.linalg.lstsq(before / scale, after / scale)[0].T
     expected = by_size(np.linalg.eigvals(M))
-    found = by_size(loop.eigenvalues[0])
+    found = by_size(np.linalg.eigvals(loop.closed[0]))
     # Second-order terms are 1e-5 of the first, relative to it.
     np.testing.assert_allclose(found, expected[: len(found)], atol=2e-5)
 
@@ -190,8 +190,9 @@ def test_runs_decay_inside_of_the_gain_margins_and_grow_outside() -> None:
 def test_further_delay_is_what_the_queue_of_the_loop_makes_of_it() -> None:
     _, once = loop_of(LATE)
     _, thrice = loop_of(LATE, control={"period": 0.5, "delay": 3})
-    later = delayed([(once.A[0], once.B[0], once.C[0])], 2)
-    expected = by_size(thrice.eigenvalues[0])
+    A, B, C = (each[0] for each in once.phases[0])
+    later = delayed([(A, B, C)], 2)
+    expected = by_size(np.linalg.eigvals(thrice.closed[0]))
     np.testing.assert_allclose(by_size(np.linalg.eigvals(later)), expected, atol=1e-6)
 
 
@@ -208,7 +209,7 @@ def test_late_measurements_are_as_late_commands() -> None:
         LATE, control={"period": 0.5}, sensors={"pose": [noise], "velocity": [noise]}
     )
     _, asked = loop_of(LATE, control={"period": 0.5, "delay": 2})
-    found, expected = by_size(sensed.eigenvalues[0]), by_size(asked.eigenvalues[0])
+    found, expected = (by_size(np.linalg.eigvals(each.closed[0])) for each in (sensed, asked))
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
@@ -441,7 +442,7 @@ def test_slow_sensors_are_part_of_the_loop(
     _, loop = loop_of(slow(pose, rate, gains={"kp": kp, "kd": kd}))
     hand = [cycle_of_an_axis(J, 0.1, pose, rate, (2 * kp, kd)) for J in (1.0, 2.0, 3.0)]
     expected = max(np.abs(np.linalg.eigvals(each)).max() for each in hand)
-    assert np.abs(loop.eigenvalues).max() == pytest.approx(expected, rel=1e-9)
+    assert np.abs(np.linalg.eigvals(loop.closed)).max() == pytest.approx(expected, rel=1e-9)
     assert loop.cycle == pytest.approx(0.1 * np.lcm(pose[0], rate[0]))
 
 

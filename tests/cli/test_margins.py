@@ -89,7 +89,8 @@ def test_margins_of_a_sampled_loop(eqt: Eqt, folder: Path) -> None:
     assert " ".join(second[:2]) == "sliding mode"
     assert " ".join(second[-4:]) == "not used any indicative"
     assert done.out.endswith(
-        NOTES + "eigenvalues: of 1 s, after which all sensors measure together again\n"
+        NOTES + "eigenvalues of EqT, sliding mode: of 1 s, after which all that is slower is due "
+        "together\n"
         "indicative: the loop without the parts that are left out decides nothing about the whole "
         "loop\n"
         "left out: actuators[0] (torque limited), sensors.velocity[0] (measurements with noise)\n"

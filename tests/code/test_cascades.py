@@ -63,13 +63,15 @@ def test_c_that_was_typed_is_the_cascade_without_rates(rates, remark, judged):
 
 
 @pytest.mark.slow("compiles the C that eqt exports, and flies it")
-def test_exported_c_is_the_cascade(judged):
+@pytest.mark.parametrize("period", [{}, {"period": 0.03}])
+def test_exported_c_is_the_cascade(judged, period):
+    law = LAW | {"position": LAW["position"] | period}
     eqt_cli.export(
-        EXPERIMENT | {"name": "c", "controllers": [{**LAW, "gains": CODE["gains"]}]}, "c"
+        EXPERIMENT | {"name": "c", "controllers": [{**law, "gains": CODE["gains"]}]}, "c"
     )
-    assert (
-        judged(EXPERIMENT | {"controllers": [CODE | {"file": "c/cascade.c", "numbers": {}}]}) == {}
-    )
+    kept = {"memory": ["held", "left"]} if period else {}
+    code = CODE | kept | {"file": "c/cascade.c", "numbers": {}, "as": law}
+    assert judged(EXPERIMENT | {"controllers": [code]}) == {}
 
 
 def test_what_does_not_fit_the_claim_is_told(told):

@@ -153,7 +153,7 @@ def test_the_law_and_its_rates_are_those_written_by_hand():
     x, v, R, W = states_near(times)
     s = loop.tracking(times, flat_states(loop, x, v, R, W, times))
     wrench, Wc, Wc_rate = by_hand(x, v, R, W, *helix(times))
-    inner = loop.controller._inside(s).tracking
+    inner = loop.controller.commanded(s).tracking
     np.testing.assert_allclose(inner.Vd, Wc, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(inner.Vd_dot, Wc_rate, rtol=1e-10, atol=1e-9)  # up to 300 rad/s²
     np.testing.assert_allclose(loop.torque(s), wrench, rtol=1e-10, atol=1e-10)
@@ -247,7 +247,7 @@ def test_lees_examples_are_those_of_a_plain_program(reference, desired, R0, engi
 
 def eigenvalues(loop):
     zero, V = np.zeros(1), np.zeros((1, loop.group.dimension))
-    found = linearised(loop, zero, loop.group.identity[None], V).eigenvalues[0]
+    found = np.linalg.eigvals(linearised(loop, zero, loop.group.identity[None], V).closed[0])
     return found[np.lexsort((found.imag.round(6), found.real.round(6)))]
 
 
@@ -285,7 +285,7 @@ def test_the_plane_has_the_poles_of_position_and_attitude(along):
     loop = loop_of(law={"along": along, "gains": {"kp": 1.5, "kd": 0.3}}, **PLANAR)
     at = loop.group.exp(np.array([np.pi / 2 * along[0], 0, 0]))  # [1, 0] hovers on its side
     zero = np.zeros(1)
-    found = linearised(loop, zero, at[None], np.zeros((1, 3))).eigenvalues[0]
+    found = np.linalg.eigvals(linearised(loop, zero, at[None], np.zeros((1, 3))).closed[0])
     found = found[np.lexsort((found.imag.round(6), found.real.round(6)))]
     expected = roots(*[[1, KV, KX]] * 2, [0.02, 0.3, 2 * 1.5])
     np.testing.assert_allclose(found, expected, atol=1e-6)
@@ -358,7 +358,7 @@ def imbalance(loop, engine, times):
 def test_the_energy_of_every_attitude_law_balances(inside):
     one = experiment(law={"attitude": inside}, reference=HELIX)
     (loop,) = one.loops.values()
-    known = loop.controller.inner.dissipation(loop.controller._inside(start_of(loop)).tracking)
+    known = loop.controller.inner.dissipation(loop.controller.commanded(start_of(loop)).tracking)
     if known is None:
         pytest.skip(f"{inside} does not state its dissipation")
     assert imbalance(loop, one.engine, np.linspace(0, 0.5, 6)) <= 1e-11
@@ -399,7 +399,7 @@ def test_known_drag_is_differentiated_too():
 def test_other_rates_are_the_given_ones(rates):
     loop = loop_of(law={"rates": rates}, reference=HELIX)
     s = start_of(loop)
-    read = loop.controller._inside(s).tracking
+    read = loop.controller.commanded(s).tracking
     expected = s.Vd[:, :3] if rates == "reference" else [[0, 0, np.pi]] * 2
     np.testing.assert_allclose(read.Vd, expected)
     rate = s.Vd_dot[:, :3] if rates == "reference" else np.zeros((2, 3))
@@ -412,12 +412,12 @@ def test_the_rates_of_the_filter_are_those_of_the_model_where_it_is_fast():
     (loop,), times = one.loops.values(), np.linspace(0, 0.4, 3)
     start = flat_states(loop, *off(np.random.default_rng(3)))
     found = one.engine.solve(Problem(loop, start, times)).states
-    read = loop.controller._inside(loop.tracking(times, found)).tracking
+    read = loop.controller.commanded(loop.tracking(times, found)).tracking
     model = loop_of(reference=HELIX)
     states = model.initial_state(
         *(getattr(loop.tracking(times, found), n) for n in ("Q", "V")), np.eye(4), np.zeros(6)
     )
-    exact = model.controller._inside(model.tracking(times, states)).tracking
+    exact = model.controller.commanded(model.tracking(times, states)).tracking
     np.testing.assert_allclose(read.Vd[:, 1:], exact.Vd[:, 1:], atol=0.05)
     assert np.abs(exact.Vd[:, 1:]).max() > 1.0
 
@@ -432,7 +432,12 @@ SAMPLED = {"control": {"period": 0.01, "delay": 1}, "time": {"duration": 0.1, "s
             {"position": {"kx": KX, "kv": KV, "ki": 2, "limit": 6}},
             marks=pytest.mark.slow("compiles a law, and calls it for a second"),
         ),
-        {"rates": "filter", "bandwidth": 60, "attitude": {"kind": "goodarzi2013", "ki": 0.5}},
+        {
+            "rates": "filter",
+            "bandwidth": 60,
+            "attitude": {"kind": "goodarzi2013", "ki": 0.5},
+            "position": {"kx": KX, "kv": KV, "ki": 2, "period": 0.03},
+        },
     ],
 )
 def test_a_sampled_loop_is_the_same_by_both_engines(law):
@@ -445,6 +450,53 @@ def test_a_sampled_loop_is_the_same_by_both_engines(law):
         states.append(one.engine.solve(Problem(loop, start, one.times)).states)
     assert np.isfinite(states[0]).all()
     np.testing.assert_allclose(*states, rtol=1e-7, atol=1e-7)
+
+
+def test_a_position_loop_with_a_period_holds_its_force():
+    """F of every third instant, and the attitude law of Lee without rates at each of them."""
+    law = {"rates": "none", "position": {"kx": KX, "kv": KV, "period": "30 ms"}}
+    one = experiment(law=law, reference=HELIX, control={"period": "10 ms"})
+    (loop,), times = one.loops.values(), np.arange(11) / 100
+    found = one.engine.solve(
+        Problem(loop, flat_states(loop, *off(np.random.default_rng(3))), times)
+    )
+    assert (found.status == 0).all()
+    s, (xd, heading) = loop.tracking(times, found.states), helix(times)
+    R, W, v = s.Q[..., :3, :3], s.V[..., :3], (s.Q[..., :3, :3] @ s.V[..., 3:, None])[..., 0]
+    e3, still = np.array([0, 0, 1]), np.zeros(3)
+    F = xd[2] - KX * (s.Q[..., :3, 3] - xd[0]) - KV * (v - xd[1]) - G * e3
+    F = F[:, np.arange(11) // 3 * 3]
+    c3 = -F / np.linalg.norm(F, axis=-1, keepdims=True)
+    c2 = np.cross(c3, heading[0])
+    c2 /= np.linalg.norm(c2, axis=-1, keepdims=True)
+    Rc = np.stack([np.cross(c2, c3), c2, c3], axis=-1)
+    E = np.swapaxes(Rc, -1, -2) @ R
+    eR = [E[..., 2, 1] - E[..., 1, 2], E[..., 0, 2] - E[..., 2, 0], E[..., 1, 0] - E[..., 0, 1]]
+    torque = -KR / 2 * np.stack(eR, axis=-1) - KW * W + np.cross(W, J * W)
+    push = MASS * (F * R[..., 2]).sum(axis=-1)
+    wrench = np.concatenate([torque, still + push[..., None] * e3], axis=-1)
+    # No instant is at the end.
+    asked, expected = loop.torque(s)[:, :-1], wrench[:, :-1]
+    np.testing.assert_allclose(asked, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_margins_know_the_period_of_the_position():
+    """Upwards, a mass whose PD force is held for P: z² − (2 − a − b)z + 1 + a − b.
+
+    Here a = k_x P²/2 and b = k_v P. A period of one control period is none.
+    """
+    position, period = {"kx": KX, "kv": KV}, 0.2
+    slow, own, none = (
+        loop_of(law={"position": position | each}, control={"period": 0.02})
+        for each in ({"period": period}, {"period": 0.02}, {})
+    )
+    found = eigenvalues(slow)
+    a, b = KX * period**2 / 2, KV * period
+    for root in np.roots([1, a + b - 2, 1 + a - b]):
+        assert np.abs(found - root).min() < 1e-6
+    assert np.abs(found).max() < 1
+    moving = [each[np.abs(each) > 1e-3] for each in (eigenvalues(own), eigenvalues(none))]
+    np.testing.assert_allclose(*moving, atol=1e-6)
 
 
 def test_swept_gains_of_the_position_have_no_name_of_a_law():
@@ -514,6 +566,15 @@ REFUSED = [
     (
         {"law": {"bandwidth": 60}},
         "controllers[0].bandwidth: applies to rates: filter only, got rates: model",
+    ),
+    (
+        {"law": {"position": {"kx": KX, "kv": KV, "period": "25 ms"}}, "control": {"period": 0.01}},
+        "controllers[0].position.period: expected a whole number of periods of 10 ms, got 25 ms; "
+        "write 20 ms or 30 ms",
+    ),
+    (
+        {"law": {"position": {"kx": KX, "kv": KV, "period": "20 ms"}}},
+        "controllers[0].position.period: counts control periods; set control.period",
     ),
     (
         {"controllers": ["lee2010"]},

@@ -291,7 +291,10 @@ time: {duration: 2.0, samples: 11}
 """
     )
     assert f"{path}: valid" in invoke("config", "check", path).stderr
-    assert "left out: actuators[0] (thrusters)" in invoke("margins", path).stdout
+    assert (
+        "left out: actuators[0] (only the limits of the thrusters)"
+        in invoke("margins", path).stdout
+    )
 
 
 def test_a_file_with_more_datasets_than_eqt_writes_is_refused_at_once(result, invoke):

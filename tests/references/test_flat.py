@@ -151,7 +151,7 @@ REFUSED = {
     "{position: [0, 0]}": "reference.position: expected 3 expressions for SE3, got 2",
     "{heading: 0}": "reference: expected one of position, minimum_snap, of, got none",
     "{minimum_snap: [{t: 1, position: [0, 0]}]}": (
-        "reference.minimum_snap: expected at least two positions, got 1",
+        "reference.minimum_snap: expected at least two points, got 1",
         "reference.minimum_snap[0].position: expected 3 numbers, got 2",
     ),
     "{minimum_snap: [{t: 1, position: [0, 0, 0]}, {t: 1, position: [0, 0, 0]}]}": (

@@ -64,7 +64,7 @@ def test_waypoints_are_given_in_one_way(given, got):
 def test_two_waypoints_are_enough():
     assert notes(WaypointsReference(POINTS)) == []
     assert notes(WaypointsReference(POINTS[:1])) == [
-        ("points", "expected at least two waypoints, got 1")
+        ("points", "expected at least two points, got 1")
     ]
 
 

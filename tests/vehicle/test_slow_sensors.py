@@ -214,8 +214,8 @@ def test_the_signal_path_says_when_a_part_is_measured(tmp_path):
             "{period: 0.1}",
             "{velocity: [{kind: bias, value: 1, of: rotation, period: 0.25}]}",
             [
-                "sensors.velocity[0].period: expected a whole number of control periods of 0.1 s, "
-                "such as 0.2 or 0.3, got 0.25"
+                "sensors.velocity[0].period: expected a whole number of periods of 100 ms, got "
+                "250 ms; write 200 ms or 300 ms"
             ],
         ),
         (

@@ -39,7 +39,7 @@ class CommandedRates(Identity):
         """Compare Ṙ_c with R_cΩ_c^, and the rate of Ω_c with Ω̇_c."""
         law = sample.loop.controller
         assert isinstance(law, Cascade) and sample.s.flat is not None
-        s = law.attitude_input(sample.s)
+        s = law.commanded(sample.s).tracking
         turning = s.Qd @ s.G.hat(s.Vd)
         axis = np.array(law.direction)
         yield rate_of(s.Qd @ axis), turning @ axis
@@ -68,9 +68,9 @@ class ForceStays(TrajectoryCheck):
         loop = runs.vehicle.loop
         law, s = loop.controller, loop.tracking(runs.vehicle.problem.times, runs.vehicle.states)
         assert isinstance(law, Cascade)
-        sizes = norm(law.asked(s))
+        sizes = norm(law.commanded(s).asked)
         least, typical = float(sizes.min()), float(np.median(sizes))
-        angle = _angle(law.attitude_input(s).relative.Q[:, 0])
+        angle = _angle(law.commanded(s).tracking.relative.Q[:, 0])
         remark = f"R(0) is up to {np.degrees(angle):.3g}° from R_c(0)"
         verdict = Verdict.HOLDS if least > WEAK * typical else Verdict.VIOLATED
         return self.row(verdict, least, WEAK * typical, remark, runs.label)

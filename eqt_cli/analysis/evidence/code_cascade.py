@@ -129,6 +129,6 @@ def _of_attitude(question: Question, wrench: Array) -> tuple[Question, Array]:
     """Return the attitude law with what it reads, and the torque that is to be its own."""
     loop, law = question.loop, _cascade(question)
     s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
-    read, turns = law.attitude_input(s), loop.group.parts[0].axes
+    read, turns = law.commanded(s).tracking, loop.group.parts[0].axes
     known = law.torque(s)[:, turns] - law.inner.torque(read)
     return Question(loop.inside, LawInput.of(read), read.memory), wrench[:, turns] - known

@@ -68,8 +68,8 @@ class Question:
         kept = self.memory if memory is None else memory
         s = inputs.tracking(loop.group, loop.inertia, gains, kept)
         with np.errstate(all="ignore"):
-            found: Array = (law or loop.controller).torque(s) + 0.0 * inputs.velocity
-        return found
+            found, _ = (law or loop.controller).answer(s, loop.period)
+        return found + 0.0 * inputs.velocity
 
     def of(self, where: Array) -> Question:
         """Return the question at some of the states."""
@@ -479,11 +479,10 @@ def _other_laws(question: Question) -> Iterator[tuple[str, Question]]:
         yield words, _with(question, controller=law)
     for option, without in _without_options(loop.controller):
         yield f"the option {option} is missing", _with(question, controller=without)
-    control = loop.vehicle.control
-    if question.memory and control is not None:
+    if question.memory and loop.period:
         s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
         rates = loop.controller.memory_rate(s)
-        later = {name: z + control.period * rates[name] for name, z in question.memory.items()}
+        later = {name: z + loop.period * rates[name] for name, z in question.memory.items()}
         words = "memory goes on before it is used, and not after"
         yield words, replace(question, memory=later)
 

@@ -108,11 +108,6 @@ class Ensemble:
         return self.results.labels[self.controller]
 
     @property
-    def has_function(self) -> bool:
-        """Whether to draw L of this law: the law claims that L falls, or no law here does."""
-        return self.law not in self.results.without_function
-
-    @property
     def failed(self) -> int:
         """Number of runs left out because they failed."""
         return int(self.good.size - np.count_nonzero(self.good))
