@@ -63,12 +63,13 @@ class Question:
         memory: Mapping[str, Array] | None = None,
     ) -> Array:
         """Return the torque of this or another law with scaled gains, ``(rows, m)``."""
-        loop, inputs = self.loop, inputs or self.inputs
+        loop, inputs, law = self.loop, inputs or self.inputs, law or self.loop.controller
         gains = Gains(K * loop.gains.K, K_d * loop.gains.K_d)
-        kept = self.memory if memory is None else memory
+        given, names = self.memory if memory is None else memory, law.memory(loop.group)
+        kept = {name: z for name, z in given.items() if name in names}
         s = inputs.tracking(loop.group, loop.inertia, gains, kept)
         with np.errstate(all="ignore"):
-            found, _ = (law or loop.controller).answer(s, loop.period)
+            found, _ = law.answer(s, loop.period)
         return found + 0.0 * inputs.velocity
 
     def of(self, where: Array) -> Question:
