@@ -264,8 +264,7 @@ class SmallErrors(Identity):
         In powers of 1/s this is C E, then C Fᵏ(D + F E), which is 0 for all k if it is 0 for as
         many k as z has entries.
         """
-        law, x = sample.loop.controller, sample.drawn[1]
-        s = sample.loop.tracking(sample.times, sample.flat)  # without rates
+        s, law, x = sample.resting, sample.loop.controller, sample.drawn[1]
         still = sample.lifted(0 * x)
         identity = sample.lifted(0 * sample.drawn[0] + sample.G.identity)
         at_rest = replace(

@@ -85,6 +85,11 @@ class Sample:
         moving = with_rate(self.flat, field)
         return self.loop.tracking(with_rate(self.times, 1.0), moving)
 
+    @property
+    def resting(self) -> Tracking:
+        """The same states without rates."""
+        return self.loop.tracking(self.times, self.flat)
+
     @cached_property
     def generic(self) -> Tracking:
         """The same states with `gains` instead of the experiment's."""
