@@ -21,7 +21,17 @@ from eqt_cli.report.animation import animation
 from eqt_cli.report.environment import TEMPLATES, page
 from eqt_cli.report.figures import CASES, COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
 from eqt_cli.report.run_curves import columns, curves, run_table
-from eqt_cli.report.summary import accuracy, day, given, laws, lead, point_table, provenance
+from eqt_cli.report.summary import (
+    accuracy,
+    called,
+    day,
+    given,
+    laws,
+    lead,
+    made_by,
+    point_table,
+    provenance,
+)
 from eqt_cli.results.result import HEADLINE, Result
 from eqt_cli.tuning.folder import TUNE, WORST
 from eqt_cli.tuning.held_out import side_by_side
@@ -30,9 +40,6 @@ from eqt_cli.tuning.tables import tuning_tables, worst_tables
 RANKS = ("mean_pose_error", "early_torque")
 """Metrics by which the median run is animated; the first that is stored is used."""
 
-
-MOST_PAIRS = 24
-"""Maximum number of paired differences that a page shows unfolded."""
 
 OPTIONAL = (
     "best",
@@ -84,7 +91,7 @@ def report(
     author, notes
         Author of the page, and remarks for its reader; blank lines separate paragraphs.
     title, date
-        Title and date of the page; by default the name of the experiment and the day of the run.
+        Title and date of the page; by default the laws and the day of the run.
     """
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown, certificates)
@@ -97,9 +104,9 @@ def report(
         failed=len(result.failures),
         lead=lead(result),
         author=author,
-        title=title,
+        title=title or called(result),
+        made_by=made_by(result),
         date=date or day(result),
-        most_pairs=MOST_PAIRS,
         notes=[" ".join(part.split()) for part in re.split(r"\n\s*\n", notes) if part.strip()],
         given=given(result),
         laws=laws(result),
@@ -109,7 +116,8 @@ def report(
         config=str(result.attributes.get("config", "")).rstrip(),
         figures=[{"key": f.key, "svg": Markup(f.svg), "caption": f.caption} for f in drawn],
         remarks=remarks,
-        certificates=certificate_table(titled(certificates, result.titled)),
+        certificates=certificate_table(rows := titled(certificates, result.titled)),
+        doubts=certificate_table(rows, brief=True),
         unverified=unverified,
         font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
         search=_searched(result),

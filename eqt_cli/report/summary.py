@@ -1,5 +1,6 @@
 """The experiment, its points and its runs in words; this module must not know any page."""
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -70,6 +71,8 @@ class Law:
     own: str
 
 
+_WHOLE = 1e9
+"""Whole numbers below this are written with all their digits."""
 MOST_VALUES = 12
 """Maximum length of a list that is written out; the lines of a search have hundreds."""
 
@@ -176,7 +179,10 @@ def told(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if _is_number(value):
-        return f"{value:.6g}".replace("-", "−")
+        number = f"{value:.6g}"
+        if abs(value) < _WHOLE and value == int(value):
+            number = str(int(value))
+        return number.replace("3.14159", "π").replace("-", "−")
     if isinstance(value, list):
         parts = [told(entry) for entry in value]
         if len(parts) > MOST_VALUES:
@@ -271,9 +277,30 @@ def lead(result: Result) -> str:
     comma = "; " if any(", " in title for title in result.titles) else ", "
     return (
         f"{points}{result.runs} run{'s' * (result.runs > 1)}{lasting} for {controllers} "
-        f"({comma.join(result.titles)}) on {result.group_name or 'a group'}; the same initial "
+        f"({comma.join(result.titles)}) on {_group(result)}; the same initial "
         f"states for all of them.{loop}"
     )
+
+
+def _group(result: Result) -> str:
+    """Return the group as it is written in a paper: ``SO(3)`` for SO3."""
+    name = result.group_name.replace("SE23", "SE₂(3)")
+    return re.sub(r"\b(S[OE])(\d)\b", r"\1(\2)", name) or "a group"
+
+
+def called(result: Result) -> str:
+    """Return a title that says what is compared: ``paper: EqT and GT on SO(3)``."""
+    many = len(result.titles) > MOST_VALUES // 2
+    named = f"{len(result.titles)} laws" if many else listed(result.titles)
+    return f"{result.title}: {named} on {_group(result)}"
+
+
+def made_by(result: Result) -> list[str]:
+    """Return the command of the result, and the version and commit of eqt."""
+    told = result.provenance
+    commit = f", commit {told['git'][:12]}" if told.get("git") else ""
+    version = f"eqt {told['eqt']}{commit}" if told.get("eqt") else ""
+    return [words for words in (str(told.get("command", "")), version) if words]
 
 
 def day(result: Result) -> str:

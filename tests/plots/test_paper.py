@@ -135,11 +135,22 @@ def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened):
         assert (at_time.min(), at_time.max()) == (low, high)
 
 
-def test_log_is_of_the_torque_too_unless_it_has_a_scale_of_its_own(so3, opened):
-    for options, of_torque in (({}, "log"), ({"log_torque": False}, "linear")):
+def test_log_leaves_a_torque_of_less_than_a_decade_linear_unless_asked(so3, opened):
+    for options, of_torque in (({}, "linear"), ({"log_torque": True}, "log")):
         drawing = Paper(log=True, **options).draw([opened(so3)])
         scales = [axes.get_yscale() for axes in drawing.axes]
         assert scales == ["log", "log", of_torque, "log"]
+
+
+REST = {"torque": ["0", "0", "0"]}
+
+
+def test_log_is_of_a_torque_that_spans_a_decade_too(simulate, opened):
+    rest = opened(simulate(reference=REST, time={"duration": 30, "samples": 61}))
+    for options, of_torque in (({}, {"log"}), ({"log_torque": False}, {"linear"})):
+        drawing = Paper(log=True, **options).draw([rest])
+        torques = [axes for axes in drawing.axes if axes.get_label().startswith("torque_norm")]
+        assert {axes.get_yscale() for axes in torques} == of_torque
 
 
 def test_laws_panels_and_times_are_chosen(so3, opened):

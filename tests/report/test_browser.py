@@ -1,6 +1,7 @@
 """The report in headless Chromium, from a file, without a network."""
 
 import csv
+import re
 from pathlib import Path
 
 import pytest
@@ -205,7 +206,7 @@ def kept(page, button, name):
 def test_the_table_of_runs_is_saved_as_it_is_filtered(page):
     Select(find(page, "#by-controller")).select_by_visible_text("GT")
     head, *rows = csv.reader(kept(page, "#all-caption .download", "runs.csv").splitlines())
-    assert head[:3] == ["controller", "run", "status"] and "mean ‖τ‖, first 5 s (N m)" in head
+    assert head[:3] == ["law", "run", "status"] and "mean ‖τ‖, first 5 s (N m)" in head
     assert [row[:3] for row in rows] == [["gt", str(run), "ok"] for run in range(60)]
 
 
@@ -213,7 +214,7 @@ def test_a_table_is_saved(page):
     head, first, *_ = csv.reader(
         kept(page, "#headline-caption .download", "headline.csv").splitlines()
     )
-    assert (head[0], first[0], first[1]) == ("controller", "EqT", "60")
+    assert (head[0], first[0], first[1]) == ("law", "EqT", "60")
 
 
 def test_the_configuration_is_saved(page):
@@ -303,11 +304,25 @@ def test_on_a_phone_the_first_column_stays_while_a_table_scrolls(page):
     assert [(off, share) for _, off, share in moved if off or share > 0.5] == []
 
 
-def test_many_paired_rows_are_folded_but_on_paper(page):
-    folded = find(page, "#comparison details")
-    assert folded.text == "78 paired differences of 6 pairs of laws"
+def test_certificates_that_hold_are_folded_but_on_paper_and_pairs_are_open(page):
+    assert find(page, "#pairs-table").is_displayed()
+    folded = find(page, "#certificates details")
+    assert re.fullmatch(r"All \d+ statements and hypotheses", folded.text)
     page.execute_script("window.dispatchEvent(new Event('beforeprint'))")
-    assert folded.get_attribute("open") and find(page, "#pairs-table").is_displayed()
+    assert folded.get_attribute("open") and find(page, "#all-certificates-table").is_displayed()
+
+
+def test_a_phone_is_told_that_a_figure_scrolls(page):
+    def hinted(width):
+        screen = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600}
+        page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+        box = find(page, "figure .paper")
+        return find(page, ".hint").is_displayed(), box.get_property(
+            "scrollWidth"
+        ) > box.get_property("clientWidth")
+
+    assert [hinted(390), hinted(1280)] == [(True, True), (False, False)]
+    page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def test_tables_fit_a_usual_screen(page):

@@ -5,11 +5,13 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import eqt_cli
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.report import report
+from eqt_cli.report.summary import told
 from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import open_result
 
@@ -84,7 +86,7 @@ def test_every_run_is_in_the_table(text):
 
 
 def test_what_was_run_is_there_to_read(text):
-    assert "60 runs of 20 s for each of 4 controllers (EqT, GT, nog, asym) on SO3" in text
+    assert "60 runs of 20 s for each of 4 controllers (EqT, GT, nog, asym) on SO(3)" in text
     assert "seed: 2025" in text and "<dt>python</dt>" in text
 
 
@@ -92,12 +94,22 @@ def test_means_have_their_units(text):
     assert 'first 5 s<span class="unit">N m</span>' in text
 
 
-def test_findings_come_first(text):
-    opening = text[text.index("<main") : text.index("<svg")]
-    assert (
-        'class="verdict undecided">seen, not all settled</span> “the EqT control requires'
-        in opening
-    )
+def test_the_figure_and_the_results_come_first_then_the_findings(text):
+    finding = 'class="verdict undecided">seen, not all settled</span> “the EqT control requires'
+    places = [text.index(each) for each in ("<main", "<svg", 'id="headline-table"', finding)]
+    assert places == sorted(places)
+    assert places[-1] < text.index('id="experiment"')
+
+
+def test_the_first_screen_says_what_is_compared_and_how_to_repeat_it(text):
+    opening = text[: text.index("<nav")]
+    assert "<h1>paper: EqT, GT, nog and asym on SO(3)</h1>" in opening
+    assert "eqt 0.1.0" in opening and "eqt run" in opening
+
+
+def test_numbers_are_written_as_in_a_paper():
+    values = [-np.pi, 1_000_000, 0.5, float("inf"), 1e-6]
+    assert [told(value) for value in values] == ["−π", "1000000", "0.5", "inf", "1e−06"]
 
 
 def test_the_experiment_has_its_equations_and_values(text):
@@ -177,8 +189,10 @@ def test_certificates_keep_kinds_apart_and_failures_stand_out(paper_result):
     with open_result(paper_result) as results:
         text = report(results, [], rows)
     assert "checked on this experiment: 1 hold, 1 fail" in text
-    assert text.index("Identities, at random states") < text.index("Trajectories, over the runs")
-    assert '<td class="number">2.0e-03</td>' in text
+    doubts, every = text[text.index('id="certificates-table"') :].split('class="folded"')
+    assert "Trajectories, over the runs" in doubts and "Identities" not in doubts
+    assert every.index("Identities, at random states") < every.index("Trajectories, over the runs")
+    assert '<td class="number">2.0e-03</td>' in doubts
     assert '<span class="verdict not-supported">FAILS</span>' in text
     assert "img" not in Page(text).tags
 

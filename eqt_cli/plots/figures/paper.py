@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
@@ -12,7 +13,7 @@ from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import Bands, draw_mean, of_bands
 from eqt_cli.plots.drawing.labels import part_name
-from eqt_cli.plots.drawing.scales import scale_norm
+from eqt_cli.plots.drawing.scales import scale_norm, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Width
 from eqt_cli.plots.law_columns import law_columns
 from eqt_cli.plots.shown.controllers import Ensemble
@@ -35,7 +36,7 @@ class Paper(Panelled, OverTime):
         Logarithmic scales. The default is linear, as in the paper, so that the two can be
         compared.
     log_torque
-        A logarithmic scale for the torque; by default as `log`.
+        A logarithmic scale for the torque; by default as `log`, if the torque spans a decade.
     bands
         ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a column of
         panels per law; ``bootstrap`` the 95 % interval of the mean at each time.
@@ -98,7 +99,10 @@ class Paper(Panelled, OverTime):
         draw_mean(axes, runs.times(ensemble), values, self.bands, ensemble)
 
     def _scale(self, panels: Sequence[Axes], signal: str, runs: ShownRuns) -> None:
-        of_torque = signal.startswith("torque_norm") and self.log_torque is not None
+        log = self.log
+        if signal.startswith("torque_norm"):
+            drawn = np.concatenate([line.get_ydata() for axes in panels for line in axes.lines])
+            log = log and spans_decade(drawn) if self.log_torque is None else self.log_torque
         for axes in panels:
-            scale_norm(axes, log=bool(self.log_torque if of_torque else self.log))
+            scale_norm(axes, log=log)
         layout.name_scale(panels[0], runs.error_label(signal, degrees=self.degrees))

@@ -329,7 +329,7 @@
   function runTable() {
     const rowsPerPage = 25;
     const columns = [
-      { name: "controller", unit: "" }, { name: table.item, unit: "" }, { name: "status", unit: "" }, ...table.columns,
+      { name: "law", unit: "" }, { name: table.item, unit: "" }, { name: "status", unit: "" }, ...table.columns,
     ];
     let sorted = { column: null, descending: false }, page = 0, kept = table.rows;
     const head = document.querySelector("#all thead tr");
