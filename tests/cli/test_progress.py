@@ -159,6 +159,16 @@ def test_a_run_tells_how_far_it_is(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) ->
     assert "runs/s" not in done.out
 
 
+def test_verify_tells_how_far_it_is_before_a_run_is_done(
+    eqt: Eqt, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a body with unlike moments of inertia, the first run alone may take minutes."""
+    monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
+    monkeypatch.setattr(progress, "LINE_EVERY", 0.0)
+    lines = eqt("verify", "c.yaml", "--set", "ensemble.runs=1").err.splitlines()
+    assert any(re.fullmatch(r"0/2 runs, [\d.]+ (s|min) left", line) for line in lines)
+
+
 def test_a_step_that_begins_counts_anew(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
     with reporting(progress.meter()):
         with step("runs", 8):
