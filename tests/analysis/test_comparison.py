@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 from eqt_cli.analysis.comparison import Window, compare
 from eqt_cli.analysis.comparison.claims import AtMost
 from eqt_cli.analysis.comparison.intervals import Resampling
-from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.notation import Latex, Plain
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.records import records
 from eqt_cli.analysis.comparison.verdicts import judge_at_most, judge_less
@@ -579,3 +579,16 @@ def test_the_claim_about_the_first_5_seconds_is_judged_over_these(torques):
 )
 def test_a_number_and_its_interval_have_one_form(mean, low, high, written):
     assert Plain().interval(mean, low, high) == written
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [
+        ("-3.63e-05", r"$-$3.63$\cdot10^{-5}$"),
+        ("1.7e+12", r"1.7$\cdot10^{12}$"),
+        ("3.18e-10", r"3.18$\cdot10^{-10}$"),
+        ("-0.283", "$-$0.283"),
+    ],
+)
+def test_a_power_of_ten_is_one_in_latex_too(text, written):
+    assert Latex().number(text) == written

@@ -278,6 +278,8 @@ def test_claims_about_the_ideal_loop_are_not_judged_on_another(eqt, folder):
     assert said[-2] == seen
     assert said[0].startswith("  EqT has the smallest mean ‖τ‖ over 0–1 s, ")
     assert "supported" not in out and " [" not in out.partition("Means")[0]
+    table = eqt("compare", "results/c", "--table", "claims").out
+    assert "\nnot covered: beyond the theorems of these claims are sampled control.\n" in table
     rows = json.loads(eqt("compare", "results/c", "--json").out)["claims"]
     assert {row["verdict"] for row in rows} == {"not covered"}
     with open_result("results/c") as result:

@@ -81,7 +81,8 @@ class Latex(Plain):
         return rf"{window.start:g}--{window.stop:g}\,s"
 
     def number(self, text: str) -> str:
-        return re.sub(r"-(?=\d)", "$-$", text)
+        powers = re.sub(r"e([+-])0*(\d+)", r"$\\cdot10^{\1\2}$", text).replace("{+", "{")
+        return re.sub(r"(?<!\{)-(?=\d)", "$-$", powers)
 
 
 DECIMAL = 1e-3, 1e9

@@ -226,10 +226,8 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
         absent = ", ".join(map(law_title, judgements[0].absent))
         without = f" (here without {absent})" if absent else ""
         blocks.append(Block(write.text(f"“{says}”{without}"), rows))
-    caption = (
-        f"Claims of {write.text(sources(comparison))}, tested on this experiment, at "
-        f"{_runs_each(comparison)}"
-    )
+    about = f"Claims of {write.text(sources(comparison))}, tested on this experiment"
+    caption = f"{about}, at {_runs_each(comparison)}"
     header = ["measured", "window", "found", "verdict", "runs to decide"]
     notes = [
         "Differences below 0 support a claim: supported if the whole interval lies below 0, not "
@@ -237,6 +235,8 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
         "supported only if no run violates it and the runs are enough to speak for 95 % of all "
         "initial states."
     ]
+    if comparison.departures:
+        notes = [f"not covered: beyond the theorems of these claims are {comparison.departures}."]
     laws = dict.fromkeys(law for row in comparison.judgements for law in row.settled)
     if any(law.count < law.runs for law in laws):
         counts = ", ".join(
@@ -246,8 +246,7 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
             f"Settled at {comparison.horizon:g} s: {counts}. A claim about laws of which not all "
             "runs settled is at most seen, since these runs do not show where the others end."
         )
-    spare = ("runs to decide",)
-    return TextTable("claims", caption, header, blocks, _plain(notes, write), spare)
+    return TextTable("claims", caption, header, blocks, _plain(notes, write), (header[-1],))
 
 
 def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> list[str]:
