@@ -256,6 +256,10 @@ class Controller(GivenOverTime, Component):
         """Return the time derivatives of all states, which are in `s.memory`."""
         return {}
 
+    def undefined(self, s: Tracking) -> str:
+        """Return why the law has no command at a state of one run, and the remedy; "" if it has."""
+        return ""
+
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
         """Return the states that count control instants, at each instant of the law's cycle."""
         return [{}]

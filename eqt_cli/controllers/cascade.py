@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from eqt_cli.controllers.base import Controller
-from eqt_cli.core.arrays import Array, apply_matrix, dot, exp, frobenius, less, sqrt, where
+from eqt_cli.core.arrays import Array, apply_matrix, dot, exp, frobenius, less, norm, sqrt, where
 from eqt_cli.core.errors import Problems, Remedy
 from eqt_cli.core.jets import Jet
 from eqt_cli.core.leaves import STRUCTURE, with_fields
@@ -32,6 +32,10 @@ from eqt_cli.mechanics.tracking import Gains, Tracking
 
 ORDER = 2
 """Derivatives of the force that the rates of the attitude need."""
+
+WEIGHTLESS = 1e-3
+"""‖F‖/m, m/s², below which F counts as 0: the attitude then turns a thousand times as fast as at
+the weight of a body."""
 
 FILTERED, FILTERED_RATE = "filtered", "filtered_rate"
 """States of the filter: F/m as it gives it, and its rate."""
@@ -237,6 +241,15 @@ class Cascade(Controller):
         if self.position.period is None:
             return [{}]
         return [{LEFT: 0.0}] + [{LEFT: period}] * (round(self.position.period / period) - 1)
+
+    def undefined(self, s: Tracking) -> str:
+        """Tell that F is 0."""
+        if s.flat is None or norm(self._asked(s)[0].value).min() > WEIGHTLESS:
+            return ""
+        return (
+            "the force that cascade asks for is 0, and has no direction for the attitude; give "
+            "position.limit below the weight per mass"
+        )
 
     def attitude_error(self, s: Tracking) -> Array:
         """Return ‖R − R_c‖_F."""

@@ -73,6 +73,9 @@ class ForceStays(TrajectoryCheck):
         angle = _angle(law.commanded(s).tracking.relative.Q[:, 0])
         remark = f"R(0) is up to {np.degrees(angle):.3g}° from R_c(0)"
         verdict = Verdict.HOLDS if least > WEAK * typical else Verdict.VIOLATED
+        if verdict is Verdict.VIOLATED:
+            t = runs.vehicle.problem.times[sizes.argmin() % sizes.shape[-1]]
+            remark += f"; F is nearly 0 at {t:.4g} s: give position.limit below the weight per mass"
         return self.row(verdict, least, WEAK * typical, remark, runs.label)
 
 
