@@ -104,6 +104,10 @@ class Controller(GivenOverTime, Component):
         Whether it reads the flat output of the reference.
     commands_attitude
         Whether it commands an attitude R_c, to which an attitude law turns the body.
+    direction
+        The body axis along which it pushes a rigid body, if there is only one.
+    undefined
+        Where it has no command, and the remedy, in words; "" where it always has one.
     reads_gains
         Whether it reads the section `gains`.
     """
@@ -118,6 +122,8 @@ class Controller(GivenOverTime, Component):
     departs: ClassVar[str] = ""
     reads_flat_output: ClassVar[bool] = False
     commands_attitude: ClassVar[bool] = False
+    direction: ClassVar[Any] = ()
+    undefined: ClassVar[str] = ""
     reads_gains: ClassVar[bool] = True
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -160,11 +166,6 @@ class Controller(GivenOverTime, Component):
 
     def attitude_error(self, s: Tracking) -> Array | None:
         """Return ‖R − R_c‖_F, ``(...)``, if it `commands_attitude`."""
-        return None
-
-    @property
-    def pushes_along(self) -> tuple[float, ...] | None:
-        """The body axis along which it pushes a rigid body, if there is only one."""
         return None
 
     @property
@@ -255,10 +256,6 @@ class Controller(GivenOverTime, Component):
     def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
         """Return the time derivatives of all states, which are in `s.memory`."""
         return {}
-
-    def undefined(self, s: Tracking) -> str:
-        """Return why the law has no command at a state of one run, and the remedy; "" if it has."""
-        return ""
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
         """Return the states that count control instants, at each instant of the law's cycle."""

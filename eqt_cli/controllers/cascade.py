@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from eqt_cli.controllers.base import Controller
-from eqt_cli.core.arrays import Array, apply_matrix, dot, exp, frobenius, less, norm, sqrt, where
+from eqt_cli.core.arrays import Array, apply_matrix, dot, exp, frobenius, less, sqrt, where
 from eqt_cli.core.errors import Problems, Remedy
 from eqt_cli.core.jets import Jet
 from eqt_cli.core.leaves import STRUCTURE, with_fields
@@ -32,10 +32,6 @@ from eqt_cli.mechanics.tracking import Gains, Tracking
 
 ORDER = 2
 """Derivatives of the force that the rates of the attitude need."""
-
-WEIGHTLESS = 1e-3
-"""‖F‖/m, m/s², below which F counts as 0: the attitude then turns a thousand times as fast as at
-the weight of a body."""
 
 FILTERED, FILTERED_RATE = "filtered", "filtered_rate"
 """States of the filter: F/m as it gives it, and its rate."""
@@ -153,7 +149,7 @@ class Cascade(Controller):
     inner: Any = field(default=None, init=False, repr=False)  # Controller
     known: Any = field(default=(), init=False, repr=False)  # tuple of forces
     exact: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
-    direction: Any = field(default=(), init=False, metadata=STRUCTURE)  # tuple of numbers
+    direction: Any = field(default=(), init=False, metadata=STRUCTURE)  # type: ignore[misc]
 
     # What it is made of.
 
@@ -242,24 +238,16 @@ class Cascade(Controller):
             return [{}]
         return [{LEFT: 0.0}] + [{LEFT: period}] * (round(self.position.period / period) - 1)
 
-    def undefined(self, s: Tracking) -> str:
-        """Tell that F is 0."""
-        if s.flat is None or norm(self._asked(s)[0].value).min() > WEIGHTLESS:
-            return ""
-        return (
-            "the force that cascade asks for is 0, and has no direction for the attitude; give "
-            "position.limit below the weight per mass"
-        )
+    @property
+    def undefined(self) -> str:  # type: ignore[override]  # a constant of most laws
+        """F = 0, which a limit keeps away."""
+        why = "a cascade whose force passes 0 has no attitude to command; give position.limit, "
+        return "" if self.position.limit else f"{why}below the weight per mass"
 
     def attitude_error(self, s: Tracking) -> Array:
         """Return ‖R − R_c‖_F."""
         inside = self.commanded(s).tracking
         return frobenius(inside.Q - inside.Qd)
-
-    @property
-    def pushes_along(self) -> tuple[float, ...] | None:
-        """b."""
-        return self.direction or None
 
     # The position loop.
 

@@ -190,11 +190,8 @@ def _note(solution: Solution, problem: Problem, run: int, span: Span, failure: F
     if np.isnan(failure.t):
         known = problem.times[~lost]
         at = f"after t = {known[-1] if len(known) else problem.times[0]:.6g} s"
-    reason = failure.reason
-    if failure.status is Status.NON_FINITE:
-        one, last = problem.select(np.array([run])), max(len(problem.times[~lost]) - 1, 0)
-        before, loop = one.states if lost[0] else states[[last]], one.batched_loop()
-        reason = loop.controller.undefined(loop.tracking(problem.times[last], before)) or reason
+    law = problem.loop.controller if failure.status is Status.NON_FINITE else None
+    reason = "; ".join(filter(None, [failure.reason, law.undefined if law else ""]))
     solution.status[run] = failure.status
     solution.messages[run] = f"{at}: {reason}"
 

@@ -311,7 +311,7 @@ class _Parts:
             laws[label] = replace(entry, law=entry.law.knowing(G, plant, self._at(entry)))
         if self.problems:
             return desired
-        said: list[Any] = [entry.law.pushes_along for entry in laws.values()]
+        said: list[Any] = [entry.law.direction for entry in laws.values()]
         along = next((each for each in said if each), None)
         if along is None and pushes is not None:
             along = only_direction(pushes)

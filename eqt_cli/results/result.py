@@ -198,10 +198,6 @@ class StoredRuns(KnownResult):
             if not self.is_over_time(name):
                 raise self.error(f"{who} {lacks([name])}")
 
-    def good_stored(self, controller: int) -> Array:
-        """Whether each run with a trajectory is good, ``(stored runs,)``."""
-        return self.good[controller][self.stored_runs]
-
     def trajectories(self, signal: str, controller: int, most: int | None = None) -> Array:
         """Return a signal of the good runs of a controller, ``(runs, samples, …)``.
 
@@ -210,7 +206,7 @@ class StoredRuns(KnownResult):
         most
             Largest number of runs to read, from the first on; all if None.
         """
-        good = self.good_stored(controller)
+        good = self.good[controller][self.stored_runs]
         if most is None:
             return self.read(signal, controller=controller)[good]
         first = np.flatnonzero(good)[:most]

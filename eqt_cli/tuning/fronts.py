@@ -122,11 +122,6 @@ class AtEqualCost:
         return f"{' to '.join(ends)} %"
 
     @property
-    def decided(self) -> bool:
-        """Whether the interval excludes 0."""
-        return self.low > 0
-
-    @property
     def lead(self) -> str:
         """The reduction with its interval: ``3.1 % [1.0, 5.2]``."""
         return f"{100 * self.relative:.1f} % [{100 * self.low:.1f}, {100 * self.high:.1f}]"
@@ -182,7 +177,7 @@ def sentences(result: Result, record: Record, how: Resampling) -> list[str]:
         better, worse = law_title(pair.better), law_title(pair.worse)
         at = f"At equal {write.name(cost)} of {abs(pair.cost):.3g}{f' {unit}' if unit else ''}"
         what = f"has {pair.lead} {more} {write.name(error)} than {worse}."
-        if not pair.decided:
+        if not pair.low > 0:
             what = (
                 f"and {worse} differ in {write.name(error)} by less than these runs can resolve "
                 f"({pair.lead})."

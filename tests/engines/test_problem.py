@@ -96,7 +96,12 @@ def test_what_engines_say_of_themselves():
 def test_a_billionth_of_the_horizon_is_rehearsed(times):
     engine = Asked()
     vehicle, still = SimpleNamespace(control=None), np.zeros((1, 1))
-    loop = SimpleNamespace(moving_length=1, vehicle=vehicle, instants=lambda until: np.empty(0))
+    loop = SimpleNamespace(
+        moving_length=1,
+        vehicle=vehicle,
+        instants=lambda until: np.empty(0),
+        controller=SimpleNamespace(undefined=""),
+    )
     engine.rehearse(Problem(loop, still, np.array(times)))
     assert engine.times == [[2.0, pytest.approx(2 + 1e-8, abs=1e-15)]]
 
@@ -329,7 +334,12 @@ class Counting(Integrator):
 def counted(failed, groups, threads=1):
     """The solution of four runs through two spans, with a sample at each end and within."""
     vehicle = SimpleNamespace(control=None)
-    loop = SimpleNamespace(moving_length=1, vehicle=vehicle, instants=lambda until: np.array([1.0]))
+    loop = SimpleNamespace(
+        moving_length=1,
+        vehicle=vehicle,
+        instants=lambda until: np.array([1.0]),
+        controller=SimpleNamespace(undefined=""),
+    )
     problem = Problem(loop, np.zeros((4, 1)), np.array([0.0, 0.5, 1.0, 2.0]))
     integrator = Counting(problem)
     integrator.failed = failed

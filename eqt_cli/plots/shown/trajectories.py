@@ -40,7 +40,8 @@ class ShownRuns(ShownControllers):
                 )
                 raise error_of(one, figure, message)
         self.ensembles = [
-            replace(e, good=e.results.good_stored(e.controller)) for e in self.ensembles
+            replace(e, good=e.results.good[e.controller][e.results.stored_runs])
+            for e in self.ensembles
         ]
         if not self.shown:
             raise self.error("has nothing to show: every run whose trajectory is stored failed")
