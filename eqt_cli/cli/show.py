@@ -124,18 +124,16 @@ def _summary(results: Result, json: bool) -> None:
         return
     origin = results.provenance
     packages = ", ".join(f"{name} {origin[name]}" for name in VERSIONS if name in origin)
-    sizes = ", ".join(f"{name} {size}" for name, size in results.dimensions.items())
     path = signal_path(_stored(results, "config"))
     heading = [
         f"{results.title} on {results.group_name}  ({results.path})",
-        f"run      {origin.get('started', UNKNOWN)} with {packages}",
+        f"run      {str(origin.get('started', UNKNOWN)).replace('+00:00', ' UTC')} with {packages}",
         *(
             f"also     {other.get('started', UNKNOWN)} with {differences(other, origin)}"
             for other in origin.get(OTHERS, ())
         ),
         f"digest   {str(results.attributes['digest'])[:16]}",
-        *([f"loop     {path}"] if path else []),
-        f"sizes    {sizes}\n",
+        *([f"loop     {path}", ""] if path else [""]),
     ]
     print_outcome(results, heading)
 

@@ -93,7 +93,7 @@ def evolve(
             tried = Population(shares, search.over_cases(each))
             searches[seed] = selected(searches[seed], tried) if number else tried
             after(searches)
-            done = f"generation {count * section.budget + number + 1} of {search.all_generations}"
+            done = f"seed {count + 1}/{len(search.seeds)}, generation {number + 1}/{section.budget}"
             so_far = search.so_far(law, reduce(selected, searches.values()))
             reporter().note(law.label, f"{done}, {so_far}")
     return searches

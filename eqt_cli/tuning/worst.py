@@ -15,6 +15,7 @@ from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, InputError, Problems, parse_key
 from eqt_cli.core.option_types import shown
+from eqt_cli.core.reporting import reporter
 from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.execution.run_study import Execution
 from eqt_cli.experiment.experiment import Experiment
@@ -223,6 +224,7 @@ def worst(
         single = study(source, trust_plugins=True)
         folder.write_found(law, [single], comment=_comment(search, law, worst_run))
     lines = search.lines(shares)
+    reporter().note("runs", search.judging)
     along = do.execute(search.along(lines), folder.path)
     laws = [
         {

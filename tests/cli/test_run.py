@@ -72,17 +72,16 @@ def assert_equal_datasets(one: str, other: str) -> None:
 def test_the_summary(eqt: Eqt) -> None:
     done = eqt("run", "c.yaml")
     header, rule, eqt_row, gt_row, blank, *rest = done.out.splitlines()
-    settled, attitude, runs, results, last = rest
+    window, space, attitude, runs, results, last = rest
     assert (done.code, done.err) == (0, "")
     assert header == (
-        "law  runs  mean ‖τ‖, first 5 s  mean ‖I − Q_E‖  final ‖I − Q_E‖  final ‖V − V_d‖  "
-        "energy residual"
+        "law  settled   ‖τ‖₅  mean ‖I − Q_E‖  final ‖I − Q_E‖  final ‖V − V_d‖  residual"
     )
     assert set(rule) == {"─", " "}
-    assert re.fullmatch(r"EqT +3 +(\d\.\d{3} +){4}\de-\d\d", eqt_row)
-    assert gt_row.split()[:2] == ["GT", "3"]
+    assert re.fullmatch(r"EqT +0/3 +(\d\.\d{3} +){4}\de-\d\d", eqt_row)
+    assert gt_row.split()[:2] == ["GT", "0/3"]
     assert blank == ""
-    assert settled == "settled runs  EqT: 0 of 3; GT: 0 of 3"
+    assert (window, space) == ("‖τ‖₅: mean ‖τ‖, first 5 s", "")
     assert re.fullmatch(r"final attitude error  EqT: [\d.]+ deg; GT: [\d.]+ deg", attitude)
     assert re.fullmatch(
         r"6 runs, simulation \d+\.\d s, cross-check \d+\.\d s, writing \d+\.\d s", runs
@@ -112,8 +111,8 @@ def test_the_summary_tells_who_settled_and_how_long_actuators_are_at_a_limit(eqt
         shares = results["saturated_share"].mean(axis=1)
     assert 0 < min(shares) and 0 < sum(settled) < 6
     lines = done.out.splitlines()
-    assert [lines[5], lines[7]] == [
-        f"settled runs  EqT: {settled[0]} of 3; GT: {settled[1]} of 3",
+    assert [lines[2].split()[1], lines[3].split()[1], lines[8]] == [
+        *(f"{count}/3" for count in settled),
         f"time at a limit  EqT: {shares[0]:.2%}; GT: {shares[1]:.2%}",
     ]
     rows = json.loads(eqt(*run, "--json").out)["controllers"]
@@ -297,8 +296,8 @@ def test_a_result_with_plugins_must_be_trusted(eqt: Eqt, plugins: None) -> None:
 def test_failed_runs_end_with_3(eqt: Eqt, plugins: None) -> None:
     done = eqt("run", "c.yaml", *FAILING)
     assert done.code == 3
-    assert re.search(r"^Escape +0( +-){5}$", done.out, re.M)
-    assert re.search(r"^EqT +3 ", done.out, re.M)
+    assert re.search(r"^Escape +0/3( +-){5}$", done.out, re.M)
+    assert re.search(r"^EqT +0/3 ", done.out, re.M)
     title, *rows = done.err.strip().splitlines()
     assert title == "3 runs failed: 3 solver failed"
     assert [row.split(":")[0] for row in rows] == [f"  escape run {run}" for run in range(3)]

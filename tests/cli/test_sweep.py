@@ -27,7 +27,7 @@ def test_the_summary(eqt: Eqt) -> None:
     assert (done.code, done.err) == (0, "")
     assert "6 points, 36 runs, simulation " in done.out
     assert done.out.endswith(f"results  {Path('out/results.h5')}\nnext     eqt compare out\n")
-    assert "settled runs" not in done.out  # nothing over all points
+    assert "settled   ‖τ‖₅" not in done.out  # nothing over all points
     won = "Points won by mean ‖I − Q_E‖: EqT 0, GT 0, undecided 6.\n"  # of 3 runs
     assert re.search(r"^  EqT +best +\d +", done.out, re.M) and won in done.out
     with open_results("out") as results:

@@ -98,7 +98,9 @@ def test_an_interruption_says_the_best_so_far(
     assert done.code == 130
     assert "interrupted; what was found is kept in results/t-tuned: run the same" in done.err
     assert re.search(
-        r"^  eqt, generation (\d) of \1, best so far: mean_pose_error [\d.]+ at kp ", done.err, re.M
+        r"^  eqt, seed 1/1, generation (\d)/\1, best so far: mean_pose_error [\d.]+ at kp ",
+        done.err,
+        re.M,
     )
     assert Path("results/t-tuned/tuned/gt.yaml").exists()
 

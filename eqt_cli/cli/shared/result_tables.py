@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,8 @@ FAR_ABOVE = 1000.0
 In 13 shipped configurations it is at most 64, and 433 where a limit or a jump of the law hampers
 `solve_ivp`."""
 
+_WINDOW, _BELOW = re.compile(r"mean (.*), first (\d+) s"), str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+"""A mean over the beginning in words, and digits as its index."""
 MANY, RARE = 1000, 0.01
 """Minimum runs, and maximum share of unsettled runs, for exact intervals of that share."""
 
@@ -88,16 +91,16 @@ def _headline(result: Result) -> Text:
     Parts with units of their own have a block each.
     """
     parts = [name.removeprefix(first) for first in HEADLINE for name in result.in_parts(first)]
-    blocks = [_block(result, end) for end in dict.fromkeys(filter(None, parts))]
-    measures = [
-        result.quantity(name).plain
-        + (f", {result.units(name)}" if result.factor(name) != 1.0 else "")
-        for name in HEADLINE
-    ]
-    spare = (measures[-1], "runs", *reversed(measures[1:-1]))
-    header = ["law", "runs", *measures]
-    blocks = blocks or [_block(result, "")]
-    return output.laid_out(TextTable("headline", "", header, blocks, spare=spare))
+    blocks = [_block(result, end) for end in dict.fromkeys(filter(None, parts)) or [""]]
+    plain = [result.quantity(name).plain.removeprefix("energy ") for name in HEADLINE]
+    short = [_WINDOW.sub(lambda m: m[1] + m[2].translate(_BELOW), words) for words in plain]
+    notes = [f"{new}: {old}" for new, old in zip(short, plain, strict=True) if new != old]
+    units = [f", {result.units(name)}" * (result.factor(name) != 1.0) for name in HEADLINE]
+    measures = [words + unit for words, unit in zip(short, units, strict=True)]
+    ends = "settled" if all("settled" in row for row in result.headline()) else "runs"
+    spare = (measures[-1], *reversed(measures[1:-1]))
+    header = ["law", ends, *measures]
+    return output.laid_out(TextTable("headline", "", header, blocks, notes, spare))
 
 
 def _block(result: Result, part: str) -> Block:
@@ -106,11 +109,11 @@ def _block(result: Result, part: str) -> Block:
     rows = []
     for row in result.headline():
         *means, residual = (row[name] for name in names)
-        runs = str(row["runs"] - row["failed"])
+        of = f"/{row['runs']}" * ("settled" in row)
         rows.append(
             [
                 result.titled[row["controller"]],
-                runs,
+                f"{row.get('settled', row['runs'] - row['failed'])}{of}",
                 *map(significant, means),
                 significant(residual, 1),
             ]
@@ -120,11 +123,9 @@ def _block(result: Result, part: str) -> Block:
 
 
 def _shares(result: Result) -> Iterator[str]:
-    """Yield the number of settled runs and the share of time with actuators at a limit."""
+    """Yield rare unsettled runs, final angles and the share of time with actuators at a limit."""
     rows = [(result.titled[row["controller"]], row) for row in result.headline()]
     if all("settled" in row for _, row in rows):
-        counts = "; ".join(f"{title}: {row['settled']} of {row['runs']}" for title, row in rows)
-        yield f"settled runs  {counts}"
         yield from _rare(result, {title: row["runs"] - row["settled"] for title, row in rows})
     for name in result.attitude_errors if rows else ():
         unit, factor = result.shown_in("", "deg")

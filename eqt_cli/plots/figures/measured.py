@@ -164,7 +164,7 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
                 )
                 gaps = shown.pair.recording.gaps + 1
                 behind = np.insert(measured[0], gaps, np.nan), np.insert(seen, gaps, np.nan, axis=0)
-                kind = "difference" if name == "difference" else "measured"
+                kind = name if name == "difference" else "measured"
                 self._draw(axes, kind, shown.group, part, behind)
                 name_scale(axes, label)
         for panel, part in zip(places[0], parts, strict=True) if len(parts) > 1 else ():

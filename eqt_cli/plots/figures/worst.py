@@ -22,7 +22,7 @@ from eqt_cli.tuning.law_search import coordinate_of
 from eqt_cli.tuning.worst import costs_of_runs
 
 _HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.2, "slide": 1.35}
-_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
+_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 3, "slide": 4}
 _SMALL, _LARGE = 2.5, 7.0
 """Sizes of markers, pt; large where the worst was found."""
 
@@ -158,8 +158,7 @@ class WorstFigure(Figure[ShownWorst]):
 
     def compose(self, shown: ShownWorst, width: Width) -> Drawing:
         """Draw a panel per key; laws have the colours and markers of all other figures."""
-        rows = -(-len(shown.keys) // _IN_A_ROW[width])
-        mosaic = layout.rows_of(shown.keys, -(-len(shown.keys) // rows))
+        mosaic = layout.rows_of(shown.keys, _IN_A_ROW[width])
         drawing, panels = layout.blank_sheet(width, mosaic, _HEIGHTS[width])
         room = WIDTHS[width] / len(mosaic[0])
         layout.share_scale(panels.values())
