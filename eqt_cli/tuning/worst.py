@@ -73,7 +73,7 @@ class WorstSearch(Searches[WorstSection]):
     example = "{over: {gains.kp: [0.8, 1.2]}, objective: final_pose_error}"
     continuing = frozenset({"budget", "seeds", "profile"})
     keeps_ends = True
-    judging = "along each key (worst.profile)"
+    judging = "for the picture along all keys (worst.profile)"
 
     @property
     def objective(self) -> str:

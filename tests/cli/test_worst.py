@@ -32,7 +32,8 @@ def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.slow("searches, and draws what it finds")
 def test_it_prints_what_was_found_and_draws_it(eqt: Eqt, config: Path) -> None:
     done = eqt("worst", config, "--fail-above", "100")
-    runs = "runs     30 (3 runs at each point), and at most 42 along each key (worst.profile)\n"
+    told = "at most 42 for the picture along all keys (worst.profile)"
+    runs = f"runs     30 (3 runs at each point), and {told}\n"
     assert (done.code, done.err) == (0, runs)
     for line in (
         "The worst run that was found: mean ‖I − Q_E‖",
