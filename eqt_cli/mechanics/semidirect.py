@@ -39,26 +39,11 @@ class Semidirect:
         Q_inverse = self.G.inverse(Q)
         return Q_inverse, -self.G.Ad_star(Q_inverse, P)
 
-    def left(self, Y: State, U: Input) -> State:
-        """DL_Y[U] = (Q_Y V^, ad*_V P_Y + τ), Hampsey et al. (2025), eq. (25)."""
-        (Q, P), (V, tau) = Y, U
-        return Q @ self.G.hat(V), self.G.ad_star(V, P) + tau
-
-    def right(self, Y: State, U: Input) -> State:
-        """DR_Y[U] = (V^ Q_Y, Ad*_{Q_Y} τ), Hampsey et al. (2025), eq. (26)."""
-        (Q, _), (V, tau) = Y, U
-        return self.G.hat(V) @ Q, self.G.Ad_star(Q, tau)
-
     def Ad(self, Y: State, U: Input) -> Input:
         """(Ad_Q V, Ad*_{Q⁻¹}(ad*_V P + τ)), Hampsey et al. (2025), eq. (27)."""
         (Q, P), (V, tau) = Y, U
         force = self.G.Ad_star(self.G.inverse(Q), self.G.ad_star(V, P) + tau)
         return self.G.Ad(Q, V), force
-
-    def ad(self, W: Input, U: Input) -> Input:
-        """(ad_{V_W} V_U, ad*_{V_U} P_W − ad*_{V_W} P_U), Hampsey et al. (2025), eq. (28)."""
-        (V_W, P_W), (V_U, P_U) = W, U
-        return self.G.ad(V_W, V_U), self.G.ad_star(V_U, P_W) - self.G.ad_star(V_W, P_U)
 
     def error(self, X: State, X_d: State) -> State:
         """E = X X_d⁻¹ = (Q Q_d⁻¹, Ad*_{Q_d⁻¹}(P − P_d)), Hampsey et al. (2025), eq. (17)."""

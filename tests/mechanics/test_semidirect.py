@@ -58,6 +58,24 @@ def translated(G, Y, tangent):
     return Q_dot @ Q_Y, G.Ad_star(Q_Y, P_dot)
 
 
+def left(S, Y, U):
+    """DL_Y[U], eq. (25)."""
+    (Q, P), (V, tau) = Y, U
+    return Q @ S.G.hat(V), S.G.ad_star(V, P) + tau
+
+
+def right(S, Y, U):
+    """DR_Y[U], eq. (26)."""
+    (Q, _), (V, tau) = Y, U
+    return S.G.hat(V) @ Q, S.G.Ad_star(Q, tau)
+
+
+def ad(S, W, U):
+    """The bracket of the algebra of G ⋉ g*, eq. (28)."""
+    (V_W, P_W), (V_U, P_U) = W, U
+    return S.G.ad(V_W, V_U), S.G.ad_star(V_U, P_W) - S.G.ad_star(V_W, P_U)
+
+
 # The group ----------------------------------------------------------------------------------------
 
 
@@ -102,7 +120,7 @@ def test_inverse(samples, S, data):
 def test_equation_25_derivative_of_left_translation(samples, S, data, derivative):
     G, Y, U = samples.G, samples.state(data), samples.input(data)
     rate = derivative(lambda t: S.compose(Y, along(G, U, t)))
-    assert_equal(S.left(Y, U), rate, DIFFERENCES)
+    assert_equal(left(S, Y, U), rate, DIFFERENCES)
 
 
 @EXAMPLES
@@ -110,7 +128,7 @@ def test_equation_25_derivative_of_left_translation(samples, S, data, derivative
 def test_equation_26_derivative_of_right_translation(samples, S, data, derivative):
     G, Y, U = samples.G, samples.state(data), samples.input(data)
     rate = derivative(lambda t: S.compose(along(G, U, t), Y))
-    assert_equal(S.right(Y, U), rate, DIFFERENCES)
+    assert_equal(right(S, Y, U), rate, DIFFERENCES)
 
 
 @EXAMPLES
@@ -118,8 +136,8 @@ def test_equation_26_derivative_of_right_translation(samples, S, data, derivativ
 def test_equation_27_Ad_turns_right_translation_into_left(samples, S, data):
     """Ad_Y = DR_{Y⁻¹} DL_Y, that is DL_Y U = DR_Y Ad_Y U."""
     G, Y, U = samples.G, samples.state(data), samples.input(data)
-    assert_equal(S.left(Y, U), S.right(Y, S.Ad(Y, U)))
-    V_hat, force = translated(G, S.inverse(Y), S.left(Y, U))
+    assert_equal(left(S, Y, U), right(S, Y, S.Ad(Y, U)))
+    V_hat, force = translated(G, S.inverse(Y), left(S, Y, U))
     assert_equal((G.vee(V_hat), force), S.Ad(Y, U))
 
 
@@ -135,7 +153,7 @@ def test_Ad_is_a_homomorphism(samples, S, data):
 def test_equation_28_ad_is_the_derivative_of_Ad(samples, S, data, derivative):
     G, (W, U) = samples.G, samples.inputs(data, 2)
     rate = derivative(lambda t: S.Ad(along(G, W, t), U))
-    assert_equal(S.ad(W, U), rate, DIFFERENCES)
+    assert_equal(ad(S, W, U), rate, DIFFERENCES)
 
 
 @EXAMPLES
@@ -144,21 +162,21 @@ def test_bracket_of_section_4(samples, S, data):
     """[(V_1, P_1), (V_2, P_2)] = ([V_1, V_2], −ad*_{V_1} P_2 + ad*_{V_2} P_1), and is ad."""
     G, ((V1, P1), (V2, P2)) = samples.G, samples.inputs(data, 2)
     bracket = G.ad(V1, V2), -G.ad_star(V1, P2) + G.ad_star(V2, P1)
-    assert_equal(S.ad((V1, P1), (V2, P2)), bracket)
+    assert_equal(ad(S, (V1, P1), (V2, P2)), bracket)
 
 
 @EXAMPLES
 @given(data=st.data())
 def test_bracket_is_antisymmetric(samples, S, data):
     W, U = samples.inputs(data, 2)
-    assert_equal(S.ad(W, U), minus((0.0, 0.0), S.ad(U, W)))
+    assert_equal(ad(S, W, U), minus((0.0, 0.0), ad(S, U, W)))
 
 
 @EXAMPLES
 @given(data=st.data())
 def test_jacobi_identity(samples, S, data):
     A, B, C = samples.inputs(data, 3)
-    cyclic = plus(plus(S.ad(A, S.ad(B, C)), S.ad(B, S.ad(C, A))), S.ad(C, S.ad(A, B)))
+    cyclic = plus(plus(ad(S, A, ad(S, B, C)), ad(S, B, ad(S, C, A))), ad(S, C, ad(S, A, B)))
     assert_equal(cyclic, (0.0, 0.0))
 
 
@@ -166,7 +184,7 @@ def test_jacobi_identity(samples, S, data):
 @given(data=st.data())
 def test_Ad_preserves_the_bracket(samples, S, data):
     Y, (W, U) = samples.state(data), samples.inputs(data, 2)
-    assert_equal(S.Ad(Y, S.ad(W, U)), S.ad(S.Ad(Y, W), S.Ad(Y, U)))
+    assert_equal(S.Ad(Y, ad(S, W, U)), ad(S, S.Ad(Y, W), S.Ad(Y, U)))
 
 
 # Extended Lie-Poisson systems ---------------------------------------------------------------------
@@ -193,7 +211,7 @@ def test_equation_5_lie_poisson(samples, data):
 def test_theorem_4_1_system_is_left_invariant(samples, S, data):
     """f_U(X) = DL_X[U]."""
     X, U = samples.state(data), samples.input(data)
-    assert_equal(lie_poisson(samples.G, *X, *U), S.left(X, U))
+    assert_equal(lie_poisson(samples.G, *X, *U), left(S, X, U))
 
 
 @EXAMPLES

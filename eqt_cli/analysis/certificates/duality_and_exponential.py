@@ -1,4 +1,4 @@
-"""The group, its algebra and their duals (§2), and the semidirect product G ⋉ g* (§4, §9)."""
+"""The group, its algebra and their duals (§2), and the semidirect product G ⋉ g* (§4)."""
 
 from collections.abc import Iterator
 from typing import ClassVar
@@ -144,36 +144,3 @@ class Equivariance(Identity):
         pushed = map(rate_of, S.compose(along, Y))
         field = lie_poisson(sample.G, *S.compose(X, Y), *S.Ad(S.inverse(Y), U))
         yield from zip(pushed, field, strict=True)
-
-
-class AppendixTranslations(Identity):
-    """DL_Y[U] and DR_Y[U] as the rates of Y·(exp(tV), tτ) and (exp(tV), tτ)·Y."""
-
-    name: ClassVar[str] = "translations of G ⋉ g*"
-    statement: ClassVar[str] = "eq. (25), (26)"
-    section: ClassVar[float] = 9.1
-
-    def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The closed forms against the derivatives of products."""
-        S, Y, U = sample.semidirect, sample.states[0], sample.inputs[0]
-        curve = sample.near_identity(U)
-        yield from zip(S.left(Y, U), map(rate_of, S.compose(Y, curve)), strict=True)
-        yield from zip(S.right(Y, U), map(rate_of, S.compose(curve, Y)), strict=True)
-
-
-class AppendixAdjoint(Identity):
-    """Ad_Y U as the rate of Y·(exp(tV), tτ)·Y⁻¹, and ad_W U as that of Ad along W."""
-
-    name: ClassVar[str] = "Ad and ad of G ⋉ g*"
-    statement: ClassVar[str] = "eq. (27), (28)"
-    section: ClassVar[float] = 9.2
-
-    def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The closed forms against derivatives; a matrix rate is compared as a matrix."""
-        S, Y, (U, W) = sample.semidirect, sample.states[0], sample.inputs
-        conjugate = S.compose(S.compose(Y, sample.near_identity(U)), S.inverse(Y))
-        V, tau = S.Ad(Y, U)
-        yield rate_of(conjugate[0]), sample.G.hat(V)
-        yield rate_of(conjugate[1]), tau
-        rates = map(rate_of, S.Ad(sample.near_identity(W), U))
-        yield from zip(S.ad(W, U), rates, strict=True)
