@@ -103,6 +103,7 @@ def _desired(system: ReferenceSystem, times: Array, states: Array) -> dict[str, 
     }
 
 
+@np.errstate(all="ignore")  # starts may be absurd; states of failed runs are NaN or very large
 def compute_part(
     study: Study, part: StudyPart, shared: Desired | None, context: TaskContext
 ) -> Table:
@@ -347,9 +348,8 @@ def measured(
     """
     function, reduction = _functions(batch, names)
     states, times = solution.states, batch.problem.times
-    with np.errstate(all="ignore"):  # states of failed runs are NaN or very large
-        found = batch.engine.evaluate(function, batch.problem, states, _in_rows(reference))
-        return found | reduction(Samples(times), found)
+    found = batch.engine.evaluate(function, batch.problem, states, _in_rows(reference))
+    return found | reduction(Samples(times), found)
 
 
 def _in_rows(reference: Desired) -> Array:
