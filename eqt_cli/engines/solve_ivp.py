@@ -85,11 +85,8 @@ class SolveIvp(Engine):
         """Return evaluations, as many per step as stages, for an explicit method; else 0."""
         if self.method not in EXPLICIT:
             return 0.0
-        import scipy.integrate
-
-        method = getattr(scipy.integrate, self.method)
-        function = stability.runge_kutta(method.A, method.B)
-        return int(method.n_stages) * stability.steps(function, rates, duration)
+        function = stability.FUNCTIONS[self.method]
+        return (len(function) - 1) * stability.steps(function, rates, duration)
 
     def runs_at_once(self, most: int) -> int:
         """Return a number of whole blocks, so that blocks do not depend on the memory."""

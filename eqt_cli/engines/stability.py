@@ -1,24 +1,23 @@
 """The number of steps that stability alone demands of an explicit method."""
 
+from collections.abc import Sequence
+from math import factorial
+
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+
+_TAYLOR = tuple(1 / factorial(power) for power in range(9))
+_LAST = 2.6916922001691e-6, 2.3413451082098e-7, 1.4947364854592e-8, 3.6133245781282e-10
+
+FUNCTIONS = {"RK23": _TAYLOR[:4], "RK45": (*_TAYLOR[:6], 1 / 600), "DOP853": _TAYLOR + _LAST}
+"""R(z) = 1 + z bᵀ(1 − zA)⁻¹1 of the tableau A, b, in rising powers up to the number of stages."""
 
 REACH, RESOLUTION = 40.0, 0.01
 """Length and spacing of the points on a ray at which the stability function is evaluated."""
 
 
-def runge_kutta(A: Array, b: Array) -> Array:
-    """Return the coefficients of R(z) = 1 + z bᵀ(1 − zA)⁻¹1, explicit A, in rising powers."""
-    stages = len(b)
-    square, powers = np.zeros((stages, stages)), [np.ones(stages)]
-    square[: A.shape[0], : A.shape[1]] = A[:stages, :stages]
-    for _ in range(stages - 1):
-        powers.append(square @ powers[-1])
-    return np.array([1.0, *(b @ power for power in powers)])
-
-
-def steps(coefficients: Array, rates: Array, duration: float) -> float:
+def steps(coefficients: Sequence[float], rates: Array, duration: float) -> float:
     """Return the number of steps at which no decaying solution of y' = λy grows.
 
     Parameters
@@ -39,7 +38,7 @@ def steps(coefficients: Array, rates: Array, duration: float) -> float:
     return float(duration * np.mean(fastest))
 
 
-def _inverse_step(coefficients: Array, rates: Array) -> float:
+def _inverse_step(coefficients: Sequence[float], rates: Array) -> float:
     """Return 1/h of the longest stable step h, 1/s."""
     sizes = np.abs(rates)
     large = rates[sizes > sizes.max() / 10]  # r is 2 to 7 in all directions but along the axis

@@ -1,7 +1,7 @@
 """Rotations of R^n acting on k translation columns: SO(n), SE(n) and SE_2(3) in one description.
 
-A pose is the matrix [[R, x_1 … x_k], [0, I]]. The exponentials of rotations and rigid motions are
-SciPy's; this module arranges them by columns and knows no law.
+A pose is the matrix [[R, x_1 … x_k], [0, I]]. The left Jacobian of SO(3) is SciPy's; this module
+arranges the parts by columns and knows no law.
 """
 
 from typing import Any, TypeGuard
@@ -26,6 +26,7 @@ from eqt_cli.core.arrays import (
 )
 from eqt_cli.groups.angles import inverse_jacobian_terms, ratio_to_sine, stumpff
 from eqt_cli.groups.base import MatrixLieGroup, Part
+from eqt_cli.groups.quaternions import rotation_of_quaternion, rotation_of_vector
 
 SMALLEST_RATE = 1e-12
 """Smallest rate of rotation relative to the whole vector; a smaller one is rounding."""
@@ -368,11 +369,7 @@ class EuclideanGroup(MatrixLieGroup):
         """
         if self.space == 2:
             return _exp_rotation(np.arctan2(direction[..., :1], direction[..., 1:]))
-        # Slow to import, and not needed to read results.
-        from scipy.spatial.transform import Rotation
-
-        rotations = Rotation.from_quat(direction.reshape(-1, 4)).as_matrix()
-        return rotations.reshape(*direction.shape[:-1], 3, 3)
+        return rotation_of_quaternion(direction / norm(direction)[..., None])
 
     def _columns(self, V: Array) -> Array:
         return V[..., self.rotations :].reshape(*V.shape[:-1], len(self.columns), self.space)
@@ -425,10 +422,7 @@ def _exp_rotation(omega: Array) -> Array:
     if omega.shape[-1] == 1:
         c, s = np.cos(omega[..., 0]), np.sin(omega[..., 0])
         return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
-    from scipy.spatial.transform import Rotation  # slow to import, and not needed to read results
-
-    rows = omega.reshape(-1, 3)
-    return Rotation.from_rotvec(rows).as_matrix().reshape(*omega.shape[:-1], 3, 3)
+    return rotation_of_vector(omega)
 
 
 def _left_jacobian_times(omega: Array, x: Array) -> Array:

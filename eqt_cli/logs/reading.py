@@ -12,6 +12,7 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
+from eqt_cli.groups.quaternions import rotation_of_euler
 from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.logs.table import LOOKS_LIKE, QUATERNION, LogTable, Sheet, open_sheet, with_units
 from eqt_cli.notation.poses import QUATERNION_TOLERANCE
@@ -239,11 +240,9 @@ def _assembled(
 
 
 def _from_euler(sequence: str, table: LogTable, suffix: str) -> Array:
-    from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
-
     axis = dict(zip("zyx", EULER, strict=True))
     angles = table.get([axis[letter] + suffix for letter in sequence.lower()])
-    return Rotation.from_euler(sequence, angles).as_matrix()
+    return rotation_of_euler(sequence, angles)
 
 
 def _in_axes(

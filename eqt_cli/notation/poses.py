@@ -17,6 +17,7 @@ from eqt_cli.core.option_types import Angle, Real, Unit, shown, validated
 from eqt_cli.groups.base import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
+from eqt_cli.groups.quaternions import rotation_of_euler
 
 GROUP_TOLERANCE = 1e-9
 """Largest ‖QᵀQ − I‖ of a pose written in decimal; below the integrators' tolerances."""
@@ -219,9 +220,7 @@ def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
         problems.at("angles").add(f"{expected}, got {len(angles)}")
     if problems:
         return None
-    from scipy.spatial.transform import Rotation  # slow to import, and not needed to read results
-
-    return Rotation.from_euler(sequence, angles).as_matrix().reshape(3, 3)
+    return rotation_of_euler(sequence, np.array(angles))
 
 
 # Numbers that are meant as degrees ------------------------------------------------------------

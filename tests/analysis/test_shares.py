@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.intervals import PairedShares, share, shares
@@ -129,3 +130,15 @@ def test_tables_say_which_intervals_shares_have(settling):
 def test_records_hold_the_p_value_of_shares_only(settling):
     found = records(compare(settling, metrics=["settled", "settling_time"]))["pairs"]
     assert [record.get("p_value") for record in found] == [0.5, None]
+
+
+@pytest.mark.parametrize("runs", [1, 7, 200])
+def test_intervals_and_p_values_are_those_of_scipy(runs):
+    """To what bisection for the exact ends, and summing for the p-values, leave of the digits."""
+    for count in range(runs + 1):
+        told = binomtest(count, runs)
+        for method, exact in (("wilson", False), ("exact", True)):
+            found, expected = share(count, runs, 0.9, exact=exact), told.proportion_ci(0.9, method)
+            assert (found.low, found.high) == pytest.approx(expected, abs=1e-11)
+        pair = PairedShares(both=0, first=count, second=runs - count, neither=0)
+        assert pair.p_value == pytest.approx(told.pvalue, rel=1e-10)

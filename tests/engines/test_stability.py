@@ -18,8 +18,8 @@ def exponential(order):
 
 # Hairer and Wanner (1996), Section IV.2: on the negative real axis.
 LIMITS = {
-    "RK23": (stability.runge_kutta(RK23.A, RK23.B), 2.513),
-    "RK45": (stability.runge_kutta(RK45.A, RK45.B), 3.307),
+    "RK23": (stability.FUNCTIONS["RK23"], 2.513),
+    "RK45": (stability.FUNCTIONS["RK45"], 3.307),
     "RK4": (exponential(4), 2.785),
     "Euler": (exponential(1), 2.0),
 }
@@ -32,9 +32,16 @@ def test_limits_on_the_real_axis(method):
     assert steps == pytest.approx(70 / limit, rel=2 * stability.RESOLUTION)
 
 
-def test_coefficients_of_dop853_are_those_of_the_exponential_up_to_its_order():
-    found = stability.runge_kutta(DOP853.A, DOP853.B)
-    np.testing.assert_allclose(found[:9], exponential(8), rtol=1e-10)
+@pytest.mark.parametrize("method", [DOP853, RK45, RK23])
+def test_functions_are_those_of_the_tableaus(method):
+    """1 + z bᵀ(1 − zA)⁻¹1, by its series; the numbers in the table have 10 to 14 digits."""
+    A, powers = np.zeros((method.n_stages,) * 2), [np.ones(method.n_stages)]
+    of_stages = method.A[: method.n_stages, : method.n_stages]
+    A[: len(of_stages), : of_stages.shape[1]] = of_stages
+    for _ in range(method.n_stages - 1):
+        powers.append(A @ powers[-1])
+    expected = [1.0, *(method.B @ power for power in powers)]
+    np.testing.assert_allclose(stability.FUNCTIONS[method.__name__], expected, rtol=1e-9)
 
 
 def test_the_fastest_of_several_instants_does_not_count_for_all():

@@ -90,9 +90,7 @@ class Native(Engine):
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
         """Return steps of DOP853."""
-        from scipy.integrate import DOP853
-
-        return stability.steps(stability.runge_kutta(DOP853.A, DOP853.B), rates, duration)
+        return stability.steps(stability.FUNCTIONS["DOP853"], rates, duration)
 
     def provenance(self) -> dict[str, str]:
         """Return the compiler, if there is one: shards are packed without."""

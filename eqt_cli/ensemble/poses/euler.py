@@ -11,6 +11,7 @@ from eqt_cli.core.option_types import Angle
 from eqt_cli.ensemble.poses.base import RotationDistribution
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.groups.quaternions import rotation_of_euler
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,7 @@ class Euler(RotationDistribution):
 
     def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
         """Return the rotations with these angles."""
-        from scipy.spatial.transform import Rotation  # slow to import
-
-        return Rotation.from_euler(self.sequence, numbers).as_matrix()
+        return rotation_of_euler(self.sequence, numbers)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note a group without rotations of space, an invalid sequence, and invalid bounds."""
