@@ -26,7 +26,6 @@ from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.recorded_field import RecordedField
 
-EXPLICIT = ("DOP853", "RK45", "RK23")
 EXPLICIT_BLOCK = 100
 REHEARSED_EVALUATIONS = 200
 """Limit on the evaluations of a block, or of one of its runs, in a rehearsal."""
@@ -68,7 +67,7 @@ class SolveIvp(Engine):
     @property
     def runs_per_block(self) -> int:
         """The nominal block: `block`, or the method's default."""
-        return self.block or (EXPLICIT_BLOCK if self.method in EXPLICIT else 1)
+        return self.block or (EXPLICIT_BLOCK if self.method in stability.FUNCTIONS else 1)
 
     def check(self, problems: Problems) -> None:
         """Note a relative tolerance too small for SciPy, or not below 1."""
@@ -83,7 +82,7 @@ class SolveIvp(Engine):
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
         """Return evaluations, as many per step as stages, for an explicit method; else 0."""
-        if self.method not in EXPLICIT:
+        if self.method not in stability.FUNCTIONS:
             return 0.0
         function = stability.FUNCTIONS[self.method]
         return (len(function) - 1) * stability.steps(function, rates, duration)

@@ -164,14 +164,13 @@ def share(count: int, runs: int, confidence: float, *, exact: bool = False) -> I
 
     of, tail = count / runs, (1 - confidence) / 2
     if exact:
-        low = betaincinv(count, runs - count + 1, tail) if count else 0.0
-        high = betaincinv(count + 1, runs - count, 1 - tail) if count < runs else 1.0
+        low = betaincinv(count, runs - count + 1, tail)
+        high = betaincinv(count + 1, runs - count, 1 - tail)
     else:
         z = ndtri(1 - tail)
         middle, half = 2 * count + z * z, z * np.sqrt(4 * count * (1 - of) + z * z)
-        low = (middle - half) / (2 * (runs + z * z)) if count else 0.0
-        high = (middle + half) / (2 * (runs + z * z)) if count < runs else 1.0
-    return Interval(of, float(low), float(high))
+        low, high = np.array([middle - half, middle + half]) / (2 * (runs + z * z))
+    return Interval(of, float(low) if count else 0.0, float(high) if count < runs else 1.0)
 
 
 def shares(values: Array, confidence: float = Resampling.confidence) -> Array:

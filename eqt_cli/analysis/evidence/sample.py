@@ -116,9 +116,8 @@ class Sample:
 
     def near_identity(self, U: Input) -> State:
         """Return a curve through (I, 0) with velocity U: (exp(tV), tP) to first order."""
-        V, P = U
-        identity = np.broadcast_to(self.G.identity, (*V.shape[:-1], *self.G.identity.shape))
-        return self.moving((identity, np.zeros(P.shape)), (self.G.hat(V), P))
+        V_hat, P = self.G.hat(U[0]), U[1]
+        return self.moving((0 * V_hat + self.G.identity, np.zeros(P.shape)), (V_hat, P))
 
 
 def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Generator) -> Sample:
