@@ -174,8 +174,11 @@ def _fit(log: Log, G: EuclideanGroup, recorded: RecordedColumns) -> _Fit | None:
     R = G.rotation(poses)
     velocity = apply_matrix(R, log.in_body(recorded))
     if recorded.kind == "rates":
-        rows = _windows(lambda i, j: norm(_rotation_vectors(R[i], R[j])), len(R), ROTATION)
-        derived = None if rows is None else _rotation_vectors(R[rows[0]], R[rows[1]])
+        turn = G.rotation_group.log
+        rows = _windows(lambda i, j: norm(turn(R[j] @ transpose(R[i]))), len(R), ROTATION)
+        derived = (
+            None if rows is None else turn(R[rows[1]] @ transpose(R[rows[0]]))
+        )  # in world axes
     else:
         p = G.translations(poses)[..., G.columns.index("position")]
         range_of = float(norm(p.max(axis=0) - p.min(axis=0)))
@@ -202,13 +205,6 @@ def _fit(log: Log, G: EuclideanGroup, recorded: RecordedColumns) -> _Fit | None:
     difference = float(np.sqrt(np.sum((measured - derived) ** 2) / size))
     remaining = float(np.sqrt(np.sum((measured - factor * derived) ** 2) / size))
     return _Fit(difference, factor, remaining / factor if factor > 0 else np.inf)
-
-
-def _rotation_vectors(first: Array, last: Array) -> Array:
-    """Return the rotation vector from each first to each last attitude, in world axes."""
-    from scipy.spatial.transform import Rotation  # slow to import, and rarely needed
-
-    return Rotation.from_matrix(last @ transpose(first)).as_rotvec()
 
 
 def _windows(
