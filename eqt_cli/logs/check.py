@@ -176,9 +176,7 @@ def _fit(log: Log, G: EuclideanGroup, recorded: RecordedColumns) -> _Fit | None:
     if recorded.kind == "rates":
         turn = G.rotation_group.log
         rows = _windows(lambda i, j: norm(turn(R[j] @ transpose(R[i]))), len(R), ROTATION)
-        derived = (
-            None if rows is None else turn(R[rows[1]] @ transpose(R[rows[0]]))
-        )  # in world axes
+        derived = None if rows is None else turn(R[rows[1]] @ transpose(R[rows[0]]))
     else:
         p = G.translations(poses)[..., G.columns.index("position")]
         range_of = float(norm(p.max(axis=0) - p.min(axis=0)))
