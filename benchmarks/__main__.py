@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 RESULTS = Path(__file__).with_name("results")
 
-PARTS = ("cases", "sampled", "estimates", "commands", "profile", "growth", "machinery")
+PARTS = ("cases", "sampled", "crazyflie", "estimates")
+PARTS += ("commands", "profile", "growth", "machinery")
 
 
 def main() -> None:
@@ -73,6 +74,7 @@ def _stages(options: argparse.Namespace) -> Iterator[Results]:
     parts = {
         "cases": _cases,
         "sampled": _sample,
+        "crazyflie": _fly,
         "estimates": _estimate,
         "commands": _command,
         "profile": _profile,
@@ -131,6 +133,16 @@ def _sample(options: argparse.Namespace, results: Results) -> Iterator[None]:
     for found in sampled():
         results.sampled.append(found)
         _say(f"every {found.period:g} s  {found.way:22} {found.cpu:9.3f} s")
+    yield
+
+
+def _fly(options: argparse.Namespace, results: Results) -> Iterator[None]:
+    """A quadrotor with two rates."""
+    from benchmarks.sampled import crazyflies
+
+    for found in crazyflies():
+        results.crazyflies.append(found)
+        _say(f"Crazyflie  {found.way:22} {found.cpu:9.3f} s")
     yield
 
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
+import yaml
 from scipy.integrate import solve_ivp
 
-from benchmarks.cases import Case, Motion, errors, load
+from benchmarks.cases import CONFIGS, Case, Motion, errors, load
 from benchmarks.contenders.mujoco_body import MuJoCo, RigidBody
 from benchmarks.contenders.plain_loop import body, literal, starts
+from benchmarks.literal.crazyflie import PERIOD, fly
 from benchmarks.measure import fastest
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Engine
@@ -44,7 +47,8 @@ class Sampled:
     runs, timed_runs
         How many there are, and how many were integrated; times are extrapolated.
     difference
-        Largest max(‖ΔQ‖_F, ‖ΔV‖) to the first way, over the samples of the timed runs.
+        Largest max(‖ΔQ‖_F, ‖ΔV‖) to the first way, over the samples of the timed runs; of the
+        Crazyflie, to `solve_ivp` at 1e-12, in two runs.
     """
 
     period: float
@@ -88,6 +92,39 @@ def sampled(repeats: int = 3) -> Iterator[Sampled]:
             difference = float(errors(found, first).max())
             timed = len(some) * len(case.problems)
             yield Sampled(period, way, wall * scale, cpu * scale, case.size, timed, difference)
+
+
+def crazyflies(repeats: int = 3, runs: int = 800) -> Iterator[Sampled]:
+    """The Crazyflie with two rates, by native and by a plain loop, without noise and draws."""
+    case = load("crazyflie", runs, _undisturbed())
+    every = np.arange(runs)
+    ways: list[tuple[str, Array, Callable[[Array], Motion]]] = [
+        ("plain loop, Runge-Kutta 4, a step a period", every[:2], partial(_flown, case))
+    ]
+    if Native.unavailable() is None:
+        Native().solve(case.problems[0].select(slice(0, 1)))  # compiles
+        ways.insert(0, ("eqt native", every, _by(case, Native())))
+    exact = _by(case, SolveIvp(rtol=1e-12, atol=1e-14))(every[:2])
+    for way, some, solve in ways:
+        found, wall, cpu, _ = fastest(lambda solve=solve, some=some: solve(some), repeats)
+        few, scale = Motion(found.Q[:, :2], found.V[:, :2], every[:2]), runs / len(some)
+        off = float(errors(few, exact).max())
+        yield Sampled(PERIOD, way, wall * scale, cpu * scale, runs, len(some), off)
+
+
+def _undisturbed() -> list[str]:
+    """What a plain program leaves out of `configs/crazyflie.yaml`."""
+    given = yaml.safe_load((CONFIGS / "crazyflie.yaml").read_text(encoding="utf-8"))
+    weight, drag, _ = given["plant"]["forces"]
+    forces = [weight | {"weight": given["model"]["forces"][0]["weight"]}, drag]
+    kept = {"controllers": given["controllers"][:1], "plant": {"forces": forces}}
+    return ["sensors=null", *(f"{key}={json.dumps(value)}" for key, value in kept.items())]
+
+
+def _flown(case: Case, runs: Array) -> Motion:
+    found = [fly(case.Q[run], case.V[run], case.times) for run in runs]
+    Q, V = (np.array(each)[None] for each in zip(*found, strict=True))
+    return Motion(Q, V, runs)
 
 
 def _by(case: Case, engine: Engine) -> Callable[[Array], Motion]:

@@ -43,6 +43,7 @@ class Results:
     measurements: list[Measurement] = field(default_factory=list)
     laws: list[LawTime] = field(default_factory=list)
     sampled: list[Sampled] = field(default_factory=list)
+    crazyflies: list[Sampled] = field(default_factory=list)
     estimates: list[EstimatorTime] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     profiles: list[Profile] = field(default_factory=list)
@@ -70,6 +71,8 @@ def as_markdown(results: Results) -> str:
         parts += ["## The laws of other papers, native", _laws(results.laws)]
     if results.sampled:
         parts += ["## A sampled law, the paper's runs, one thread", _sampled(results.sampled)]
+    if results.crazyflies:
+        parts += ["## A sampled Crazyflie, one thread", _sampled(results.crazyflies)]
     if results.estimates:
         parts += ["## Estimators, one thread", _estimates(results.estimates)]
     if results.commands:
