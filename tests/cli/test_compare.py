@@ -274,7 +274,7 @@ def test_claims_about_the_ideal_loop_are_not_judged_on_another(eqt, folder):
     claims = "claims of Hampsey et al. (2025), section 7. Beyond their theorems: sampled control."
     said = out.partition("\n\nFindings, tested on 3 runs per controller\n")[2].splitlines()
     assert said[-1] == f"not covered: {claims}"
-    seen = "  no difference seen between EqT and GT in share of runs settled over 0–1 s (0.000)."
+    seen = "  No difference seen between EqT and GT in share of runs settled over 0–1 s (0.000)."
     assert said[-2] == seen
     assert said[0].startswith("  EqT has the smallest mean ‖τ‖ over 0–1 s, ")
     assert "supported" not in out and " [" not in out.partition("Means")[0]

@@ -235,7 +235,7 @@ def _ranking(comparison: Comparison, titles: Mapping[str, str]) -> Iterator[Find
         if pair := by_laws.get((id(best.measured), named)):
             ordered = pair if pair.first == best.controller else pair.swapped()
             seen = _difference(ordered, titles)
-            words = f"{words}; {seen}" if ordered.differs or others[1:] else seen
+            words = f"{words}; {seen}" if ordered.differs or others[1:] else f"N{seen[1:]}"
         yield Finding("", "", f"{words}.")
 
 
