@@ -172,6 +172,12 @@ sweep_lag() {
 	picture sweep_lag envelope
 }
 
+sweep_lqr() {
+	sweep sweep_lqr configs/sweep_lqr.yaml --engine native
+	numbers region
+	picture sweep_lqr region --width page
+}
+
 sweep_region() {
 	sweep sweep_region configs/sweep_region.yaml --engine native
 	numbers region
@@ -217,7 +223,7 @@ fi
 # The longest first.
 all=(paper references)
 if "$python" -c 'import sys; from eqt_cli.engines.native import Native as n; sys.exit(bool(n.unavailable()))'; then
-	all=(se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region
+	all=(se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region sweep_lqr
 		satellite_breaks se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
 		attitude_manifold sweep_lag satellite_wheels sweep_family)
 elif [ $# = 0 ]; then

@@ -17,7 +17,6 @@ from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.engines.native.trial import described
 from eqt_cli.mechanics.law_input import LawInput
@@ -420,10 +419,9 @@ def _other_law(question: Question, torque: Array, real: str) -> str:
     for kind in controllers.all():
         if kind.name == question.loop.controller.name or not kind.tasks:
             continue
-        law, problems = kind(), Problems()
-        law.check(G, problems)
+        law = kind()
         other_memory = set(question.memory) != set(law.memory(G))
-        if problems or other_memory or law == question.loop.controller:
+        if not law.fits(G) or other_memory or law == question.loop.controller:
             continue
         if np.abs(question.torque(law=law) - torque).max() <= limit:
             return str(law.title)

@@ -184,6 +184,12 @@ class Controller(GivenOverTime, Component):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note where the law or its options do not fit the group."""
 
+    def fits(self, G: MatrixLieGroup) -> bool:
+        """Return whether the law is for a group."""
+        problems = Problems()
+        self.check(G, problems)
+        return not problems
+
     @property
     def pieces(self) -> int:
         """Number of pieces of the horizon for which it is `designed`; 0 where gains are given."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -155,9 +156,8 @@ class Lqr(Controller):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note weights that are not symmetric, or not definite enough."""
-        here = problems.at("weights")
         for name in ("pose", "velocity", "torque"):
-            with here.catching(name):
+            with problems.at("weights").catching(name):
                 matrix = square(getattr(self.weights, name), G.dimension, G)
                 if not np.array_equal(matrix, matrix.T):
                     raise InputError(f"expected a symmetric matrix, got {matrix.tolist()}")
@@ -271,18 +271,15 @@ class _Design:
 
     def constant(self, k: int) -> Regulator:
         """Return the regulator of the plant at the k-th time, by the algebraic equation."""
-        from scipy.linalg import LinAlgError, solve_continuous_are, solve_discrete_are
+        from scipy.linalg import solve_continuous_are, solve_discrete_are
 
         sampled = self.plant.period is not None
         solve = solve_discrete_are if sampled else solve_continuous_are
         A, B = self.plant.A[k], self.plant.B[k]
-        try:
+        with suppress(np.linalg.LinAlgError, ValueError):  # there is no S, or it is not finite
             S = solve(A, B, self.Q, self.R)
-        except (LinAlgError, ValueError):
-            S = np.full_like(A, np.nan)
-        S = (S + S.T) / 2
-        gain = self._gain(k, S)
-        if np.isfinite(gain).all():
+            S = (S + S.T) / 2
+            gain = self._gain(k, S)
             eigenvalues = np.linalg.eigvals(A - B @ gain)
             growth = np.abs(eigenvalues).max() - 1 if sampled else eigenvalues.real.max()
             if growth < -LEAST_DECAY * np.abs(eigenvalues).max():

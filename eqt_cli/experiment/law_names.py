@@ -71,7 +71,7 @@ class _Torques:
         self.loop, self.start = loop, (Q, V, Qd, Vd)
         fitting = (kind for kind in controllers.all() if base.config.task in kind.tasks)
         laws = [kind() for kind in fitting if not option_names(kind)]
-        self.known = [(law.name, self._of(law)) for law in laws]
+        self.known = [(law.name, self._of(law)) for law in laws if law.fits(G)]
 
     def name(self, law: Controller) -> str:
         """Return the first law with the same torques, up to rounding; "" if there is none."""

@@ -250,7 +250,8 @@ def _constraints(section: TuneSection) -> Iterator[Constraint]:
 def _entry(data: dict[str, Any], label: str) -> dict[str, Any]:
     """Return the only law of a configuration with its gains, under another label."""
     law = data["controllers"][0]
-    return law | {"gains": dict(law.get("gains") or data["gains"]), "label": label}
+    gains = law.get("gains") or data.get("gains")  # none where no law reads them
+    return law | ({"gains": dict(gains)} if gains else {}) | {"label": label}
 
 
 @dataclass(frozen=True)

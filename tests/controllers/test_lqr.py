@@ -13,6 +13,7 @@ import eqt_cli
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.experiment.law_names import law_names
 
 J = np.array([1.0, 2.0, 3.0])
 BODY = {
@@ -199,6 +200,13 @@ def test_gains_that_change_at_knots_are_the_same_by_both_engines(vehicle, tmp_pa
     for name in ("pose", "velocity", "torque"):
         # Both steps are accurate to 1e-9.
         np.testing.assert_allclose(*(each[name].values for each in found), rtol=0, atol=1e-7)
+
+
+def test_swept_weights_have_no_name_of_a_law():
+    """Also where a registered law, such as `quaternion`, is not for the group."""
+    swept = {"sweep": [{"grid": {"controllers[0].weights.torque": [0.1, 0.2]}}]}
+    study = eqt_cli.load_experiment({**BODY, **COUPLED, **swept})
+    assert law_names(study).tolist() == [[""], [""]]
 
 
 SEMI, DEFINITE = "expected a positive semidefinite matrix", "expected a positive definite matrix"

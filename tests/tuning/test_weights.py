@@ -60,6 +60,17 @@ def test_a_law_that_reads_no_gains_is_not_tuned_over_them(tmp_path):
     np.testing.assert_allclose(tuned[:, :3], np.sqrt(weight) * np.eye(3), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow("searches to the end")
+def test_a_law_is_tuned_without_gains(tmp_path):
+    laws = {"controllers": CONFIG["controllers"][:1]}
+    config = {**CONFIG, **laws, "tune": TUNE | {"over": {WEIGHT: [1, 4]}}}
+    del config["gains"]
+    [law] = api.tune(deepcopy(config), tmp_path / "t").record["laws"]
+    weight = law["winners"][0]["values"][WEIGHT]
+    stiffness = gain_of(tmp_path / "t/tuned/lqr.yaml")[:, :3]
+    np.testing.assert_allclose(stiffness, np.sqrt(weight) * np.eye(3), rtol=1e-9, atol=1e-9)
+
+
 def test_keys_of_gains_alone_leave_nothing_to_tune(tmp_path):
     config = deepcopy(CONFIG | {"tune": TUNE | {"over": {"gains.kp": [0.5, 2]}}})
     with pytest.raises(ConfigError) as caught:
