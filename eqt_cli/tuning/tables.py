@@ -186,6 +186,10 @@ def _violated(cases: Mapping[str, Result], record: Record) -> dict[str, list[str
     return found
 
 
+def _mark(violated: Mapping[str, Sequence[str]], label: str) -> str:
+    return f" (violates {listed(violated[label])})" if label in violated else ""
+
+
 def _winners(
     result: Result,
     record: Record,
@@ -201,13 +205,12 @@ def _winners(
         for law in record["laws"]:
             start = levels[law["start"]]
             before = write.spread(start.mean, start.low, start.high)
+            before += _mark(violated, law["start"])
             for winner in law["winners"]:
                 found = levels[winner["label"]]
                 after = write.spread(found.mean, found.low, found.high)
                 change = _relative(values[winner["label"]], values[law["start"]])
-                named = result.titled[winner["label"]]
-                if beyond := violated.get(winner["label"]):
-                    named += f" (violates {listed(beyond)})"
+                named = result.titled[winner["label"]] + _mark(violated, winner["label"])
                 means = [levels[label].mean for label in seed_labels(law)]
                 over = _range(means, (found.high - found.low) / 2)
                 rows.append([named, values_text(winner["values"]), before, after, over, change])

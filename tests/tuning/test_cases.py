@@ -129,6 +129,9 @@ def test_held_out_runs_are_those_of_the_worst_case_of_each_law(tuned: tuple[Foun
     )
     assert [row[0] for row in tables["tuned"].rows] == ["stabilising"]
     assert [row[0] for row in marked.rows] == ["stabilising (violates final_pose_error)"]
+    assert [row[2] for row in marked.rows] == [
+        row[2] + " (violates final_pose_error)" for row in tables["tuned"].rows
+    ]
     assert [row[0] for row in tables["cases"].blocks[0].rows] == ["ideal", "late"]
     bounds = [row[0] for row in tables["bounds"].blocks[0].rows]
     assert bounds == ["stabilising, ideal", "stabilising, late"]
