@@ -13,6 +13,8 @@ import pytest
 import yaml
 
 from eqt_cli.engines.native import Native
+from eqt_cli.plots import growth
+from eqt_cli.plots.figures import figures
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -108,6 +110,12 @@ GALLERY = re.findall(
 def test_the_gallery_has_every_picture():
     pictures = {path.name for path in (DOCS / "figures").glob("*.png")}
     assert {picture for picture, *_ in GALLERY} == pictures
+
+
+def test_the_gallery_has_every_kind_of_figure():
+    """Those that `eqt list figures` lists, and that of `eqt replay`."""
+    text = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"\*\*(\w+)\*\*", text)) == sorted([*figures.names(), growth.NAME])
 
 
 @pytest.mark.parametrize(("picture", "page", "anchor", "command"), GALLERY)

@@ -32,6 +32,8 @@ _STROKE: dict[str, Any] = {
 _NO_LAW, _BEYOND = 0.65, 0.07
 """Shares of ink of markers in rows independent of the law, and of the ground beyond the bound."""
 
+_DETAIL, _LONG = r", (eq|its|§).*", 16
+"""Details of a place in the paper, and the length of a place, that no column has room for."""
 _MOST = 1e300
 """Largest ratio that is drawn: an axis needs room beyond it."""
 
@@ -130,12 +132,10 @@ def _shape(verdict: Verdict) -> dict[str, Any]:
 def _name_rows(axes: Axes, found: ShownCertificates, width: Width) -> None:
     """Name the rows by their statements, with their place in the paper, abbreviated in a column."""
     firsts = [found.rows(name)[0] for name in found.names]
-    long = [row.statement for row in firsts]
-    short = [
-        re.sub(r", (eq|its|§).*", "", each).replace("Theorem", "Thm.").replace("Thm.s", "Thms.")
-        for each in long
-    ]
-    statements = [f"{each}:  " for each in (short if width == "column" else long)]
+    places = [row.statement for row in firsts]
+    if width == "column":
+        places = [re.sub(r"Theorem(s?)", r"Thm\1.", re.sub(_DETAIL, "", each)) for each in places]
+    statements = [f"{each}:  " * (0 < len(each) < _LONG or width != "column") for each in places]
     texts = [notation(where + row.name) for where, row in zip(statements, firsts, strict=True)]
     axes.set_yticks(range(len(texts)), texts)
     axes.tick_params(axis="y", length=0)
@@ -152,7 +152,7 @@ def _name_scale(axes: Axes, least: float, most: float) -> None:
     axes.axvspan(1, 3 * most, label="beyond the bound", **shade)
     axes.axvline(1, label="the bound", color=ink(), linewidth=0.8)
     axes.grid(visible=False, axis="y")
-    axes.xaxis.set_major_locator(LogLocator(numticks=6))
+    axes.xaxis.set_major_locator(LogLocator(numticks=4))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xlabel("measured / bound")
     axes.tick_params(axis="x", top=False)
