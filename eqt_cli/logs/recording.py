@@ -86,10 +86,6 @@ class Recording:
             gaps=gaps[(gaps >= 0) & (gaps < len(times) - 1)],
         )
 
-    def shifted(self, offset: float) -> Self:
-        """Return the recording with `offset`, s, added to its times."""
-        return replace(self, times=self.times + offset)
-
 
 def recording_of(log: Log) -> Recording:
     """Return the motion in a log.

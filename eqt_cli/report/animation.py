@@ -67,6 +67,7 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
             _course(BodyPath(shown.body.rotation[c], shown.body.position[c]), kept, shown)
             for c in range(len(shown.ensembles))
         ],
+        "thrusts": [[_rounded(now.ravel()) for now in each[kept]] for each in shown.thrusts],
         "reference": _course(shown.reference, kept, shown),
         "moves": shown.has_translation,
         "length": scene.length,
@@ -92,9 +93,8 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
 
 
 def _course(course: BodyPath, kept: Array, shown: Motion) -> dict[str, Any]:
-    flat = course.rotation[kept].reshape(len(kept), 9)
     return {
-        "rotation": [_rounded(row) for row in flat],
+        "rotation": [_rounded(matrix.ravel()) for matrix in course.rotation[kept]],
         "position": _places(course.position[kept], shown),
     }
 

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import eqt_cli
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.animation.gif import _Stage, gif
 from eqt_cli.plots.animation.motion import MOST_CONTROLLERS, motion
 from eqt_cli.plots.animation.scene import FACES, TRAIL, block, camera, corners, flat, scene_of, tips
+from eqt_cli.report.animation import animation
 from eqt_cli.results.result import open_result
 
 
@@ -33,6 +35,49 @@ def test_motion_is_that_of_the_result(results):
 
 def test_all_controllers_unless_told_otherwise(results):
     assert len(motion(results, 0).ensembles) == min(4, MOST_CONTROLLERS)
+
+
+@pytest.fixture(scope="module")
+def rotors(tmp_path_factory):
+    """Three thrusters on a body in the plane, which starts beside its reference."""
+    places = [{"at": [x, 0.0], "along": [0, 2]} for x in (0.1, -0.2)]
+    places.append({"at": [0.0, 0.1], "along": [1, 0]})
+    config = {
+        "name": "rotors",
+        "group": "SE2",
+        "inertia": [0.01, 0.5, 0.5],
+        "gains": {"kp": 1, "kd": 1},
+        "reference": {"kind": "constant"},
+        "controllers": ["eqt"],
+        "actuators": [{"kind": "thrusters", "thrusters": places}],
+        "initial": {"pose": {"kind": "fixed", "coordinates": [0.2, 0.0, -0.3]}},
+        "ensemble": {"runs": 1},
+        "time": {"duration": 0.5, "samples": 6},
+    }
+    folder = tmp_path_factory.mktemp("rotors") / "out"
+    eqt_cli.run(config, folder)
+    with open_result(folder) as opened:
+        yield opened
+
+
+def test_thrusts_begin_at_their_thrusters_and_are_in_proportion(rotors):
+    lines = motion(rotors, 0).thrusts
+    assert lines.shape == (1, 6, 3, 2, 3)
+    foot, tip = lines[0, ..., 0, :], lines[0, ..., 1, :]
+    assert (foot == [[0.5, 0, 0], [-1.0, 0, 0], [0, 0.5, 0]]).all()
+    thrust = rotors.read("thrust", controller=0, run=0)
+    along = np.array([[0, 1, 0], [0, 1, 0], [1, 0, 0]])
+    expected = (thrust / np.abs(thrust).max())[..., None] * along
+    np.testing.assert_allclose(tip - foot, expected, atol=1e-14)
+    with Image.open(BytesIO(gif(rotors, 0, seconds=0.2))) as picture:
+        assert picture.n_frames >= 2
+    page = animation(rotors, 0)
+    assert "Dots are thrusters" in page and '"thrusts": [[[0.5, 0.0, 0.0, ' in page
+
+
+def test_a_vehicle_without_thrusters_shows_none(results):
+    assert motion(results, 0).thrusts.size == 0
+    assert "Dots are thrusters" not in animation(results, 0)
 
 
 def test_run_that_is_not_stored(results):

@@ -569,7 +569,8 @@ def measured_runs(
             f"{late[-1]:.6g} s; change time.offset of the mapping, or leave it out"
         )
     first, last = int(inside[0]), int(inside[-1]) + 1
-    kept = recording.part(first, last, -(-(last - first) // MOST_ROWS)).shifted(found.offset)
+    kept = recording.part(first, last, -(-(last - first) // MOST_ROWS))
+    kept = replace(kept, times=kept.times + found.offset)
     return [
         MeasuredRun(
             result.labels[k], result.titles[k], run, kept, last - first, found, course, reference

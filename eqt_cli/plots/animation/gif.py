@@ -152,6 +152,8 @@ class _Body:
         (self.trail,) = axes.plot([], [], color=self.colour, linewidth=1.0, zorder=1.5)
         self.ghost = _Block(axes, ink(_GHOST), 2, [ink(_GHOST)] * 3, linestyle=(0, (3, 1.5)))
         self.body = _Block(axes, self.colour, 4, list(AXES.values()), linewidth=1.8)
+        rotors: dict[str, Any] = {"marker": "o", "markevery": 3, "markersize": 4, "linewidth": 2}
+        (self.rotors,) = axes.plot([], [], color=ink(), zorder=5, **rotors)
         _draw_inertial(axes)
         gone: dict[str, Any] = {"ha": "center", "va": "bottom", "transform": axes.transAxes}
         self.gone = axes.text(0.5, 0.02, "run failed", color=self.colour, fontsize="small", **gone)
@@ -168,6 +170,9 @@ class _Body:
         there = bool(np.isfinite(rotation).all() and np.isfinite(place).all())
         self.body.hide(not there)
         self.gone.set_visible(not there)
+        lines = flat(place + length * self.motion.thrusts[self.index, sample] @ rotation.T)
+        apart = np.pad(lines, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)  # not drawn
+        self.rotors.set_data(*apart.reshape(-1, 2).T)
         if there:
             self.body.show(rotation, place, length)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eqt_cli.config.source import source_of
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import Part, group_named
 from eqt_cli.plots.drawing.style import house_style
@@ -48,6 +49,9 @@ class Motion:
         Courses of the bodies, with a leading controller axis, and of the reference.
     has_translation
         Whether bodies move as well as turn.
+    thrusts : (controllers, samples, thrusters, 2, 3)
+        A line from each thruster along its thrust, in the body frame; the largest coordinate of a
+        place and the largest thrust are 1.
     norms : dict of str to (controllers, samples)
         Norms of pose error and torque by name, per part where rotation and translation have
         different units.
@@ -59,18 +63,14 @@ class Motion:
     body: BodyPath
     reference: BodyPath
     has_translation: bool
+    thrusts: Array
     norms: dict[str, Array]
 
     @property
-    def centre(self) -> Array:
-        """Midpoint of all positions, ``(3,)``, m."""
-        places = self.places
-        return (places.min(axis=0) + places.max(axis=0)) / 2
-
-    @property
     def extent(self) -> float:
-        """Largest distance of a position from the midpoint, m; 0 where nothing moves."""
-        return float(np.linalg.norm(self.places - self.centre, axis=-1).max())
+        """Largest distance of a position from the midpoint of all, m; 0 where nothing moves."""
+        middle = (self.places.min(axis=0) + self.places.max(axis=0)) / 2
+        return float(np.linalg.norm(self.places - middle, axis=-1).max())
 
     @property
     def places(self) -> Array:
@@ -98,7 +98,6 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
     """
     with house_style():
         source = ShownRuns([results], "animation", Chosen(controllers))
-    poses = results.trajectory("pose", run)
     ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
     shown = [ensemble.controller for ensemble in ensembles]
     parts = group_named(results.group_name).parts
@@ -116,11 +115,24 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
         run=run,
         times=results.times,
         ensembles=ensembles,
-        body=_course(poses[shown], turning, moving),
+        body=_course(results.trajectory("pose", run)[shown], turning, moving),
         reference=_course(results["desired_pose"], turning, moving),
         has_translation=moving is not None,
+        thrusts=_thrusts(results, run, shown),
         norms={name: results.trajectory(name, run)[shown] for name in norms},
     )
+
+
+def _thrusts(results: Result, run: int, shown: list[int]) -> Array:
+    actuators = source_of(results).data["actuators"] if results.has("thrust") else ()
+    found = [each["thrusters"] for each in actuators if each.get("thrusters")]
+    if not found:
+        return np.empty((len(shown), len(results.times), 0, 2, 3))
+    thrust = results.trajectory("thrust", run)[shown][..., None]
+    at, along = (np.array([[*each[key], 0.0][:3] for each in found[0]]) for key in ("at", "along"))
+    at, thrust = (each / (np.nanmax(np.abs(each)) or 1.0) for each in (at, thrust))
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    return np.stack(np.broadcast_arrays(at, at + thrust * along), axis=-2)
 
 
 def _course(poses: Array, turning: Part | None, moving: Part | None) -> BodyPath:

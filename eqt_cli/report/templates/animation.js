@@ -94,7 +94,16 @@
     block(pose(data.reference, now), "var(--soft)", true);
     const body = pose(data.bodies[c], now);
     if (body) block(body, look.colour, false);
-    else parts.push(element("text", { x: SIZE / 2, y: SIZE - 8, "text-anchor": "middle", fill: look.colour }, "run failed"));
+    const lines = body ? between(data.thrusts[c], now) : []; // six numbers of each thruster
+    for (let k = 0; k < lines.length; k += 6) {
+      const [foot, tip] = [0, 3].map((i) => {
+        const v = turned(body.rotation, lines.slice(k + i, k + i + 3));
+        return at(body.place.map((x, j) => x + data.length * v[j]));
+      });
+      parts.push(element("circle", { class: "rotor", cx: foot[0].toFixed(1), cy: foot[1].toFixed(1), r: 3 }));
+      parts.push(element("path", { class: "thrust", d: line([foot, tip]) }));
+    }
+    if (!body) parts.push(element("text", { x: SIZE / 2, y: SIZE - 8, "text-anchor": "middle", fill: look.colour }, "run failed"));
 
     // The directions of the inertial frame, in a corner.
     data.inertial.forEach((name, k) => {
