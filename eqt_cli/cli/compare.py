@@ -357,7 +357,7 @@ def _findings(comparison: Comparison) -> list[str]:
 
     judged = comparison.judgements and not comparison.departures
     about = f"Claims of {sources(comparison)}" if judged else "Findings"
-    lines = [f"{about}, tested on {output.count_of(comparison.runs, 'run')} per controller"]
+    lines = [f"{about}, tested on {output.count_of(comparison.runs, 'run')} per law"]
     for found in findings(comparison, comparison.titles):
         if found.claim:
             without = f" (without {found.absent})" if found.absent else ""

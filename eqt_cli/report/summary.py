@@ -272,7 +272,7 @@ def lead(result: Result) -> str:
         keys = listed(swept) if swept else "nothing"
         points = f"{result.points} points over {keys}, each with "
     lasting = f" of {horizon:g} s" if horizon else ""
-    controllers = f"each of {len(labels)} controllers" if len(labels) > 1 else "one controller"
+    controllers = f"each of {len(labels)} laws" if len(labels) > 1 else "one law"
     loop = f" {result.loop_in_words}" if result.loop_in_words and not result.is_sweep else ""
     comma = "; " if any(", " in title for title in result.titles) else ", "
     return (

@@ -216,7 +216,7 @@ class CrossCheck:
     @property
     def described(self) -> str:
         """The outcome in a sentence without its full stop."""
-        runs = f"{self.runs} run{'' if self.runs == 1 else 's'} per controller"
+        runs = f"{self.runs} run{'' if self.runs == 1 else 's'} per law"
         if np.isnan(self.difference):
             method, ended, _ = self.method.partition(f", {OUT_OF_TIME}")
             why = f"{method.split()[0]} was {OUT_OF_TIME}" if ended else "its runs failed"

@@ -93,8 +93,8 @@ def test_by_default_the_differences_then_the_means_then_the_claims(invoke, paper
     done = invoke("compare", paper_result)
     lines = done.stdout.splitlines()
     pairs = "Paired differences from the same initial states, with 95 % bootstrap intervals"
-    means = "Means over 60 runs per controller; ± half the 95 % bootstrap interval"
-    claims = "Claims of Hampsey et al. (2025), section 7, tested on 60 runs per controller"
+    means = "Means over 60 runs per law; ± half the 95 % bootstrap interval"
+    claims = "Claims of Hampsey et al. (2025), section 7, tested on 60 runs per law"
     assert 0 == lines.index(pairs) < lines.index(means) < lines.index(claims)
     says = "  seen, not all settled: “All four of these controls are stabilising”"
     assert lines[lines.index(claims) + 1] == says
@@ -127,7 +127,7 @@ def test_verbose_adds_all_pairs_to_the_findings(invoke, paper_result):
     titled = [line for line in done.stdout.splitlines() if line.startswith(("EqT −", "GT −"))]
     assert titled == ["EqT − GT", "EqT − nog", "EqT − asym", "GT − nog", "GT − asym"]
     asked = "Claims of Hampsey et al. (2025), section 7, tested on this experiment"
-    assert f"{asked}, at 60 runs per controller" in done.stdout.splitlines()
+    assert f"{asked}, at 60 runs per law" in done.stdout.splitlines()
     assert done.stderr == ""
 
 
@@ -272,7 +272,7 @@ def test_claims_about_the_ideal_loop_are_not_judged_on_another(eqt, folder):
     eqt("run", "c.yaml", "--set", "control.period=0.05", "--quiet")
     out = eqt("compare", "results/c").out
     claims = "claims of Hampsey et al. (2025), section 7. Beyond their theorems: sampled control."
-    said = out.partition("\n\nFindings, tested on 3 runs per controller\n")[2].splitlines()
+    said = out.partition("\n\nFindings, tested on 3 runs per law\n")[2].splitlines()
     assert said[-1] == f"not covered: {claims}"
     seen = "  No difference seen between EqT and GT in share of runs settled over 0–1 s (0.000)."
     assert said[-2] == seen

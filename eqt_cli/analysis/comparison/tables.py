@@ -285,7 +285,7 @@ def _level_name(comparison: Comparison, write: Plain) -> str:
 
 
 def _runs_each(comparison: Comparison) -> str:
-    return f"{comparison.runs} run{'s' if comparison.runs > 1 else ''} per controller"
+    return f"{comparison.runs} run{'s' if comparison.runs > 1 else ''} per law"
 
 
 def _two(value: float) -> str:
