@@ -75,7 +75,9 @@ def test_the_figure_is_drawn_by_default(invoke, paper_result, log, folder, unarr
     assert found.stdout == "figure   figures/measured.json\n"
     assert found.stderr == "eqt: flight.csv: column battery is not used\n"
     names = {curve["name"] for curve in json.loads((folder / "figures/measured.json").read_text())}
-    assert names == {f"{kind} ω{axis}" for kind in ("measured", "simulated") for axis in "xyz"}
+    assert names == {
+        f"{kind} ω{axis}" for kind in ("measured", "simulated", "difference") for axis in "xyz"
+    }
 
 
 @pytest.mark.parametrize(

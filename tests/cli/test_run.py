@@ -95,7 +95,7 @@ def test_the_summary_tells_how_accurate_it_is(eqt: Eqt) -> None:
     number = r"\d(\.\d)?e-\d\d"  # two digits, a last 0 left out
     assert re.search(rf"^error estimates: largest {number}, median {number}$", done.out, re.M)
     assert re.search(
-        rf"^cross-check: 1 run per controller by LSODA, largest difference {number} "
+        rf"^cross-check: 1 run per law by LSODA, largest difference {number} "
         r"\(bound 0.001\)$",
         done.out,
         re.M,

@@ -190,8 +190,8 @@ class Clock:
 @pytest.mark.parametrize(
     ("seconds", "outcome"),
     [
-        (np.inf, r"cross-check: 3 runs per controller by LSODA, largest difference \S+e-\d+ "),
-        (600, r"3 runs per controller by LSODA over the first \S+ s, ended by its limit of time, "),
+        (np.inf, r"cross-check: 3 runs per law by LSODA, largest difference \S+e-\d+ "),
+        (600, r"3 runs per law by LSODA over the first \S+ s, ended by its limit of time, "),
         (3, r"cross-check: nothing to compare, since LSODA was ended by its limit of time$"),
     ],
 )
