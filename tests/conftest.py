@@ -467,7 +467,7 @@ ROUGH = ["--quiet", "--set=solver.rtol=1e-6", "--set=solver.cross_check=0"]
 
 @pytest.fixture(scope="session")
 def paper_result(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Path:
-    """The folder of the paper's experiment with 60 runs per controller."""
+    """The folder of the paper's experiment with 60 runs per law."""
     few = ["--set=ensemble.runs=60", "--set=time.samples=201"]
     run = partial(invoke, "run", PAPER, *few, *ROUGH, "--out")
     return made_once("paper", lambda folder: run(folder / "result")) / "result"
@@ -525,7 +525,7 @@ class MakeResult:
         self.folder, self.opened = folder, []
 
     def constant(self, *levels):
-        """Signals that are constant over time: a list of runs per controller."""
+        """Signals that are constant over time: a list of runs per law."""
         return np.asarray(levels, float)[..., None] * np.ones(len(self.times))
 
     def __call__(

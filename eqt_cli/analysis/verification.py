@@ -35,10 +35,10 @@ from eqt_cli.results.result import Result
 from eqt_cli.vehicle import Vehicle
 
 RUNS = 20
-"""Number of runs per controller that check a configuration, unless it has fewer."""
+"""Number of runs per law that check a configuration, unless it has fewer."""
 
 FEW_RUNS = 3
-"""Number of runs per controller that are integrated again, for states that a result does not hold
+"""Number of runs per law that are integrated again, for states that a result does not hold
 and for the nodes of the momentum balance."""
 
 JUDGED = ("energy_residual", "group_drift", "final_pose_error", "final_velocity_error")
@@ -130,7 +130,7 @@ def verify_stored(
 
 @dataclass(frozen=True)
 class _Verifier:
-    """An experiment of which some runs per controller are integrated, as a run would do it."""
+    """An experiment of which some runs per law are integrated, as a run would do it."""
 
     experiment: Experiment
     runs: int

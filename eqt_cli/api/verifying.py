@@ -29,7 +29,7 @@ def verify(
         A result folder or file, whose stored runs are checked; or a `Study` or a configuration, of
         which new runs are computed.
     runs
-        Number of new runs per controller, at most that of the experiment. Default: 20.
+        Number of new runs per law, at most that of the experiment. Default: 20.
     point
         Point of a sweep, counted from 0. Default for an experiment: the first.
     trust_plugins

@@ -48,7 +48,7 @@ def verify(
     Options
     -------
     Experiment
-        --runs N  Runs per controller of a CONFIG. Default: 20.
+        --runs N  Runs per law of a CONFIG. Default: 20.
         --exact  Also prove identities, by exact numbers at random states.
         --code FILE  Judge the control law in this C file instead of the controllers of a CONFIG.
         --as NAME  The control law that the C file claims to be.

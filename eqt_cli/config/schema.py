@@ -162,7 +162,7 @@ class EnsembleSection(Section):
     Attributes
     ----------
     runs
-        Runs per controller; as many as `initial.file` has rows, if there is one.
+        Runs per law; as many as `initial.file` has rows, if there is one.
     seed
         Root of all random streams.
     """

@@ -48,7 +48,7 @@ def law_columns(
     laws = runs.shown
     if len(laws) > MOST[width]:
         raise runs.error(
-            f"has a column of panels per controller, and width '{width}' has room for "
+            f"has a column of panels per law, and width '{width}' has room for "
             f"{MOST[width]}, not {len(laws)}; choose some with the option 'controllers'"
         )
     mosaic = [[f"{row} {e.label}" if shows(row, e) else layout.EMPTY for e in laws] for row in rows]

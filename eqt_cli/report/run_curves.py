@@ -29,7 +29,7 @@ Document = dict[str, Any]
 
 
 def run_table(result: Result) -> Document:
-    """Return columns with names and units, and a row per controller and run.
+    """Return columns with names and units, and a row per law and run.
 
     Returns
     -------

@@ -209,7 +209,7 @@ def _is_number(value: Any) -> bool:
 
 
 def point_table(result: Result) -> Document:
-    """Return a table with a row per controller and point: the swept values, and means over runs.
+    """Return a table with a row per law and point: the swept values, and means over runs.
 
     Its layout is that of `run_table`. A point with failed runs has no means, and its row counts
     them. Times beyond the horizon in some run have no mean either: the share of settled runs

@@ -45,7 +45,7 @@ class StoredRuns(KnownResult):
 
     @property
     def runs(self) -> int:
-        """Number of runs per controller and point."""
+        """Number of runs per law and point."""
         return self.dimensions["run"]
 
     @cached_property

@@ -15,7 +15,7 @@ NATIVE = "{engine: native, rtol: 1.0e-6, atol: 1.0e-6, cross_check: 0}"
 
 
 def simulate(experiment):
-    """Every variable of a small experiment, ``(controller, run, …)``; a part per controller."""
+    """Every variable of a small experiment, ``(controller, run, …)``; a part per law."""
     study = Study(None, experiment)
     shared = shared_reference(study)
     assert len(study.plan) == len(experiment.loops)

@@ -32,7 +32,7 @@ class Comparison:
     Attributes
     ----------
     title, group, labels, runs
-        Title, group and labels of the result, and its runs per controller.
+        Title, group and labels of the result, and its runs per law.
     titles
         Display name of each controller, by label.
     kinds

@@ -120,7 +120,7 @@ def records(found: Sequence[Explanation]) -> list[dict[str, Any]]:
 
 
 def explained_table(found: Sequence[Explanation], write: Plain, *, axes: bool) -> TextTable:
-    """Return the table of shares, a block per controller; rows of single axes only if `axes`."""
+    """Return the table of shares, a block per law; rows of single axes only if `axes`."""
     several = len(found) > 1
     blocks = [
         Block(

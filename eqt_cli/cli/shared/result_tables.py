@@ -86,7 +86,7 @@ def outcome_record(result: Result) -> dict[str, Any]:
 
 
 def _headline(result: Result) -> Text:
-    """Return a line per controller: torque, tracking error, final errors, energy residual.
+    """Return a line per law: torque, tracking error, final errors, energy residual.
 
     Parts with units of their own have a block each.
     """

@@ -119,7 +119,7 @@ def panel(controller: str, part: str) -> str:
 def panels_by_controller(
     controllers: Sequence[str], parts: Sequence[str], columns: int = 2
 ) -> Mosaic:
-    """Return a row per controller and a column per part; with one part, controllers in rows.
+    """Return a row per law and a column per part; with one part, controllers in rows.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ _MOST_NAME = 10
 class Commands(Panelled, OverTime):
     """What a law asks for and what its actuators give in one run; the time at a limit is shaded.
 
-    A row per axis and a column per controller, with the limits of each axis. Limits of other kinds,
+    A row per axis and a column per law, with the limits of each axis. Limits of other kinds,
     such as of the norm, shade all axes.
 
     Attributes
@@ -59,7 +59,7 @@ class Commands(Panelled, OverTime):
     thrusters: bool = False
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Draw a row with its own scale per axis, and a column per controller."""
+        """Draw a row with its own scale per axis, and a column per law."""
         if not self.thrusters and not any(e.results.has("command") for e in runs.shown):
             raise runs.error(
                 "finds no actuators in this loop, so what a law asks for is what acts; figure "

@@ -200,7 +200,7 @@ class Distributions(OfMetrics):
 
 
 def _fill_boxes(axes: Axes, metrics: ShownMetrics, samples: Sequence[MetricValues]) -> None:
-    """Draw a box per controller, the first on top."""
+    """Draw a box per law, the first on top."""
     for row, (ensemble, sample) in enumerate(zip(metrics.shown, samples, strict=True)):
         colour = line_style(ensemble.look)["color"]
         if sample.values.size:

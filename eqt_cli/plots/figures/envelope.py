@@ -33,7 +33,7 @@ class Envelope(OfSettled):
     name: ClassVar[str] = "envelope"
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """Draw a curve and a band per controller; a panel per value of a second key."""
+        """Draw a curve and a band per law; a panel per value of a second key."""
         across, other = self._axes(swept)
         settled = swept.settled(self.by)
         levels = np.unique(other.values) if other else np.zeros(1)

@@ -38,7 +38,7 @@ _LINE = 0.8
 class EstimateFigure(OverTime):
     """Errors of the estimate in one run within ±3 of its own deviations; NEES with χ² limits.
 
-    A column per controller. Errors are those of the pose, in exponential coordinates, and of the
+    A column per law. Errors are those of the pose, in exponential coordinates, and of the
     bias, part by part. Two shades in the lowest panels are 95 % of χ²: that of one run and, darker,
     that of the mean over runs. A filter without a covariance has neither bands nor NEES.
 
@@ -53,7 +53,7 @@ class EstimateFigure(OverTime):
     run: CountOrNone = 0
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Draw a row with its own scale per error, and a column per controller."""
+        """Draw a row with its own scale per error, and a column per law."""
         self._require_estimates(runs)
         G, shown = self._group(runs), runs.shown
         errors = {_words(part, e): (part, e) for e in self._errors(runs, shown) for part in G.parts}

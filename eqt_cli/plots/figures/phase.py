@@ -42,7 +42,7 @@ class PhaseFigure(OfFirstRuns):
     """Phase plane of the error: norm of the velocity error over that of the pose error.
 
     Some single runs, from a hollow dot at the start to a filled one at the end; darker shading:
-    more runs pass there. A panel per controller, and a column per part where parts have units of
+    more runs pass there. A panel per law, and a column per part where parts have units of
     their own. A star marks the unstable equilibria, if they are within the axes: the
     rotation error of the critical points of Υ other than I, which are half-turns for every weight.
 
@@ -58,7 +58,7 @@ class PhaseFigure(OfFirstRuns):
     log: bool = False
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Draw a row per controller and a column per part; with one part, controllers in rows."""
+        """Draw a row per law and a column per part; with one part, controllers in rows."""
         shown, parts = runs.shown, runs.parts
         places = layout.panels_by_controller([e.label for e in shown], parts, _COLUMNS[width])
         drawing, panels = layout.blank_sheet(width, places, _HEIGHTS[width])

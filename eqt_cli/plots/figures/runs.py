@@ -1,4 +1,4 @@
-"""Figure of single runs: thin lines under their mean, a panel per controller."""
+"""Figure of single runs: thin lines under their mean, a panel per law."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
 MOST_LINES = 200
-"""Most single runs per controller, from the first; more give a solid area and a large file."""
+"""Most single runs per law, from the first; more give a solid area and a large file."""
 
 ESTIMATED = {"pose_error": "estimate_error"}
 """Signals that are shaded below others where a law reads an estimate."""
@@ -36,7 +36,7 @@ _SHADE = 0.16
 
 @dataclass(frozen=True)
 class RunsFigure(OverTime):
-    """Single runs as thin lines and the mean over runs, a panel per controller.
+    """Single runs as thin lines and the mean over runs, a panel per law.
 
     Where a norm has parts with units of their own, such as rotation and translation, each part has
     a column of panels. Where a law reads an estimate, the mean error of that is shaded.
@@ -65,7 +65,7 @@ class RunsFigure(OverTime):
             problems.at("degrees").add(f"belongs to signal pose_error; {self.signal} is no angle")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Draw a row per controller and a column per part, or else controllers two by two."""
+        """Draw a row per law and a column per part, or else controllers two by two."""
         runs.require_attitude(degrees=self.degrees)
         shown, parts = runs.shown, runs.parts
         if self.signal in _WHOLE:

@@ -127,7 +127,7 @@ class Sphere(OfFirstRuns):
     axis: Literal["x", "y", "z"] = "z"
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Draw a disc per controller, or a column of discs per rotation of the group."""
+        """Draw a disc per law, or a column of discs per rotation of the group."""
         shown, centre = runs.shown, _AXES.index(self.axis)
         group, parts = self._rotations(runs)
         suffixes = [f"_{part.name}" for part in parts] if len(parts) > 1 else [""]

@@ -1,4 +1,4 @@
-"""Figure of a sweep: one metric over one key as curves, over two as a map per controller."""
+"""Figure of a sweep: one metric over one key as curves, over two as a map per law."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -60,7 +60,7 @@ class SweepFigure(OfOneMetric):
     log: bool | None = None
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """Draw means over the runs: one panel of curves, or a map per controller."""
+        """Draw means over the runs: one panel of curves, or a map per law."""
         values, means = swept.metric(self.metric_of(swept)), swept.means(self.metric_of(swept))
         axes = swept.one_or_two("; figure 'pareto' shows sweeps of any number")
         label = metric_label(swept.results, self.metric_of(swept), 36)

@@ -160,7 +160,7 @@ class ShownControllers:
         return [ensemble for ensemble in self.ensembles if ensemble.good.any()]
 
     def count(self) -> str:
-        """Return the number of good runs, ``200 runs``; per controller where they differ."""
+        """Return the number of good runs, ``200 runs``; per law where they differ."""
         counts = {e.title: int(np.count_nonzero(e.good)) for e in self.shown}
         if len(set(counts.values())) == 1:
             return f"{next(iter(counts.values()))} runs"
