@@ -43,7 +43,7 @@ def show(
         --plugins  Print the stored plugin sources.
         --variables  List the variables.
         --failed  List all failed runs.
-        --unsettled  Print the starts of runs that did not settle, as CSV.
+        --unsettled  Print the initial states of runs that did not settle, as CSV.
         --table  Print the metrics of every run, one row per run.
     Output
         --format NAME  Format of --table: csv or jsonl. Default: csv.

@@ -192,7 +192,7 @@ class StoreSection(Section):
     Attributes
     ----------
     trajectories
-        Trajectories of all runs, of none, or of the first N runs of each controller.
+        Trajectories of all runs, of none, or of the first N runs per law.
     decimate
         Keep every n-th sample of the trajectories; metrics use all.
     compression
@@ -654,7 +654,7 @@ class SolverChecks:
         Solve every run a second time at a tenth of the tolerance and compare. Default: where the
         engine makes that cheap.
     cross_check
-        How many runs of each controller are redone by another engine and compared.
+        How many runs per law are redone by another engine and compared.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
