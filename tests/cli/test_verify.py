@@ -159,7 +159,7 @@ def test_paper_shows_what_it_claims(eqt: Eqt) -> None:
     assert done.code == 0
     rows = json.loads(done.out)["rows"]
     assert {each["verdict"] for each in rows if each["kind"] == "identity"} == {"holds"}
-    assert len([each for each in rows if each["kind"] == "identity"]) == 32
+    assert len([each for each in rows if each["kind"] == "identity"]) == 30
     certain = ("energy balance", "decrease of L")
     assert {each["verdict"] for each in rows if each["name"] in certain} == {"holds"}
     assert row({"rows": rows}, "Υ is a navigation function")["verdict"] == "Morse-Bott"

@@ -121,7 +121,7 @@ def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened):
                 assert end == (-0.5 if k == 3 else -1.0)
             else:
                 highs.add(end)
-        assert panel.get_ylabel() == f"thruster {k + 1} (N)"
+        assert panel.get_ylabel().split("\n") == [f"thruster {k + 1}", "(N)"]
     assert len(highs) == 1 and 1.0 < highs.pop() < 2.0
 
 

@@ -416,7 +416,7 @@ def test_an_envelope_may_ask_for_an_earlier_time(swept):
     results = swept(LAGS, **FLIES)
     (panel,) = Envelope(by=2.0).draw([results]).axes
     np.testing.assert_allclose(panel.lines[0].get_ydata(), settled_by(results, 2.0)[:, 0] / 6)
-    assert panel.get_ylabel() == "share settled by 2 s"
+    assert panel.get_ylabel() == "share settled by 2 s (%)"
 
 
 def test_a_failed_run_has_not_settled(swept, altered):

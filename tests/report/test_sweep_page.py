@@ -28,7 +28,7 @@ def text(page_of, swept_result):
 def test_the_lead_says_what_was_swept(text):
     assert (
         "6 points over gains.kp and gains.kd, each with 5 runs of 4 s for each of 4 laws "
-        "(EqT, GT, nog, asym) on SO3; the same initial states for all of them."
+        "(EqT, GT, nog, asym) on SO(3); the same initial states for all of them."
     ) in text
 
 

@@ -180,7 +180,7 @@ class Distributions(OfMetrics):
             for row in places:
                 panels[row[0]].set_ylabel("fraction of runs")
             add_legend(drawing, panels[metrics.metrics[0]].lines, [e.title for e in metrics.shown])
-        metrics.remarks.append(f"Each law: {metrics.count()} runs.")
+        metrics.remarks.append(f"Distributions over {metrics.count()}.")
         return drawing
 
     def _scale(
