@@ -44,7 +44,6 @@ TESTS = (
             "analysis/test_bootstrap.py",
             "analysis/test_comparison.py",
             "analysis/test_margins.py",
-            "execution/test_compiled_signals.py",
             "trust/test_input.py",
         )
     ),

@@ -15,6 +15,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 import eqt_cli
+from mutants import __main__ as mutants
 
 ROOT = Path(__file__).parents[1]
 
@@ -108,3 +109,8 @@ def _bound(requirement, operator):
     parsed = Requirement(requirement)
     (version,) = (spec.version for spec in parsed.specifier if spec.operator == operator)
     return parsed.name, Version(version)
+
+
+def test_tests_that_mutants_are_tried_on_exist():
+    """A test that was moved would end `make mutants` before its first mutant."""
+    assert [path for path in mutants.TESTS if not (ROOT / path).exists()] == []
