@@ -10,11 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.table import TITLES, Results
-from eqt_cli.plots import save
+from eqt_cli.core.files import write_all
 from eqt_cli.plots.drawing.curve_labels import name_points
 from eqt_cli.plots.drawing.labels import in_words
 from eqt_cli.plots.drawing.layout import add_legend, freeze
 from eqt_cli.plots.drawing.style import WIDTHS, house_style, ink, line_style
+from eqt_cli.plots.render import encode
 
 CASE = "paper"
 """The runs of which the figure of rates tells."""
@@ -36,7 +37,7 @@ def write(results: Results, folder: Path) -> None:
     for name, drawing in drawings.items():
         for format in ("png", "svg"):
             file = folder / f"{name}.{format}"
-            save.write({file: save.encode(drawing, format, name)}, folder)
+            write_all({file: encode(drawing, format, name)}, folder)
 
 
 def work_precision(results: Results) -> Figure:

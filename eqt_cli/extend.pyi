@@ -87,6 +87,8 @@ from eqt_cli.plots.base import OfMetrics as OfMetrics
 from eqt_cli.plots.base import OfReference as OfReference
 from eqt_cli.plots.base import OfSweep as OfSweep
 from eqt_cli.plots.base import OverTime as OverTime
+from eqt_cli.plots.drawing.cells import scale_log as scale_log
+from eqt_cli.plots.drawing.cells import scale_norm as scale_norm
 from eqt_cli.plots.drawing.curves import draw_band as draw_band
 from eqt_cli.plots.drawing.labels import component as component
 from eqt_cli.plots.drawing.labels import free_text as free_text
@@ -99,8 +101,6 @@ from eqt_cli.plots.drawing.layout import blank_sheet as blank_sheet
 from eqt_cli.plots.drawing.layout import name_scale as name_scale
 from eqt_cli.plots.drawing.layout import rows_of as rows_of
 from eqt_cli.plots.drawing.layout import sheet as sheet
-from eqt_cli.plots.drawing.scales import scale_log as scale_log
-from eqt_cli.plots.drawing.scales import scale_norm as scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS as WIDTHS
 from eqt_cli.plots.drawing.style import Width as Width
 from eqt_cli.plots.drawing.style import ink as ink

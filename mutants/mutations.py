@@ -25,7 +25,6 @@ CORE = (
     "analysis/comparison/intervals.py",
     "analysis/comparison/compare.py",
     "analysis/comparison/pairs.py",
-    "analysis/comparison/verdicts.py",
     "analysis/margins.py",
     "exporting/filters.py",
     "results/metrics.py",

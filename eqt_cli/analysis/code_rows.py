@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, Verdict
-from eqt_cli.analysis.evidence.code_cascade import explained_cascade
 from eqt_cli.analysis.evidence.code_states import RARE, Search, States, Watched, drawn_states
-from eqt_cli.analysis.evidence.code_terms import Question, explained, sum_of
-from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
+from eqt_cli.analysis.evidence.code_terms import Question, explained, explained_cascade, sum_of
+from eqt_cli.analysis.evidence.numbers import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array

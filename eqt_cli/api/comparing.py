@@ -10,8 +10,7 @@ from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
 from eqt_cli.analysis.comparison.intervals import Resampling
 from eqt_cli.analysis.comparison.maps import Map, compare_map
-from eqt_cli.analysis.measured.explained import Explanation, explained
-from eqt_cli.analysis.measured.run import measured_runs
+from eqt_cli.analysis.measured import Explanation, explained, measured_runs
 from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.loading import ResultPath, path_from
 from eqt_cli.core.errors import EqtError

@@ -12,8 +12,7 @@ from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.loading import ResultPath, experiment_at
 from eqt_cli.config.named_files import load_stored_plugins
 from eqt_cli.core.errors import EqtError, EqtWarning, suggestion
-from eqt_cli.core.files import YAML
-from eqt_cli.core.own_files import check_targets
+from eqt_cli.core.files import YAML, check_targets
 from eqt_cli.core.reporting import reporter, step
 from eqt_cli.execution.folder import FIGURES
 from eqt_cli.experiment.experiment import Experiment
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 
 from eqt_cli.config.source import source_of
 from eqt_cli.core.errors import ComponentError, Remedy
-from eqt_cli.core.own_files import write_all
+from eqt_cli.core.files import write_all
 
 
 def animate(
@@ -78,7 +77,7 @@ def animate(
     ['run1.html']
     """
     from eqt_cli.plots.animation.gif import gif
-    from eqt_cli.plots.animation.motion import motion
+    from eqt_cli.plots.animation.scene import motion
     from eqt_cli.report.animation import animation
 
     contents = {}

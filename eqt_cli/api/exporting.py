@@ -13,7 +13,7 @@ import numpy as np
 from eqt_cli.analysis.evidence.program_error import ARITHMETICS
 from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.own_files import check_targets, write_all
+from eqt_cli.core.files import check_targets, write_all
 from eqt_cli.experiment.study import Study
 from eqt_cli.exporting.files import files
 from eqt_cli.exporting.laws import ExportedLaw, exported

@@ -11,7 +11,7 @@ from eqt_cli.analysis.verification import verify_stored
 from eqt_cli.api.loading import ResultPath
 from eqt_cli.config.named_files import load_stored_plugins
 from eqt_cli.core.errors import EqtError, EqtWarning
-from eqt_cli.core.own_files import check_targets, write_all
+from eqt_cli.core.files import check_targets, write_all
 from eqt_cli.core.reporting import reporter
 from eqt_cli.execution.folder import REPORT
 from eqt_cli.results.result import open_result, point_folder

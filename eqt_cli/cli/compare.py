@@ -186,7 +186,7 @@ def _of_recording(
 ) -> _Found | None:
     """Return how much of the errors in a recording the run of each controller explains."""
     from eqt_cli import api
-    from eqt_cli.analysis.measured.explained import explained_table, records
+    from eqt_cli.analysis.measured import explained_table, records
 
     measured, mapping, kind, run = recorded
     if measured is None:
@@ -265,7 +265,7 @@ def _require_table_of_experiment(table: Table | None) -> None:
 
 def _of_sweep(maps: Sequence[Map], result: Result, table: Table | None, write: Plain) -> _Found:
     """Return which law wins at each point of a sweep."""
-    from eqt_cli.analysis.comparison.map_tables import map_records, map_tables
+    from eqt_cli.analysis.comparison.maps import map_records, map_tables
 
     records = [record for found in maps for record in map_records(found, result)]
     whole = table is Table.POINTS
@@ -313,8 +313,7 @@ def _of_experiment(
     `whole` is None if a user chose a part; else the findings come with all tables (True), or with
     the means and the differences from the first controller (False).
     """
-    from eqt_cli.analysis.comparison.records import records
-    from eqt_cli.analysis.comparison.tables import text_tables
+    from eqt_cli.analysis.comparison.tables import records, text_tables
 
     rows = records(comparison)
     # A table of all pairs of many controllers is long: by default, pairs with the first one.
@@ -353,7 +352,7 @@ def _of_experiment(
 
 def _findings(comparison: Comparison) -> list[str]:
     """Return a sentence for each claim; without claims, which law is best."""
-    from eqt_cli.analysis.comparison.records import findings, sources
+    from eqt_cli.analysis.comparison.tables import findings, sources
 
     judged = comparison.judgements and not comparison.departures
     about = f"Claims of {sources(comparison)}" if judged else "Findings"

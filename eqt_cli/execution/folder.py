@@ -8,11 +8,21 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.config.yaml_source import dump
-from eqt_cli.core import own_files
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, KeyPath, Remedy, dotted
-from eqt_cli.core.files import read_record, refusals, replace_file, write_record
+from eqt_cli.core.files import (
+    Own,
+    OwnFile,
+    OwnFolder,
+    check_entries,
+    kind_of,
+    read_record,
+    refusals,
+    remove_left_over,
+    remove_own,
+    replace_file,
+    write_record,
+)
 from eqt_cli.core.option_types import shown
-from eqt_cli.core.own_files import Own, OwnFile, OwnFolder
 from eqt_cli.execution.lock import LOCK
 from eqt_cli.execution.part_files import MANIFEST, OWN_PARTS, PARTS, PartFiles
 from eqt_cli.experiment.experiment import renamed
@@ -76,7 +86,7 @@ class ResultFolder:
     @property
     def is_tidy(self) -> bool:
         """Whether the process that packed the result also finished."""
-        left = self.parts.listed() or own_files.kind_of(self.path / LOCK)
+        left = self.parts.listed() or kind_of(self.path / LOCK)
         return "finished" in (self.manifest or {}) and not left
 
     def check(self) -> None:
@@ -88,7 +98,7 @@ class ResultFolder:
             If an entry that eqt would write or remove is a link, or was not written by eqt.
         """
         with self._refusals():
-            own_files.check_entries(self.path, OWN_RESULT)
+            check_entries(self.path, OWN_RESULT)
 
     def claim(self, study: Study, manifest: dict[str, Any], force: bool) -> list[str]:
         """Claim the folder for this study; return the names of removed entries.
@@ -117,12 +127,12 @@ class ResultFolder:
 
     def tidy(self) -> None:
         """Remove unfinished files of killed processes."""
-        own_files.remove_left_over(self.path, OWN_RESULT)
+        remove_left_over(self.path, OWN_RESULT)
         self.parts.tidy()
 
     def remove(self, name: str) -> list[Path]:
         """Remove what eqt wrote under a name, and nothing else; return the removed paths."""
-        return own_files.remove_own(self.path / name, _OWN[name])
+        return remove_own(self.path / name, _OWN[name])
 
     def finish(self, manifest: dict[str, Any]) -> None:
         """Write the final manifest, and remove the parts, which the result file now holds."""
@@ -135,7 +145,7 @@ class ResultFolder:
         return refusals(self.path, "used", OTHER_FOLDER)
 
     def _clear(self, study: Study, force: bool) -> list[str]:
-        existing = [name for name in _OWN if own_files.kind_of(self.path / name)]
+        existing = [name for name in _OWN if kind_of(self.path / name)]
         manifest = self.manifest
         if existing and manifest is None:
             raise EqtError(f"{self.path}: holds {existing[0]} that eqt did not write", OTHER_FOLDER)

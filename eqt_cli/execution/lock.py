@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
-from eqt_cli.core.files import FILE, refusals
-from eqt_cli.core.own_files import check_kind, foreign
+from eqt_cli.core.files import FILE, check_kind, foreign, refusals
 from eqt_cli.core.reporting import reporter
 from eqt_cli.execution.provenance import now
 

@@ -14,8 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eqt_cli.core.files import read_record
-from eqt_cli.core.own_files import OwnFile, remove_own
+from eqt_cli.core.files import OwnFile, read_record, remove_own
 from eqt_cli.execution.lock import holder
 from eqt_cli.experiment.parts import Plans
 from eqt_cli.store.reserved_names import FILE_NAME

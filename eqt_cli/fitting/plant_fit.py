@@ -14,9 +14,8 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, parse_key
-from eqt_cli.core.files import refusals
+from eqt_cli.core.files import FOUND_BY, check_entries, check_targets, refusals
 from eqt_cli.core.option_types import shown
-from eqt_cli.core.own_files import FOUND_BY, check_entries, check_targets
 from eqt_cli.core.reporting import step
 from eqt_cli.execution.folder import OWN_COPIES, ResultFolder
 from eqt_cli.experiment.build import build

@@ -2,14 +2,13 @@
 
 from pathlib import Path
 
-from eqt_cli.core.own_files import write_all
+from eqt_cli.core.files import write_all
 from eqt_cli.fitting.growth import Growth
 from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.curves import band_look
 from eqt_cli.plots.drawing.labels import in_words
 from eqt_cli.plots.drawing.style import house_style, ink, line_style
-from eqt_cli.plots.render import FORMATS
-from eqt_cli.plots.save import encode
+from eqt_cli.plots.render import FORMATS, encode
 
 NAME = "replay"
 

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.animation.motion import BodyPath, Motion, motion
 from eqt_cli.plots.animation.scene import (
     AXES,
     AZIMUTH,
@@ -14,13 +13,16 @@ from eqt_cli.plots.animation.scene import (
     FACES,
     INERTIAL,
     TRAIL,
+    BodyPath,
+    Motion,
     Scene,
     corners,
+    motion,
     scene_of,
 )
 from eqt_cli.plots.drawing.labels import norm_symbol
 from eqt_cli.report.environment import page
-from eqt_cli.report.run_curves import columns, looks
+from eqt_cli.report.summary import columns, looks
 from eqt_cli.results.quantity import plain
 from eqt_cli.results.result import Result
 

@@ -12,18 +12,18 @@ from markupsafe import Markup
 from eqt_cli.analysis.certificate_table import certificate_table, titled
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.comparison import compare
+from eqt_cli.analysis.comparison.maps import sweep_tables
 from eqt_cli.analysis.comparison.notation import Plain
-from eqt_cli.analysis.comparison.records import findings
-from eqt_cli.analysis.comparison.tables import text_tables
-from eqt_cli.analysis.sweep_summary import sweep_tables
+from eqt_cli.analysis.comparison.tables import findings, text_tables
 from eqt_cli.core.errors import EqtError
 from eqt_cli.report.animation import animation
 from eqt_cli.report.environment import TEMPLATES, page
 from eqt_cli.report.figures import CASES, COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
-from eqt_cli.report.run_curves import columns, curves, run_table
 from eqt_cli.report.summary import (
     accuracy,
     called,
+    columns,
+    curves,
     day,
     given,
     laws,
@@ -31,6 +31,7 @@ from eqt_cli.report.summary import (
     made_by,
     point_table,
     provenance,
+    run_table,
 )
 from eqt_cli.results.result import HEADLINE, Result
 from eqt_cli.tuning.folder import TUNE, WORST

@@ -12,8 +12,7 @@ from eqt_cli.core.registry import description
 from eqt_cli.core.reporting import reporter, step
 from eqt_cli.plots.base import Extras, OfCertificates
 from eqt_cli.plots.figures import figures
-from eqt_cli.plots.render import DRAWN, figure_from
-from eqt_cli.plots.save import encode
+from eqt_cli.plots.render import DRAWN, encode, figure_from
 from eqt_cli.results.result import Result
 
 LARGEST = 700_000

@@ -9,10 +9,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.core import own_files
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
-from eqt_cli.core.files import read_record, refusals, write_record
-from eqt_cli.core.own_files import Own, OwnFile, OwnFolder
+from eqt_cli.core.files import (
+    FOUND_BY,
+    Own,
+    OwnFile,
+    OwnFolder,
+    check_entries,
+    kind_of,
+    read_record,
+    refusals,
+    remove_left_over,
+    remove_own,
+    write_record,
+)
 from eqt_cli.execution.folder import OWN_COPIES, OWN_RESULT, ResultFolder
 from eqt_cli.execution.part_files import MANIFEST
 from eqt_cli.experiment.study import Study
@@ -209,7 +219,7 @@ class SearchFolder:
             Lines to write above each configuration; each begins with ``#``.
         """
         names = found_files(self.kind, law, len(studies), numbered)
-        mark = own_files.FOUND_BY.format(self.kind.command) + comment
+        mark = FOUND_BY.format(self.kind.command) + comment
         with refusals(self.path, "used", OTHER_FOLDER):
             for name, study in zip(names, studies, strict=True):
                 path = self.path / name
@@ -217,7 +227,7 @@ class SearchFolder:
                 ResultFolder(path.parent).write_config(study, path.name, mark.encode())
             for path in (self.path / self.kind.found / law.slug).glob("*.yaml") if numbered else ():
                 if path.relative_to(self.path).as_posix() not in names:
-                    own_files.remove_own(path, _NUMBERED)
+                    remove_own(path, _NUMBERED)
 
     def check(self, laws: Sequence[LawSearch]) -> None:
         """Check the folder of a search for these laws before anything in it changes.
@@ -229,9 +239,7 @@ class SearchFolder:
         """
         slugs = "|".join(re.escape(law.slug) for law in laws)
         with refusals(self.path, "used", OTHER_FOLDER):
-            own_files.check_entries(
-                self.path, (*OWN_RESULT, *_own(self.kind, slugs, marked=False).values())
-            )
+            check_entries(self.path, (*OWN_RESULT, *_own(self.kind, slugs, marked=False).values()))
 
     def claim(self, name: str, digest: str, force: bool) -> None:
         """Claim the folder for the search of this name and digest.
@@ -243,7 +251,7 @@ class SearchFolder:
         """
         record = self.record
         own = _own(self.kind, r"[A-Za-z0-9._-]+", marked=True)  # those of any law
-        there = [name for name in own if own_files.kind_of(self.path / name)]
+        there = [name for name in own if kind_of(self.path / name)]
         if there and record is None:
             raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
         other = record is not None and record["digest"] != digest
@@ -256,8 +264,8 @@ class SearchFolder:
             raise EqtError(f"{self.path}: holds {holds}", OTHER_FOLDER, *force_too)
         with refusals(self.path, "used", OTHER_FOLDER):
             for entry in (GENERATIONS, self.kind.found) if force else ():
-                own_files.remove_own(self.path / entry, own[entry])
-            own_files.remove_left_over(self.path, list(own.values()))
+                remove_own(self.path / entry, own[entry])
+            remove_left_over(self.path, list(own.values()))
         if force or record is None:
             self.write_record({"name": name, "digest": digest})
 

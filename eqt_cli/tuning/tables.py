@@ -17,8 +17,7 @@ from eqt_cli.analysis.comparison.intervals import (
 )
 from eqt_cli.analysis.comparison.notation import Plain, in_one_form, significant
 from eqt_cli.analysis.comparison.pairs import resolved_differences
-from eqt_cli.analysis.comparison.records import listed
-from eqt_cli.analysis.comparison.tables import text_tables
+from eqt_cli.analysis.comparison.tables import listed, text_tables
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.origin import law_title

@@ -18,7 +18,7 @@ from eqt_cli.analysis.certificates import (
     identity_rows,
     trajectory_rows,
 )
-from eqt_cli.analysis.evidence.running_error import value_of
+from eqt_cli.analysis.evidence.numbers import value_of
 from eqt_cli.analysis.evidence.runs import STATES_PER_RTOL
 from eqt_cli.analysis.evidence.sample import sampled
 from eqt_cli.closed_loop import ClosedLoop

@@ -8,8 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
-from eqt_cli.analysis.measured.explained import explained
-from eqt_cli.analysis.measured.run import Course, State, aligned, measured_runs
+from eqt_cli.analysis.measured import Course, State, aligned, explained, measured_runs
 from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.groups import group_named
 from eqt_cli.logs.mapping import LogMapping, TimeMapping
@@ -284,7 +283,7 @@ def test_a_run_between_its_samples_is_of_third_order():
 
 
 def test_of_many_rows_some_are_compared(made, monkeypatch):
-    monkeypatch.setattr("eqt_cli.analysis.measured.run.MOST_ROWS", 100)
+    monkeypatch.setattr("eqt_cli.analysis.measured.MOST_ROWS", 100)
     one = pair_of(made, log_of(made))
     seen = one.recording
     assert len(seen.times) == 82  # every fourth of 325

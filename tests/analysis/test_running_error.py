@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eqt_cli.analysis.evidence.running_error import Bounded, discrepancy, lifted, rate_of, value_of
+from eqt_cli.analysis.evidence.numbers import Bounded, discrepancy, lifted, rate_of, value_of
 from eqt_cli.core import arrays
 from eqt_cli.core.arrays import FUNCTIONS, frobenius, inverse_spd, maximum, norm
 from eqt_cli.core.expressions import parse

@@ -7,8 +7,7 @@ from scipy.stats import binomtest
 from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.intervals import PairedShares, share, shares
 from eqt_cli.analysis.comparison.notation import Plain
-from eqt_cli.analysis.comparison.records import records
-from eqt_cli.analysis.comparison.tables import text_tables
+from eqt_cli.analysis.comparison.tables import records, text_tables
 
 # Complete response before and after consolidation therapy (Cavo et al. 2012), and airway
 # hyper-responsiveness before and after stem cell transplantation (Bentur et al. 2009), as in

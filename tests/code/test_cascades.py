@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.analysis.evidence.code_cascade import explained_cascade
 from eqt_cli.analysis.evidence.code_states import drawn_states
-from eqt_cli.analysis.evidence.code_terms import Question
+from eqt_cli.analysis.evidence.code_terms import Question, explained_cascade
 from eqt_cli.controllers import cascade
 from eqt_cli.core.leaves import with_fields
 from eqt_cli.mechanics.inertia import Inertia

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from eqt_cli.analysis.evidence.running_error import lifted, rate_of, value_of
+from eqt_cli.analysis.evidence.numbers import lifted, rate_of, value_of
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import controllers
 from eqt_cli.controllers.family import Family

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 
 from eqt_cli.core.arrays import FUNCTIONS, register_symbols
 from eqt_cli.core.errors import ExpressionError, TraceError
-from eqt_cli.core.expressions import constant, parse
-from eqt_cli.core.grammar import MAX_LENGTH, MAX_NESTING
+from eqt_cli.core.expressions import MAX_LENGTH, MAX_NESTING, constant, parse
 
 
 def _message(text: str, variables: tuple[str, ...] = ("t",)) -> str:

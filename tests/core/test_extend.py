@@ -5,7 +5,7 @@ import pytest
 from eqt_cli import extend
 from eqt_cli.core.expressions import formula
 from eqt_cli.core.jets import value_and_derivative
-from eqt_cli.plots.drawing.scales import scale_norm
+from eqt_cli.plots.drawing.cells import scale_norm
 
 
 @pytest.mark.parametrize("offered", [formula, value_and_derivative, scale_norm])

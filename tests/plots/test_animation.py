@@ -10,8 +10,18 @@ from PIL import Image
 import eqt_cli
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.animation.gif import _Stage, gif
-from eqt_cli.plots.animation.motion import MOST_CONTROLLERS, motion
-from eqt_cli.plots.animation.scene import FACES, TRAIL, block, camera, corners, flat, scene_of, tips
+from eqt_cli.plots.animation.scene import (
+    FACES,
+    MOST_CONTROLLERS,
+    TRAIL,
+    block,
+    camera,
+    corners,
+    flat,
+    motion,
+    scene_of,
+    tips,
+)
 from eqt_cli.report.animation import animation
 from eqt_cli.results.result import open_result
 
@@ -90,7 +100,7 @@ def test_run_that_is_not_stored(results):
 
 def test_group_without_a_body_to_show(results, monkeypatch):
     none = SimpleNamespace(parts=())
-    monkeypatch.setattr("eqt_cli.plots.animation.motion.group_named", lambda name: none)
+    monkeypatch.setattr("eqt_cli.plots.animation.scene.group_named", lambda name: none)
     with pytest.raises(EqtError) as caught:
         motion(results, 0)
     assert str(caught.value) == (

@@ -6,8 +6,7 @@ import pytest
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.figures import distributions
 from eqt_cli.plots.figures.distributions import Distributions
-from eqt_cli.plots.render import curves
-from eqt_cli.plots.save import encode
+from eqt_cli.plots.render import curves, encode
 from eqt_cli.plots.shown.metrics import DEFAULT_METRICS, MetricValues
 
 pytestmark = pytest.mark.usefixtures("unarranged")

@@ -28,8 +28,7 @@ from eqt_cli.plots.figures.estimate import EstimateFigure
 from eqt_cli.plots.figures.fronts import Fronts
 from eqt_cli.plots.figures.measured import MeasuredFigure
 from eqt_cli.plots.figures.worst import WorstFigure
-from eqt_cli.plots.render import render
-from eqt_cli.plots.save import encode
+from eqt_cli.plots.render import encode, render
 from eqt_cli.results.result import open_result
 
 FORMATS = ("pdf", "svg", "png")  # the pixels of the last one are looked at

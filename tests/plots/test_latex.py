@@ -15,8 +15,7 @@ from eqt_cli.plots.base import OfCertificates, OfSweep
 from eqt_cli.plots.drawing.style import WIDTHS, Style, house_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.figures.measured import MeasuredFigure
-from eqt_cli.plots.render import render
-from eqt_cli.plots.save import encode
+from eqt_cli.plots.render import encode, render
 
 TEX = Style(tex=True)
 MEND = (

@@ -27,7 +27,7 @@ def result(paper_result):
 @pytest.fixture
 def recording(result):
     """Run 2 of GT between its samples, with a gap, by another clock."""
-    from eqt_cli.analysis.measured.run import Course, State
+    from eqt_cli.analysis.measured import Course, State
 
     k = result.labels.index("gt")
     states = [result.trajectory(name, 2)[k] for name in ("pose", "velocity", "torque")]

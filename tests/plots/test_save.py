@@ -7,10 +7,9 @@ import pytest
 from PIL import Image
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.own_files import is_eqts, write_all
+from eqt_cli.core.files import is_eqts, write_all
 from eqt_cli.plots.figures.paper import Paper
-from eqt_cli.plots.render import figure_from, render
-from eqt_cli.plots.save import encode
+from eqt_cli.plots.render import encode, figure_from, render
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 

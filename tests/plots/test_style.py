@@ -18,8 +18,7 @@ from eqt_cli.plots.drawing.style import (
     line_style,
 )
 from eqt_cli.plots.figures import figures
-from eqt_cli.plots.render import render
-from eqt_cli.plots.save import encode
+from eqt_cli.plots.render import encode, render
 
 unarranged = pytest.mark.usefixtures("unarranged")
 

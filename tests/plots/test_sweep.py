@@ -8,8 +8,8 @@ from matplotlib.text import Text
 from eqt_cli.analysis.comparison.intervals import Resampling, relative_difference, share
 from eqt_cli.analysis.comparison.maps import compare_map
 from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.drawing.cells import FEW, number_values
 from eqt_cli.plots.drawing.curve_labels import name_points
-from eqt_cli.plots.drawing.scales import FEW, number_values
 from eqt_cli.plots.figures import region
 from eqt_cli.plots.figures.envelope import Envelope
 from eqt_cli.plots.figures.forest import Forest

@@ -5,8 +5,8 @@ from base64 import b64decode
 import numpy as np
 import pytest
 
-from eqt_cli.report import run_curves as module
-from eqt_cli.report.run_curves import LEVELS, POWER, curves, quantised, run_table
+from eqt_cli.report import summary as module
+from eqt_cli.report.summary import LEVELS, POWER, curves, quantised, run_table
 from eqt_cli.results.result import open_result
 
 

@@ -30,8 +30,7 @@ import eqt_cli.report.animation  # before anything that these import is replaced
 from eqt_cli.cli import main
 from eqt_cli.cli.app import app
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.files import name_to_be, new_file, replace_file
-from eqt_cli.core.own_files import FOUND_BY, Own, kind_of
+from eqt_cli.core.files import FOUND_BY, Own, kind_of, name_to_be, new_file, replace_file
 from eqt_cli.execution.folder import CONFIG as CONFIG_NAME
 from eqt_cli.execution.folder import FIGURES, FILES, OWN_RESULT, PLUGINS, RERUN
 from eqt_cli.execution.lock import LOCK, holder, locked
@@ -514,7 +513,7 @@ def test_every_file_is_written_in_one_way() -> None:
     allowed = {
         ("core/files.py", "FileIO"),  # the one way
         ("execution/lock.py", "open"),  # a file that is locked cannot be replaced
-        ("plots/save.py", "savefig"),  # into memory
+        ("plots/render.py", "savefig"),  # into memory
         ("plots/drawing/style.py", "savefig"),
         ("store/writer.py", "File"),  # into the one way
         ("cli/app.py", "open"),  # the null device

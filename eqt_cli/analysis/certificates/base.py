@@ -8,8 +8,8 @@ from math import ceil, floor, log10
 from typing import Any, ClassVar, Literal
 
 from eqt_cli.analysis.evidence.exact import NotRationalError
+from eqt_cli.analysis.evidence.numbers import discrepancy
 from eqt_cli.analysis.evidence.proof import Refutation, UnprovableError, prove, written
-from eqt_cli.analysis.evidence.running_error import discrepancy
 from eqt_cli.analysis.evidence.runs import Runs, Setting
 from eqt_cli.analysis.evidence.sample import ExactStates, Sample
 from eqt_cli.closed_loop import ClosedLoop

@@ -6,8 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Identity
-from eqt_cli.analysis.evidence.numbers import floats, rate_of
-from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
+from eqt_cli.analysis.evidence.numbers import UNIT, floats, lifted, rate_of, value_of
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.core.arrays import Array, dot
 from eqt_cli.mechanics.lie_poisson import lie_poisson

@@ -6,8 +6,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Identity, LiteralForm
-from eqt_cli.analysis.evidence.numbers import floats, granted, rate_of, with_rate
-from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
+from eqt_cli.analysis.evidence.numbers import (
+    UNIT,
+    floats,
+    granted,
+    lifted,
+    rate_of,
+    value_of,
+    with_rate,
+)
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, apply_matrix, dot, stack, transpose

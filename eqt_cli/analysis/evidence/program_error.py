@@ -1,7 +1,7 @@
 """Bounds the rounding errors of what a program returns, at many inputs at once.
 
 Every operation has a relative error of one unit roundoff. Its effect on the outputs is bounded in
-two ways: by a running error analysis as in `running_error`, in which each operation magnifies the
+two ways: by a running error analysis as in `numbers.Bounded`, where each operation magnifies the
 largest errors of its operands; and to first order by the derivatives of the outputs with respect to
 each value, so that errors of the same origin can cancel. The smaller bound counts. A comparison is
 followed as computed; if rounding can change its outcome, the other branch adds to the error.

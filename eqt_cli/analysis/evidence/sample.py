@@ -15,12 +15,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.analysis.evidence.exact import Exact, Ledger, free, inverse, noting
-from eqt_cli.analysis.evidence.numbers import is_number, with_rate
-from eqt_cli.analysis.evidence.running_error import UNIT, lifted
+from eqt_cli.analysis.evidence.numbers import UNIT, is_number, lifted, with_rate
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.expressions import Expression
-from eqt_cli.core.grammar import Node
+from eqt_cli.core.expressions import Expression, Node
 from eqt_cli.core.jets import Jet
 from eqt_cli.core.leaves import STRUCTURE, leaves, with_leaves
 from eqt_cli.groups import MatrixLieGroup

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eqt_cli.analysis.comparison.intervals import Resampling, share
-from eqt_cli.analysis.comparison.maps import NOBODY
+from eqt_cli.analysis.comparison.maps import COMPARED, NOBODY, sweep_tables, winners
 from eqt_cli.analysis.comparison.notation import significant
-from eqt_cli.analysis.comparison.records import listed
-from eqt_cli.analysis.sweep_summary import COMPARED, sweep_tables, winners
+from eqt_cli.analysis.comparison.tables import listed
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.cli.shared import output
 from eqt_cli.cli.shared.table_formats import csv_cell

@@ -15,11 +15,20 @@ from PIL import Image
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.reporting import reporter, step
 from eqt_cli.core.version import __version__
-from eqt_cli.plots.animation.motion import Motion, motion
-from eqt_cli.plots.animation.scene import AXES, INERTIAL, Scene, block, flat, scene_of, tips
+from eqt_cli.plots.animation.scene import (
+    AXES,
+    INERTIAL,
+    Motion,
+    Scene,
+    block,
+    flat,
+    motion,
+    scene_of,
+    tips,
+)
+from eqt_cli.plots.drawing.cells import scale_norm
 from eqt_cli.plots.drawing.labels import quantity, signal_label
 from eqt_cli.plots.drawing.layout import freeze, name_scale
-from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import house_style, ink, line_style
 from eqt_cli.results.result import Result
 

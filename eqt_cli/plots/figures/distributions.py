@@ -12,10 +12,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from eqt_cli.plots.base import OfMetrics
+from eqt_cli.plots.drawing.cells import even, scale_log, spans_decade
 from eqt_cli.plots.drawing.curves import BAND
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, blank_sheet, rows_of
-from eqt_cli.plots.drawing.scales import even, scale_log, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
 from eqt_cli.plots.shown.metrics import MetricValues, ShownMetrics
 

@@ -10,10 +10,10 @@ from matplotlib.ticker import PercentFormatter
 
 from eqt_cli.analysis.comparison.intervals import shares
 from eqt_cli.plots.base import OfSettled
+from eqt_cli.plots.drawing.cells import key_at, scale_along
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import draw_points
 from eqt_cli.plots.drawing.layout import add_title, blank_sheet, hide_inner_scales, rows_of
-from eqt_cli.plots.drawing.scales import key_at, scale_along
 from eqt_cli.plots.drawing.style import WIDTHS, Width
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.swept_key import SweptKey

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure as Drawing
 from eqt_cli.analysis.comparison.intervals import intervals_of_means
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import Extras, Figure
+from eqt_cli.plots.drawing.cells import scale
 from eqt_cli.plots.drawing.curves import RESAMPLING
 from eqt_cli.plots.drawing.labels import metric_label
 from eqt_cli.plots.drawing.layout import add_legend
-from eqt_cli.plots.drawing.scales import scale
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
 from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, looks, positions
 from eqt_cli.results.origin import label_named, law_title

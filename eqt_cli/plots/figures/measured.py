@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from eqt_cli.analysis.measured.run import measured_runs
+from eqt_cli.analysis.measured import measured_runs
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, Remedy
 from eqt_cli.core.option_types import CountOrNone

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.plots.base import OverTime, Panelled
 from eqt_cli.plots.drawing import layout
+from eqt_cli.plots.drawing.cells import scale_norm, spans_decade
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import Bands, draw_mean, of_bands
 from eqt_cli.plots.drawing.labels import part_name
-from eqt_cli.plots.drawing.scales import scale_norm, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Width
 from eqt_cli.plots.law_columns import law_columns
 from eqt_cli.plots.shown.controllers import Ensemble

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.drawing.cells import scale
 from eqt_cli.plots.drawing.curve_labels import name_points
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend
-from eqt_cli.plots.drawing.scales import scale
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.tuning.ranking import front

@@ -14,9 +14,9 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import critical_sets
 from eqt_cli.plots.base import OfFirstRuns
 from eqt_cli.plots.drawing import layout
+from eqt_cli.plots.drawing.cells import scale_norm
 from eqt_cli.plots.drawing.curves import draw_density, draw_paths, path_legend
 from eqt_cli.plots.drawing.labels import signal_label
-from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns

@@ -15,8 +15,8 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import Problems
 from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.drawing import layout
+from eqt_cli.plots.drawing.cells import scale_norm, spans_decade
 from eqt_cli.plots.drawing.curves import thin_line, thin_line_legend
-from eqt_cli.plots.drawing.scales import scale_norm, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink
 from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns

@@ -12,12 +12,11 @@ from matplotlib.patches import Patch
 from eqt_cli.analysis.comparison.intervals import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfOneMetric
-from eqt_cli.plots.drawing.cells import Cells, map_columns, short
+from eqt_cli.plots.drawing.cells import Cells, map_columns, scale, scale_along, short, spans_decade
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import BAND, draw_points
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title
-from eqt_cli.plots.drawing.scales import scale, scale_along, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.swept_key import SweptKey

@@ -13,10 +13,10 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.base import OverTime, Panelled
 from eqt_cli.plots.drawing import layout
+from eqt_cli.plots.drawing.cells import scale_norm
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import Bands, draw_mean, of_bands
 from eqt_cli.plots.drawing.labels import force_component, quantity
-from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import Width, ink
 from eqt_cli.plots.law_columns import law_columns
 from eqt_cli.plots.shown.controllers import names

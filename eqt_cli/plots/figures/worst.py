@@ -11,8 +11,8 @@ from matplotlib.figure import Figure as Drawing
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import Extras, Figure
 from eqt_cli.plots.drawing import layout
+from eqt_cli.plots.drawing.cells import scale, scale_along
 from eqt_cli.plots.drawing.labels import metric_label
-from eqt_cli.plots.drawing.scales import scale, scale_along
 from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, line_style, marker
 from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, looks, positions
 from eqt_cli.results.result import Result
