@@ -22,9 +22,8 @@ from eqt_cli.core.files import replace_file
 from eqt_cli.core.registry import description
 from eqt_cli.core.version import __version__
 from eqt_cli.engines.native.compiler import run
-from eqt_cli.exporting.files import TOLD_MEANINGS, bounds_in_words, meaning
+from eqt_cli.exporting.files import TOLD_MEANINGS, above, bounds_in_words, filled, markdown, meaning
 from eqt_cli.exporting.laws import Exported, ExportedLaw
-from eqt_cli.exporting.text import above, filled, markdown
 
 FLAGS = (
     "-std=c99 -O2 -ffp-contract=off -fno-math-errno -ffreestanding -Wframe-larger-than=1"

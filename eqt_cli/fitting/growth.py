@@ -11,8 +11,7 @@ from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.reporting import step
 from eqt_cli.engines import Engine
-from eqt_cli.fitting.prediction import WINDOWS, Windows, errors
-from eqt_cli.fitting.residuals import correlated, delayed, linear
+from eqt_cli.fitting.prediction import WINDOWS, Windows, correlated, delayed, errors, linear
 
 HORIZONS = 10
 """Largest number of horizons: rows of the first window, spread up to its last."""

@@ -22,13 +22,16 @@ from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import section_of
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import study
-from eqt_cli.fitting.prediction import WINDOWS, Window, Windows, errors
-from eqt_cli.fitting.residuals import (
+from eqt_cli.fitting.prediction import (
     DELAY,
     DISTINCT,
+    WINDOWS,
     Linear,
+    Window,
+    Windows,
     correlated,
     delayed,
+    errors,
     intervals,
     linear,
 )

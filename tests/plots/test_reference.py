@@ -8,7 +8,7 @@ import pytest
 from eqt_cli import api
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.base import figures
-from eqt_cli.plots.drawing.coordinates import without_jumps
+from eqt_cli.plots.drawing.labels import without_jumps
 from eqt_cli.plots.render import curves
 from eqt_cli.plots.shown.reference import ShownReference
 from eqt_cli.results.result import open_result

@@ -15,9 +15,8 @@ from eqt_cli.core.option_types import CountOrNone
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.drawing.cells import scale_log
-from eqt_cli.plots.drawing.coordinates import axis_labels
 from eqt_cli.plots.drawing.curves import band_look
-from eqt_cli.plots.drawing.labels import in_words, part_name
+from eqt_cli.plots.drawing.labels import axis_labels, in_words, part_name
 from eqt_cli.plots.drawing.layout import add_legend, name_scale
 from eqt_cli.plots.drawing.style import Width, ink, line_style
 from eqt_cli.plots.law_columns import law_columns

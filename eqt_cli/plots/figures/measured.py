@@ -17,8 +17,7 @@ from eqt_cli.core.option_types import CountOrNone
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.base import Extras, Panelled, Timed
-from eqt_cli.plots.drawing.coordinates import axis_labels, part_curves
-from eqt_cli.plots.drawing.labels import part_name
+from eqt_cli.plots.drawing.labels import axis_labels, part_curves, part_name
 from eqt_cli.plots.drawing.layout import EMPTY, add_legend, add_title, name_scale, sheet
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, mixed
 from eqt_cli.plots.shown.controllers import ALWAYS, TimeRange, error_of, positions

@@ -7,8 +7,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 from eqt_cli.plots.base import OfReference, Panelled
-from eqt_cli.plots.drawing.coordinates import axis_labels, part_curves
-from eqt_cli.plots.drawing.labels import part_name
+from eqt_cli.plots.drawing.labels import axis_labels, part_curves, part_name
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
 from eqt_cli.plots.shown.reference import ShownReference
