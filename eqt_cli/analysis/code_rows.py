@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, Verdict
-from eqt_cli.analysis.evidence.code_states import RARE, Search, States, Watched, drawn_states
+from eqt_cli.analysis.evidence.code_states import RARE, OutcomeSearch, States, Watched, drawn_states
 from eqt_cli.analysis.evidence.code_terms import Question, explained, explained_cascade, sum_of
 from eqt_cli.analysis.evidence.numbers import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
@@ -95,7 +95,7 @@ class Judged:
         states = self.drawn
         if not self.is_watched:
             return states
-        search = Search(self.loop, self.watched, self.random)
+        search = OutcomeSearch(self.loop, self.watched, self.random)
         for _ in range(SEARCHES):
             rare = self._rare(self.watched(states).outcomes)
             found = [search.more(states, *each) for each in rare]
@@ -320,7 +320,7 @@ def _reach(judged: Judged) -> list[str]:
 
 
 @dataclass(frozen=True)
-class _Differences:
+class _TorqueDifferences:
     """Differences of torques to those of a law.
 
     Attributes
@@ -339,7 +339,7 @@ class _Differences:
     by_float: bool
 
 
-def _differences(question: Question, torque: Array, real: str) -> _Differences:
+def _differences(question: Question, torque: Array, real: str) -> _TorqueDifferences:
     """Compare torques within the bounds of their rounding errors.
 
     `BOUNDED` states have bounds of their own, and those whose difference is larger, relative to the
@@ -364,7 +364,7 @@ def _differences(question: Question, torque: Array, real: str) -> _Differences:
     bound[others] = ARRANGED * _rounding(question, others) * worse
     usable = np.isfinite(law) & np.isfinite(bound)
     if not usable.any():
-        return _Differences(np.zeros(len(law), dtype=bool), 0.0, 0.0, False)
+        return _TorqueDifferences(np.zeros(len(law), dtype=bool), 0.0, 0.0, False)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(usable & (difference > 0), difference / bound, 0.0)
     place = np.unravel_index(ratio.argmax(), ratio.shape)
@@ -373,7 +373,7 @@ def _differences(question: Question, torque: Array, real: str) -> _Differences:
     wrong = np.any(usable & ~(difference <= bound), axis=-1)
     coarse = bound / ARRANGED / worse * (ROUNDOFF["float"] / UNIT)
     by_float = bool((difference <= coarse)[usable].all())
-    return _Differences(wrong, float(difference[place]), float(bound[place]), by_float)
+    return _TorqueDifferences(wrong, float(difference[place]), float(bound[place]), by_float)
 
 
 def _rounding(question: Question, where: Array) -> Array:
@@ -393,7 +393,7 @@ def _rounding(question: Question, where: Array) -> Array:
 
 
 def _description(
-    judged: Judged, states: States, question: Question, torque: Array, found: _Differences
+    judged: Judged, states: States, question: Question, torque: Array, found: _TorqueDifferences
 ) -> list[str]:
     """Describe the difference in words."""
     code = judged.loop.controller.code

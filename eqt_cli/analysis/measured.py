@@ -163,7 +163,7 @@ class _Resampled(NamedTuple):
 # Search over all offsets --------------------------------------------------------------------------
 
 
-class _Signal(NamedTuple):
+class _ComparedSignal(NamedTuple):
     """A compared quantity: of the recording at its instants, and of the run at any time."""
 
     begin: float
@@ -183,14 +183,14 @@ class _Peak(NamedTuple):
     doubt: str = ""
 
 
-def _signals(seen: _Resampled, times: Array, run: Pieces) -> Iterator[_Signal]:
+def _signals(seen: _Resampled, times: Array, run: Pieces) -> Iterator[_ComparedSignal]:
     from scipy.interpolate import CubicSpline  # slow to import; readers of results do without
 
     G, begin, count = seen.group, float(seen.instants[0]), len(seen.instants)
     poses, velocities, _ = run.motion(G, times)
     if seen.known:
         spline = CubicSpline(times, velocities[:, seen.known], extrapolate=False)
-        yield _Signal(begin, seen.velocities[:, seen.known], spline)
+        yield _ComparedSignal(begin, seen.velocities[:, seen.known], spline)
     step, window = float(seen.instants[1]) - begin, 1
     turns = [part.axes for part in G.parts if part.turns]
     real = ~np.isnan(seen.poses[:, 0, 0])
@@ -208,11 +208,13 @@ def _signals(seen: _Resampled, times: Array, run: Pieces) -> Iterator[_Signal]:
         measured = np.full((count - window, G.dimension), np.nan)
         first, last = seen.poses[:-window][both], seen.poses[window:][both]
         measured[both] = G.log(G.inverse(first) @ last)
-        yield _Signal(begin, measured, CubicSpline(times[early], simulated, extrapolate=False))
+        yield _ComparedSignal(
+            begin, measured, CubicSpline(times[early], simulated, extrapolate=False)
+        )
         window *= 2
 
 
-def _peak(signal: _Signal, times: Array, step: float) -> _Peak:
+def _peak(signal: _ComparedSignal, times: Array, step: float) -> _Peak:
     measured = signal.measured
     grid = times[0] + step * np.arange(int((times[-1] - times[0]) / step * (1 + 1e-9)) + 1)
     simulated = signal.simulated(grid)

@@ -1,7 +1,18 @@
 """Text tables: blocks of rows under a header, independent of contents and output formats."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+
+WORD = re.compile(
+    r"(?:‖[^‖]*‖|\|\|[^|]*\|\||∫.*? dt|\[[-−+\d.e, ]{1,40}\]|\d %|p = \d|[-−+\d.e]+ N m\b|\S)+"
+)
+"""A piece of a text that stays on one line: a word, a norm, an integral, an interval, a share."""
+
+
+def words(text: str) -> list[str]:
+    """Return the pieces of a text between which a line may be broken."""
+    return WORD.findall(text)
 
 
 @dataclass(frozen=True)

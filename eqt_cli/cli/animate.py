@@ -8,7 +8,7 @@ from eqt_cli.cli.shared import options
 from eqt_cli.cli.shared.output import print_found
 
 
-class Format(StrEnum):
+class AnimationFormat(StrEnum):
     """Formats of the files written."""
 
     GIF = "gif"
@@ -19,7 +19,7 @@ def animate(
     result: options.Result,
     run: Annotated[int, options.option("--run")] = 0,
     controller: options.Controllers = None,
-    format: Annotated[list[Format] | None, options.option("--format")] = None,
+    format: Annotated[list[AnimationFormat] | None, options.option("--format")] = None,
     seconds: Annotated[float, options.option("--seconds", min=0.2, max=120)] = 8.0,
     out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
     point: options.Point = None,
@@ -45,7 +45,7 @@ def animate(
         run,
         controller or (),
         out,
-        formats=list(dict.fromkeys(format or Format)),
+        formats=list(dict.fromkeys(format or AnimationFormat)),
         seconds=seconds,
         point=point,
         trust_plugins=trust_plugins,

@@ -29,7 +29,7 @@ PIPED = 100
 """Width of a line of text if the output is not a terminal."""
 
 
-class Format(StrEnum):
+class TableFormat(StrEnum):
     """Format of the printed tables."""
 
     TEXT = "text"
@@ -37,7 +37,7 @@ class Format(StrEnum):
     LATEX = "latex"
 
 
-class Table(StrEnum):
+class TableName(StrEnum):
     """Table to print."""
 
     CONTROLLERS = "controllers"
@@ -64,8 +64,8 @@ def compare(
     without_start: Annotated[bool, options.option("--without-start")] = False,
     rows: Annotated[Rows | None, options.option("--rows")] = None,
     against: Annotated[list[str] | None, options.option("--against")] = None,
-    table: Annotated[Table | None, options.option("--table")] = None,
-    format: Annotated[Format, options.option("--format")] = Format.TEXT,
+    table: Annotated[TableName | None, options.option("--table")] = None,
+    format: Annotated[TableFormat, options.option("--format")] = TableFormat.TEXT,
     point: options.Point = None,
     unit: options.Units = None,
     confidence: Annotated[float, options.option("--confidence")] = 0.95,
@@ -122,14 +122,14 @@ def compare(
     result = options.only_result(
         "compare", [result, *(more or ())], " and compares its controllers"
     )
-    if json and format is not Format.TEXT:
+    if json and format is not TableFormat.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
     if list_:
         with api.open_results(result, "arrays", point) as results:
             _print_metrics(results, json)
         return
     how = Resampling(confidence, resamples, seed)
-    write = Latex() if format is Format.LATEX else Plain()
+    write = Latex() if format is TableFormat.LATEX else Plain()
     recorded = measured, mapping, log_format, run
     narrowed = bool(metric or window or table or robust)
     found = _of_recording(
@@ -155,15 +155,15 @@ def compare(
             **vars(how),
         )
         against = _labels(comparison, against or ())
-        chosen = metric or window or against or table or format is not Format.TEXT
+        chosen = metric or window or against or table or format is not TableFormat.TEXT
         whole = None if chosen else verbose
-        as_rows = rows is Rows.CONTROLLERS or (rows is None and format is Format.LATEX)
+        as_rows = rows is Rows.CONTROLLERS or (rows is None and format is TableFormat.LATEX)
         found = _of_experiment(
             comparison, table, against, format, write, whole=whole, laws_as_rows=as_rows
         )
     if json:
         output.print_json({"path": str(result), **found.document})
-    elif format is Format.CSV:
+    elif format is TableFormat.CSV:
         output.print_verbatim(as_csv(found.records))
     else:
         _print_tables(found.tables, format)
@@ -207,8 +207,8 @@ def _of_recording(
     return _Found(document, records(found), [table], remarks)
 
 
-def _print_tables(tables: Sequence[TextTable], format: Format) -> None:
-    if format is Format.LATEX:
+def _print_tables(tables: Sequence[TextTable], format: TableFormat) -> None:
+    if format is TableFormat.LATEX:
         output.print_verbatim("\n\n".join(map(as_latex, tables)))
         return
     for number, table in enumerate(tables):
@@ -228,7 +228,7 @@ class _Found(NamedTuple):
 def _of_whole(
     path: Path,
     metrics: Sequence[str],
-    table: Table | None,
+    table: TableName | None,
     laws: Sequence[str],
     narrowed: bool,
     how: Resampling,
@@ -240,11 +240,11 @@ def _of_whole(
 
     with api.open_results(path, "arrays") as opened:
         result = opened.in_units(units)
-        plain = not (metrics or laws or narrowed) and table in (None, Table.FRONTS)
+        plain = not (metrics or laws or narrowed) and table in (None, TableName.FRONTS)
         found = _of_fronts(result, how, write) if plain else None
         if found or not result.is_sweep:
             return found
-        if narrowed or table not in (None, Table.WINNERS, Table.POINTS):
+        if narrowed or table not in (None, TableName.WINNERS, TableName.POINTS):
             raise EqtError(
                 "--window, --against, --without-start and the tables of pairs and claims are of "
                 "one experiment; choose a point of the sweep with --point, or --table winners or "
@@ -256,19 +256,19 @@ def _of_whole(
         return _of_sweep(maps, result, table, write)
 
 
-def _require_table_of_experiment(table: Table | None) -> None:
-    if table in (Table.WINNERS, Table.POINTS):
+def _require_table_of_experiment(table: TableName | None) -> None:
+    if table in (TableName.WINNERS, TableName.POINTS):
         raise EqtError(f"--table {table} needs a whole sweep; this is a single experiment")
-    if table is Table.FRONTS:
+    if table is TableName.FRONTS:
         raise EqtError("--table fronts needs a result of `eqt tune` with two `objectives`")
 
 
-def _of_sweep(maps: Sequence[Map], result: Result, table: Table | None, write: Plain) -> _Found:
+def _of_sweep(maps: Sequence[Map], result: Result, table: TableName | None, write: Plain) -> _Found:
     """Return which law wins at each point of a sweep."""
     from eqt_cli.analysis.comparison.maps import map_records, map_tables
 
     records = [record for found in maps for record in map_records(found, result)]
-    whole = table is Table.POINTS
+    whole = table is TableName.POINTS
     made = [each for found in maps for each in map_tables(found, result, write, whole=whole)]
     shown = [each for each in made if table is None or each.name == table]
     return _Found({"points": records}, records, shown)
@@ -300,9 +300,9 @@ def _labels(comparison: Comparison, names: Sequence[str]) -> list[str]:
 
 def _of_experiment(
     comparison: Comparison,
-    table: Table | None,
+    table: TableName | None,
     against: Sequence[str],
-    format: Format,
+    format: TableFormat,
     write: Plain,
     *,
     whole: bool | None,
@@ -317,11 +317,13 @@ def _of_experiment(
 
     rows = records(comparison)
     # A table of all pairs of many controllers is long: by default, pairs with the first one.
-    narrowed = not whole and table is None and format is Format.TEXT
+    narrowed = not whole and table is None and format is TableFormat.TEXT
     shown_pairs = against or (comparison.labels[:1] if narrowed else ())
     briefly = whole is False
     made = text_tables(comparison, write, shown_pairs, laws_as_rows=laws_as_rows, brief=briefly)
-    wanted = [Table.PAIRS, Table.CONTROLLERS] if briefly else [table] if table else list(made)
+    wanted = (
+        [TableName.PAIRS, TableName.CONTROLLERS] if briefly else [table] if table else list(made)
+    )
     shown = [made[name] for name in wanted if name in made]
     document = {
         **{name: getattr(comparison, name) for name in ("title", "group")},
@@ -329,13 +331,13 @@ def _of_experiment(
         **{name: getattr(comparison, name) for name in ("runs", "failed", "horizon")},
         "bootstrap": {"method": "expanded BCa"}
         | {name: getattr(comparison, name) for name in ("confidence", "resamples", "seed")},
-        "levels": rows[Table.CONTROLLERS],
-        "pairs": rows[Table.PAIRS],
-        "claims": rows[Table.CLAIMS],
+        "levels": rows[TableName.CONTROLLERS],
+        "pairs": rows[TableName.PAIRS],
+        "claims": rows[TableName.CLAIMS],
         "missing": comparison.missing,
     }
     remarks = [output.folded(sentence, PIPED) for sentence in comparison.missing]
-    if format is Format.CSV:
+    if format is TableFormat.CSV:
         more = "these are the pairs; --table controllers and --table claims print the others"
         remarks = [more] if table is None else []
     elif not shown:
@@ -347,7 +349,7 @@ def _of_experiment(
     elif narrowed and len(comparison.labels) > 2 and not against:
         remarks.append("next: --table pairs prints every pair, --list all metrics")
     found = () if whole is None else _findings(comparison)
-    return _Found(document, rows[table or Table.PAIRS], shown, remarks, found)
+    return _Found(document, rows[table or TableName.PAIRS], shown, remarks, found)
 
 
 def _findings(comparison: Comparison) -> list[str]:

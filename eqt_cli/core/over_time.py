@@ -19,7 +19,7 @@ Cut = Callable[[Array, Array], tuple[Array, Array]]
 """Cuts times ``(samples,)`` and values ``(runs, samples, …)`` to a window."""
 
 
-class OverTime(ABC):
+class SampledRuns(ABC):
     """The samples of runs, and the operations on values at them.
 
     Values are arrays ``(..., samples)``, or a symbol for one sample.
@@ -95,7 +95,7 @@ class OverTime(ABC):
         """Return the value at the last sample where a condition of `less` holds; 0 if none does."""
 
 
-class Samples(OverTime):
+class Samples(SampledRuns):
     """All samples in arrays."""
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import Problems
-from eqt_cli.core.over_time import OverTime, Samples
+from eqt_cli.core.over_time import SampledRuns, Samples
 from eqt_cli.core.registry import Component
 from eqt_cli.engines.integrator import Integrator
 from eqt_cli.engines.problem import Problem, Progress, Solution
@@ -26,7 +26,7 @@ SampledFunction = Callable[..., dict[str, Array]]
 It is written in operations that laws may use; equal functions give the same arrays.
 """
 
-Reduction = Callable[[OverTime, Mapping[str, Any]], Mapping[str, Any]]
+Reduction = Callable[[SampledRuns, Mapping[str, Any]], Mapping[str, Any]]
 """A function of a run's samples and the arrays of a `SampledFunction` to numbers by name.
 
 Equal reductions give the same numbers.

@@ -16,7 +16,7 @@ from eqt_cli.closed_loop.estimates import of_pose
 from eqt_cli.closed_loop.signals import at_state, knows_energy
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
-from eqt_cli.core.over_time import OverTime, Samples
+from eqt_cli.core.over_time import SampledRuns, Samples
 from eqt_cli.core.registry import blamed
 from eqt_cli.core.reporting import working_for
 from eqt_cli.engines import Solution, Status
@@ -440,7 +440,7 @@ class Numbers:
     K: Array = field(compare=False)
     balanced: bool = field(compare=False)
 
-    def __call__(self, over: OverTime, found: Mapping[str, Any]) -> dict[str, Any]:
+    def __call__(self, over: SampledRuns, found: Mapping[str, Any]) -> dict[str, Any]:
         """Return the metrics and the indicators of their reliability, by name."""
         signals = dict(found)
         if not self.balanced:
@@ -479,7 +479,7 @@ class Difference:
         return {ERROR: squares(pose[..., None], velocity)}
 
     @staticmethod
-    def largest(over: OverTime, found: Mapping[str, Any]) -> dict[str, Any]:
+    def largest(over: SampledRuns, found: Mapping[str, Any]) -> dict[str, Any]:
         """Return the largest difference of pose or velocity over all samples."""
         return {ERROR: largest(over, found[ERROR])}
 

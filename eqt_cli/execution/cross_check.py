@@ -14,7 +14,7 @@ from eqt_cli.closed_loop import ClosedLoop, OwnStarts
 from eqt_cli.closed_loop.system import STARTS
 from eqt_cli.config.schema import SolverChecks
 from eqt_cli.core.arrays import Array, maximum, sqrt, stack
-from eqt_cli.core.over_time import OverTime, Samples
+from eqt_cli.core.over_time import SampledRuns, Samples
 from eqt_cli.core.reporting import reporter
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -351,6 +351,6 @@ def squares(pose: Array, velocity: Array) -> Array:
     return stack([(pose * pose).sum(axis=(-2, -1)), (velocity * velocity).sum(axis=-1)])
 
 
-def largest(over: OverTime, squares: Array) -> Any:
+def largest(over: SampledRuns, squares: Array) -> Any:
     """Return the root of the largest square over all samples."""
     return sqrt(over.largest(maximum(squares[..., 0], squares[..., 1])))

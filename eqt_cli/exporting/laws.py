@@ -127,7 +127,7 @@ HALF_TURNS = 100
 
 
 @dataclass(frozen=True)
-class States:
+class CheckedStates:
     """The inputs and the memory of a law at many states.
 
     Attributes
@@ -154,7 +154,9 @@ class States:
         return {name: values[states] for name, values in self.inputs.items()}
 
 
-def states_of(experiment: Experiment, label: str, law: LawProgram, workers: int = 1) -> States:
+def states_of(
+    experiment: Experiment, label: str, law: LawProgram, workers: int = 1
+) -> CheckedStates:
     """Return the states of a law in the first runs of an experiment, and random ones of that size.
 
     Raises
@@ -182,7 +184,7 @@ def states_of(experiment: Experiment, label: str, law: LawProgram, workers: int 
     count = len(next(iter(given.values())))
     drawn = _random(given, loop.group, random)
     inputs = {name: np.concatenate([values, drawn[name]]) for name, values in given.items()}
-    return States(inputs, len(good), count)
+    return CheckedStates(inputs, len(good), count)
 
 
 def _rows(
@@ -249,7 +251,7 @@ class ExportedLaw:
     name: str
     by: Arithmetic
     program: LawProgram
-    states: States
+    states: CheckedStates
     reference: ReferenceProgram | None
     filter: ExportedFilter | None
 

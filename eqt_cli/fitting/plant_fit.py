@@ -27,7 +27,7 @@ from eqt_cli.fitting.prediction import (
     DISTINCT,
     WINDOWS,
     Linear,
-    Window,
+    ReplayWindow,
     Windows,
     correlated,
     delayed,
@@ -169,7 +169,7 @@ def starting_values(keys: Sequence[str], base: Experiment, delay: float) -> list
 
 
 @dataclass
-class _Problem:
+class _FitProblem:
     """The errors of all windows as a function of the numbers.
 
     Measured first states are noisy. So each window gets a correction of its first state, by
@@ -189,7 +189,7 @@ class _Problem:
     keys: Sequence[str]
     start: Array
     windows: Windows
-    cut: list[Window]
+    cut: list[ReplayWindow]
     driven: Callable[[Experiment], ClosedLoop]
     delay: float
 
@@ -351,7 +351,7 @@ def fit(
     """
     keys = sorted(keys, key=DELAY.__eq__)
     start, name = np.array(starting_values(keys, base, delay)), windows.recording.name
-    problem = _Problem(base, keys, start, windows, windows.disjoint(), driven, delay)
+    problem = _FitProblem(base, keys, start, windows, windows.disjoint(), driven, delay)
     if len(problem.cut) < FEWEST:
         raise EqtError(
             f"{name}: has {len(problem.cut)} windows of {windows.horizon:g} s that share no row; "

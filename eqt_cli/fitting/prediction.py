@@ -75,7 +75,7 @@ def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
 
 
 @dataclass(frozen=True)
-class Window:
+class ReplayWindow:
     """Rows of a recording, and the state at which a prediction starts.
 
     Attributes
@@ -91,7 +91,7 @@ class Window:
     pose: Array
     velocity: Array
 
-    def moved(self, G: MatrixLieGroup, by: Array) -> Window:
+    def moved(self, G: MatrixLieGroup, by: Array) -> ReplayWindow:
         """Return the window with its first state moved by coordinates of pose and velocity."""
         m = G.dimension
         return replace(self, pose=self.pose @ G.exp(by[:m]), velocity=self.velocity + by[m:])
@@ -146,12 +146,12 @@ class Windows:
         times = self.recording.times
         return np.searchsorted(times, times + self.horizon * (1 - 1e-9))
 
-    def spread(self, count: int) -> list[Window]:
+    def spread(self, count: int) -> list[ReplayWindow]:
         """Return at most `count` windows, spread over the recording; they may overlap."""
         chosen = np.linspace(0, len(self.starts) - 1, min(count, len(self.starts)))
         return [self._window(int(row)) for row in self.starts[np.round(chosen).astype(int)]]
 
-    def disjoint(self) -> list[Window]:
+    def disjoint(self) -> list[ReplayWindow]:
         """Return as many windows as possible that share no row, from the first row on."""
         chosen, last = [], -1
         for row in self.starts.tolist():
@@ -160,12 +160,12 @@ class Windows:
                 last = chosen[-1].rows.stop - 1
         return chosen
 
-    def _window(self, row: int) -> Window:
+    def _window(self, row: int) -> ReplayWindow:
         rows = slice(row, int(self._ends[row]) + 1)
         velocity = self.recording.velocities[row]
         if np.isnan(velocity).any():
             velocity = np.where(np.isnan(velocity), self._velocity(rows), velocity)
-        return Window(rows, self.recording.poses[row], velocity)
+        return ReplayWindow(rows, self.recording.poses[row], velocity)
 
     def _velocity(self, rows: slice) -> Array:
         """Return the initial velocity of a parabola fitted to the first poses."""
@@ -234,7 +234,7 @@ def errors(
     steps: Array,
     engine: Engine,
     recording: Recording,
-    window: Window,
+    window: ReplayWindow,
     delay: float = 0.0,
     later: float = 0.0,
 ) -> PredictionErrors | None:

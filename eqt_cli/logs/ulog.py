@@ -44,7 +44,7 @@ CHUNK = 20_000
 _START = b"ULog\x01\x12\x35"
 
 
-class _Source(NamedTuple):
+class _TopicFields(NamedTuple):
     """The place of a quantity in a log: a topic, its fields, and the flags of their validity.
 
     In odometry, the field `frame` holds the frame of the numbers.
@@ -65,44 +65,44 @@ _LOCAL, _ODOMETRY = "vehicle_local_position", "vehicle_odometry"
 _FRAMES = (1, 2)
 """Accepted frames of odometry: NED, and a fixed FRD of arbitrary heading."""
 
-_SOURCES: dict[str, tuple[tuple[str, ...], str, tuple[_Source, ...]]] = {
+_SOURCES: dict[str, tuple[tuple[str, ...], str, tuple[_TopicFields, ...]]] = {
     "position": (
         ("x", "y", "z"),
         "m",
         (
-            _Source(_LOCAL, ("x", "y", "z"), ("xy_valid", "z_valid")),
-            _Source(_ODOMETRY, _array("position"), frame="pose_frame"),
+            _TopicFields(_LOCAL, ("x", "y", "z"), ("xy_valid", "z_valid")),
+            _TopicFields(_ODOMETRY, _array("position"), frame="pose_frame"),
         ),
     ),
     "attitude": (
         ("qw", "qx", "qy", "qz"),
         "",
         (
-            _Source("vehicle_attitude", _array("q", 4)),
-            _Source(_ODOMETRY, _array("q", 4), frame="pose_frame"),
+            _TopicFields("vehicle_attitude", _array("q", 4)),
+            _TopicFields(_ODOMETRY, _array("q", 4), frame="pose_frame"),
         ),
     ),
     "velocity": (
         ("vx", "vy", "vz"),
         "m/s",
         (
-            _Source(_LOCAL, ("vx", "vy", "vz"), ("v_xy_valid", "v_z_valid")),
-            _Source(_ODOMETRY, _array("velocity"), frame="velocity_frame"),
+            _TopicFields(_LOCAL, ("vx", "vy", "vz"), ("v_xy_valid", "v_z_valid")),
+            _TopicFields(_ODOMETRY, _array("velocity"), frame="velocity_frame"),
         ),
     ),
     "rates": (
         ("wx", "wy", "wz"),
         "rad/s",
         (
-            _Source("vehicle_angular_velocity", _array("xyz")),
-            _Source(_ODOMETRY, _array("angular_velocity")),
+            _TopicFields("vehicle_angular_velocity", _array("xyz")),
+            _TopicFields(_ODOMETRY, _array("angular_velocity")),
         ),
     ),
 }
 """For each quantity eqt's columns, the unit, and its sources; the first one in a file is used."""
 
 _COMMANDS = tuple(
-    _Source(f"vehicle_{kind}_setpoint", _array("xyz")) for kind in ("torque", "thrust")
+    _TopicFields(f"vehicle_{kind}_setpoint", _array("xyz")) for kind in ("torque", "thrust")
 )
 """Setpoints, each held until the next.
 
@@ -129,7 +129,7 @@ NAMES = {
 class _Series(NamedTuple):
     """Numbers of a topic, with their times, µs, and the heading of the times."""
 
-    source: _Source
+    source: _TopicFields
     clock: str
     times: Array
     numbers: Array
@@ -225,9 +225,9 @@ def _topics(content: bytes, name: str) -> tuple[dict[str, Mapping[str, Array]], 
     wanted = sorted({source.topic for source in (*sources, *_COMMANDS)})
     try:
         with redirect_stdout(io.StringIO()):  # pyulog prints its warnings
-            formats = ULog(_Bounded(content), parse_header_only=True).message_formats
+            formats = ULog(_BoundedBytes(content), parse_header_only=True).message_formats
             _require_small(formats, name)
-            log = ULog(_Bounded(content), wanted)
+            log = ULog(_BoundedBytes(content), wanted)
     except _ExhaustedError:
         raise InputError(f"{name}: too damaged to be read") from None
     except InputError:
@@ -242,7 +242,7 @@ class _ExhaustedError(Exception):
     """Raised where pyulog reads far more than the file holds."""
 
 
-class _Bounded(io.BytesIO):
+class _BoundedBytes(io.BytesIO):
     """Bytes with a bound on reading, because pyulog reads some damaged files without end."""
 
     def __init__(self, content: bytes) -> None:
@@ -283,7 +283,7 @@ def _require_small(formats: Mapping[str, Any], name: str) -> None:
 
 
 def _series(
-    sources: Sequence[_Source], topics: Mapping[str, Mapping[str, Array]], name: str
+    sources: Sequence[_TopicFields], topics: Mapping[str, Mapping[str, Array]], name: str
 ) -> Iterator[_Series]:
     """Yield the numbers of a quantity from each of its sources, without rows that are not known."""
     for source in sources:
@@ -303,7 +303,7 @@ def _series(
             yield _Series(source, f"{source.topic}.{clock}", times[first], numbers[first])
 
 
-def _valid(source: _Source, data: Mapping[str, Array]) -> Array:
+def _valid(source: _TopicFields, data: Mapping[str, Array]) -> Array:
     """Mark the rows that PX4 flags as valid, in an accepted frame."""
     rows = np.ones(len(data[source.fields[0]]), bool)
     for flag in source.flags:

@@ -12,7 +12,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array, less, where
 from eqt_cli.core.errors import TraceError
-from eqt_cli.core.over_time import Cut, OverTime
+from eqt_cli.core.over_time import Cut, SampledRuns
 
 
 class Memory:
@@ -60,7 +60,7 @@ class Memory:
         return self._at_sample[len(self.columns) - 1]
 
 
-class Running(OverTime):
+class Running(SampledRuns):
     """The current sample, with a memory of earlier ones.
 
     Parameters

@@ -46,7 +46,7 @@ class Wanted:
     asked: bool = False
 
 
-class TooLargeError(EqtError):
+class TooLargeFigureError(EqtError):
     """A figure that is too large for a page."""
 
 
@@ -91,27 +91,17 @@ DEFAULT = (
 )
 """Default figures of a report on an experiment."""
 
+_BY_EFFORT = {"metric": "effort"}, "The same for the effort, the integral of the torque squared."
+
 SWEPT = (
     Wanted("sweep"),
-    Wanted(
-        "sweep",
-        {"metric": "effort"},
-        "The same for the effort, the integral of the torque squared.",
-    ),
+    Wanted("sweep", *_BY_EFFORT),
     Wanted("pareto"),
     Wanted("envelope", needs="settled"),
 )
 """Default figures of a report on a sweep."""
 
-CASES = (
-    Wanted("forest"),
-    Wanted(
-        "forest",
-        {"metric": "effort"},
-        "The same for the effort, the integral of the torque squared.",
-    ),
-    Wanted("pareto"),
-)
+CASES = (Wanted("forest"), Wanted("forest", *_BY_EFFORT), Wanted("pareto"))
 """Default figures of a report on two laws in cases."""
 
 COMPARED = Wanted(
@@ -152,7 +142,7 @@ def inline_figures(
             except EqtError as error:
                 reason = str(error).removeprefix(f"{result.path}: ")
                 # Some default figures of a sweep need other axes than it has.
-                optional = result.is_sweep and not isinstance(error, TooLargeError)
+                optional = result.is_sweep and not isinstance(error, TooLargeFigureError)
                 (refusals if optional and not figure.asked else remarks).append(reason)
             reporter().advance(1)
     return drawn, remarks if drawn or remarks else refusals[:1]
@@ -188,7 +178,7 @@ def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row])
     caption = wanted.caption or description(type(figure))
     svg = inlined(text, key, caption)
     if len(svg) > LARGEST:
-        raise TooLargeError(
+        raise TooLargeFigureError(
             f"figure '{wanted.name}' has too many curves for a page; "
             f"`eqt plot {result.path.parent} --figure {wanted.name}` draws it"
         )

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array, absolute, less, maximum, sqrt, where
-from eqt_cli.core.over_time import OverTime
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.groups.angles import turn_of_distance
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.time_windows import WHOLE, Window
@@ -53,47 +53,47 @@ _estimates, _knows_covariance = attrgetter("estimates"), attrgetter("knows_covar
 # Formulas, (samples of runs, signals (runs, samples, …)) -> (runs,) ------------------------------
 
 
-def time_mean(over: OverTime, values: Any) -> Any:
+def time_mean(over: SampledRuns, values: Any) -> Any:
     """The mean over time, by the trapezoidal rule."""
     return over.mean(values)
 
 
-def effort(over: OverTime, torque_norm: Any) -> Any:
+def effort(over: SampledRuns, torque_norm: Any) -> Any:
     """∫‖τ‖² dt, by Simpson's rule on the samples."""
     return over.simpson(torque_norm * torque_norm)
 
 
-def peak(over: OverTime, values: Any) -> Any:
+def peak(over: SampledRuns, values: Any) -> Any:
     """The largest value at a sample; larger values between samples are missed."""
     return over.largest(values)
 
 
-def final(over: OverTime, values: Any) -> Any:
+def final(over: SampledRuns, values: Any) -> Any:
     """The value at the last sample."""
     return over.final(values)
 
 
-def mean_turn(over: OverTime, distances: Array) -> Any:
+def mean_turn(over: SampledRuns, distances: Array) -> Any:
     """The mean angle over time, in degrees."""
     return over.mean(np.degrees(turn_of_distance(distances)))
 
 
-def final_turn(over: OverTime, distances: Array) -> Any:
+def final_turn(over: SampledRuns, distances: Array) -> Any:
     """The angle at the last sample, in degrees."""
     return over.final(np.degrees(turn_of_distance(distances)))
 
 
-def integral_of_square(over: OverTime, values: Any) -> Any:
+def integral_of_square(over: SampledRuns, values: Any) -> Any:
     """∫x² dt, by the trapezoidal rule."""
     return over.integral(values * values)
 
 
-def actuator_work(over: OverTime, torque: Any, velocity: Any) -> Any:
+def actuator_work(over: SampledRuns, torque: Any, velocity: Any) -> Any:
     """∫|⟨τ, V⟩| dt; the pairing is a power on every group, whatever the units."""
     return over.integral(absolute((torque * velocity).sum(axis=-1)))
 
 
-def settling_time(over: OverTime, error: Any, threshold: float) -> Any:
+def settling_time(over: SampledRuns, error: Any, threshold: float) -> Any:
     """The last time at which the error falls below the threshold; NaN if it ends above it.
 
     The crossing is interpolated linearly between samples. A run that is never above it settles at
@@ -109,7 +109,7 @@ def settling_time(over: OverTime, error: Any, threshold: float) -> Any:
     return where(less(over.largest(error), np.inf), within, np.nan)
 
 
-def decay_rate(over: OverTime, lyapunov: Array) -> Array:
+def decay_rate(over: SampledRuns, lyapunov: Array) -> Array:
     """λ of √L ~ e^{−λt}: half the least-squares slope of −log L; NaN without a slope.
 
     √L is proportional to small errors. Only samples before L first falls below `SMALLEST_RATIO` of
@@ -127,7 +127,7 @@ def decay_rate(over: OverTime, lyapunov: Array) -> Array:
     return np.where(count > 1, -slope / 2, np.nan)
 
 
-def largest_rise(over: OverTime, lyapunov: Array) -> Array:
+def largest_rise(over: SampledRuns, lyapunov: Array) -> Array:
     """The largest growth of L above an earlier value, relative to L(0)."""
     rise = over.largest(lyapunov - np.minimum.accumulate(lyapunov, axis=-1))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -135,7 +135,7 @@ def largest_rise(over: OverTime, lyapunov: Array) -> Array:
     return relative
 
 
-def energy_residual(over: OverTime, lyapunov: Any, balance: Any) -> Any:
+def energy_residual(over: SampledRuns, lyapunov: Any, balance: Any) -> Any:
     """max |L + W − L(0)| / max(L(0), 1 J), from L and L + W.
 
     W is 0 at the start, except for a law with memory that jumps there.
@@ -144,28 +144,28 @@ def energy_residual(over: OverTime, lyapunov: Any, balance: Any) -> Any:
     return residual / over.final(maximum(over.initial(lyapunov), ENERGY_SCALE))
 
 
-def settled(over: OverTime, error: Array, threshold: float) -> Array:
+def settled(over: SampledRuns, error: Array, threshold: float) -> Array:
     """1 if the error ends within the threshold, else 0; the mean is the share of runs."""
     within = np.isfinite(settling_time(over, error, threshold)).astype(float)
     return np.where(np.isfinite(error).all(axis=-1), within, np.nan)
 
 
-def closing_rms(over: OverTime, values: Any, share: float = CLOSING) -> Any:
+def closing_rms(over: SampledRuns, values: Any, share: float = CLOSING) -> Any:
     """The root mean square over the last share of the time."""
     return sqrt(over.closing_mean(values * values, share))
 
 
-def root_mean_square(over: OverTime, values: Any) -> Any:
+def root_mean_square(over: SampledRuns, values: Any) -> Any:
     """√(∫x² dt / T), by the trapezoidal rule."""
     return sqrt(over.mean(values * values))
 
 
-def mean_ratio(over: OverTime, values: Any, others: Any) -> Any:
+def mean_ratio(over: SampledRuns, values: Any, others: Any) -> Any:
     """The mean over time of one over the other."""
     return over.mean(values / others)
 
 
-def share_inside(over: OverTime, square: Any, freedom: Any) -> Any:
+def share_inside(over: SampledRuns, square: Any, freedom: Any) -> Any:
     """The share of the samples with a square below its χ² limit."""
     from scipy.special import chdtri  # slow to import; readers of results do without
 
@@ -219,6 +219,7 @@ def by_thresholds_of_parts(quantity: Quantity, thresholds: Mapping[str, float]) 
 # The table ---------------------------------------------------------------------------------------
 
 _less_is_better = partial(Quantity, better="lower")
+_compared = partial(_less_is_better, compared=(WHOLE,))
 
 METRICS = (
     _less_is_better(
@@ -230,7 +231,7 @@ METRICS = (
         of=time_mean,
         compared=(EARLY, WHOLE),
     ),
-    _less_is_better(
+    _compared(
         "effort",
         "control effort, integral of ||tau||^2",
         units="({})^2 s",
@@ -238,15 +239,13 @@ METRICS = (
         label="effort",
         formula=r"\int {}^2\,\mathrm{d}t",
         of=effort,
-        compared=(WHOLE,),
     ),
-    _less_is_better(
+    _compared(
         "peak_torque",
         "largest ||tau|| at the samples",
         signals=("torque_norm",),
         label="largest {}",
         of=peak,
-        compared=(WHOLE,),
     ),
     _less_is_better(
         "early_torque",
@@ -256,7 +255,7 @@ METRICS = (
         chosen=_early,
         **_early(),
     ),
-    _less_is_better(
+    _compared(
         "actuator_work",
         "integral of |<tau, V>|",
         units="J",
@@ -265,17 +264,15 @@ METRICS = (
         formula=r"\int |\langle \tau, V \rangle|\,\mathrm{d}t",
         stored=False,
         of=actuator_work,
-        compared=(WHOLE,),
     ),
-    _less_is_better(
+    _compared(
         "mean_pose_error",
         "mean ||I - Q_E||_F over the horizon",
         signals=("pose_error",),
         label="mean {}",
         of=time_mean,
-        compared=(WHOLE,),
     ),
-    _less_is_better(
+    _compared(
         "squared_pose_error",
         "integral of ||I - Q_E||_F^2",
         units="({})^2 s",
@@ -284,7 +281,6 @@ METRICS = (
         formula=r"\int {}^2\,\mathrm{d}t",
         stored=False,
         of=integral_of_square,
-        compared=(WHOLE,),
     ),
     _less_is_better(
         "final_pose_error",
@@ -293,7 +289,7 @@ METRICS = (
         label="final {}",
         of=final,
     ),
-    _less_is_better(
+    _compared(
         "mean_attitude_error",
         "mean angle of the attitude error over the horizon",
         units="deg",
@@ -302,7 +298,6 @@ METRICS = (
         stored=False,
         of=mean_turn,
         of_turns=True,
-        compared=(WHOLE,),
     ),
     _less_is_better(
         "final_attitude_error",
@@ -314,13 +309,12 @@ METRICS = (
         of=final_turn,
         of_turns=True,
     ),
-    _less_is_better(
+    _compared(
         "position_rms",
         "root mean square of ||p - pd|| over the horizon",
         signals=("position_error",),
         label="rms of {}",
         of=root_mean_square,
-        compared=(WHOLE,),
     ),
     _less_is_better(
         "peak_position_error",
@@ -350,14 +344,13 @@ METRICS = (
         label="rms of {}",
         of=root_mean_square,
     ),
-    _less_is_better(
+    _compared(
         "mean_velocity_error",
         "mean ||V - Vd|| over the horizon",
         signals=("velocity_error",),
         label="mean {}",
         stored=False,
         of=time_mean,
-        compared=(WHOLE,),
     ),
     _less_is_better(
         "final_velocity_error",
@@ -366,7 +359,7 @@ METRICS = (
         label="final {}",
         of=final,
     ),
-    _less_is_better(
+    _compared(
         "settling_time",
         "last time ||I - Q_E||_F leaves the settling threshold",
         units="s",
@@ -374,7 +367,6 @@ METRICS = (
         label="settling time",
         of=settling_time,
         settings={"threshold": "settling_threshold"},
-        compared=(WHOLE,),
         censored=True,
     ),
     Quantity(
@@ -412,41 +404,37 @@ METRICS = (
         told_by="settling_time",
         stored_of=_as_it_flies,
     ),
-    _less_is_better(
+    _compared(
         "saturated_share",
         "share of the time at which an actuator is at its limit",
         units="1",
         signals=("at_limit",),
         label="share of time at a limit",
         of=time_mean,
-        compared=(WHOLE,),
         stored_of=lambda vehicle: vehicle.limits,
     ),
-    _less_is_better(
+    _compared(
         "closing_pose_error",
         signals=("pose_error",),
-        compared=(WHOLE,),
         stored_of=_as_it_flies,
         choices={"share_of_time": "closing_window"},
         chosen=_closing("||I - Q_E||_F"),
         **_closing("||I - Q_E||_F")(),
     ),
-    _less_is_better(
+    _compared(
         "closing_torque",
         signals=("torque_norm",),
-        compared=(WHOLE,),
         stored_of=_as_it_flies,
         choices={"share_of_time": "closing_window"},
         chosen=_closing("||tau||"),
         **_closing("||tau||")(),
     ),
-    _less_is_better(
+    _compared(
         "estimate_rms",
         "root mean square of ||I - Qhat^-1 Q||_F over the horizon",
         signals=("estimate_error",),
         label="rms of {}",
         of=root_mean_square,
-        compared=(WHOLE,),
         stored_of=_estimates,
     ),
     _less_is_better(
@@ -457,7 +445,7 @@ METRICS = (
         of=root_mean_square,
         stored_of=_estimates,
     ),
-    _less_is_better(
+    _compared(
         "estimate_settling_time",
         "last time ||I - Qhat^-1 Q||_F leaves the settling threshold",
         units="s",
@@ -465,7 +453,6 @@ METRICS = (
         label="settling time of the estimate",
         of=settling_time,
         settings={"threshold": "settling_threshold"},
-        compared=(WHOLE,),
         censored=True,
         stored_of=_estimates,
     ),

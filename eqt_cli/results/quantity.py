@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from eqt_cli.closed_loop.signals import signal_of
-from eqt_cli.core.over_time import OverTime
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.store.writer import Attribute
 from eqt_cli.vehicle import Vehicle
@@ -240,7 +240,7 @@ class Quantity:
         return {name: getattr(found, name) for name in fields}
 
     def measure(
-        self, over: OverTime, signals: Mapping[str, Any], window: Window, **settings: float
+        self, over: SampledRuns, signals: Mapping[str, Any], window: Window, **settings: float
     ) -> Any:
         """Compute its value in every run over a window, ``(runs,)``.
 

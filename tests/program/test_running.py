@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from eqt_cli.core.arrays import less
 from eqt_cli.core.errors import TraceError
-from eqt_cli.core.over_time import OverTime, Samples
+from eqt_cli.core.over_time import SampledRuns, Samples
 from eqt_cli.program.running import Memory, Running
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.time_windows import Window
@@ -68,7 +68,7 @@ def test_a_metric_is_the_same_both_ways(name, values):
     (metric,) = (each for each in METRICS if each.name == name)
     times, keys = np.linspace(0, 10, 21), dict.fromkeys(metric.settings, 0.3)
 
-    def of(over: OverTime, x):
+    def of(over: SampledRuns, x):
         signals = {metric.signals[0]: x}
         return metric.measure(over, signals, metric.window, **keys)
 

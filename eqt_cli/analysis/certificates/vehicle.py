@@ -58,24 +58,7 @@ def _ratio(found: Excess) -> float:
     return measured / bound if np.isfinite(measured) else np.inf
 
 
-class VehicleCheck(LargestExcess):
-    """A statement about a loop with parts between the law and the motion."""
-
-    def applies(self, runs: Runs) -> bool:
-        """Whether the check concerns the loop."""
-        return runs.vehicle is not None
-
-    def excesses(self, runs: Runs) -> Iterator[Excess]:
-        """Yield the numbers of the good runs, if there are any."""
-        if runs.vehicle is not None and len(runs.vehicle.states):
-            yield from self.of_runs(runs.vehicle, runs.rtol)
-
-    @abstractmethod
-    def of_runs(self, runs: VehicleRuns, rtol: float) -> Iterator[Excess]:
-        """Yield the numbers of runs."""
-
-
-class MomentumBalance(VehicleCheck):
+class MomentumBalance(LargestExcess):
     """The momentum 𝕀V changes over a window by ∫(ad*_V 𝕀V + τ + Σ f) dt, with the plant's 𝕀.
 
     The momentum is that of the runs. The integral is taken over their states at the nodes of
@@ -86,12 +69,17 @@ class MomentumBalance(VehicleCheck):
     statement: ClassVar[str] = "d(𝕀V)/dt − ad*_V 𝕀V = τ + forces"
     section: ClassVar[float] = 9.02
 
-    def of_runs(self, runs: VehicleRuns, rtol: float) -> Iterator[Excess]:
-        """Yield the largest residual of every window."""
-        if runs.windows is None:
+    def applies(self, runs: Runs) -> bool:
+        """Whether there are parts between the law and the motion."""
+        return runs.vehicle is not None
+
+    def excesses(self, runs: Runs) -> Iterator[Excess]:
+        """Yield the largest residual of every window; none without good runs."""
+        windows = runs.vehicle and runs.vehicle.windows
+        if windows is None:
             return
-        loop, times = runs.windows.loop, runs.windows.problem.times
-        s = loop.tracking(times, runs.windows.states)
+        loop, times = windows.loop, windows.problem.times
+        s = loop.tracking(times, windows.states)
         G, vehicle = s.G, loop.vehicle
         inertia = s.inertia if vehicle.inertia is None else vehicle.inertia.at(s.inertia, s.t)
         momentum = inertia.momentum(s.V)
@@ -110,7 +98,7 @@ class MomentumBalance(VehicleCheck):
             residual = np.abs(P[:, -1] - P[:, 0] - rules[-1])
             size = max(1.0, float(np.abs(P).max()), duration * float(np.abs(f).max()))
             place = f"at t = {times[start]:.3g} s"
-            yield residual.max(), ENERGY_PER_RTOL * rtol * size + lost.max(), place
+            yield residual.max(), ENERGY_PER_RTOL * runs.rtol * size + lost.max(), place
 
 
 def _clenshaw_curtis(order: int) -> tuple[Array, Array]:
@@ -133,7 +121,7 @@ def window_times(runs: VehicleRuns) -> Array:
     return np.concatenate([edges[:1], inside.ravel(), edges[-1:]])
 
 
-class NoiseCovariance(VehicleCheck):
+class NoiseCovariance(LargestExcess):
     """White noise of sensors has the configured covariance."""
 
     name: ClassVar[str] = "noise has its covariance"
@@ -146,10 +134,11 @@ class NoiseCovariance(VehicleCheck):
             return False
         return any(True for _ in runs.vehicle.white_noise())
 
-    def of_runs(self, runs: VehicleRuns, rtol: float) -> Iterator[Excess]:
+    def excesses(self, runs: Runs) -> Iterator[Excess]:
         """Yield the entries of covariance − I for noise divided by its configured deviation."""
-        for values in runs.white_noise():
-            yield from _off_identity(values.reshape(-1, values.shape[-1]))
+        if runs.vehicle is not None and len(runs.vehicle.states):
+            for values in runs.vehicle.white_noise():
+                yield from _off_identity(values.reshape(-1, values.shape[-1]))
 
 
 def rare_mean_squares(n: float) -> tuple[float, float]:
@@ -184,15 +173,6 @@ class EstimateCheck(LargestExcess):
         """To runs whose law reads the estimate of one."""
         return runs.estimate is not None
 
-    def excesses(self, runs: Runs) -> Iterator[Excess]:
-        """Yield the numbers of the stored signals."""
-        if runs.estimate:
-            yield from self.of_signals(runs.estimate)
-
-    @abstractmethod
-    def of_signals(self, signals: dict[str, Array]) -> Iterator[Excess]:
-        """Yield the numbers of signals of the runs, ``(runs, samples)`` each."""
-
 
 class Consistent(EstimateCheck):
     """The mean of NEES over runs and times is its degrees of freedom.
@@ -205,11 +185,11 @@ class Consistent(EstimateCheck):
     statement: ClassVar[str] = "NEES within the limits of χ²"
     section: ClassVar[float] = 9.51
 
-    def of_signals(self, signals: dict[str, Array]) -> Iterator[Excess]:
+    def excesses(self, runs: Runs) -> Iterator[Excess]:
         """The mean over the degrees of freedom, less 1."""
-        nees, degrees = signals["nees"], signals["nees_dof"]
-        if not nees.size:
+        if not runs.estimate or not runs.estimate["nees"].size:
             return
+        nees, degrees = runs.estimate["nees"], runs.estimate["nees_dof"]
         mean = float((nees / degrees).mean())
         low, high = rare_mean_squares(float(degrees[:, 0].sum()))
         yield abs(mean - 1), 1 - low if mean < 1 else high - 1, f"NEES is {mean:.3g} times its mean"
@@ -222,10 +202,12 @@ class WhiteInnovations(EstimateCheck):
     statement: ClassVar[str] = "mean square 1, correlation 0"
     section: ClassVar[float] = 9.52
 
-    def of_signals(self, signals: dict[str, Array]) -> Iterator[Excess]:
+    def excesses(self, runs: Runs) -> Iterator[Excess]:
         """Their mean square less 1, and the correlation of successive ones, over all runs."""
+        if not runs.estimate:
+            return
         count, square, correlation = (
-            signals[name][:, -1]
+            runs.estimate[name][:, -1]
             for name in ("innovations", "innovation_square", "innovation_correlation")
         )
         total = float(count.sum())

@@ -179,7 +179,7 @@ Watch = Callable[[States], Watched]
 
 
 @dataclass(frozen=True)
-class Search:
+class OutcomeSearch:
     """Searches states with an outcome of a decision that no state has had.
 
     Attributes

@@ -100,7 +100,7 @@ NOT_SKEW = " (the difference of Q_d⁻¹Q to its transpose is missing, or is of 
 
 
 @dataclass(frozen=True)
-class Parts:
+class LawParts:
     """The parts of a law at some states.
 
     Attributes
@@ -120,7 +120,7 @@ class Parts:
         return sum(abs(value) > CHANGED["double"] for value in self.expected.values())
 
 
-def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[Parts]:
+def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[LawParts]:
     """Return the parts of a law for both ways to split the terms quadratic in velocities.
 
     Parameters
@@ -190,7 +190,7 @@ def _quadratic(question: Question, inputs: LawInput) -> list[dict[str, Array]]:
     ]
 
 
-def _fitted(torque: Array, own: dict[str, Array], moving: dict[str, Array]) -> Parts:
+def _fitted(torque: Array, own: dict[str, Array], moving: dict[str, Array]) -> LawParts:
     """Find the coefficients of the parts in a law; the remainder becomes a part of its own."""
     scale = np.abs(torque).max()
     columns = {
@@ -208,7 +208,7 @@ def _fitted(torque: Array, own: dict[str, Array], moving: dict[str, Array]) -> P
     left = rest - sum((expected[n] * columns[n] for n in found), 0 * torque)
     if np.abs(left).max() > EXPLAINED["double"] * scale:
         columns[OTHERS], expected[OTHERS] = left, 1.0
-    return Parts(columns, {name: expected[name] for name in columns})
+    return LawParts(columns, {name: expected[name] for name in columns})
 
 
 def _rounded(value: float) -> float:
@@ -230,7 +230,7 @@ def _least_squares(columns: Mapping[str, Array], torque: Array) -> dict[str, flo
 
 
 @dataclass(frozen=True)
-class Explanation:
+class TorqueExplanation:
     """A torque in C as a sum of the parts of a law.
 
     Attributes
@@ -290,7 +290,7 @@ class Explanation:
         return "; ".join(sentences)
 
 
-def _is_zero(found: float, of: Explanation) -> bool:
+def _is_zero(found: float, of: TorqueExplanation) -> bool:
     return abs(found) <= CHANGED[of.real] * 10
 
 
@@ -306,7 +306,7 @@ def _sign(found: float, expected: float) -> str:
     )
 
 
-def explained(question: Question, torque: Array, real: str) -> Explanation:
+def explained(question: Question, torque: Array, real: str) -> TorqueExplanation:
     """Return the complete explanation of a torque in C with the smallest cost.
 
     If none is complete, return the one that leaves the smallest share unexplained.
@@ -314,7 +314,7 @@ def explained(question: Question, torque: Array, real: str) -> Explanation:
     finite = np.isfinite(torque).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
     usable = np.flatnonzero(finite)[:ENOUGH]
     few = question.of(usable)
-    found: list[Explanation] = []
+    found: list[TorqueExplanation] = []
     for words, changed, pose, rest in assumptions(few):
         for parts in parts_of(changed, pose, rest):
             found.append(_explanation(changed, parts, torque[usable], words, real))
@@ -329,17 +329,17 @@ def explained(question: Question, torque: Array, real: str) -> Explanation:
 
 
 def _explanation(
-    question: Question, parts: Parts, torque: Array, assumed: str, real: str
-) -> Explanation:
+    question: Question, parts: LawParts, torque: Array, assumed: str, real: str
+) -> TorqueExplanation:
     columns = dict(parts.columns)
     expected = dict(parts.expected)
     symmetric = _symmetric(question)
     if np.abs(symmetric).max() > EXPLAINED["double"] * np.abs(torque).max():
         columns[SYMMETRIC], expected[SYMMETRIC] = symmetric, 0.0
-    return in_parts(Parts(columns, expected), torque, real, assumed)
+    return in_parts(LawParts(columns, expected), torque, real, assumed)
 
 
-def in_parts(parts: Parts, torque: Array, real: str, assumed: str = "") -> Explanation:
+def in_parts(parts: LawParts, torque: Array, real: str, assumed: str = "") -> TorqueExplanation:
     """Return a torque in C as a sum of parts, by least squares."""
     columns, expected = parts.columns, parts.expected
     law = sum((expected[n] * column for n, column in columns.items()), 0 * torque)
@@ -347,7 +347,7 @@ def in_parts(parts: Parts, torque: Array, real: str, assumed: str = "") -> Expla
     more = _least_squares(columns, difference)
     left = difference - sum((more[n] * column for n, column in columns.items()), 0 * torque)
     scale = np.sqrt((torque**2).mean()) or 1.0
-    return Explanation(
+    return TorqueExplanation(
         assumed,
         {name: (expected[name] + more[name], expected[name]) for name in columns},
         float(np.sqrt((left**2).mean()) / scale),
@@ -568,7 +568,7 @@ def _cascade(question: Question) -> Cascade:
     return law
 
 
-def _of_push(question: Question, wrench: Array, real: str) -> Explanation:
+def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
     """Return the push as a sum of the parts of F·b."""
     law, moves = _cascade(question), question.loop.group.parts[1].axes
     without = {KNOWN: with_fields(law, known=())}
@@ -585,7 +585,7 @@ def _of_push(question: Question, wrench: Array, real: str) -> Explanation:
     columns["desired acceleration"] = whole - sum(columns.values())
     least = VANISHES * np.abs(whole).max()
     columns = {name: column for name, column in columns.items() if np.abs(column).max() > least}
-    return in_parts(Parts(columns, dict.fromkeys(columns, 1.0)), wrench[:, moves], real)
+    return in_parts(LawParts(columns, dict.fromkeys(columns, 1.0)), wrench[:, moves], real)
 
 
 def _with_force(question: Question, shares: dict[str, float], near: float) -> Question | None:

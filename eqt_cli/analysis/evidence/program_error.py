@@ -85,7 +85,7 @@ BLOCK = 500
 """Number of inputs analysed at once, so that the data of all values fit into a cache."""
 
 
-class _Number(NamedTuple):
+class _ProgramValue(NamedTuple):
     """A value of the program.
 
     Attributes
@@ -158,7 +158,7 @@ class _Analysis:
     ) -> None:
         self.program, self.inputs, self.by, self.errors = program, inputs, by, errors
         self.count = count
-        self.numbers: list[_Number] = []
+        self.numbers: list[_ProgramValue] = []
         for value in program.values:
             if isinstance(value, Input):
                 number = self._input(value)
@@ -201,18 +201,18 @@ class _Analysis:
                     slopes[operand] = slopes.get(operand, 0.0) + _product(slope_of, by_operand)
         return total.T
 
-    def _input(self, value: Input) -> _Number:
+    def _input(self, value: Input) -> _ProgramValue:
         given, error = self.inputs[value.group][:, value.number], np.zeros(1)
         if value.group in self.errors:
             error = self.errors[value.group][:, value.number]
-        return _Number(given, error, np.zeros(1), error)
+        return _ProgramValue(given, error, np.zeros(1), error)
 
-    def _constant(self, number: float) -> _Number:
+    def _constant(self, number: float) -> _ProgramValue:
         lost = abs(float(self.by.rounded(np.array(number))) - number)
         error = np.array([lost if math.isfinite(number) else 0.0])
-        return _Number(np.array([number]), error, np.zeros(1), error)
+        return _ProgramValue(np.array([number]), error, np.zeros(1), error)
 
-    def _operation(self, operation: Operation) -> _Number:
+    def _operation(self, operation: Operation) -> _ProgramValue:
         name, x = operation.name, [self.numbers[k] for k in operation.operands]
         if name == "select":
             return _selected(*x)
@@ -229,7 +229,7 @@ class _Analysis:
         own = units * self.by.unit * (np.abs(value) + error) + self.by.least
         if name in ("negative", "abs") or (name == "multiply" and self._is_power_of_2(operation)):
             own = np.zeros(1)
-        return _Number(value, error + own, lost, own, slopes)
+        return _ProgramValue(value, error + own, lost, own, slopes)
 
     def _is_power_of_2(self, operation: Operation) -> bool:
         factor = self.program.values[operation.operands[0]]
@@ -250,7 +250,7 @@ _NUMPY = {
 """NumPy's names of functions, where they differ from those of programs."""
 
 
-def _value_and_slopes(name: str, x: list[_Number]) -> tuple[Array, tuple[Array, ...]]:
+def _value_and_slopes(name: str, x: list[_ProgramValue]) -> tuple[Array, tuple[Array, ...]]:
     """Return the value of an operation, and its derivatives by the operands."""
     a, b, one = x[0], x[-1], np.ones(1)
     if name == "add":
@@ -285,20 +285,20 @@ def _product(a: Array, b: Array) -> Array:
     return np.where((a == 0) | (b == 0), 0.0, a * b)
 
 
-def _relative(x: _Number) -> Array:
+def _relative(x: _ProgramValue) -> Array:
     """Return the relative error; 0 for an exact value, even if that is 0."""
     return np.where(x.error > 0, x.error / np.abs(x.value), 0.0)
 
 
-def _compared(a: _Number, b: _Number) -> _Number:
+def _compared(a: _ProgramValue, b: _ProgramValue) -> _ProgramValue:
     """Compare a < b; the error says whether rounding can change the outcome."""
     errors = a.error + b.error
     turns = ~(np.abs(a.value - b.value) > errors) & (errors > 0)
     zero = np.zeros(1)
-    return _Number(a.value < b.value, turns, zero, zero, (zero, zero))
+    return _ProgramValue(a.value < b.value, turns, zero, zero, (zero, zero))
 
 
-def _selected(holds: _Number, a: _Number, b: _Number) -> _Number:
+def _selected(holds: _ProgramValue, a: _ProgramValue, b: _ProgramValue) -> _ProgramValue:
     """Return the selected value; if rounding can change the choice, the difference is an error."""
     chosen, turned = holds.value.astype(bool), holds.error.astype(bool)
     value, error, lost = (np.where(chosen, p, q) for p, q in zip(a[:3], b[:3], strict=True))
@@ -307,7 +307,7 @@ def _selected(holds: _Number, a: _Number, b: _Number) -> _Number:
     apart = np.where(np.isnan(apart), np.inf, apart) + its_error
     jumps = turned & (apart > SINGULAR * (error + its_error))
     own = np.where(turned, apart, 0.0)
-    return _Number(
+    return _ProgramValue(
         value,
         np.maximum(error, own),
         np.where(jumps, np.inf, np.where(turned, np.maximum(a.lost, b.lost), lost)),

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
-from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.analysis.text_tables import WORD, Block, TextTable
 from eqt_cli.cli.shared.streams import drop_stdout
 from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem, printable
 
@@ -21,19 +21,9 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 
-_WORD = re.compile(
-    r"(?:‖[^‖]*‖|\|\|[^|]*\|\||∫.*? dt|\[[-−+\d.e, ]{1,40}\]|\d %|p = \d|[-−+\d.e]+ N m\b|\S)+"
-)
-
-
-def words(text: str) -> list[str]:
-    """Return the pieces of a text between which a line may be broken."""
-    return _WORD.findall(text)
-
-
 def folded(line: str, width: int, indent: str = "") -> str:
     """Wrap a line to a width, with the further lines indented."""
-    kept = _WORD.sub(lambda word: word[0].replace(" ", "\u00a0"), line)
+    kept = WORD.sub(lambda word: word[0].replace(" ", "\u00a0"), line)
     return textwrap.fill(
         kept, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
     ).replace("\u00a0", " ")

@@ -16,8 +16,7 @@ from itertools import zip_longest
 from rich.cells import cell_len
 from rich.text import Text
 
-from eqt_cli.analysis.text_tables import Block, TextTable
-from eqt_cli.cli.shared.output import words
+from eqt_cli.analysis.text_tables import Block, TextTable, words
 from eqt_cli.core.errors import printable
 
 _GAP = "  "
@@ -82,7 +81,7 @@ class _Column:
 
 
 @dataclass(frozen=True)
-class _Grid:
+class _SideBySide:
     """Columns that stand side by side, with their widths."""
 
     columns: list[_Column]
@@ -153,7 +152,7 @@ def table_text(table: TextTable, room: int | None) -> Text:
 
 def _laid_out(
     columns: list[_Column], table: TextTable, room: int | None
-) -> tuple[list[_Grid] | None, list[str]]:
+) -> tuple[list[_SideBySide] | None, list[str]]:
     """Return the grids, one below the other, and the omitted headings; None if no grid fits."""
     if (grid := _fitted(columns, room)) is not None:
         return [grid], []
@@ -176,16 +175,16 @@ def _laid_out(
     return None, []
 
 
-def _fitted(columns: list[_Column], room: int | None) -> _Grid | None:
+def _fitted(columns: list[_Column], room: int | None) -> _SideBySide | None:
     """Return the columns with a width each; None if they do not fit."""
     full = [column.full for column in columns]
     if room is None or _total(full) <= room:
-        return _Grid(columns, full)
+        return _SideBySide(columns, full)
     folded = [column.folded for column in columns]
     if _total(folded) <= room:
-        return _Grid(columns, folded)
+        return _SideBySide(columns, folded)
     least = [column.least for column in columns]
-    return _Grid(columns, _grown(least, folded, room)) if _total(least) <= room else None
+    return _SideBySide(columns, _grown(least, folded, room)) if _total(least) <= room else None
 
 
 def _grown(widths: list[int], wanted: list[int], room: int) -> list[int]:

@@ -159,8 +159,8 @@ class _Body:
             path: dict[str, Any] = {"color": ink(_GHOST), "linewidth": 0.5, "zorder": 1}
             axes.plot(*flat(self.motion.reference.position).T, **path)
         (self.trail,) = axes.plot([], [], color=self.colour, linewidth=1.0, zorder=1.5)
-        self.ghost = _Block(axes, ink(_GHOST), 2, [ink(_GHOST)] * 3, linestyle=(0, (3, 1.5)))
-        self.body = _Block(axes, self.colour, 4, list(AXES.values()), linewidth=1.8)
+        self.ghost = _BodyBlock(axes, ink(_GHOST), 2, [ink(_GHOST)] * 3, linestyle=(0, (3, 1.5)))
+        self.body = _BodyBlock(axes, self.colour, 4, list(AXES.values()), linewidth=1.8)
         rotors: dict[str, Any] = {"marker": "o", "markevery": 3, "markersize": 4, "linewidth": 2}
         (self.rotors,) = axes.plot([], [], color=ink(), zorder=5, **rotors)
         _draw_inertial(axes)
@@ -186,7 +186,7 @@ class _Body:
             self.body.show(rotation, place, length)
 
 
-class _Block:
+class _BodyBlock:
     """Block with its three axes and their names."""
 
     def __init__(

@@ -32,7 +32,7 @@ _STEP = 2.0
 
 
 @dataclass(frozen=True)
-class _Place:
+class _NamePlace:
     """Corners of a name, pt, and its distance from other curves, pt."""
 
     low: Array
@@ -65,7 +65,7 @@ def name_curves(
     add_legend(drawing, lines, names)
 
 
-def _write(axes: Axes, names: Sequence[str], places: Sequence[_Place]) -> None:
+def _write(axes: Axes, names: Sequence[str], places: Sequence[_NamePlace]) -> None:
     to_data = axes.transData.inverted()
     for line, name, place in zip(axes.lines, names, places, strict=False):
         x, y = to_data.transform((place.low + place.high) / 2 * axes.figure.dpi / 72)
@@ -74,14 +74,14 @@ def _write(axes: Axes, names: Sequence[str], places: Sequence[_Place]) -> None:
         axes.text(float(x), float(y), name, color=darker(str(line.get_color())), **look)
 
 
-def _places(axes: Axes, names: Sequence[str]) -> list[_Place]:
+def _places(axes: Axes, names: Sequence[str]) -> list[_NamePlace]:
     """Return the places of all names; none if one finds no room."""
     if len(axes.lines) < len(names):
         return []
     curves = [_points(axes, line) for line in axes.lines]
     if any(not len(points) for points in curves[: len(names)]):
         return []
-    found: list[_Place] = []
+    found: list[_NamePlace] = []
     for index, name in enumerate(names):
         others = np.concatenate([*curves[:index], *curves[index + 1 :]])
         room = _size(axes, name) + 2 * max(map(_marked, axes.lines))
@@ -93,11 +93,11 @@ def _places(axes: Axes, names: Sequence[str]) -> list[_Place]:
 
 
 def _best(
-    axes: Axes, own: Array, others: Array, size: Array, taken: Sequence[_Place]
-) -> _Place | None:
+    axes: Axes, own: Array, others: Array, size: Array, taken: Sequence[_NamePlace]
+) -> _NamePlace | None:
     """Return the place beside a curve that is farthest from all others."""
     low, high = _points_of(axes, axes.bbox.get_points())
-    free: list[_Place] = []
+    free: list[_NamePlace] = []
     for x in np.linspace(low[0], high[0], _PLACES)[1:-1]:
         beside = own[np.abs(own[:, 0] - x) <= size[0] / 2 + _PAD]
         if not len(beside):
@@ -112,7 +112,7 @@ def _best(
             away = _distance(others, corner, opposite)
             if away < _PAD or away < _NEARER * max(_distance(own, corner, opposite), _GAP):
                 continue
-            free.append(_Place(corner, opposite, away))
+            free.append(_NamePlace(corner, opposite, away))
     return max(free, key=lambda place: place.margin, default=None)
 
 

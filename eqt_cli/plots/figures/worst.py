@@ -28,7 +28,7 @@ _SMALL, _LARGE = 2.5, 7.0
 
 
 @dataclass(frozen=True)
-class Along:
+class Profile:
     """Costs of a law along one key through its worst case.
 
     Attributes
@@ -70,7 +70,7 @@ class ShownWorst:
 
     Attributes
     ----------
-    lines : list of Along
+    lines : list of Profile
         Lines of all laws, with keys in the order of the configuration.
     objective : str
         The metric that is searched.
@@ -101,7 +101,7 @@ class ShownWorst:
                 values = results.coordinate(coordinate_of(key))[points]
                 cost = costs[points, position]
                 self.lines.append(
-                    Along(
+                    Profile(
                         key,
                         look_of[position],
                         results.titled[law["label"]],
@@ -180,7 +180,7 @@ class WorstFigure(Figure[ShownWorst]):
         return drawing
 
 
-def _draw(panel: Axes, line: Along) -> Any:
+def _draw(panel: Axes, line: Profile) -> Any:
     look = line_style(line.look)
     mark: dict[str, Any] = {"marker": marker(line.look), "color": look["color"]}
     hollow = look | mark | {"markersize": _SMALL, "markerfacecolor": "none"}
