@@ -36,7 +36,7 @@ _LISTED = (Verdict.UNCLAIMED, Verdict.NOT_COVERED)
 """Verdicts that do not concern the experiment; a brief table lists their rows in one note."""
 
 
-def titled(rows: Sequence[Row], titles: Mapping[str, str]) -> list[Row]:
+def with_titles(rows: Sequence[Row], titles: Mapping[str, str]) -> list[Row]:
     """Return the rows with the display names of the controllers."""
     return [replace(row, controller=titles.get(row.controller, row.controller)) for row in rows]
 

@@ -54,7 +54,7 @@ def verify(
         --as NAME  The control law that the C file claims to be.
     """
     from eqt_cli import api
-    from eqt_cli.analysis.certificate_table import titled
+    from eqt_cli.analysis.certificate_table import with_titles
     from eqt_cli.config.source import overridden
     from eqt_cli.experiment.laws_in_code import with_code
 
@@ -81,7 +81,7 @@ def verify(
     )
     print_found(_document(target, found), *_pieces(found, verbose=verbose), json=json)
     if quiet and not json:
-        for cause in _causes(titled(found.rows, found.experiment.titles), found.failed_runs):
+        for cause in _causes(with_titles(found.rows, found.experiment.titles), found.failed_runs):
             complain(f"eqt: {target}: {cause}")
     if found.failed_runs:
         raise typer.Exit(3)
@@ -131,9 +131,9 @@ def _document(target: Path, found: Verification) -> dict[str, object]:
 
 def _pieces(found: Verification, *, verbose: bool) -> Iterator[str | Text]:
     """Yield the printed text: the rows that do not hold, or all; then totals, doubts and causes."""
-    from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally, titled
+    from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally, with_titles
 
-    rows = titled(found.rows, found.experiment.titles)
+    rows = with_titles(found.rows, found.experiment.titles)
     if (made := certificate_table(rows, brief=not verbose)) is not None:
         for block in made.blocks:
             blocks = [Block("", block.rows)]

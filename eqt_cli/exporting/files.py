@@ -26,8 +26,8 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import printable
 from eqt_cli.core.registry import description, meanings
 from eqt_cli.core.version import __version__
-from eqt_cli.exporting.filters import TOLERANCE
-from eqt_cli.exporting.laws import CHECK, ExportedLaw, memory_of
+from eqt_cli.exporting.filters import TOLERANCE, ExportedFilter
+from eqt_cli.exporting.laws import CHECK, ExportedLaw, ReferenceProgram, memory_of
 from eqt_cli.program import Program
 from eqt_cli.program.c_code import c_function, headers, needed
 from eqt_cli.program.decimals import evaluated
@@ -154,7 +154,7 @@ def header(law: ExportedLaw) -> str:
         *told, last = (output.name for output in law.reference.motion.outputs)
         words = f"t, {', '.join(told)} and {last}" if told else f"t and {last}"
         reference = filled("reference.h", label=law.name, real=law.by.name, told=words)
-    reference += filter_header(law)
+    reference += filter_header(law, law.filter) if law.filter else ""
     return filled(
         "law.h",
         version=__version__,
@@ -243,7 +243,8 @@ def source(law: ExportedLaw) -> str:
         declare, keep = f"{name}_memory next;", "*memory = next;"
         starting = [declare, call(law, program.start, f"{name}_initial", own), keep]
         stepping = [declare, call(law, program.step, f"{name}_step", ["torque", *own]), keep]
-    reference = reference_source(law) + filter_source(law)
+    reference = reference_source(law, law.reference) if law.reference else ""
+    reference += filter_source(law, law.filter) if law.filter else ""
     body = partial(
         filled,
         "law.c",
@@ -294,11 +295,8 @@ def _default(law: ExportedLaw, entry: Entry) -> str:
     return wrapped(f".{entry.name} = {text}", " " * 8, "    ")
 
 
-def reference_source(law: ExportedLaw) -> str:
-    """Return the functions of the reference; empty where it is not exported."""
-    found = law.reference
-    if found is None:
-        return ""
+def reference_source(law: ExportedLaw, found: ReferenceProgram) -> str:
+    """Return the functions of the reference."""
     pieces, name, length = len(found.starts), law.name, found.held.shape[1]
     tables, piece, held = "", "", "&input->t"
     if pieces:
@@ -331,11 +329,8 @@ def reference_source(law: ExportedLaw) -> str:
 # The filter ---------------------------------------------------------------------------------------
 
 
-def filter_header(law: ExportedLaw) -> str:
-    """Return the types and functions of the filter; empty without a filter."""
-    found = law.filter
-    if found is None:
-        return ""
+def filter_header(law: ExportedLaw, found: ExportedFilter) -> str:
+    """Return the types and functions of the filter."""
     program, real = found.program, law.by.name
 
     def listed(entries: Sequence[Entry], said: Callable[[Entry], str]) -> str:
@@ -356,11 +351,8 @@ def filter_header(law: ExportedLaw) -> str:
     )
 
 
-def filter_source(law: ExportedLaw) -> str:
-    """Return the functions of the filter; empty without a filter."""
-    found = law.filter
-    if found is None:
-        return ""
+def filter_source(law: ExportedLaw, found: ExportedFilter) -> str:
+    """Return the functions of the filter."""
     name, values = f"{law.name}_estimation", found.program.values
     defaults = [
         wrapped(f".{each.name} = {braced(values[each.source].flat, law.by)}", " " * 8, "    ")

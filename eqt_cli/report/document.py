@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from eqt_cli.analysis.certificate_table import certificate_table, titled
+from eqt_cli.analysis.certificate_table import certificate_table, with_titles
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.maps import sweep_tables
@@ -117,7 +117,7 @@ def report(
         config=str(result.attributes.get("config", "")).rstrip(),
         figures=[{"key": f.key, "svg": Markup(f.svg), "caption": f.caption} for f in drawn],
         remarks=remarks,
-        certificates=certificate_table(rows := titled(certificates, result.titled)),
+        certificates=certificate_table(rows := with_titles(certificates, result.title_of)),
         doubts=certificate_table(rows, brief=True),
         unverified=unverified,
         font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
@@ -184,7 +184,7 @@ def _compared(result: Result) -> dict[str, Any]:
     comparison = compare(result)
     made = text_tables(comparison, Plain())
     return {
-        "findings": findings(comparison, result.titled),
+        "findings": findings(comparison, result.title_of),
         "confidence": f"{100 * comparison.confidence:g}",
         "claims": None if comparison.departures else made.get("claims"),
         "levels": made.get("controllers"),

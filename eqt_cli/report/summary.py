@@ -249,7 +249,7 @@ def laws(result: Result) -> list[Law]:
     own = {entry.get("label"): _own(entry) for entry in entries if isinstance(entry, Mapping)}
     return [
         _law(label, title, result.kinds.get(label, label), own.get(label, ""))
-        for label, title in result.titled.items()
+        for label, title in result.title_of.items()
     ]
 
 

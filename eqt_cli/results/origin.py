@@ -308,7 +308,7 @@ class KnownResult(ResultFile):
         """
         found = {self.label_of(name): printable(given) for name, given in names.items()}
         self.given_names = found
-        for name in ("titles", "titled"):
+        for name in ("titles", "title_of"):
             vars(self).pop(name, None)
         return [
             name
@@ -341,7 +341,7 @@ class KnownResult(ResultFile):
         )
 
     @cached_property
-    def titled(self) -> dict[str, str]:
+    def title_of(self) -> dict[str, str]:
         """Display names by label."""
         return dict(zip(self.labels, self.titles, strict=True))
 
@@ -350,7 +350,7 @@ class KnownResult(ResultFile):
 
         Any other name is returned unchanged.
         """
-        found = label_named(name, self.titled)
+        found = label_named(name, self.title_of)
         return found if found in self.labels else label_named(name, self._own_titles)
 
     def position_of(self, name: str) -> int:

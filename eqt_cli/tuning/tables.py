@@ -131,7 +131,7 @@ def _by_case(cases: Mapping[str, Result], record: Record, write: Plain) -> TextT
     return TextTable(
         "cases",
         f"{measured(result, name, write)} of the tuned laws in each case: {_means_over(result)}",
-        ["case", *(result.titled[label] for label in labels)],
+        ["case", *(result.title_of[label] for label in labels)],
         [Block("", rows)] if rows and labels else [],
     )
 
@@ -209,7 +209,7 @@ def _winners(
                 found = levels[winner["label"]]
                 after = write.spread(found.mean, found.low, found.high)
                 change = _relative(values[winner["label"]], values[law["start"]])
-                named = result.titled[winner["label"]] + _mark(violated, winner["label"])
+                named = result.title_of[winner["label"]] + _mark(violated, winner["label"])
                 means = [levels[label].mean for label in seed_labels(law)]
                 over = _range(means, (found.high - found.low) / 2)
                 rows.append([named, values_text(winner["values"]), before, after, over, change])

@@ -285,7 +285,7 @@ def compare(
         title=result.title,
         group=result.group_name,
         labels=labels,
-        titles={label: result.titled[label] for label in labels},
+        titles={label: result.title_of[label] for label in labels},
         runs=result.runs,
         kinds={label: kind for label, kind in result.kinds.items() if label in labels},
         failed={label: count for label, count in result.failed.items() if label in labels},

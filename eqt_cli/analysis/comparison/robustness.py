@@ -152,7 +152,7 @@ def robustness_table(
     needed = runs_to_show(wanted, confidence)
     blocks: dict[str, list[list[str]]] = {}
     for each in found:
-        row = [write.text(result.titled[each.law]), *_ends(each, wanted, needed, write)]
+        row = [write.text(result.title_of[each.law]), *_ends(each, wanted, needed, write)]
         blocks.setdefault(each.other, []).append(row)
     runs = result.runs
     notes = [

@@ -111,7 +111,7 @@ def _block(result: Result, part: str) -> Block:
         of = f"/{row['runs']}" * ("settled" in row)
         rows.append(
             [
-                result.titled[row["controller"]],
+                result.title_of[row["controller"]],
                 f"{row.get('settled', row['runs'] - row['failed'])}{of}",
                 *map(significant, means),
                 significant(residual, 1),
@@ -123,7 +123,7 @@ def _block(result: Result, part: str) -> Block:
 
 def _shares(result: Result) -> Iterator[str]:
     """Yield rare unsettled runs, final angles and the share of time with actuators at a limit."""
-    rows = [(result.titled[row["controller"]], row) for row in result.headline()]
+    rows = [(result.title_of[row["controller"]], row) for row in result.headline()]
     if all("settled" in row for _, row in rows):
         yield from _rare(result, {title: row["runs"] - row["settled"] for title, row in rows})
     for name in result.attitude_errors if rows else ():

@@ -127,8 +127,8 @@ def table_text(table: TextTable, room: int | None) -> Text:
     room
         Width of the terminal; None for the full table.
     """
-    titled = any(block.title for block in table.blocks)
-    indent = "  " if titled else ""
+    has_titles = any(block.title for block in table.blocks)
+    indent = "  " if has_titles else ""
     rows = [[printable(cell) for cell in row] for row in table.rows]
     columns = [
         _Column(printable(heading), [row[index] for row in rows])

@@ -104,7 +104,7 @@ class ShownWorst:
                     Profile(
                         key,
                         look_of[position],
-                        results.titled[law["label"]],
+                        results.title_of[law["label"]],
                         values.astype(float),
                         quantity.cost(np.where(np.isfinite(cost), cost, np.nan)),
                         np.isposinf(cost),
