@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.config import yaml_source
+from eqt_cli.config.yaml_source import load
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import KeyPath, dotted
 from eqt_cli.results.origin import KnownResult
@@ -108,8 +108,8 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
     names = list(dict.fromkeys(chain(*arrays)))
     found = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
     return Differences(
-        _changes(*(_configuration(each) for each in both)),
-        _changes(*({k: each.attributes[k] for k in _others(each)} for each in both)),
+        _changes(*(dict(_leaves(load(str(x.attributes["config"]), "config").data)) for x in both)),
+        _changes(*({k: v for k, v in x.attributes.items() if k not in _APART} for x in both)),
         _changes(*(dict(_leaves(each.provenance)) for each in both)),
         [each for each in found if each is not None],
         len(names),
@@ -117,14 +117,6 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
 
 
 # Keys ---------------------------------------------------------------------------------------------
-
-
-def _configuration(result: KnownResult) -> dict[str, Any]:
-    return dict(_leaves(yaml_source.load(str(result.attributes["config"]), "config").data))
-
-
-def _others(result: KnownResult) -> list[str]:
-    return [name for name in result.attributes if name not in _APART]
 
 
 def _leaves(data: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
@@ -164,7 +156,7 @@ def _datasets(result: KnownResult) -> dict[str, Place]:
 
 def _compared(name: str, first: Place | None, second: Place | None) -> Dataset | None:
     """Compare a dataset; None if it is equal in both."""
-    shapes, types = (_shape(first), _shape(second)), (_type(first), _type(second))
+    shapes, types = zip(*map(_shape_and_type, (first, second)), strict=True)
     if first is None or second is None or shapes[0] is None or shapes[0] != shapes[1]:
         return Dataset(name, shapes, types)
     tally = _Tally()
@@ -175,19 +167,14 @@ def _compared(name: str, first: Place | None, second: Place | None) -> Dataset |
     return Dataset(name, shapes, types, **vars(tally))
 
 
-def _shape(place: Place | None) -> tuple[int, ...] | None:
+def _shape_and_type(place: Place | None) -> tuple[Any, Any]:
+    """Return the shape and the type of a dataset in words; None for both where it is missing."""
     if place is None:
-        return None
+        return None, None
     result, name = place
-    return tuple(result.dimensions[dim] for dim in result.dims(name))
-
-
-def _type(place: Place | None) -> str | None:
-    if place is None:
-        return None
-    result, name = place
-    none = result.read(name, **dict.fromkeys(result.dims(name), slice(0)))
-    return "text" if none.dtype == object else str(none.dtype)
+    dims = result.dims(name)
+    kind = result.read(name, **dict.fromkeys(dims, slice(0))).dtype
+    return tuple(map(result.dimensions.get, dims)), "text" if kind.kind == "O" else str(kind)
 
 
 def _read(place: Place, block: tuple[slice, ...]) -> Array:

@@ -118,6 +118,12 @@ class StoredRuns(KnownResult):
                     found.append(key)
         return found
 
+    def number_and_other(self) -> tuple[SweptKey, SweptKey | None] | None:
+        """Return a swept number and the only other swept key; None if there are other keys."""
+        number = next((key for key in self.swept_keys if key.is_number), None)
+        others = [key for key in self.swept_keys if key is not number]
+        return None if number is None or len(others) > 1 else (number, next(iter(others), None))
+
     def _swept_key(self, name: str) -> SweptKey:
         values = self.coordinate(name)
         key = self.long_name(name).removesuffix(", swept")

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -267,7 +268,7 @@ def compare(
     chosen = _chosen(result, metrics, windows)
     labels = [label for label in result.labels if not labels or label in labels]
     kinds = _by_kind(result, labels)
-    claimed = _claimed(result, kinds)
+    claimed = [(test.measure, test.window) for test in _tests(result, kinds)]
     wanted: dict[_Key, Quantity] = {}
     for measure, window in [*chosen, *claimed]:
         wanted.setdefault((measure.name, window.within(result.times)), measure)
@@ -371,16 +372,26 @@ def _by_kind(result: Result, labels: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _claimed(result: Result, kinds: Mapping[str, str]) -> list[tuple[Quantity, Window]]:
-    """Return the measures of the claims about these controllers."""
-    found: list[tuple[Quantity, Window]] = []
-    for _, claim in applicable(claim_sets.all(), list(kinds)):
+class _Test(NamedTuple):
+    """A row of a claim, and a measure over a window that tests it."""
+
+    source: str
+    claim: Claim
+    row: Less | AtMost
+    measure: Quantity
+    window: Window
+
+
+def _tests(result: Result, kinds: Mapping[str, str]) -> Iterator[_Test]:
+    """Yield the tests of the claims about controllers of these kinds."""
+    for source, claim in applicable(claim_sets.all(), list(kinds)):
         for row in claim.rows:
             if isinstance(row, Less):
-                found += measured_by(result, row)
-            elif row.measure in result.comparable:
-                found.append((result.comparable[row.measure], WHOLE))
-    return found
+                measures = measured_by(result, row)
+            else:
+                known = result.comparable
+                measures = [(known[row.measure], WHOLE)] if row.measure in known else []
+            yield from (_Test(source, claim, row, *measure) for measure in measures)
 
 
 def _judgements(
@@ -407,26 +418,19 @@ def _judgements(
         )
 
     rows = []
-    for origin, claim in applicable(claim_sets.all(), list(kinds)):
-        about = dict.fromkeys(kind for row in claim.rows for kind in row.kinds)
+    for source, claim, row, measure, window in _tests(result, kinds):
+        if not set(row.kinds) <= set(kinds):
+            continue
+        about = dict.fromkeys(kind for each in claim.rows for kind in each.kinds)
+        key, labels = (measure.name, window.within(result.times)), [kinds[k] for k in row.kinds]
+        if isinstance(row, AtMost):
+            [label] = labels
+            index = result.labels.index(label)
+            judged = judge_at_most(source, claim.says, row, samples[key], index, label, confidence)
+        else:
+            judged = judge_less(source, claim.says, pair_of(key, *labels))
         absent = tuple(kind for kind in about if kind not in kinds)
-        for row in claim.rows:
-            if not set(row.kinds) <= set(kinds):
-                continue
-            if isinstance(row, AtMost):
-                if row.measure not in result.comparable:
-                    continue
-                label = kinds[row.kind]
-                some = samples[row.measure, WHOLE.within(result.times)]
-                index = result.labels.index(label)
-                judged = judge_at_most(origin, claim.says, row, some, index, label, confidence)
-                rows.append(settled(replace(judged, absent=absent), label))
-                continue
-            for measure, window in measured_by(result, row):
-                key = measure.name, window.within(result.times)
-                pair = pair_of(key, kinds[row.lesser], kinds[row.greater])
-                judged = replace(judge_less(origin, claim.says, pair), absent=absent)
-                rows.append(settled(judged, pair.first, pair.second))
+        rows.append(settled(replace(judged, absent=absent), *labels))
     return rows
 
 

@@ -97,7 +97,13 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
     """
     if not 0 < wanted < 1:
         raise EqtError(f"share {wanted:g}: expected a number between 0 and 1, as 0.9")
-    across, other = _keys(result)
+    if (keys := result.number_and_other()) is None:
+        listed = ", ".join(key.key for key in result.swept_keys) or "none"
+        raise result.error(
+            "robustness needs a sweep over a number and at most one other key; this result sweeps: "
+            f"{listed}"
+        )
+    across, other = keys
     settled = result.metric("settled") > 0  # NaN (a failed run) is not settled
     found = []
     for level in np.unique(other.values) if other else [0.0]:
@@ -117,19 +123,6 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
                 Reach(label, name, tested, tested[easiest], *_around(values, holds, easiest))
             )
     return across, found
-
-
-def _keys(result: Result) -> tuple[SweptKey, SweptKey | None]:
-    """Return the swept number, and the other key if there is one."""
-    keys = result.swept_keys
-    numbers = [key for key in keys if key.is_number]
-    if not numbers or len(keys) > 2:
-        listed = ", ".join(key.key for key in keys) or "none"
-        raise result.error(
-            "robustness needs a sweep over a number and at most one other key; this result sweeps: "
-            f"{listed}"
-        )
-    return numbers[0], next((key for key in keys if key is not numbers[0]), None)
 
 
 def _around(values: Array, holds: Array, start: int) -> tuple[float | None, float | None]:

@@ -64,16 +64,14 @@ class Envelope(OfSettled):
 
     def _axes(self, swept: ShownSweep) -> tuple[SweptKey, SweptKey | None]:
         """Return the key of the horizontal scale, and the other key if there is one."""
-        axes = swept.axes
-        numbers = [axis for axis in axes if axis.is_number]
-        if not numbers or len(axes) > 2:
+        if (keys := swept.results.number_and_other()) is None:
             raise swept.error(
                 f"shows a swept number and at most one more key, and here are: {swept.keys}"
             )
-        other = next((axis for axis in axes if axis is not numbers[0]), None)
+        across, other = keys
         if other and len(np.unique(other.values)) > _MOST_PANELS:
             raise swept.error(
                 f"has a panel for each value of {other.key}, at most {_MOST_PANELS}, and here are "
                 f"{len(np.unique(other.values))}"
             )
-        return numbers[0], other
+        return across, other
