@@ -27,11 +27,9 @@ from eqt_cli.cli import (
     plot,
     report,
     run,
+    search,
     show,
-    sweep,
-    tune,
     verify,
-    worst,
 )
 from eqt_cli.cli.shared.options import COMPUTE, LOOK_UP, READ, Command, Group, example
 from eqt_cli.cli.shared.streams import drop_stdout
@@ -181,9 +179,9 @@ def _add(name: str, command: Callable[..., None], group: str, arguments: str) ->
 
 
 _add("run", run.run, COMPUTE, "configs/paper.yaml --set gains.kp=2")
-_add("sweep", sweep.sweep, COMPUTE, "configs/paper.yaml --grid gains.kp=1,2")
-_add("tune", tune.tune, COMPUTE, "configs/tune_paper.yaml")
-_add("worst", worst.worst, COMPUTE, "late.yaml --fail-above 0.2")
+_add("sweep", run.sweep, COMPUTE, "configs/paper.yaml --grid gains.kp=1,2")
+_add("tune", search.tune, COMPUTE, "configs/tune_paper.yaml")
+_add("worst", search.worst, COMPUTE, "late.yaml --fail-above 0.2")
 _add("replay", fit.replay, COMPUTE, "model.yaml --measured flown.csv")
 _add("fit", fit.fit, COMPUTE, "model.yaml --measured flown.csv --over plant.inertia")
 _add("pack", pack.pack, COMPUTE, "results/sweep_gains")

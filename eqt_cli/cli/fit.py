@@ -52,7 +52,7 @@ def replay(
         --out DIR  Folder for the figure replay.
     """
     from eqt_cli import api
-    from eqt_cli.fitting.tables import growth_table
+    from eqt_cli.fitting.growth import growth_table
 
     found = api.replay(
         options.source_of(config, set_, engine),
@@ -105,7 +105,7 @@ def fit(
         --out DIR  Folder for fitted.yaml.
     """
     from eqt_cli import api
-    from eqt_cli.fitting.tables import fit_tables
+    from eqt_cli.fitting.plant_fit import fit_tables
 
     if "=" in over:
         key = over.partition("=")[0].strip()

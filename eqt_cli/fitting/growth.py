@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eqt_cli.analysis.comparison.notation import significant
+from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.errors import EqtError
@@ -113,3 +115,24 @@ def growth(
         np.sqrt(np.mean(by_noise, axis=0)),
         (*correlated(left, windows), *delayed(left, fitted=False)),
     )
+
+
+def growth_table(result: Growth) -> TextTable:
+    """Return the error of each part at each horizon: median, quantiles, rms, and that by noise."""
+    header = ["horizon, s", "median", "10 %", "90 %", "rms", "noise"]
+    blocks = []
+    for k, (part, unit) in enumerate(zip(result.parts, result.units, strict=True)):
+        columns = (result.median, result.low, result.high, result.rms, result.noise)
+        rows = [
+            [f"{horizon:.4g}", *(significant(column[k, h], 3) for column in columns)]
+            for h, horizon in enumerate(result.horizons)
+        ]
+        blocks.append(Block(f"{part}, {unit}", rows))
+    failed = f"; the runs of {result.failed} more failed" if result.failed else ""
+    title = f"Error of the prediction of {result.name} over {result.windows} windows{failed}"
+    notes = [
+        "Each window starts in a recorded state. noise: the rms that the noise of the recording "
+        "alone gives a perfect model.",
+        *result.notes,
+    ]
+    return TextTable("growth", title, header, blocks, notes)

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from eqt_cli.analysis.comparison.intervals import FEWEST
+from eqt_cli.analysis.comparison.notation import significant
+from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.core.arrays import Array
@@ -422,3 +424,41 @@ def write_fitted(result: PlantFit, folder: Path) -> Path:
             study(result.source, trust_plugins=True), path.name, mark.encode()
         )
     return path
+
+
+def fit_tables(result: PlantFit) -> list[TextTable]:
+    """Return the numbers with their intervals, and the errors before and after the fit."""
+    numbers = [
+        [
+            n.key,
+            significant(n.start, 5),
+            significant(n.value, 5),
+            f"[{significant(n.low, 5)}, {significant(n.high, 5)}]",
+        ]
+        for n in result.numbers
+    ]
+    errors = [
+        [f"{r.part}, {r.unit}", *(significant(x, 3) for x in (r.before, r.after, r.noise))]
+        for r in result.residuals
+    ]
+    values = ", ".join(f"{value:.3g}" for value in result.singular_values)
+    title = f"Fitted to {result.windows} windows of {result.horizon:.4g} s of {result.name}"
+    return [
+        TextTable(
+            "numbers",
+            title,
+            ["key", "start", "found", "95 % interval"],
+            [Block("", numbers)],
+            [
+                f"Singular values of the scaled Jacobian: {values}. Near 0, the recording cannot "
+                "distinguish the numbers.",
+                *result.notes,
+            ],
+        ),
+        TextTable(
+            "residuals",
+            "Root mean square of the errors",
+            ["error", "before", "after", "noise"],
+            [Block("", errors)],
+        ),
+    ]

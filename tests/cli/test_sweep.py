@@ -62,7 +62,7 @@ def test_dry_run_stores_nothing(eqt: Eqt) -> None:
 
 
 def test_dry_run_of_very_many_points_checks_some(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eqt_cli.cli.sweep.MOST_CHECKED", 3)
+    monkeypatch.setattr("eqt_cli.cli.run.MOST_CHECKED", 3)
     done = eqt("sweep", "c.yaml", *GRID, "--dry-run")
     assert done.err == "c.yaml: 3 of its 6 points were checked; a run checks all\n"
     assert eqt("sweep", "c.yaml", *GRID, "--dry-run", "--quiet").err == ""
@@ -75,7 +75,7 @@ def test_dry_run_of_very_many_points_checks_some(eqt: Eqt, monkeypatch: pytest.M
 def test_dry_run_of_millions_of_points_builds_few(
     eqt: Eqt, monkeypatch: pytest.MonkeyPatch, key: str
 ) -> None:
-    for place in ("cli.sweep.MOST_CHECKED", "execution.cost.MOST_TIMED"):
+    for place in ("cli.run.MOST_CHECKED", "execution.cost.MOST_TIMED"):
         monkeypatch.setattr(f"eqt_cli.{place}", 3)
     built: list[None] = []
 

@@ -1,8 +1,7 @@
-"""Execution of studies and searches, and the report on them."""
+"""Execution of studies, and the report on them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -12,20 +11,16 @@ import typer
 
 from eqt_cli.cli.shared import output
 from eqt_cli.cli.shared.options import cores
-from eqt_cli.cli.shared.progress import notes
 from eqt_cli.core.errors import EqtError, InterruptedRun
 from eqt_cli.core.interruptions import Interrupted
 from eqt_cli.execution.part_files import unfinished
 
 if TYPE_CHECKING:
-    from eqt_cli.analysis.text_tables import TextTable
     from eqt_cli.api import StoredResult
     from eqt_cli.execution.executors import Executor
     from eqt_cli.execution.run_study import Shard
     from eqt_cli.experiment.study import Study
     from eqt_cli.results.result import Result
-    from eqt_cli.tuning.generations import Found
-    from eqt_cli.tuning.searches import Searches
 
 
 def shard_from(text: str | None) -> Shard | None:
@@ -168,107 +163,8 @@ def _next(done: StoredResult, laws: int) -> str:
     return f"{'compare' if laws > 1 else 'plot'} {done.path}"
 
 
-def searched(
-    search: Searches[Any],
-    begin: Callable[..., Found],
-    out: Path | None,
-    computing: tuple[str | None, int | None, str | None],
-    *,
-    dry_run: bool,
-    force: bool,
-    json: bool,
-) -> Found | None:
-    """Search and return the outcome; for a dry run, print the plan and return None.
-
-    Parameters
-    ----------
-    begin
-        `tune` or `worst` of the API.
-    computing
-        Requested executor, number of workers and scheduler.
-    """
-    from eqt_cli.experiment.study import Study
-
-    executor = executor_from(Study(None, search.base), *computing)
-    if dry_run:
-        _print_plan(search, executor, json=json)
-        return None
-    out = out or search.folder
-    output.say(_runs_line(search))
-    try:
-        return begin(search, out, executor=executor, force=force)
-    except Interrupted as error:
-        raise InterruptedRun(
-            f"interrupted; what was found is kept in {out}: run the same command again to continue",
-            error.exit_code,
-            [f"  {law}, {found}" for law, found in notes().items()],
-        ) from None
-
-
-def _runs_line(search: Searches[Any]) -> str:
-    """Return the line with the runs that a search will take, and what they are for."""
-    runs = output.count_of(search.base.config.ensemble.runs, "run")
-    cases = len(search.in_cases(search.laws[0]))
-    each = f"{runs} in each of {cases} cases" if cases > 1 else runs
-    return (
-        f"runs     {search.searched_runs} ({each} at each point), and at most "
-        f"{search.judging_runs} {search.judging}"
-    )
-
-
 def time_line(seconds: float | None, workers: int) -> str:
     """Return the line of a dry run with the expected time."""
     if seconds is None:
         return "time     not known: the loop is too fast or too stiff to be timed in a moment"
     return f"time     about {output.duration(seconds)} with {output.count_of(workers, 'worker')}"
-
-
-def _print_plan(search: Searches[Any], executor: Executor, *, json: bool) -> None:
-    """Print the runs and the time that a search will take."""
-    from eqt_cli.tuning.generations import expected
-
-    section, found = search.section, expected(search, executor)
-    factors = [
-        output.count_of(len(search.laws), "law"),
-        f"{section.seeds} search{'es' if section.seeds > 1 else ''}",
-        output.count_of(section.budget, "generation"),
-        output.count_of(section.population, "point"),
-    ]
-    lines = [
-        f"{' × '.join(factors)} = {found.points}",
-        _runs_line(search),
-        time_line(found.seconds, found.workers),
-    ]
-    output.print_found(asdict(found), "\n".join(lines), json=json)
-
-
-def report_search(
-    done: Found,
-    tables: Callable[[Result, dict[str, Any]], Sequence[TextTable]],
-    causes: Sequence[str],
-    config: str | None,
-    *,
-    json: bool,
-) -> None:
-    """Print the outcome of a search.
-
-    Parameters
-    ----------
-    causes
-        Reasons why the exit code is not 0.
-    config
-        Configuration in the folder, to be run next; None if nothing was found.
-    """
-    from eqt_cli.results.result import open_result
-
-    path = done.judged.folder.path
-    if json:
-        counted = {"failed": done.judged.failed, "causes": list(causes)}
-        output.print_json({"folder": str(path), **done.record, **counted})
-        return
-    with output.as_remark(), open_result(path) as result:
-        for table in tables(result, done.record):
-            output.print_text(output.laid_out(table), "")
-    output.print_text(
-        *causes, f"results  {path}", *([f"next     eqt run {path / config}"] if config else [])
-    )
