@@ -31,6 +31,7 @@ KX, KV, KR, KW = 16.0, 5.6, 8.81, 2.54
 UPSIDE_DOWN = [[1, 0, 0], [0, -0.9995, -0.0314], [0, 0.0314, -0.9995]]
 HOVER = {"kind": "flat", "position": [0.0, 0.0, 0.0], "heading": 0.0}
 HELIX = {"kind": "flat", "position": ["0.4*t", "0.4*sin(pi*t)", "0.6*cos(pi*t)"], "heading": "pi*t"}
+KNOTS = [{"t": t, "position": p} for t, p in ((0, [0, 0, 0]), (0.4, [1, 0, 2]), (1, [0, 3, 0]))]
 LAW = {
     "kind": "cascade",
     "attitude": "lee2010",
@@ -689,6 +690,7 @@ def test_verify_tells_when_the_force_is_nearly_0():
             {"reference": {"kind": "flat", "position": ["t", "t**2", "sin(t)"], "heading": "free"}},
             "holds",
         ),
+        ({"reference": {"kind": "flat", "minimum_snap": KNOTS}}, "holds"),
         ({"law": {"along": [0, 1]}, **PLANAR}, "holds"),
         ({"planted": True}, "FAILS"),
     ],

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from eqt_cli.closed_loop.linearised import flow
 from eqt_cli.config import shipped
@@ -27,7 +28,7 @@ ROTORS = Thrusters(
 )
 
 
-def plant(R, v, omega, speeds, drag, wind):
+def by_hand(R, v, omega, speeds, drag, wind):
     """ẇ and v̇ in space, rotor by rotor: T = k_η η² e_z, H = −η D U at its hub, M = ±k_m η² e_z."""
     force, torque = np.zeros(3), np.zeros(3)
     for at, turns, speed in zip(AT, TURNS, speeds, strict=True):
@@ -39,8 +40,27 @@ def plant(R, v, omega, speeds, drag, wind):
     return omega_dot, R @ force / MASS - np.array([0, 0, 9.81])
 
 
+def by_rotorpy(R, v, omega, speeds, drag, wind):
+    """ẇ and v̇ in space, by RotorPy."""
+    reason = "RotorPy is not installed; make oracles installs it"
+    program = pytest.importorskip("rotorpy.vehicles.multirotor", reason=reason)
+    k_d, _, k_z = drag * np.ones(3)
+    body = program.Multirotor(
+        dict(zip(("Ixx", "Iyy", "Izz"), J, strict=True))
+        | {"mass": MASS, "Ixy": 0.0, "Ixz": 0.0, "Iyz": 0.0}
+        | {"num_rotors": 4, "rotor_pos": dict(enumerate(AT)), "rotor_directions": np.array(TURNS)}
+        | {"rotor_speed_min": 0.0, "rotor_speed_max": FASTEST, "tau_m": LAG}
+        | {"k_eta": THRUST, "k_m": MOMENT, "k_d": k_d, "k_z": k_z}
+    )
+    state = {"x": np.zeros(3), "v": v, "q": Rotation.from_matrix(R).as_quat(), "w": omega}
+    state |= {"wind": wind, "rotor_speeds": speeds}
+    found = body.statedot(state, {"cmd_motor_speeds": speeds}, 0.01)
+    return found["wdot"], found["vdot"]
+
+
+@pytest.mark.parametrize("plant", [by_hand, by_rotorpy])
 @pytest.mark.parametrize("drag", [0.0, np.array([1.19e-4, 1.19e-4, 2.32e-4])], ids=["no drag", ""])
-def test_the_plant_is_that_of_the_formulas_at_50_states(drag):
+def test_the_plant_is_that_of_the_formulas_and_of_rotorpy_at_50_states(plant, drag):
     """Rotor drag is the force `drag` at the speeds of the rotors: Σ η BᵀDB, B = [−at^, I]."""
     random, rotors = np.random.default_rng(1), ROTORS.of_run(SE3, None)
     inertia = np.diag([*J, MASS, MASS, MASS])

@@ -127,10 +127,11 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
     G, own = loop.group, loop.reference
     at_rest = tracks_nothing(loop)
     loop = with_moving_reference(loop)
-    bounded = with_leaves(loop, _with_errors(leaves(loop)))
     poses = [G.exp(random.standard_normal((STATES, G.dimension))) for _ in range(5)]
     vectors = random.standard_normal((9, STATES, G.dimension))
     times = random.uniform(0.0, horizon, STATES)
+    held = loop.holding(times)
+    bounded = with_leaves(held, _with_errors(leaves(held)))
     Vd = np.zeros_like(vectors[1]) if at_rest else vectors[1]
     flat = np.stack(
         [
