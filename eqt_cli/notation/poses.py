@@ -28,6 +28,9 @@ ANGLES = ("rotvec", "angles")
 QUATERNION_TOLERANCE = 1e-3
 """Largest difference of a quaternion's norm from 1, as left by rounding to three digits."""
 
+GREATEST = 1e15
+"""Largest number of a vector or a pose, in SI units; the squares of absurd ones overflow."""
+
 
 def square(value: float | list[Any], n: int, group: MatrixLieGroup) -> Array:
     """Return the n×n matrix of `value`, or raise an `InputError` if its shape is wrong."""
@@ -51,11 +54,17 @@ def square(value: float | list[Any], n: int, group: MatrixLieGroup) -> Array:
 
 def vector(value: float | list[float], n: int, group: MatrixLieGroup) -> Array:
     """Return the vector of `value`, or raise an `InputError` if it does not have n entries."""
-    if not isinstance(value, list):
-        return np.full(n, float(value))
-    if len(value) != n:
+    if isinstance(value, list) and len(value) != n:
         raise InputError(f"expected {n} entries for {group.name}, got {len(value)}")
-    return np.array(value, dtype=float)
+    found = np.full(n, value, dtype=float)
+    _check_sizes(found)
+    return found
+
+
+def _check_sizes(numbers: Array) -> None:
+    """Raise an `InputError` if a number is so large that no motion has it."""
+    if not (size := np.abs(numbers).max(initial=0.0)) <= GREATEST:
+        raise InputError(f"expected numbers of at most {GREATEST:g}, got {size:g}")
 
 
 def pose_from(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None:
@@ -93,6 +102,7 @@ def pose_from(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None
 
 def _require_near(G: MatrixLieGroup, Q: Array, expected: str, advice: str = "") -> None:
     """Raise an `InputError` for a matrix that is no element of a group but for rounding."""
+    _check_sizes(Q)
     if not (violation := G.violation(Q)) <= GROUP_TOLERANCE:
         raise InputError(
             f"expected {expected}, got a matrix that is {violation:.2g} away from one "

@@ -13,7 +13,7 @@ from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.option_types import Real, has_unit, one_of
 from eqt_cli.core.registry import Component
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.notation.poses import square, vector
+from eqt_cli.notation.poses import GREATEST, square, vector
 
 
 @dataclass(frozen=True)
@@ -211,8 +211,8 @@ def lowest(value: float | Distribution) -> float:
     return value.uniform[0] if isinstance(value, Uniform) else float(drawn(value, None))
 
 
-LEAST, GREATEST = 1e-15, 1e15
-"""Bounds of numbers that must be positive, in SI units; no lag or limit of a vehicle is beyond."""
+LEAST = 1e-15
+"""Least of numbers that must be positive, in SI units; no lag or limit of a vehicle is below."""
 
 
 def check_numbers(value: Any, problems: Problems, positive: bool = False) -> None:

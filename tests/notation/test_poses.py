@@ -51,9 +51,18 @@ def test_ways_to_write_a_quarter_turn(value, name):
             {"rotvec": [0, 0, 1], "euler": {"sequence": "Z", "angles": [1]}},
             "rotvec already gives the rotation; give one of the two",
         ),
+        ({"rotvec": [0, 1e308, 0]}, "expected numbers of at most 1e+15, got 1e+308"),
     ],
 )
 def test_what_is_wrong_with_a_pose(value, message):
     problems = Problems()
     assert pose_from(value, group_named("SO3"), problems) is None
     assert message in [problem.message for problem in problems]
+
+
+@pytest.mark.parametrize("pose", [{"position": [0, -1e308]}, [[1, 0, 0], [0, 1, 1e308], [0, 0, 1]]])
+def test_places_that_no_body_reaches(pose):
+    problems = Problems()
+    assert pose_from(pose, group_named("SE2"), problems) is None
+    [problem] = problems
+    assert problem.message == "expected numbers of at most 1e+15, got 1e+308"

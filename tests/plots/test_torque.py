@@ -89,6 +89,16 @@ def test_a_law_that_does_not_say_what_is_feedforward_is_refused(simulate, opened
     )
 
 
+@pytest.mark.parametrize("share", ["feedback", "feedforward"])
+def test_a_torque_about_the_only_axis_has_no_name_of_an_axis(simulated_once, opened, share):
+    wheel = {"group": "SO2", "inertia": 1.0, "reference": {"kind": "constant"}}
+    result = opened(simulated_once("so2", **wheel, controllers=["eqt"]))
+    [panel] = Torque(share=share).draw([result]).axes
+    assert panel.get_ylabel().startswith(
+        rf"$\tau_{{\mathrm{{{'fb' if share == 'feedback' else 'ff'}}}}}$"
+    )
+
+
 def test_torques_and_forces_have_their_own_symbols_units_and_panels(se3, opened):
     labels = [axes.get_ylabel() for axes in Torque().draw([opened(se3)], "page").axes]
     assert labels == [

@@ -87,8 +87,9 @@ class Torque(Panelled, OverTime):
         for name, unit in units.items():
             symbol = force_component(name, unit)
             if share != "total":
-                index = "fb" if share == "feedback" else "ff"
-                symbol = rf"{symbol.removesuffix('}')},\mathrm{{{index}}}}}"
+                index = r"\mathrm{fb}" if share == "feedback" else r"\mathrm{ff}"
+                base, _, axis = symbol.removesuffix("}").partition("_{")
+                symbol = f"{base}_{{{','.join(filter(None, (axis, index)))}}}"
             label = quantity(f"|{symbol}|" if self.log else symbol, unit)
             layout.name_scale(next(iter(rows[name].values())), label)
             for axes in rows[name].values() if self.log else ():
