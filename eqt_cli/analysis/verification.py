@@ -21,13 +21,14 @@ from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.registry import blamed
 from eqt_cli.core.reporting import RUNS_DONE, reporter, step
-from eqt_cli.engines import Solution
+from eqt_cli.engines import Engine, Solution
+from eqt_cli.engines.native import compiled_if_faster
 from eqt_cli.ensemble.spread import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.execution.compute_part import Desired, measured, shared_reference
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.horizon import along_reference, reference_over_horizon
-from eqt_cli.experiment.local_stability import growth, small_loops
+from eqt_cli.experiment.local_stability import Along, growth, small_loops
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.settling import as_distance
 from eqt_cli.mechanics.tracking import Gains
@@ -66,12 +67,15 @@ class Verification:
         Numbers of runs over all controllers.
     experiment
         The verified experiment.
+    engines
+        Names of the engines that integrated the runs.
     """
 
     rows: list[Row]
     runs: int
     failed_runs: int
     experiment: Experiment
+    engines: list[str]
 
     @property
     def failures(self) -> list[Row]:
@@ -138,6 +142,8 @@ class _Verifier:
     exact: bool
     flown: dict[str, tuple[Array, Array]] = field(default_factory=dict)
     """Sample times and flat states of the good runs, by label."""
+    engines: dict[str, None] = field(default_factory=dict)
+    """Names of the engines that integrated runs, in order."""
 
     @cached_property
     def study(self) -> Study:
@@ -190,7 +196,13 @@ class _Verifier:
 
     def _solved(self, label: str) -> tuple[Batch, Solution]:
         [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
-        return batch, batch.engine.solve(batch.problem, self.workers, reporter().advance)
+        return batch, self._engine(batch).solve(batch.problem, self.workers, reporter().advance)
+
+    def _engine(self, batch: Batch) -> Engine:
+        """The engine of the runs of a batch; noted for the summary."""
+        found = compiled_if_faster(batch.engine, batch.problem)
+        self.engines[found.name] = None
+        return found
 
     def _runs(
         self,
@@ -225,15 +237,19 @@ class _Verifier:
             rate=self._rate(label),
         )
 
+    @cached_property
+    def _along(self) -> Along:
+        """The reference where small errors are judged."""
+        return along_reference(self.experiment, reference_over_horizon(self.experiment))
+
     def _rate(self, label: str) -> float | None:
         """The rate at which small errors decay, 1/s; None if it is not known, or they grow."""
-        along = along_reference(self.experiment, reference_over_horizon(self.experiment))
-        loop = small_loops(self.experiment, along).get(label)
+        loop = small_loops(self.experiment, self._along).get(label)
         with np.errstate(all="ignore"):
-            found = None if loop is None else linearised(loop, *along)
+            found = None if loop is None else linearised(loop, *self._along)
         if found is None or not np.isfinite(found.closed).all():
             return None
-        rate = -growth(found, along.times).rate
+        rate = -growth(found, self._along.times).rate
         return rate if rate > 0 else None
 
     def _vehicle(self, batch: Batch, solution: Solution) -> VehicleRuns | None:
@@ -247,7 +263,7 @@ class _Verifier:
         if not len(few):
             return found
         problem = replace(found.problem.select(few), times=window_times(found))
-        again = batch.engine.solve(problem, self.workers)
+        again = self._engine(batch).solve(problem, self.workers)
         windows = VehicleRuns(problem, again.states, seed, good[few])
         return replace(found, windows=windows)
 
@@ -266,7 +282,7 @@ class _Verifier:
         ]
         failed = sum(each.failed for each in runs)
         count = sum(each.count for each in runs) + failed
-        return Verification(rows, count, failed, self.experiment)
+        return Verification(rows, count, failed, self.experiment, list(self.engines))
 
     def _of_code(self) -> Iterator[Row]:
         """Rows that compare laws in code with the laws that they claim to be."""

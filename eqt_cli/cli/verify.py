@@ -144,7 +144,7 @@ def _pieces(found: Verification, *, verbose: bool) -> Iterator[str | Text]:
             yield from made.notes
             yield ""
     experiment = found.experiment
-    counted = f"{found.runs} runs with engine {experiment.engine.name}"
+    counted = f"{found.runs} runs with engine {' and '.join(found.engines)}"
     yield f"{experiment.name} on {experiment.group.name}: {tally(rows)}, {counted}"
     yield from (f"hypothesis {doubt}" for doubt in doubtful(rows))
     yield from _causes(rows, found.failed_runs)

@@ -194,6 +194,16 @@ def test_message_of_a_tolerance_that_doubles_cannot_meet(rtol, got, noted):
     assert noted(native.Native(rtol=native.SMALLEST_RTOL)) == []
 
 
+def test_long_runs_of_an_explicit_method_are_compiled():
+    [batch] = batches(study_of("paper", {"ensemble.runs": 2}), "eqt", np.arange(2))
+    short = dataclasses.replace(batch.problem, times=batch.problem.times[:10])
+    given = SolveIvp(rtol=1e-7, atol=1e-10), SolveIvp(method="Radau"), native.Native(rtol=1e-5)
+    assert native.compiled_if_faster(given[0], batch.problem) == native.Native(1e-7, 1e-10)
+    kept = [native.compiled_if_faster(engine, batch.problem) for engine in given[1:]]
+    assert kept == [*given[1:]]
+    assert native.compiled_if_faster(given[0], short) is given[0]
+
+
 def test_tightened_tolerances():
     engine = native.Native(rtol=1e-6, atol=1e-8, max_steps=7).tightened(0.01)
     assert (engine.rtol, engine.atol) == (pytest.approx(1e-8), pytest.approx(1e-10))

@@ -25,6 +25,7 @@ from eqt_cli.engines.native import compiler, library
 from eqt_cli.engines.native.integrator import Lanes, MeasuringLanes
 from eqt_cli.engines.native.library import Rows
 from eqt_cli.engines.problem import Problem, Progress
+from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.traced_loop import (
     LoopKey,
     held_rows,
@@ -42,6 +43,8 @@ STEP_SHARE = 1 / 30
 SMALLEST_RTOL = 1000 * float(np.finfo(float).eps)
 """Smallest `rtol`: of a hundredth of it, the fraction for a step is still above rounding."""
 
+WORTH_COMPILING = 200
+"""Number of samples or spans from which a few runs as Python take longer than to compile a law."""
 
 BLOCK_BYTES = 16 * 2**20
 
@@ -191,3 +194,20 @@ class Native(Engine):
             for (name, shape), stretch in zip(found.kept, stretches, strict=False)
         }
         return Measured(solution, {name: each[:, 0] for name, each in numbers.items()}, arrays)
+
+
+def compiled_if_faster(engine: Engine, problem: Problem) -> Engine:
+    """Return native, as accurate as an explicit method of solve_ivp, if it takes less time.
+
+    Other engines, short problems and laws that cannot be compiled keep their engine.
+    """
+    if not isinstance(engine, SolveIvp) or engine.method not in stability.FUNCTIONS:
+        return engine
+    long = max(len(problem.times), len(problem.spans)) >= WORTH_COMPILING
+    if not long or Native.unavailable():
+        return engine
+    try:
+        programs(LoopKey(problem.loop))
+    except EqtError:
+        return engine
+    return Native(rtol=max(engine.rtol, SMALLEST_RTOL), atol=engine.atol)
