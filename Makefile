@@ -134,7 +134,7 @@ $(VENV)/.stamp-base: pyproject.toml
 
 $(VENV)/.stamp-dev: $(VENV)/.stamp-base
 	@echo "Installing the development tools into $(VENV)"
-	@$(BIN)/$(PIP) install --group dev --editable '.[dask,logs,native]'
+	@$(BIN)/$(PIP) install --group dev --editable '.[dask,logs,native,opencl]'
 	@touch $@
 
 $(VENV)/.stamp-docs: $(VENV)/.stamp-base

@@ -50,6 +50,7 @@ try export mine.yaml --controller eqt --out code
 ls result/figures result/report.html code >/dev/null
 
 refused "(extra dask)" eqt run mine.yaml --out other --executor dask
+refused "(extra opencl)" eqt run mine.yaml --out other --engine native --device opencl
 printf 'ULog' >flight.ulg
 refused "(extra logs)" eqt log check flight.ulg
 refused "(extra xarray)" python -c 'import eqt_cli; eqt_cli.open_results("result", "xarray")'

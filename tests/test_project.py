@@ -95,6 +95,7 @@ def test_lower_bounds_are_the_versions_that_test_lowest_installs():
             extras["dask"],
             extras["logs"],
             extras["native"],
+            extras["opencl"][-1:],
             extras["xarray"],
             project["dependency-groups"]["test"],
         )

@@ -21,8 +21,8 @@ def list_components(
         str | None,
         typer.Argument(
             metavar="KIND",
-            help=f"{', '.join(KINDS)} or configs.",
-            autocompletion=completion.words(*KINDS, "configs"),
+            help=f"{', '.join(KINDS)}, devices or configs.",
+            autocompletion=completion.words(*KINDS, "devices", "configs"),
         ),
     ] = None,
     plugin: Annotated[
@@ -33,7 +33,7 @@ def list_components(
 ) -> None:
     """Count the components of each kind, and list them with their options."""
     kinds = [*KINDS, "configs"]
-    if kind is not None and kind not in kinds:
+    if kind is not None and kind not in [*kinds, "devices"]:
         hint = suggestion(kind, kinds) or f"; known: {', '.join(kinds)}"
         raise EqtError(f"unknown kind '{kind}'{hint}")
     if plugin:
@@ -48,6 +48,18 @@ def list_components(
 def _described(kind: str) -> list[dict[str, Any]]:
     from eqt_cli.config.catalogue import options
 
+    if kind == "devices":
+        from eqt_cli.engines.native.devices import devices
+
+        return [
+            {
+                "name": f"opencl:{each.number}",
+                "summary": f"{each.name}, {each.driver}, {each.memory / 2**30:.1f} GiB"
+                + "".join(f"; lacks {what}" for what in each.lacks),
+                "options": [],
+            }
+            for each in devices()
+        ]
     if kind == "configs":
         return [{"name": config, "summary": "", "options": []} for config in shipped.names()]
     return [

@@ -19,6 +19,7 @@ def run(
     out: options.Out = None,
     set_: options.Set = None,
     engine: options.Engine = None,
+    device: options.Device = None,
     workers: options.Workers = None,
     executor: options.ExecutorName = None,
     scheduler: options.Scheduler = None,
@@ -35,7 +36,7 @@ def run(
     """
     from eqt_cli.experiment.read_study import study
 
-    source = options.source_of(config, set_, engine)
+    source = options.source_of(config, set_, engine, device)
     if source.data.get("sweep"):
         place = source.place(("sweep",))
         raise EqtError(f"{place}: defines a sweep; use `eqt sweep {source.path}`")
@@ -67,6 +68,7 @@ def sweep(
     out: options.Out = None,
     set_: options.Set = None,
     engine: options.Engine = None,
+    device: options.Device = None,
     workers: options.Workers = None,
     executor: options.ExecutorName = None,
     scheduler: options.Scheduler = None,
@@ -91,7 +93,7 @@ def sweep(
     """
     from eqt_cli.experiment.read_study import add_grids, study
 
-    source = options.source_of(config, set_, engine)
+    source = options.source_of(config, set_, engine, device)
     add_grids(source, options.placed("--grid", grid))
     if not source.data.get("sweep"):
         raise EqtError(

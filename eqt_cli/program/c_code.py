@@ -187,7 +187,11 @@ def _of_one_lane(header: str) -> str:
         for line in header.splitlines()
         if _stays(line, branches) and not line.startswith("#include") and not _GUARD.fullmatch(line)
     ]
-    return "\n".join(kept).replace("EQT_LANES", "1")
+    return (
+        "\n".join(kept)
+        .replace("EQT_LANES", "1")
+        .replace("static EQT_CONSTANT const", "static const")
+    )
 
 
 def _stays(line: str, branches: list[str]) -> bool:
@@ -207,6 +211,6 @@ def _stays(line: str, branches: list[str]) -> bool:
 
 
 def _branch(line: str) -> str:
-    if line == "#if EQT_LANES == 1" or re.fullmatch(r"#ifndef EQT_\w+_H", line):
+    if line == "#if EQT_LANES == 1" or re.fullmatch(r"#ifndef EQT_(\w+_H|DEVICE)", line):
         return "taken"
     return "skipped" if line == "#ifndef EQT_LANES" else "kept"

@@ -188,7 +188,7 @@ EQT_INLINE eqt_reduced eqt_reduce(eqt_real x)
 }
 
 /* 0, and 2 / pi in words of 32 bits. */
-static const eqt_uint32 eqt_2_over_pi[39] = {
+static EQT_CONSTANT const eqt_uint32 eqt_2_over_pi[39] = {
     0x00000000u, 0xa2f9836eu, 0x4e441529u, 0xfc2757d1u, 0xf534ddc0u, 0xdb629599u, 0x3c439041u,
     0xfe5163abu, 0xdebbc561u, 0xb7246e3au, 0x424dd2e0u, 0x06492eeau, 0x09d1921cu, 0xfe1deb1cu,
     0xb129a73eu, 0xe88235f5u, 0x2ebb4484u, 0xe99c7026u, 0xb45f7e41u, 0x3991d639u, 0x835339f4u,
@@ -202,10 +202,15 @@ static const eqt_uint32 eqt_2_over_pi[39] = {
 EQT_RARE void eqt_far_turn(double x, double fraction[3], eqt_uint64 *quadrant)
 {
     eqt_uint32 product[6], window[6];
+    union {
+        double number;
+        eqt_uint64 bits;
+    } of_x;
     eqt_uint64 bits, whole, sum, carry = 0;
     int shift, place, word, negative;
     const double two_to_48 = 281474976710656.0;
-    __builtin_memcpy(&bits, &x, sizeof bits);
+    of_x.number = x;
+    bits = of_x.bits;
     whole = (bits & 0x000fffffffffffffULL) | 0x0010000000000000ULL;
     shift = (int)((bits >> 52) & 0x7ff) - 1075;
     place = shift + 30; /* of the first bit that counts */
@@ -255,27 +260,25 @@ EQT_INLINE eqt_mask eqt_is_far(eqt_real x)
 
 EQT_INLINE eqt_reduced eqt_reduce_far(eqt_real x)
 {
-    double given[EQT_LANES], fraction[3], parts[3][EQT_LANES];
-    eqt_uint64 quadrant[EQT_LANES];
+    double fraction[3];
+    eqt_uint64 quadrant;
     eqt_real high, middle, low;
     eqt_pair turn, right;
     eqt_reduced reduced;
-    int lane, part;
-    __builtin_memcpy(given, &x, sizeof given);
+    int lane;
     for (lane = 0; lane < EQT_LANES; lane++) {
+        const double given = EQT_LANE(x, lane);
 #if EQT_LANES == 1
-        eqt_far_turn(given[lane], fraction, &quadrant[lane]);
+        eqt_far_turn(given, fraction, &quadrant);
 #else /* some lane is far */
-        const double size = given[lane] < 0.0 ? -given[lane] : given[lane];
-        eqt_far_turn(size < 1e8 ? 1e8 : given[lane], fraction, &quadrant[lane]);
+        const double size = given < 0.0 ? -given : given;
+        eqt_far_turn(size < 1e8 ? 1e8 : given, fraction, &quadrant);
 #endif
-        for (part = 0; part < 3; part++)
-            parts[part][lane] = fraction[part];
+        EQT_LANE(high, lane) = fraction[0];
+        EQT_LANE(middle, lane) = fraction[1];
+        EQT_LANE(low, lane) = fraction[2];
+        EQT_LANE(reduced.quadrant, lane) = quadrant;
     }
-    __builtin_memcpy(&high, parts[0], sizeof high);
-    __builtin_memcpy(&middle, parts[1], sizeof middle);
-    __builtin_memcpy(&low, parts[2], sizeof low);
-    __builtin_memcpy(&reduced.quadrant, quadrant, sizeof quadrant);
     turn = eqt_ordered_sum(high, middle);
     turn = eqt_ordered_sum(turn.high, turn.low + low);
     right.high = eqt_constant(1.57079632679489655800e+00);
@@ -295,9 +298,9 @@ EQT_INLINE eqt_pair eqt_sine_part(eqt_pair angle)
         eqt_constant(-1.98412698298579493134e-04) + w * eqt_constant(-2.50507602534068634195e-08);
     const eqt_real cubic = z * x;
     /* What x exceeds its sine by: subtracted, so that the sine of -0 is -0. */
-    const eqt_real half = eqt_constant(0.5) * angle.low - cubic * (odd + z * even);
+    const eqt_real halved = eqt_constant(0.5) * angle.low - cubic * (odd + z * even);
     const eqt_real excess =
-        (z * half - angle.low) - cubic * eqt_constant(-1.66666666666666324348e-01);
+        (z * halved - angle.low) - cubic * eqt_constant(-1.66666666666666324348e-01);
     return eqt_ordered_sum(x, -excess);
 }
 
@@ -432,8 +435,8 @@ EQT_INLINE eqt_real eqt_exp_of_sum(eqt_real high, eqt_real low)
     const eqt_pair first = eqt_ordered_sum(eqt_constant(1.0), parts.x.high);
     const eqt_real factor = first.high + (first.low + (parts.cosine + parts.sine));
     const eqt_real shift = eqt_constant(6755399441055744.0); /* 1.5 2^52 */
-    const eqt_real half = (eqt_constant(0.5) * parts.n + shift) - shift;
-    return (factor * eqt_power_of_2(half)) * eqt_power_of_2(parts.n - half);
+    const eqt_real halved = (eqt_constant(0.5) * parts.n + shift) - shift;
+    return (factor * eqt_power_of_2(halved)) * eqt_power_of_2(parts.n - halved);
 }
 
 EQT_INLINE eqt_real eqt_exp(eqt_real x)
@@ -513,7 +516,7 @@ EQT_INLINE eqt_real eqt_tanh(eqt_real x)
 EQT_INLINE eqt_real eqt_log_of_parts(eqt_parts parts, eqt_real rest)
 {
     const eqt_real f = parts.factor - eqt_constant(1.0), s = f / (eqt_constant(2.0) + f);
-    const eqt_real z = s * s, w = z * z, half = eqt_constant(0.5) * f * f;
+    const eqt_real z = s * s, w = z * z, halved = eqt_constant(0.5) * f * f;
     const eqt_real even = w * (eqt_constant(3.999999999940941908e-01) +
                                w * (eqt_constant(2.222219843214978396e-01) +
                                     w * eqt_constant(1.531383769920937332e-01)));
@@ -523,7 +526,7 @@ EQT_INLINE eqt_real eqt_log_of_parts(eqt_parts parts, eqt_real rest)
                                         w * eqt_constant(1.479819860511658591e-01))));
     const eqt_real low = parts.exponent * eqt_constant(EQT_LN2_LOW) + rest;
     return parts.exponent * eqt_constant(EQT_LN2_HIGH) -
-           ((half - (s * (half + (even + odd)) + low)) - f);
+           ((halved - (s * (halved + (even + odd)) + low)) - f);
 }
 
 EQT_INLINE eqt_real eqt_log(eqt_real x)
@@ -600,11 +603,11 @@ typedef struct {
 
 EQT_INLINE eqt_arc eqt_arc_of(eqt_real size)
 {
-    const eqt_real one = eqt_constant(1.0), half = eqt_constant(0.5);
+    const eqt_real one = eqt_constant(1.0), halved = eqt_constant(0.5);
     eqt_arc arc;
     eqt_real z, above, below, sum;
-    arc.small = eqt_less(size, half);
-    z = eqt_select(arc.small, size * size, (one - size) * half);
+    arc.small = eqt_less(size, halved);
+    z = eqt_select(arc.small, size * size, (one - size) * halved);
     arc.x = eqt_select(arc.small, size, eqt_sqrt(z));
     arc.upper = eqt_upper_half(arc.x);
     sum = arc.x + arc.upper;

@@ -28,6 +28,7 @@ Output
 Computing
     --workers N  Number of cores to use. Default: all.
     --engine NAME  Same as --set solver.engine=NAME.
+    --device NAME  Same as --set solver.device=NAME (`eqt list devices`).
     --executor NAME  auto, serial, threads, local or dask, or NAME:KEY=VALUE with options of it
         (`eqt list executors`). Default: auto, or dask with --scheduler.
     --scheduler ADDRESS  Address of a Dask scheduler, such as tcp://host:8786.
@@ -157,17 +158,21 @@ def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:
     return found
 
 
-def overrides(set_: Sequence[str] | None, engine: str | None = None) -> dict[str, str]:
-    """Return the changes of a configuration by ``--set`` and ``--engine``."""
-    chosen = {} if engine is None else {"--engine": f"solver.engine={engine}"}
+def overrides(set_: Sequence[str] | None, **solver: str | None) -> dict[str, str]:
+    """Return the changes of a configuration by ``--set``, ``--engine`` and ``--device``."""
+    chosen = {
+        f"--{key}": f"solver.{key}={name}" for key, name in solver.items() if name is not None
+    }
     return placed("--set", set_) | chosen
 
 
-def source_of(config: Path, set_: Sequence[str] | None, engine: str | None = None) -> ConfigSource:
-    """Return a configuration with the changes by ``--set`` and ``--engine``, not yet checked."""
+def source_of(
+    config: Path, set_: Sequence[str] | None, engine: str | None = None, device: str | None = None
+) -> ConfigSource:
+    """Return a configuration with the changes by these options, not yet checked."""
     from eqt_cli.config.source import read_config
 
-    return read_config(config, overrides(set_, engine))
+    return read_config(config, overrides(set_, engine=engine, device=device))
 
 
 def study_at(source: ConfigSource, point: int | None, *, trust_plugins: bool, doing: str) -> Study:
@@ -252,6 +257,7 @@ Quiet = Annotated[bool, option("--quiet", "-q", callback=be_quiet)]
 Verbose = Annotated[bool, option("--verbose", "-v")]
 Workers = Annotated[int | None, option("--workers", min=1)]
 Engine = Annotated[str | None, option("--engine", autocompletion=completion.names("engines"))]
+Device = Annotated[str | None, option("--device", autocompletion=completion.words("cpu", "opencl"))]
 ExecutorName = Annotated[
     str | None, option("--executor", autocompletion=completion.names("executors"))
 ]

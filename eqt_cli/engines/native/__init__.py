@@ -21,9 +21,10 @@ from eqt_cli.core.errors import EqtError, Problems
 from eqt_cli.core.option_types import Count, Positive, Scale
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine, Measured, Reduction, SampledFunction
-from eqt_cli.engines.native import compiler, library
+from eqt_cli.engines.native import compiler, devices, library
 from eqt_cli.engines.native.integrator import Lanes, MeasuringLanes
 from eqt_cli.engines.native.library import Rows
+from eqt_cli.engines.native.source import SampleProgram
 from eqt_cli.engines.problem import Problem, Progress
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.traced_loop import (
@@ -36,6 +37,7 @@ from eqt_cli.engines.traced_loop import (
     trace,
 )
 from eqt_cli.engines.walk import walked
+from eqt_cli.program import Program
 
 STEP_SHARE = 1 / 30
 """The tolerance of a step, as a fraction of the accuracy that the results are judged by."""
@@ -63,6 +65,8 @@ class Native(Engine):
         a thirtieth of it.
     max_steps
         Most steps that a run may take.
+    device
+        Where runs are integrated: ``cpu``, ``opencl`` or ``opencl:NUMBER``. It changes no bit.
     """
 
     name: ClassVar[str] = "native"
@@ -75,6 +79,7 @@ class Native(Engine):
     rtol: Annotated[Positive, Scale("relative tolerance")] = 1e-9
     atol: Annotated[Positive, Scale("absolute tolerance")] = 1e-9
     max_steps: Count = 1_000_000
+    device: str = devices.CPU
 
     @classmethod
     def unavailable(cls) -> str | None:
@@ -86,6 +91,8 @@ class Native(Engine):
         if not SMALLEST_RTOL <= self.rtol < 1:
             limits = f"expected a number from {SMALLEST_RTOL:.3g} to 1"
             problems.at("rtol").add(f"{limits}, got {self.rtol:g}")
+        with problems.catching("device"):
+            devices.chosen(self.device)
 
     def tightened(self, factor: float) -> Native:
         """Return the engine with both tolerances times `factor`."""
@@ -99,12 +106,24 @@ class Native(Engine):
         """Return the compiler, if there is one: shards are packed without."""
         with suppress(EqtError):
             found = compiler.compiler()
-            return {"compiler": found.described, "lanes": str(found.lanes)}
+            tools = {"compiler": found.described, "lanes": str(found.lanes)}
+            if device := devices.chosen(self.device):
+                tools["device"] = f"{device.described}, tested with {devices.TEST_RUNS} runs"
+            return tools
         return {}
 
     def integrator(self, problem: Problem) -> Lanes:
         """Return the integrator of lanes, whose steps depend on their own run only."""
-        return Lanes(problem, programs(LoopKey(problem.loop)), self._settings)
+        return Lanes(problem, programs(LoopKey(problem.loop)), self._settings, self._integration)
+
+    def _integration(
+        self, field: Program, at_samples: SampleProgram | None = None
+    ) -> library.Advance:
+        """Return what integrates a field, on the CPU or the device."""
+        device = devices.chosen(self.device)
+        if device is None:
+            return library.integration(field, at_samples=at_samples)
+        return devices.integration(field, device, at_samples)
 
     @property
     def _settings(self) -> dict[str, float]:
@@ -114,6 +133,8 @@ class Native(Engine):
 
     def groups(self, problem: Problem, threads: int) -> list[Array]:
         """Return groups of a few runs, equally many per thread; one each with several spans."""
+        if self.device != devices.CPU:
+            return super().groups(problem, threads)
         of_thread = -(-problem.runs // threads)
         turns = max(1, -(-of_thread // GROUP_RUNS)) if len(problem.spans) == 1 else 1
         size = max(1, -(-problem.runs // (turns * threads)))
@@ -130,7 +151,7 @@ class Native(Engine):
         All runs are one block if the horizon has several spans.
         """
         runs = np.arange(problem.runs)
-        if len(problem.spans) > 1:
+        if len(problem.spans) > 1 or self.device != devices.CPU:
             return [runs]
         fitting = BLOCK_BYTES // (8 * len(problem.times) * problem.loop.state_length)
         size = max(1, fitting) * threads
@@ -183,7 +204,9 @@ class Native(Engine):
             Rows(found.columns, by_sample=True),
         ]
         ends = dataclasses.replace(problem, times=times[[0, -1]])
-        lanes = MeasuringLanes(ends, programs(one), self._settings, found, times, given)
+        lanes = MeasuringLanes(
+            ends, programs(one), self._settings, self._integration, found, times, given
+        )
         solution = walked(lanes, self.groups(ends, workers), progress, workers)
         last = library.evaluation(found.ended, (len(found.starts),))
         numbers = last.at(problem.runs, 1, [Rows(lanes.memory, by_run=True)])

@@ -24,15 +24,15 @@ typedef struct {
     double start, stop;
     double first_inside, last_inside; /* the field is evaluated between these times */
     double rtol, atol;                /* tolerances of a step */
-    const double *grid;               /* (later): sample times behind the start */
-    const double *held;               /* (held) */
-    const double *parameters;         /* (runs, parameters) */
-    double *states;                   /* (runs, states): at the start, then where a run has ended */
-    double *samples;                  /* store.h: (later, states) of each run */
-    double *steps;                    /* (runs): length of the next step, s; 0: not known */
-    int64_t *counts;                  /* (runs): steps taken so far */
-    int64_t *ends;                    /* (runs): how it has ended; others than 0 are left alone */
-    double *times;                    /* (runs): where it has ended, s */
+    const EQT_GLOBAL double *grid;    /* (later): sample times behind the start */
+    const EQT_GLOBAL double *held;    /* (held) */
+    const EQT_GLOBAL double *parameters; /* (runs, parameters) */
+    EQT_GLOBAL double *states;        /* (runs, states): at the start, then where a run has ended */
+    EQT_GLOBAL double *samples;       /* store.h: (later, states) of each run */
+    EQT_GLOBAL double *steps;         /* (runs): length of the next step, s; 0: not known */
+    EQT_GLOBAL int64_t *counts;       /* (runs): steps taken so far */
+    EQT_GLOBAL int64_t *ends;         /* (runs): how it has ended; others than 0 are left alone */
+    EQT_GLOBAL double *times;         /* (runs): where it has ended, s */
     const struct eqt_measuring *measuring; /* measure.h */
 } eqt_span;
 
@@ -189,7 +189,8 @@ static void eqt_prepare_dense(eqt_lanes *lanes)
 
 /* That polynomial at 0 <= theta < 1, by a weight for each stage: few samples lie in a step, so that
    its coefficients would not pay. Only the states that are `wanted`. */
-static void eqt_in_step(const eqt_lanes *lanes, eqt_real theta, const char *wanted, eqt_real *state)
+static void eqt_in_step(const eqt_lanes *lanes, eqt_real theta, const EQT_CONSTANT char *wanted,
+                        eqt_real *state)
 {
     const eqt_real(*k)[EQT_STATES] = lanes->k, *y = lanes->y, h = lanes->h;
     const eqt_real rest = 1.0 - theta, part = theta * rest, bend = theta * part;
@@ -450,10 +451,9 @@ static void eqt_cross(eqt_lanes *lanes, const int *crossing)
 
 void eqt_advance(const eqt_span *span)
 {
-    eqt_lanes lanes;
+    eqt_lanes lanes = {0};
     int64_t next_run = 0;
     int lane, i;
-    __builtin_memset(&lanes, 0, sizeof lanes);
     lanes.span = span;
     for (i = 0; i < EQT_HELD; i++)
         lanes.held[i] = eqt_constant(span->held[i]);

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,9 @@ from eqt_cli.mechanics.law_input import LawInput
 from eqt_cli.program import Program
 from eqt_cli.vehicle.sensors.channels import Errors
 
+Integration = Callable[[Program, SampleProgram | None], library.Advance]
+"""Returns what integrates a field, and what looks at its samples."""
+
 
 class Lanes(Integrator):
     """Integrates a group of runs, as many side by side as there are lanes.
@@ -34,6 +37,8 @@ class Lanes(Integrator):
         The programs of the loop.
     settings
         ``rtol`` and ``atol``, the tolerances of a step, and ``most_steps``, of a run.
+    integration
+        What integrates the field, and measures by a program: the CPU or a device.
     at_samples
         Program that looks at each sample; without it, states are stored.
     """
@@ -43,10 +48,11 @@ class Lanes(Integrator):
         problem: Problem,
         law: LoopPrograms,
         settings: Mapping[str, float],
+        integration: Integration,
         at_samples: SampleProgram | None = None,
     ) -> None:
         super().__init__(problem)
-        self._law, self._function = law, library.integration(law.field, at_samples=at_samples)
+        self._law, self._advance = law, integration(law.field, at_samples)
         self._compiled: dict[int, library.Evaluation] = {}
         self._settings = settings
         self._all_parameters = parameter_rows(problem)
@@ -127,8 +133,7 @@ class Lanes(Integrator):
     ) -> Array:
         """Return the states at the end of a span; those at sample times are stored or measured."""
         ended = np.array(states, order="C")
-        library.advance(
-            self._function,
+        self._advance(
             measuring,
             runs=len(states),
             later=len(times),
@@ -207,12 +212,13 @@ class MeasuringLanes(Lanes):
         problem: Problem,
         law: LoopPrograms,
         settings: Mapping[str, float],
+        integration: Integration,
         measures: RunningPrograms,
         times: Array,
         rows: Sequence[Rows],
     ) -> None:
         at_samples = SampleProgram(measures.at_sample, tuple(row.length for row in rows))
-        super().__init__(problem, law, settings, at_samples)
+        super().__init__(problem, law, settings, integration, at_samples)
         self._sample_times, self._rows, self._starts = times, rows, measures.starts
         self.memory = np.empty((problem.runs, len(measures.starts)))
         self.kept = np.empty((problem.runs, len(times), at_samples.kept))

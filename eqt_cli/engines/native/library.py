@@ -6,9 +6,9 @@ A call releases the interpreter's lock, so that threads integrate side by side.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -20,15 +20,18 @@ from eqt_cli.program import Program
 THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING = range(5)
 """Outcomes of a run, as in advance.h."""
 
+Advance = Callable[..., None]
+"""Integrates runs through a span, given `Measuring` and the members of ``eqt_span``."""
+
 _INTEGERS = ("runs", "later", "most_steps", "to_next_run")
-_NUMBERS = ("start", "stop", "first_inside", "last_inside", "rtol", "atol")
+SPAN_NUMBERS = ("start", "stop", "first_inside", "last_inside", "rtol", "atol")
 _ARRAYS = ("grid", "held", "parameters", "states", "samples", "steps", "counts", "ends", "times")
 
 
 class _Span(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_int64) for name in _INTEGERS),
-        *((name, ctypes.c_double) for name in _NUMBERS),
+        *((name, ctypes.c_double) for name in SPAN_NUMBERS),
         *((name, ctypes.c_void_p) for name in _ARRAYS),
         ("measuring", ctypes.c_void_p),
     ]
@@ -61,18 +64,20 @@ class _Measuring(ctypes.Structure):
 @lru_cache(maxsize=32)
 def integration(
     field: Program, lanes: int | None = None, at_samples: source.SampleProgram | None = None
-) -> Any:
+) -> Advance:
     """Return ``eqt_advance`` of a field, for the lanes of this machine by default."""
     lanes = lanes or compiler.compiler().lanes
-    return compiler.library(source.integration(field, lanes, at_samples)).eqt_advance
+    return partial(
+        _advance, compiler.library(source.integration(field, lanes, at_samples)).eqt_advance
+    )
 
 
-def advance(function: Any, measuring: Measuring | None = None, **values: Any) -> None:
+def _advance(function: Any, measuring: Measuring | None = None, **values: Any) -> None:
     """Call ``eqt_advance`` with the members of ``eqt_span``; arrays are C-contiguous."""
     at_samples = None if measuring is None else measuring.as_c()  # it must live during the call
     span = _Span(
         measuring=None if at_samples is None else ctypes.addressof(at_samples),
-        **{name: values[name] for name in (*_INTEGERS, *_NUMBERS)},
+        **{name: values[name] for name in (*_INTEGERS, *SPAN_NUMBERS)},
         **{name: values[name].ctypes.data for name in _ARRAYS},
     )
     function(ctypes.byref(span))

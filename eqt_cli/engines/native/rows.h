@@ -6,7 +6,7 @@
 /* Where a stretch of the inputs lies: its first number, and how far it is to the next run and to the
    next sample. */
 typedef struct {
-    const double *from;
+    const EQT_GLOBAL double *from;
     int64_t to_next_run, to_next_sample;
 } eqt_source;
 
@@ -14,7 +14,7 @@ typedef struct {
 static void eqt_read(const eqt_source *source, int64_t length, const int64_t *run,
                      const int64_t *sample, eqt_real *in)
 {
-    const double *from[EQT_LANES];
+    const EQT_GLOBAL double *from[EQT_LANES];
     int64_t i;
     int lane;
     for (lane = 0; lane < EQT_LANES; lane++)

@@ -17,6 +17,7 @@ from eqt_cli.program.rewriting import fused
 
 ADVANCE, STORE, MEASURE, EVALUATE = "advance.h", "store.h", "measure.h", "evaluate.h"
 METHOD, ROWS = "dop853.h", "rows.h"
+DEVICE, KERNEL = "opencl.h", "kernel.h"
 _TEMPLATES = Path(__file__).parent
 
 
@@ -46,10 +47,16 @@ def integration(field: Program, lanes: int, at_samples: SampleProgram | None = N
         _flags("eqt_seen", every if at_samples is None else at_samples.states, lengths["state"]),
         f"static {c_function(fused(kept), 'eqt_field')}",
     ]
-    if at_samples is None:
-        return "\n".join([_head(lanes), *emitted, *map(_text, (METHOD, ADVANCE, STORE))])
-    texts = map(_text, (ROWS, METHOD, ADVANCE, MEASURE))
-    return "\n".join([_head(lanes), *emitted, _measuring(at_samples), *texts])
+    names = [METHOD, ADVANCE, STORE]
+    if at_samples is not None:
+        emitted.append(_measuring(at_samples))
+        names = [ROWS, METHOD, ADVANCE, MEASURE]
+    return "\n".join([_head(lanes), *emitted, *map(_text, names)])
+
+
+def kernel(field: Program, at_samples: SampleProgram | None = None) -> str:
+    """Return the OpenCL C source of ``eqt_runs``, which integrates one run a work item."""
+    return "\n".join([_text(DEVICE), integration(field, 1, at_samples), _text(KERNEL)])
 
 
 class SampleProgram(NamedTuple):
@@ -98,9 +105,10 @@ def _measuring(at_samples: SampleProgram) -> str:
     called = ", ".join(
         [*(given[name] for name, _ in at_samples.program.inputs), "(after)", "(kept)"]
     )
+    stretches = ", ".join(map(str, at_samples.stretches))
     return (
         f"{_defined(sizes)}"
-        f"static const int64_t eqt_lengths[] = {{{', '.join(map(str, at_samples.stretches))}}};\n"
+        f"static EQT_CONSTANT const int64_t eqt_lengths[] = {{{stretches}}};\n"
         f"#define EQT_MEASURE(in, parameters, memory, after, kept) eqt_look_at({called})\n"
         f"static {c_function(at_samples.program, 'eqt_look_at')}"
     )
@@ -168,7 +176,7 @@ def _defined(sizes: Mapping[str, int]) -> str:
 
 def _flags(name: str, chosen: Set[int], length: int) -> str:
     flags = ", ".join(str(int(place in chosen)) for place in range(length))
-    return f"static const char {name}[] = {{{flags}}};\n"
+    return f"static EQT_CONSTANT const char {name}[] = {{{flags}}};\n"
 
 
 def _head(lanes: int) -> str:
