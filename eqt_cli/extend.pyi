@@ -46,6 +46,7 @@ from eqt_cli.core.expressions import Expression as Expression
 from eqt_cli.core.expressions import constant as constant
 from eqt_cli.core.expressions import formula as formula
 from eqt_cli.core.expressions import parse as parse
+from eqt_cli.core.jets import Jet as Jet
 from eqt_cli.core.jets import value_and_derivative as value_and_derivative
 from eqt_cli.core.option_types import Count as Count
 from eqt_cli.core.option_types import CountOrNone as CountOrNone

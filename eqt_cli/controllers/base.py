@@ -110,6 +110,8 @@ class Controller(GivenOverTime, Component):
         Where it has no command, and the remedy, in words; "" where it always has one.
     reads_gains
         Whether it reads the section `gains`.
+    inside_reads_gains
+        Whether the law inside it reads gains.
     """
 
     title: ClassVar[str]
@@ -125,6 +127,7 @@ class Controller(GivenOverTime, Component):
     direction: ClassVar[Any] = ()
     undefined: ClassVar[str] = ""
     reads_gains: ClassVar[bool] = True
+    inside_reads_gains: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Drop the inherited claims of a class with a torque, and the title of one with a name."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -43,6 +43,11 @@ computed again, s."""
 OWN = "attitude_"
 """Prefix of the states of the attitude law, before its own names."""
 
+if TYPE_CHECKING:
+    EachAxis: TypeAlias = Any
+else:
+    EachAxis = Positive | list[Positive]
+
 
 @dataclass(frozen=True)
 class PositionGains:
@@ -51,11 +56,14 @@ class PositionGains:
     Attributes
     ----------
     kx
-        k_x, 1/s².
+        k_x, 1/s²: a number, or one for each axis of space.
     kv
-        k_v, 1/s.
+        k_v, 1/s, likewise.
     ki
         k_i, 1/s³; without it, there is no integral.
+    c1
+        c₁, 1/s, for an integral of ė + c₁ e, which k_i, now 1/s², turns into an estimate of the
+        acceleration by unknown forces. The rates of the attitude read it, too.
     limit
         l of sat(u) = u/√(1 + |u|²/l²), m/s²; none if left out. It keeps the force away from 0.
     period
@@ -66,15 +74,28 @@ class PositionGains:
     # Not strict, for the reason given in `Distribution`.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
-    kx: Annotated[Positive, Scale("k_x", "1/s^2", is_symbol=True)]
-    kv: Annotated[Positive, Scale("k_v", "1/s", is_symbol=True)]
+    kx: Annotated[EachAxis, Scale("k_x", "1/s^2", is_symbol=True)]
+    kv: Annotated[EachAxis, Scale("k_v", "1/s", is_symbol=True)]
     ki: Annotated[Real | None, Scale("k_i", "1/s^3", is_symbol=True)] = None
+    c1: Annotated[Positive | None, Scale("c_1", "1/s", is_symbol=True)] = None
     limit: Annotated[Positive | None, Scale("limit of the feedback", "m/s^2")] = None
     period: Annotated[Positive | None, Scale("period of the position loop", "s")] = None
 
     def __post_init__(self) -> None:
         if self.ki == 0.0:
             object.__setattr__(self, "ki", None)
+        for name in ("kx", "kv"):
+            if isinstance(value := getattr(self, name), list):
+                object.__setattr__(self, name, np.array(value, dtype=float))
+
+    def check(self, space: int, problems: Problems) -> None:
+        """Note gains for each axis that are too few or too many, and c1 without an integral."""
+        for name in ("kx", "kv"):
+            count = np.size(getattr(self, name))
+            if np.ndim(getattr(self, name)) and count != space:
+                problems.at(name).add(f"expected a number, or {space} of them, got {count}")
+        if self.c1 is not None and self.ki is None:
+            problems.at("c1").add("belongs to the integral; give ki, too")
 
     def bounded(self, u: Any) -> Any:
         """Return sat(u), of an array or a series."""
@@ -94,13 +115,13 @@ class Inside(NamedTuple):
         and Ω̇_c.
     asked : (..., n)
         F/m: the acceleration that the actuators are to give, in space.
-    error : (..., n)
-        e = p − p_d, in space.
+    integrand : (..., n)
+        The rate of the integral, in space.
     """
 
     tracking: Tracking
     asked: Array
-    error: Array
+    integrand: Array
 
 
 @dataclass(frozen=True)
@@ -175,7 +196,13 @@ class Cascade(Controller):
         if self.rates != "filter" and self.bandwidth is not None:
             problems.at("bandwidth").add(f"applies to rates: filter only, got rates: {self.rates}")
         check_along(self.along, G.space, problems)
+        self.position.check(G.space, problems.at("position"))
         object.__setattr__(self, "inner", law)
+
+    @property
+    def inside_reads_gains(self) -> bool:  # type: ignore[override]  # a constant of most laws
+        """Whether the attitude law does; laws of plugins may have all their gains as options."""
+        return self.inner is None or bool(self.inner.reads_gains)
 
     def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
         """Return the group of rotations."""
@@ -255,11 +282,11 @@ class Cascade(Controller):
         """Return what the position loop asks for, computed once for each state."""
         found: Inside | None = vars(s).get("_commanded")
         if found is None:
-            asked, error = self._asked(s)
+            asked, integrand = self._asked(s)
             if HELD in s.memory:
                 held, n = s.memory[HELD], rigid(s.G).space
                 asked = Jet.of([held[..., n * k : n * (k + 1)] for k in range(self._order + 1)])
-            found = Inside(self._of_attitude(s, asked), asked.value, error)
+            found = Inside(self._of_attitude(s, asked), asked.value, integrand)
             vars(s)["_commanded"] = found
         return found
 
@@ -269,7 +296,7 @@ class Cascade(Controller):
         return ORDER if self.rates == "model" else 0
 
     def _asked(self, s: Tracking) -> tuple[Jet, Array]:
-        """Return F/m as a series, and e.
+        """Return F/m as a series, and the rate of the integral.
 
         The law at order k gives the k-th derivative of F, and so of the acceleration, which the law
         at the next order reads.
@@ -281,33 +308,37 @@ class Cascade(Controller):
         place = [G.translations(s.Q)[..., 0], apply_matrix(R, moving)]
         mass = _mass(s)
         asked: Any = Jet([0.0])
-        error = asked
+        integrand = asked
         for k in range(self._order + 1):
             motion = RigidMotion(G, R, turning, Jet.of(place[: k + 1]), Jet.of(place[1:]))
             given: Any = 0.0
             for force in self.known:
                 given = given + force.in_space(G, Jet.time(s.t, k), motion) / mass
-            error, feedback = self._feedback(s, motion)
+            integrand, feedback, estimate = self._feedback(s, motion)
             asked = _desired(s, 2, k) - feedback - given
             if k < self._order:
                 b: Any = Jet.of(push[: k + 1])  # a series acts as an array
-                place.append((given + dot(asked, b)[..., None] * b).derivative(k))
-        return asked, error.value
+                moved = given + estimate + self.push(asked, b)[..., None] * b
+                place.append(moved.derivative(k))
+        return asked, integrand.value
 
     def _renewed(self, s: Tracking) -> Array:
         """Return F/m with its derivatives, as it is held."""
         asked, _ = self._asked(s)
         return np.concatenate([asked.derivative(k) for k in range(asked.order + 1)], axis=-1)
 
-    def _feedback(self, s: Tracking, moving: RigidMotion) -> tuple[Jet, Any]:
-        """Return e and its feedback as series."""
+    def _feedback(self, s: Tracking, moving: RigidMotion) -> tuple[Jet, Any, Any]:
+        """Return the rate of the integral, the feedback, and the estimate of what acts unknown."""
         gains, k = self.position, moving.position.order
-        error = moving.position - _desired(s, 0, k)
-        feedback = gains.kx * error + gains.kv * (moving.velocity - _desired(s, 1, k))
+        error, rate = moving.position - _desired(s, 0, k), moving.velocity - _desired(s, 1, k)
+        integrand: Any = error if gains.c1 is None else rate + gains.c1 * error
+        feedback: Any = gains.kx * error + gains.kv * rate
+        part: Any = 0.0
         if gains.ki is not None:
-            integral = [s.memory["integral"], *(error.derivative(j) for j in range(k))]
-            feedback = feedback + gains.ki * Jet.of(integral)
-        return error, gains.bounded(feedback)
+            integral = [s.memory["integral"], *(integrand.derivative(j) for j in range(k))]
+            part = gains.ki * Jet.of(integral)
+        estimate = 0.0 if gains.c1 is None else part
+        return integrand, gains.bounded(feedback + part), estimate
 
     def _of_attitude(self, s: Tracking, asked: Jet) -> Tracking:
         """Return all that the attitude law reads."""
@@ -339,15 +370,23 @@ class Cascade(Controller):
 
     def torque(self, s: Tracking) -> Array:
         """Return torque and push, body frame."""
-        return self._wrench(s, self.inner.torque(self.commanded(s).tracking))
+        return self.wrench(s, self.inner.torque(self.commanded(s).tracking))
 
-    def _wrench(self, s: Tracking, torque: Array) -> Array:
+    def push(self, asked: Any, b: Any) -> Any:
+        """Return the push per mass along the body axis b for F/m, arrays or series.
+
+        A plugin may push otherwise, and limit the `wrench`.
+        """
+        return dot(asked, b)
+
+    def wrench(self, s: Tracking, torque: Array) -> Array:
+        """Return the command for a torque of the attitude law: torque and push, body frame."""
         G, axis = rigid(s.G), np.array(self.direction)
         for force in self.known:
             if force.turns:
                 torque = torque - force.in_body(G, s.t, s.Q, s.V)[..., : G.rotations]
         b = G.rotation(s.Q) @ axis
-        push = _mass(s) * dot(self.commanded(s).asked, b)[..., None] * axis
+        push = _mass(s) * self.push(self.commanded(s).asked, b)[..., None] * axis
         return np.concatenate([torque, push], axis=-1)
 
     def lyapunov(self, s: Tracking) -> Array:
@@ -358,12 +397,14 @@ class Cascade(Controller):
         """Return that of the attitude law, and 0 for the translation."""
         inside = self.commanded(s)
         return np.concatenate(
-            [self.inner.velocity_error(inside.tracking), 0.0 * inside.error], axis=-1
+            [self.inner.velocity_error(inside.tracking), 0.0 * inside.asked], axis=-1
         )
 
     def dissipation(self, s: Tracking) -> Array | None:
         """Return that of the attitude law; None where R_c turns otherwise than by the model."""
-        if not self.exact or self.rates != "model" or self.position.period is not None:
+        position = self.position
+        assumes = not self.exact or self.rates != "model" or position.c1 is not None
+        if assumes or position.period is not None:
             return None
         return self.inner.dissipation(self.commanded(s).tracking)
 
@@ -400,7 +441,7 @@ class Cascade(Controller):
         found = {name: 0.0 * s.memory[name] for name in (HELD, LEFT) if name in s.memory}
         found |= {OWN + name: rate for name, rate in own}
         if self.position.ki is not None:
-            found["integral"] = inside.error
+            found["integral"] = inside.integrand
         if self.rates == "filter":
             found[FILTERED] = s.memory[FILTERED_RATE]
             found[FILTERED_RATE] = self._filter_rate(s, inside.asked)
@@ -427,14 +468,14 @@ class Cascade(Controller):
         torque, own = self.inner.answer(inside.tracking, period)
         later |= {OWN + name: z for name, z in own.items()}
         if self.position.ki is not None:
-            later["integral"] = s.memory["integral"] + step * inside.error
+            later["integral"] = s.memory["integral"] + step * inside.integrand
         if self.rates == "filter":
             w: Any = self.bandwidth
             behind, rate = s.memory[FILTERED] - inside.asked, s.memory[FILTERED_RATE]
             decay, slope = exp(-w * period), rate + w * behind
             later[FILTERED] = inside.asked + decay * (behind + period * slope)
             later[FILTERED_RATE] = decay * (rate - w * period * slope)
-        return self._wrench(s, torque), later
+        return self.wrench(s, torque), later
 
 
 def check_flat_output(plant: PlantModel, problems: Problems) -> None:

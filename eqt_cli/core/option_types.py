@@ -689,7 +689,9 @@ def as_section(component: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return dataclasses, also in lists, as mappings."""
+    """Return dataclasses as mappings and arrays as lists, also inside others."""
     if isinstance(value, list):
         return [_plain(entry) for entry in value]
-    return dataclasses.asdict(value) if hasattr(value, "__dataclass_fields__") else value
+    if hasattr(value, "__dataclass_fields__"):
+        return {name: _plain(entry) for name, entry in dataclasses.asdict(value).items()}
+    return value.tolist() if hasattr(value, "tolist") else value

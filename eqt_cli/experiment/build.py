@@ -279,9 +279,10 @@ class _Parts:
     ) -> Gains | None:
         """Return the gains of a law; None after noting its problems."""
         law, own, problems = entry.law, entry.gains, self._at(entry).at("gains")
-        if (group := law.gains_group(G)) is G:
-            if shared is None and not (own or law.reads_gains):
-                return Gains(np.eye(G.size), np.eye(G.dimension))  # which it never reads
+        group, reads = law.gains_group(G), law.reads_gains or law.inside_reads_gains
+        if not (own or reads) and (shared is None or group is not G):
+            return Gains(np.eye(group.size), np.eye(group.dimension))  # which it never reads
+        if group is G:
             return gains_from(known | own, G, problems) if own else shared
         for name in {"kp", "kd"} - own.keys():
             problems.at(name).add(

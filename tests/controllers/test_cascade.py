@@ -598,6 +598,14 @@ REFUSED = [
         "controllers[0].position.period: counts control periods; set control.period",
     ),
     (
+        {"law": {"position": {"kx": [4, 4], "kv": KV}}},
+        "controllers[0].position.kx: expected a number, or 3 of them, got 2",
+    ),
+    (
+        {"law": {"position": {"kx": KX, "kv": KV, "c1": 2}}},
+        "controllers[0].position.c1: belongs to the integral; give ki, too",
+    ),
+    (
         {"controllers": ["lee2010"]},
         "gains: missing; this key is required: Gains of the control laws, for example gains: "
         "{kp: 1, kd: 1}",
