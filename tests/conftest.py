@@ -37,6 +37,7 @@ from eqt_cli.core.errors import EqtWarning, Problems
 from eqt_cli.core.interruptions import ASKED_BY
 from eqt_cli.core.reporting import Reporter, reporting
 from eqt_cli.engines.native import cache as native_cache
+from eqt_cli.engines.native import compiler as native_compiler
 from eqt_cli.execution.executors import auto
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import build
@@ -111,6 +112,7 @@ def pytest_collection() -> Iterator[None]:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(50_000, 20, 20)
         gc.enable()
 
 
@@ -128,8 +130,19 @@ progress.SHOW_AFTER = threading.TIMEOUT_MAX
 # By the clock, a small experiment on a busy machine is worth processes of its own; here it is not.
 auto.WORTH_STARTING = auto.WORTH_LEAVING_THREADS = math.inf
 
-# The tests compile more laws than a user keeps. What was forgotten would be compiled in every run.
+# The tests compile more laws than a user keeps, and what was forgotten is compiled in every run. So
+# they have a cache of their own, from which no command of the user removes the oldest.
 native_cache.KEPT = 5000
+if native_cache._base().name != "eqt-tests":  # as the workers of pytest-xdist have it already
+    OWN_CACHE = native_cache._base() / "eqt-tests"
+    OWN_CACHE.mkdir(mode=0o700, parents=True, exist_ok=True)
+    os.environ["XDG_CACHE_HOME"] = str(OWN_CACHE)
+
+# No optimisation changes a bit (engines/test_native.py), and half of the time to compile is spent
+# on it; most of these laws run a few steps.
+native_compiler.LIBRARY = tuple(
+    "-O0" if flag == "-O2" else flag for flag in native_compiler.LIBRARY
+)
 
 # Near 0, around the switch from series to closed forms, and near π.
 ANGLES = [0.0, 1e-12, 1e-9, 1e-6, 1.1e-3, 0.1, np.pi - 1e-3, np.pi - 1e-6, np.pi - 1e-9]

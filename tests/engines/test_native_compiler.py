@@ -43,6 +43,12 @@ def forget():
     compiler._library.cache_clear()
 
 
+@pytest.fixture(autouse=True)
+def _as_users_compile(monkeypatch):
+    """With optimisation, which other tests leave out."""
+    monkeypatch.setattr(compiler, "LIBRARY", (*compiler.FLAGS, "-w", "-shared", "-fPIC"))
+
+
 @pytest.fixture
 def on_path(tmp_path, monkeypatch):
     """A PATH with nothing but these programs, which are scripts."""

@@ -96,7 +96,13 @@ class Recorder:
 
 
 RECORDER = Recorder()
-sys.addaudithook(RECORDER)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _audited() -> None:
+    """A hook makes all that follows slower, so none is there before the first of these tests."""
+    sys.addaudithook(RECORDER)
+
 
 MAKES: dict[str, list[str]] = {
     "complete": [
