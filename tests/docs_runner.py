@@ -32,6 +32,7 @@ from eqt_cli.config.source import read_config
 from eqt_cli.config.yaml_source import dump, load
 from eqt_cli.core import registry as registries
 from eqt_cli.experiment.build import build
+from eqt_cli.experiment.read_study import study
 
 BLOCK = re.compile(r"^(?P<fence>`{3,})(?P<head>[^\n]*)\n(?P<body>.*?)^(?P=fence)$", re.M | re.S)
 CAPTION = re.compile(r"^:caption: (\S+)\n+", re.M)
@@ -167,7 +168,7 @@ def read_command(line):
     made = target.startswith("results/")  # by a command before it, which was not carried out
     computing = words[1] in ("run", "sweep", "tune", "worst") and not made
     if expected == 0 and computing and (own or sets):
-        build(read_config(Path(target), sets))
+        study(read_config(Path(target), sets))
 
 
 def taken_apart(line):
