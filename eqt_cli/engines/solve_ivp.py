@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
@@ -24,12 +25,9 @@ from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine
 from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.problem import Problem, Span, Status
-from eqt_cli.engines.recorded_field import RecordedField
+from eqt_cli.engines.recorded_field import COMPARED, WORTH_RECORDING, RecordedField
 
 EXPLICIT_BLOCK = 100
-REHEARSED_EVALUATIONS = 200
-"""Limit on the evaluations of a block, or of one of its runs, in a rehearsal."""
-
 GROWTH = 1.5
 """After a known instant, the first step is this many times the longest step of the span before it.
 SciPy's own guess costs an evaluation and is often half as long; with 1, steps could not grow."""
@@ -101,9 +99,17 @@ class SolveIvp(Engine):
         return [runs[start : start + size] for start in range(0, problem.runs, size)]
 
     def rehearse(self, problem: Problem) -> None:
-        """Rehearse with few evaluations; a motion that is too fast for them is no error."""
-        brief = dataclasses.replace(self, max_steps=min(self.max_steps, REHEARSED_EVALUATIONS))
-        Engine.rehearse(brief, problem)
+        """Evaluate the vector field at the start until it is recorded; SciPy is not needed."""
+        blocks = self.integrator(problem)
+        blocks.begin(np.arange(problem.runs))
+        blocks.rehearse()
+
+    @property
+    def solver(self) -> Callable[..., Any]:
+        """The function that solves a span."""
+        from scipy.integrate import solve_ivp  # slow to import; readers of results do without
+
+        return solve_ivp
 
 
 class _Failed(Exception):
@@ -126,6 +132,16 @@ class Blocks(Integrator):
     def _new_field(self) -> RecordedField:
         loop = self.loop.holding(float(self.problem.times[0]))
         return RecordedField(lambda held: with_leaves(loop, held).vector_field)
+
+    def rehearse(self) -> None:
+        """Evaluate the field at the start of the runs until its recording is repeated."""
+        problem, loop, t = self.problem, self.loop, float(self.problem.times[0])
+        states = problem.states
+        if loop.vehicle.control is not None:
+            states = loop.after_instant(t, states, problem.errors_at(0))
+        self._field.hold(loop.holding(t).held_leaves)
+        for _ in range(WORTH_RECORDING + COMPARED + 1):
+            self._field(t, states[:, : problem.loop.moving_length])
 
     def hold(self, span: Span) -> None:
         """Set the held numbers in the recorded field."""
@@ -157,8 +173,6 @@ class Blocks(Integrator):
 
     def _integrated(self, span: Span, states: Array, limit: float) -> tuple[Array, Array]:
         """Return the states at the samples after the start, and at the stop."""
-        from scipy.integrate import solve_ivp  # slow to import; readers of results do without
-
         engine, shape, times = self._engine, states.shape, span.grid
         # A span ends with a step, so without samples inside it nothing has to be interpolated.
         interpolated_at = times if len(times) > 2 else None
@@ -192,7 +206,7 @@ class Blocks(Integrator):
                 reason = "the vector field is not finite"
                 raise _Failed(Failure(Status.NON_FINITE, reason, span.start))
             try:
-                result = solve_ivp(
+                result = engine.solver(
                     field,
                     (span.start, span.stop),
                     start,

@@ -12,7 +12,7 @@ from eqt_cli.closed_loop.linearised import flow
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.core.errors import ComponentError, EqtWarning, KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.registry import blamed
-from eqt_cli.engines import Problem, Status
+from eqt_cli.engines import Problem, Status, dop853
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.experiment.experiment import Experiment
@@ -196,6 +196,12 @@ class Horizon:
         return np.isfinite(np.array(parts)).all(axis=0)
 
 
+class _Light(SolveIvp):
+    """The engine of references: DOP853 without SciPy."""
+
+    solver = staticmethod(dop853.solve)
+
+
 def reference_over_horizon(experiment: Experiment, also: Iterable[float] = ()) -> Horizon:
     """Compute Q_d, V_d, V̇_d and τ_d over the horizon, `also` at some times."""
     system = ReferenceSystem.of(next(iter(experiment.loops.values())))
@@ -207,7 +213,7 @@ def reference_over_horizon(experiment: Experiment, also: Iterable[float] = ()) -
     states = np.broadcast_to(state, (len(times), len(state)))
     spent = None
     if len(state):
-        engine = SolveIvp(rtol=RTOL, atol=1e-3 * RTOL, max_steps=_affordable(experiment))
+        engine = _Light(rtol=RTOL, atol=1e-3 * RTOL, max_steps=_affordable(experiment))
         solution = engine.solve(Problem(system, state[None], times))
         states = solution.states[0]
         if solution.status[0] == Status.STEP_LIMIT:
