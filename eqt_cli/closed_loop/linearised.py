@@ -19,7 +19,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.vehicle.sensors.channels import FIRST, MEASURED, NOTHING, Errors
-from eqt_cli.vehicle.vehicle import ESTIMATOR, Vehicle
+from eqt_cli.vehicle.vehicle import CLOCKS, CONTROL, ESTIMATOR, Vehicle
 
 
 def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> ClosedLoop:
@@ -48,6 +48,8 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
             "the loop has no derivative about its reference, so that it has no regulator"
         )
     A, B, period = found.closed, found.phases[0].B, found.period
+    if len(found.phases) > 1:
+        raise InputError("actuators slower than the law have no regulator; shorten their period")
     pieces = slice(1) if found.is_constant else slice(1, -1)
     piece = 2 * float(times[1] - times[0])
     plant = LinearPlant(
@@ -114,17 +116,19 @@ _KEPT = _SETTLE | {
 class Linearised:
     """The linearised loop at some times, opened where the law gives its command.
 
-    Continuous: ẋ = A x + B u, y = C x. Sampled: A x + B u is x one period later, just before the
-    next control instant. The loop is closed by u = y; a further delay acts between y and u. The
-    state is x = (ε, e, z, …): the body error ε (left-trivialised) with Q = Q_d exp(ε), whose rate
-    is e = V − Ad_{Q_L⁻¹}V_d to first order; the memory z of the law; the states of the actuators,
-    the delayed commands, the measurements that are held, and the estimate of an estimator.
+    Continuous: ẋ = A x + B u, y = C x. Sampled: A x + B u is x one control period later, just
+    before the next instant of the law, whatever ticks are in between. The loop is closed by u = y;
+    a further delay acts between y and u. The state is x = (ε, e, z, …): the body error ε
+    (left-trivialised) with Q = Q_d exp(ε), whose rate is e = V − Ad_{Q_L⁻¹}V_d to first order; the
+    memory z of the law; the states of the actuators, the delayed commands, the measurements that
+    are held, and the estimate of an estimator.
 
     Attributes
     ----------
     phases
-        The matrices A, B, C from each control instant to the next, until all sensors measure
-        together again, and a law with a cycle begins it again; other loops have one phase.
+        The matrices A, B, C from each instant of the law to the next, until all sensors and
+        actuators act together again, and a law with a cycle begins it again; other loops have one
+        phase.
     period
         Control period of a sampled loop, s; None for a continuous one.
     offset : (times, m)
@@ -263,7 +267,7 @@ class _About:
     states
         Flat states from which all else is taken, ``(times, l)``.
     bases
-        The same before each instant of a cycle, where an estimator makes them differ.
+        The same before each tick of a cycle, where an estimator makes them differ.
     is_settled
         Whether the last base is again the first.
     """
@@ -304,16 +308,33 @@ class _About:
 
     @cached_property
     def instants(self) -> int:
-        """The number of control instants of a cycle."""
+        """The number of ticks of a cycle."""
         every = (each.every for each in self.loop.vehicle.holding(self.loop.group))
         return math.lcm(*every, len(self._counts))
 
     @cached_property
-    def _counts(self) -> list[dict[str, float]]:
-        """What the law counts, at each instant of its own cycle, by stretch."""
-        control = self.loop.vehicle.control
-        found = [{}] if control is None else self.loop.controller.cycle(control.period)
-        return [{MEMORY + name: value for name, value in each.items()} for each in found]
+    def _counts(self) -> list[dict[str, tuple[float, ...]]]:
+        """What law and clocks count, at each tick of their own cycle, by stretch."""
+        vehicle = self.loop.vehicle
+        if vehicle.control is None:
+            return [{}]
+        own, law = self.loop.controller.cycle(vehicle.control.period), vehicle.control.clock
+        ticks = math.lcm(law.every * len(own), *(each.every for each in vehicle.clocks.values()))
+        found = []
+        for tick in range(ticks):
+            instant = own[(tick - law.offset) // law.every % len(own)].items()
+            counts: dict[str, tuple[float, ...]] = {MEMORY + name: (z,) for name, z in instant}
+            if vehicle.clocks:
+                counts[f"{VEHICLE}{CLOCKS}"] = tuple(vehicle.ticks_left(tick).tolist())
+            found.append(counts)
+        return found
+
+    @property
+    def _has_offsets(self) -> bool:
+        """Whether not everything acts at t = 0."""
+        vehicle = self.loop.vehicle
+        clocks = [*vehicle.clocks.values(), *(c.clock for c in vehicle.holding(self.loop.group))]
+        return any(clock.offset for clock in clocks)
 
     def estimated(self, estimator: Any) -> Self:
         """Return the chart with an estimator that has settled at the base states."""
@@ -376,22 +397,29 @@ class _About:
             whole = self._flow.slope
             closed, B, C = whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n]
             return Linearised((Phase(closed - B @ C, B, C),), None, offset, is_constant, self)
-        seen, phases = self._measurements, []
-        for k in range(self.instants):
-            answer = self._answers[k % len(self._answers)].slope
+        law, seen, phases = control.clock, self._measurements, list[Phase]()
+        shift = 1 if self.bases else 0  # the first base is before tick 1
+        first = (law.offset - shift) % law.every
+        for k in (np.arange(first, first + self.instants) % self.instants).tolist():
+            tick = k + shift if law.every > 1 else k
+            answer = self._answers[tick % len(self._answers)].slope
             after, B, C = answer[:, :n, :n], answer[:, :n, n:], answer[:, n:, :n]
             after, B = self.held @ (after - B @ C), self.held @ B
             M = seen[k].slope if seen else np.eye(n)
-            phases.append(Phase(after @ M, B, C @ M))
+            if law.is_due(tick):
+                phases.append(Phase(after @ M, B, C @ M))
+            else:
+                last, tick_later = phases[-1], after @ M
+                phases[-1] = Phase(tick_later @ last.A, tick_later @ last.B, last.C)
         return Linearised(_moving(phases), control.period, offset, is_constant, self)
 
     @cached_property
     def held(self) -> Array:
-        """The transition matrix of x over a period under a held command, ``(times, n, n)``."""
+        """The transition matrix of x over a tick under a held command, ``(times, n, n)``."""
         from scipy.linalg import expm  # slow to import
 
         assert self.loop.vehicle.control is not None
-        flow = self.loop.vehicle.control.period * self.flow
+        flow = self.loop.vehicle.control.tick * self.flow
         return expm(flow) if np.isfinite(flow).all() else np.full_like(flow, np.nan)
 
     @property
@@ -406,10 +434,10 @@ class _About:
         """
         n = self.dimension
         value, slope = self._flow.value[:, :n], self._flow.slope[0, :n, :n]
-        if self.loop.vehicle.control is not None:  # at rest, a control instant changes nothing
-            after, then = self._answers[0].value[:, :n], self._answers[0].slope[:, :n, :n]
-            if self._measurements:
-                seen = self._measurements[0]
+        if self.loop.vehicle.control is not None:  # at rest, nothing that acts changes anything
+            answer, seen = self._at_once
+            after, then = answer.value[:, :n], answer.slope[:, :n, :n]
+            if seen is not None:
                 after = after + (then @ seen.value[..., None])[..., 0]
                 then = then @ seen.slope
             value = np.concatenate([value, after], axis=1)
@@ -419,12 +447,25 @@ class _About:
         return -np.linalg.lstsq(slope, value.T)[0].T
 
     @cached_property
+    def _at_once(self) -> tuple[_Derivative, _Derivative | None]:
+        """x after the answer, and after the measurements, where all act at one tick."""
+        seen = self._measurements[0] if self._measurements else None
+        if not self._has_offsets:
+            return self._answers[0], seen
+        counts = self._counts[-self.loop.vehicle.clocks[CONTROL].offset]
+        none = {f"{VEHICLE}{CLOCKS}": (0.0,) * len(self.loop.vehicle.clocks)}
+        answer = partial(self._change_and_command, counts=tuple((counts | none).items()))
+        after = partial(self._after_measuring, instant=None)
+        measured = None if seen is None else self._derivative(after, with_command=False)
+        return self._derivative(answer), measured
+
+    @cached_property
     def _flow(self) -> _Derivative:
         return self._derivative(self._rates_and_command)
 
     @cached_property
     def _answers(self) -> list[_Derivative]:
-        """x after the law has answered at each instant of its own cycle."""
+        """x after the answer at each tick of the cycle of law and clocks."""
         kinds = [tuple(each.items()) for each in self._counts]
         answers = {kind: partial(self._change_and_command, counts=kind) for kind in kinds}
         found = {kind: self._derivative(answer) for kind, answer in answers.items()}
@@ -432,7 +473,7 @@ class _About:
 
     @cached_property
     def _measurements(self) -> list[_Derivative]:
-        """x after the measurements at each instant of a cycle; none if nothing changes it."""
+        """x after the measurements at each tick of a cycle; none if nothing changes it."""
         if not self.loop.changes_by_measuring:
             return []
         found: dict[Any, _Derivative] = {}
@@ -444,9 +485,9 @@ class _About:
         return [found[kind] for kind in kinds]
 
     def _event(self, instant: int) -> tuple[bool, ...]:
-        """Return which of the channels that hold measure at an instant."""
+        """Return which of the channels that hold measure at a tick."""
         holding = self.loop.vehicle.holding(self.loop.group)
-        return tuple(instant % each.every == 0 for each in holding)
+        return tuple(each.clock.is_due(instant) for each in holding)
 
     def _derivative(
         self, function: Callable[[Array], Array], with_command: bool = True
@@ -504,12 +545,12 @@ class _About:
         others = [0.0 * r.V_tilde if name in _POSES else found[name] for name in self.others]
         return np.concatenate([r.V_tilde, V_dot - r.Vd_dot, *others, self.loop.command(s)], axis=-1)
 
-    def _after_measuring(self, x: Array, instant: int) -> Array:
-        """Return x after the measurements at an instant of a cycle."""
-        before, after = self.states, self.states
-        if self.bases:
+    def _after_measuring(self, x: Array, instant: int | None) -> Array:
+        """Return x after the measurements at a tick of a cycle; None: at one with all of them."""
+        before, after, number = self.states, self.states, instant
+        if self.bases and instant is not None:
             before, after = self.bases[instant : instant + 2]
-        number = instant + 1 if self.bases else instant
+            number = instant + 1
         states = self.loop.measured(
             self.times, self._flat(x, before), _at_instant(self.loop, number)
         )
@@ -517,8 +558,10 @@ class _About:
         moved += x[..., : moved.shape[-1]]
         return np.concatenate([moved, *self._others(states, after)], axis=-1)
 
-    def _change_and_command(self, x: Array, counts: Iterable[tuple[str, float]]) -> Array:
-        """Return x after the law has answered at a control instant, and the command."""
+    def _change_and_command(
+        self, x: Array, counts: Iterable[tuple[str, tuple[float, ...]]]
+    ) -> Array:
+        """Return x after the law has answered at a tick with these counts, and the command."""
         loop, t = self.loop, self.times
         states = self._flat(x)
         for name, value in counts:
@@ -533,10 +576,10 @@ class _About:
 
 
 def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
-    """Return measurements without errors at a control instant of a cycle; None: the first ones."""
+    """Return measurements without errors at a tick of a cycle; None: the first ones."""
     G, holding = loop.group, loop.vehicle.holding(loop.group)
     flags = [
-        FIRST if instant is None else MEASURED if instant % each.every == 0 else NOTHING
+        FIRST if instant is None else MEASURED if each.clock.is_due(instant) else NOTHING
         for each in holding
     ]
     still = np.zeros(G.dimension)

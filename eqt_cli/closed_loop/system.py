@@ -28,7 +28,7 @@ from eqt_cli.references.base import Desired
 from eqt_cli.references.torque import TorqueReference
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.sensors.channels import Errors
-from eqt_cli.vehicle.vehicle import LOST
+from eqt_cli.vehicle.vehicle import CONTROL, LOST
 
 _STRETCH = {"pose": "desired_pose", "velocity": "desired_momentum"}
 DESIRED = tuple(_STRETCH.values())
@@ -382,7 +382,7 @@ class ClosedLoop:
         memory: Mapping[str, Array],
         solved: Array | None = None,
     ) -> Array:
-        """Return a flat state after the law has commanded a torque at time t.
+        """Return a flat state after a tick; a law that acts has commanded a torque.
 
         Parameters
         ----------
@@ -390,6 +390,10 @@ class ClosedLoop:
             `solution` of the vehicle, if it is known already.
         """
         s = self.tracking(t, state)
+        memory = {
+            name: self.vehicle.if_due(s.vehicle, z, s.memory[name], CONTROL)
+            for name, z in memory.items()
+        }
         vehicle = self.vehicle.after_instant(self.group, torque, s.vehicle, solved)
         found = self.layout.split(state)
         changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)
@@ -404,14 +408,20 @@ class ClosedLoop:
         return self.vehicle.solution(self.group, torque, states)
 
     def after_instant(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
-        """Return a flat state after a control instant; t and state are those before it.
+        """Return a flat state after a tick; t and state are those before it.
 
         The law is evaluated at its input, `told`, with these measurement errors.
         """
         state = self.measured(t, state, errors)
-        told, memory = self.told(t, state, errors), self.memory(state)
-        torque, memory = self.answer(told, memory, self.period)
-        return self.answered(t, state, torque, memory)
+        return self.answered(t, state, *self.asked(self.told(t, state, errors), state))
+
+    def asked(self, told: LawInput, state: Array) -> tuple[Array, dict[str, Array]]:
+        """Return the `answer` at a tick; a law that does not act is not called."""
+        acts = self.vehicle.acts(_of(VEHICLE, self.layout.split(state)))
+        memory = self.memory(state)
+        if acts is None or acts.any():  # all runs have the same clocks
+            return self.answer(told, memory, self.period)
+        return 0.0 * told.velocity, memory
 
     def estimate_lost(self, state: Array) -> Array:
         """Return where the covariance of the estimate is no longer definite, by flat state."""

@@ -4,6 +4,7 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 `eqt_cli.experiment`. One JSON schema comes from these models and the registries.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -15,7 +16,6 @@ from pydantic import (
     Tag,
     TypeAdapter,
     ValidationInfo,
-    WithJsonSchema,
     field_validator,
 )
 
@@ -30,9 +30,11 @@ from eqt_cli.core.option_types import (
     Constant,
     Count,
     CountOrNone,
+    CountOrTime,
     Duration,
     Matrix,
     Name,
+    Offset,
     Positive,
     Real,
     Row,
@@ -40,12 +42,11 @@ from eqt_cli.core.option_types import (
     Samples,
     Scale,
     Unit,
-    Written,
     has_unit,
-    number_of,
     one_of,
     periods_in,
     rank,
+    seconds,
 )
 from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.groups.angles import distance_of_turn
@@ -314,47 +315,46 @@ class PlantSection(Section):
     forces: list[Any] | None = None
 
 
-_COUNT_OR_TIME = WithJsonSchema(
-    {
-        "anyOf": [
-            {"type": "integer", "minimum": 0},
-            {"type": "string", "description": "a time such as 20 ms"},
-        ]
-    }
-)
-
-
 class ControlSection(Section):
     """The clock of the laws; without it they act continuously.
+
+    The times of all clocks, of `sensors` and `actuators` too, are whole numbers of ticks.
 
     Attributes
     ----------
     period
-        The laws are evaluated at t = k·period, s, and their commands held in between.
+        The laws are evaluated at t = offset + k·period, s, and their commands held in between.
     delay
         After how many whole periods a command arrives, or after which time, such as 20 ms; until
         the first one does, 0 is held.
+    offset
+        Time of the first evaluation, s.
+    tick
+        Time between two instants at which anything may act, s; default: the greatest common
+        divisor of all periods, offsets and delays.
     """
 
     period: Annotated[Positive, Scale("control period", "s")]
-    delay: Annotated[CountOrNone, _COUNT_OR_TIME, Scale("delay of the command in periods")] = 0
+    delay: Annotated[CountOrTime, Scale("delay of the command in periods")] = 0
+    offset: Offset = 0.0
+    tick: Annotated[Positive, Unit("s")] | None = None
 
-    @field_validator("delay", mode="before")
+    @field_validator("delay")
     @classmethod
-    def _in_periods(cls, value: Any, known: ValidationInfo) -> Any:
-        if not has_unit(value):
-            return value
-        time = number_of(Written(value, ["s"]))
-        if "period" not in known.data:
-            return 0  # which is noted
-        return periods_in(time, known.data["period"])
+    def _in_periods(cls, value: int | str, known: ValidationInfo) -> int | str:
+        """Count whole periods; another time stays as it is written."""
+        if isinstance(value, str) and "period" in known.data:
+            with suppress(ValueError):
+                return periods_in(seconds(value), known.data["period"])
+        return value
 
 
 class SensorsSection(Section):
     """Errors of what the laws are told; each is a list whose entries add up.
 
-    An entry with `of` is of one part. Entries of one part share `period`, `delay` and `dropout`,
-    given at one of them. Parts that no entry names are known exactly at every control instant.
+    An entry with `of` is of one part. Entries of one part share `period`, `offset`, `delay` and
+    `dropout`, given at one of them. Parts that no entry names are known exactly at every instant of
+    the law.
 
     Attributes
     ----------
@@ -571,7 +571,7 @@ class Config(Section):
     actuators
         What a command passes on its way to the plant, in order (`eqt list actuators`).
     control
-        The clock of the laws: `period`, and `delay`.
+        The clock of the laws: `period`, `delay`, `offset`, and the `tick` of the loop.
     sensors
         Errors of what the laws are told, at the instants of `control`.
     estimator

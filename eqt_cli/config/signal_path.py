@@ -37,8 +37,7 @@ def loop_in_words(config: Mapping[str, Any]) -> str:
     sensors = config.get("sensors") or {}
     departures = []
     if control:
-        delay = control.get("delay", 0)
-        late = f", {delay} period{'s' * (delay > 1)} late" if delay else ""
+        late = "".join(f", {words}" for words in _late(control.get("delay")))
         departures.append(f"sampled every {control['period']:g} s{late}")
     if kinds := _kinds(config.get("actuators")):
         departures.append(f"actuators: {', '.join(kinds)}")
@@ -66,13 +65,21 @@ def _measured(entries: Any) -> str:
         options: dict[str, Any] = {}
         for entry in sensors:
             options |= {} if isinstance(entry, str) else entry
-        late, lost = options.get("delay") or 0, options.get("dropout") or 0
+        lost = options.get("dropout") or 0
         when = [f"every {options['period']:g} s"] if options.get("period") else []
-        when += [f"{late} period{'s' * (late > 1)} late"] if late else []
+        when += _late(options.get("delay"))
         when += [f"{100 * lost:g} % lost"] if lost else []
         text = " ".join(filter(None, [", ".join(_kinds(sensors)), ", ".join(when)]))
         descriptions.append(f"{part}: " * bool(part) + text)
     return "; ".join(descriptions)
+
+
+def _late(delay: int | str | None) -> list[str]:
+    """Describe a delay of whole periods, or of a time; nothing without one."""
+    if not delay:
+        return []
+    time = delay if isinstance(delay, str) else f"{delay} period{'s' * (delay > 1)}"
+    return [f"{time} late"]
 
 
 def _kinds(entries: Any) -> list[str]:

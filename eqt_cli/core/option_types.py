@@ -21,6 +21,8 @@ from pydantic import (
     Tag,
     TypeAdapter,
     ValidationError,
+    WithJsonSchema,
+    WrapValidator,
 )
 from pydantic_core import core_schema
 
@@ -316,13 +318,15 @@ ROUNDING = 1e-9
 """Relative error that decimals of a time and of a period may leave."""
 
 
-def periods_in(time: float, period: float, least: int = 0) -> int:
-    """Return how many whole control periods a time is.
+def periods_in(time: float, period: float, least: int = 0, name: str = "periods") -> int:
+    """Return how many whole periods a time is.
 
     Parameters
     ----------
     time, period
-        Time and control period, s.
+        Time and period, s.
+    name
+        What the periods are called.
 
     Raises
     ------
@@ -332,27 +336,40 @@ def periods_in(time: float, period: float, least: int = 0) -> int:
     count = time / period
     if not least * (1 - ROUNDING) <= count < EXACT:
         raise ValueError(
-            f"expected from {least} to {EXACT:g} periods of {period:g} s, got {time:g} s"
+            f"expected from {least} to {EXACT:g} {name} of {period:g} s, got {time:g} s"
         )
     if abs(count - round(count)) > ROUNDING * max(count, 1.0):
         near = [math.floor(count), math.ceil(count)]
         times = " or ".join(f"{1e3 * each * period:g} ms" for each in near)
         raise ValueError(
-            f"expected a whole number of periods of {1e3 * period:g} ms, got {1e3 * time:g} ms; "
+            f"expected a whole number of {name} of {1e3 * period:g} ms, got {1e3 * time:g} ms; "
             f"write {times}"
         )
     return round(count)
 
 
-def check_period(own: float, control: float | None, problems: Problems) -> None:
-    """Note a period that is not a whole number of control periods."""
+def common_divisor(times: Iterable[float]) -> float:
+    """Return the greatest time of which all times are whole multiples, up to decimals."""
+    found = 0.0
+    for time in times:
+        rest, floor = time, ROUNDING * max(time, found) * EXACT ** (1 / 3)
+        while rest > floor:
+            found, rest = rest, abs(math.remainder(found, rest))
+    return found
+
+
+def check_period(
+    own: float, control: float | None, problems: Problems, name: str = "periods"
+) -> int | None:
+    """Return the number of control periods, or ticks, in a period; note it if it is not whole."""
     if control is None:
         problems.add("counts control periods; set control.period")
-        return
+        return None
     try:
-        periods_in(own, control, least=1)
+        return periods_in(own, control, 1, name)
     except ValueError as error:
         problems.add(str(error))
+        return None
 
 
 def _is_no_device(name: str) -> str:
@@ -387,6 +404,38 @@ Points = Annotated[int, Field(strict=True, ge=1, le=MAX_POINTS)]
 
 CountOrNone = Annotated[int, Field(strict=True, ge=0)]
 """A whole number of at least 0, where 0 stands for none."""
+
+
+def seconds(text: str) -> float:
+    """Return the time of a text such as ``20 ms``."""
+    return float(number_of(Written(text, ["s"])))
+
+
+def _time_as_written(value: Any, handler: Any) -> Any:
+    """Return a time such as ``20 ms`` as it is, once it is read; any other value is a count."""
+    if not has_unit(value):
+        return handler(value)
+    if not 0 <= seconds(value) < math.inf:
+        raise ValueError(f"expected a time of at least 0 s, got {value}")
+    return str(value)
+
+
+CountOrTime = Annotated[
+    CountOrNone,
+    WrapValidator(_time_as_written),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "integer", "minimum": 0},
+                {"type": "string", "description": "a time such as 20 ms"},
+            ]
+        }
+    ),
+]
+"""A whole number of control periods, or a time as text."""
+
+Offset = Annotated[Real, Unit("s")]
+"""The time of the first instant of a clock, s."""
 
 
 T = TypeVar("T")

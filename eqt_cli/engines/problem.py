@@ -51,7 +51,7 @@ class Span:
     sampled_start
         Whether `start` is a sample time, too.
     tick
-        Index k of the control instant at `start`; None if there is none.
+        Number k of the tick of a sampled loop at `start`; None if there is none.
     """
 
     start: float
@@ -131,16 +131,16 @@ class Problem:
 
     @property
     def control_instants(self) -> int:
-        """The number of control instants."""
+        """The number of ticks, at which law, sensors and actuators may act."""
         return len(self._control_instants(float(self.times[0]), float(self.times[-1])))
 
     def _control_instants(self, start: float, stop: float) -> dict[float, int]:
-        """Return the instants t = k·period, from the start to before the end, with their k."""
+        """Return the ticks t = k·tick, from the start to before the end, with their k."""
         control = self.loop.vehicle.control
         if control is None:
             return {}
-        numbers = np.arange(np.ceil(start / control.period), np.ceil(stop / control.period) + 1)
-        times = _nearest(numbers * control.period, self.times)
+        numbers = np.arange(np.ceil(start / control.tick), np.ceil(stop / control.tick) + 1)
+        times = _nearest(numbers * control.tick, self.times)
         found = zip(times.tolist(), numbers.astype(int).tolist(), strict=True)
         return {t: k for t, k in found if start <= t < stop}
 

@@ -226,7 +226,7 @@ def _part_memory(study: Study) -> int:
     runs = len(plan.part(0))
     errors = 0
     if vehicle.control is not None and vehicle.measures:
-        instants = base.config.time.duration / vehicle.control.period
+        instants = base.config.time.duration / vehicle.control.tick
         errors = int(8 * runs * instants * (G.size**2 + G.dimension))
     return COPIES * 8 * runs * base.config.time.samples * (states + signals) + errors
 

@@ -154,7 +154,8 @@ class Study:
         assert self.sweep is not None
         if section_of(key) not in SECTIONS:
             return False
-        return key not in self.sweep.always or decides_parts(key, self.sweep.values_of(key))
+        vehicle, values = next(iter(self.base.loops.values())).vehicle, self.sweep.values_of(key)
+        return key not in self.sweep.always or decides_parts(key, values, vehicle)
 
     @property
     def is_ragged(self) -> bool:

@@ -1,10 +1,12 @@
 """The sections `plant`, `actuators`, `control`, `sensors` and `estimator`: the vehicle."""
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from eqt_cli.config.schema import (
     Config,
+    ControlSection,
     FactoredInertiaSection,
     PlantSection,
     PrescribedInertiaSection,
@@ -12,7 +14,16 @@ from eqt_cli.config.schema import (
     SensorsSection,
 )
 from eqt_cli.core.errors import Problems
-from eqt_cli.core.option_types import as_section, check_period, component, has_unit
+from eqt_cli.core.option_types import (
+    Written,
+    as_section,
+    check_period,
+    common_divisor,
+    component,
+    has_unit,
+    number_of,
+    seconds,
+)
 from eqt_cli.core.registry import Registry
 from eqt_cli.experiment.inertia import inertia_from
 from eqt_cli.groups import MatrixLieGroup
@@ -22,23 +33,19 @@ from eqt_cli.vehicle.component import check_numbers, drawn
 from eqt_cli.vehicle.estimators import Estimator, estimators
 from eqt_cli.vehicle.forces import Force, forces
 from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, TrueInertia, VaryingInertia
-from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sampling import Clock, Sampling
 from eqt_cli.vehicle.sensors import Sensor, sensors
 from eqt_cli.vehicle.sensors.channels import TIMING
-from eqt_cli.vehicle.vehicle import CONTROL
+from eqt_cli.vehicle.vehicle import ACTUATORS, CONTROL
 
 
-def check_sensors(
-    sensors: Mapping[int, Sensor], G: MatrixLieGroup, period: float | None, problems: Problems
-) -> None:
+def check_sensors(sensors: Mapping[int, Sensor], G: MatrixLieGroup, problems: Problems) -> None:
     """Note unknown parts, impossible timing, and entries that contradict each other.
 
     Parameters
     ----------
     sensors
         Sensors of the pose or of the velocity, by the numbers of their entries.
-    period
-        Control period, s; None if unknown.
     """
     known = [part.name for part in G.parts]
     for index, sensor in sensors.items():
@@ -50,8 +57,6 @@ def check_sensors(
             here.at("dropout").add(
                 f"expected a probability of at least 0 and less than 1, got {sensor.dropout:g}"
             )
-        if sensor.period is not None and period is not None:
-            check_period(sensor.period, period, here.at("period"))
     for part in known:
         _check_agreement(sensors, part, problems)
 
@@ -100,16 +105,27 @@ SECTIONS = ("model", "plant", "actuators", "control", "sensors", "estimator")
 """Sections that describe the vehicle between the laws and the motion."""
 
 
-def decides_parts(key: str, values: Iterable[Any]) -> bool:
+def decides_parts(key: str, values: Iterable[Any], vehicle: Vehicle) -> bool:
     """Whether values of a key in these sections can change the parts or the number of states.
 
-    Plain numbers do not, with two exceptions. Each period of a delay adds a waiting command or
-    measurement, and without a dropout, a sensor need not hold measurements.
+    Plain numbers do not, with some exceptions. Each tick of a delay adds a waiting command or
+    measurement, and without a dropout, a sensor need not hold measurements. Other times of clocks
+    change the tick, but for periods that are whole numbers of control periods.
     """
-    numbers = all(isinstance(value, int | float) or has_unit(value) for value in values)
+    given = list(values)
+    if not all(isinstance(value, int | float) or has_unit(value) for value in given):
+        return True
     section, _, option = key.partition(".")
-    late = section in (CONTROL, "sensors") and option.rpartition(".")[2] in ("delay", "dropout")
-    return not numbers or late
+    name, control = option.rpartition(".")[2], vehicle.control
+    if section.partition("[")[0] not in (CONTROL, "sensors", ACTUATORS) or control is None:
+        return False
+    if name == "period":
+        if section == CONTROL:
+            parts: Any = *vehicle.actuators, *vehicle.sensors().values()
+            return any(part.period is not None for part in parts)
+        times = (number_of(Written(value, ["s"])) if has_unit(value) else value for value in given)
+        return not math.isclose(common_divisor([control.period, *times]), control.period)
+    return name in (*TIMING, "tick")
 
 
 def vehicle_from(
@@ -132,11 +148,14 @@ def vehicle_from(
         name: _parts(sensors, getattr(measured, name), G, at_sensors.at(name))
         for name in ("pose", "velocity")
     }
+    entries: list[Entry] = [(at_actuators.at(k), part) for k, part in acting.items()]
+    for name, errors in sensing.items():
+        entries += [(at_sensors.at(name, k), part) for k, part in errors.items()]
     found = Vehicle(
         inertia,
         tuple(_parts(forces, forces_given, G, at_forces).values()),
         tuple(acting.values()),
-        None if clock is None else Sampling(clock.period, clock.delay),
+        None if clock is None else _sampling(clock, entries, horizon, problems.at("control")),
         tuple(sensing["pose"].values()),
         tuple(sensing["velocity"].values()),
         _estimator(sections["estimator"], G, problems.at("estimator")),
@@ -151,17 +170,59 @@ def vehicle_from(
                 f"{sensor.name} measures velocities; move it to sensors.velocity"
             )
     for name, parts in sensing.items():
-        check_sensors(parts, G, None if clock is None else clock.period, at_sensors.at(name))
-    if clock is not None and horizon / clock.period > MOST_INSTANTS:
-        problems.at("control").at("period").add(
-            f"expected at least {horizon / MOST_INSTANTS:g} s, which makes {MOST_INSTANTS:,} "
-            f"control instants in {horizon:g} s, got {clock.period:g}"
-        )
+        check_sensors(parts, G, at_sensors.at(name))
     if found.estimator is not None:
         check_estimator(found, G, without_clock, problems)
     if any(problems.at(name) for name in SECTIONS):
         return Vehicle()
     return found.of_run(G)
+
+
+Entry = tuple[Problems, Sensor | Actuator]
+"""A sensor or an actuator, with its place."""
+
+
+def _sampling(
+    control: ControlSection, entries: Iterable[Entry], horizon: float, problems: Problems
+) -> Sampling:
+    """Return tick and clock of the law; times that are no whole numbers of ticks are noted."""
+    times = list(_times(control, entries, problems))
+    tick = control.tick or common_divisor([control.period, *(time for _, time, _ in times)])
+    every = check_period(control.period, tick, problems.at("period"), "ticks")
+    for here, time, below in times:
+        if not 0 <= time < below:
+            here.add(f"expected at least 0 s and less than the period, {below:g} s, got {time:g} s")
+        elif time:
+            check_period(time, tick, here, "ticks")
+    if not problems and horizon / tick > MOST_INSTANTS:
+        key, what = ("period", "control instants") if every == 1 else ("tick", "ticks")
+        problems.at(key).add(
+            f"expected at least {horizon / MOST_INSTANTS:g} s, which makes {MOST_INSTANTS:,} "
+            f"{what} in {horizon:g} s, got {tick:g}"
+        )
+    found = Sampling(control.period, 0, Clock(every or 1))
+    if problems:
+        return found
+    clock = found.clock_of(None, control.offset)
+    return Sampling(control.period, found.ticks_of(control.delay), clock)
+
+
+def _times(
+    control: ControlSection, entries: Iterable[Entry], problems: Problems
+) -> Iterator[tuple[Problems, float, float]]:
+    """Yield the times of all clocks with their places, and what they must be less than, s."""
+    yield problems.at("offset"), control.offset, control.period
+    late: list[tuple[Problems, int | str]] = [(problems.at("delay"), control.delay)]
+    for here, part in entries:
+        if part.period is not None:
+            yield here.at("period"), part.period, math.inf
+        if part.offset is not None:
+            yield here.at("offset"), part.offset, part.period or control.period
+        if isinstance(part, Sensor):
+            late.append((here.at("delay"), part.delay or 0))
+    for here, delay in late:
+        if isinstance(delay, str):
+            yield here, seconds(delay), math.inf
 
 
 def known_forces(
@@ -203,14 +264,17 @@ def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: P
     """Note actuators that act at control instants without a clock or without a held command."""
     moving, driven = "", False
     for index, actuator in parts.items():
-        if actuator.sampled and without_clock:
+        sampled = actuator.sampled or actuator.period is not None
+        if sampled and without_clock:
             problems.at(index).add(
                 f"{actuator.acting_at_instants} acts at control instants; set control.period"
             )
-        elif actuator.sampled and moving:
+        elif sampled and moving:
             problems.at(index).add(
                 f"{actuator.acting_at_instants} acts on a held command; put it before {moving}"
             )
+        elif actuator.offset is not None and actuator.period is None:
+            problems.at(index, "offset").add("belongs to a period; give period, too")
         if actuator.thruster_names and driven:
             problems.at(index).add(
                 "a vehicle has one entry with thrusters; put all of them in the first one"

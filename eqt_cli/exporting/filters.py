@@ -17,9 +17,10 @@ import numpy as np
 from eqt_cli.closed_loop.law_program import NUMBER, PERIOD, Entry, by_part, sizes
 from eqt_cli.closed_loop.system import ClosedLoop
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import EqtError, Remedy
+from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
 from eqt_cli.core.leaves import leaves, with_fields, with_leaves
 from eqt_cli.core.registry import description, meanings
+from eqt_cli.core.reporting import reporter
 from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.program import Program, traced
 from eqt_cli.vehicle.estimators.base import Estimator, Measurement
@@ -167,6 +168,14 @@ def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter |
     vehicle, G = loop.vehicle, loop.group
     if vehicle.estimator is None:
         return None
+    if vehicle.clocks:
+        reporter().remark(
+            EqtWarning(
+                f"{label}: the filter acts every {vehicle.tick:g} s, other parts at instants of "
+                "their own; only the law is written as C, which reads pose and velocity"
+            )
+        )
+        return None
     if vehicle.schedule(G).depth:
         raise EqtError(
             f"{label}: a filter whose measurements arrive late is not written as C",
@@ -183,12 +192,11 @@ def _flown(loop: ClosedLoop, seed: int) -> tuple[dict[str, Array], Array]:
     errors = flying.measurement_errors(G, INSTANTS, random_of)
     V = 0.3 * random_of("the motion of an exported filter").standard_normal(G.dimension)
     states = {name: np.zeros(count) for name, count in flying.states(G).items()}
-    assert flying.control is not None
     found: dict[str, list[Array]] = {"pose": [], "velocity": [], "arrived": []}
     estimates, holding = [], [channel.name for channel in flying.holding(G)]
     for k in range(INSTANTS):
         at = Errors(*(part[k] for part in errors))
-        Q = G.exp(k * flying.control.period * V)
+        Q = G.exp(k * flying.tick * V)
         states = states | flying.after_measuring(G, Q, V, at, states)
         Q_m, V_m = flying.as_arrived(G, Q @ at.pose, V + at.velocity, states)
         new = dict(zip(holding, 1.0 * (at.arrived >= ARRIVED), strict=True))

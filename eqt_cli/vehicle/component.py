@@ -296,6 +296,7 @@ class VehiclePart(Component):
             **{
                 field.name: self._as_array(field.name, getattr(part, field.name), G)
                 for field in dataclasses.fields(part)
+                if not field.metadata.get("is_structure")
             },
         )
 

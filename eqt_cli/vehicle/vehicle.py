@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array, less, stack, where
-from eqt_cli.core.leaves import STRUCTURE
+from eqt_cli.core.leaves import STRUCTURE, with_fields
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle.actuators import Actuator
@@ -18,7 +18,7 @@ from eqt_cli.vehicle.estimators.base import Deviations, Measurement
 from eqt_cli.vehicle.estimators.schedule import Schedule
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.inertia import TrueInertia
-from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sampling import Clock, Sampling
 from eqt_cli.vehicle.sensors import Sensor
 from eqt_cli.vehicle.sensors.channels import MEASURED, Channel, Errors, channels
 
@@ -40,9 +40,11 @@ ESTIMATOR = "estimator"
 LOST = f"{ESTIMATOR}_lost"
 """The state that says whether the covariance of an estimate is no longer definite."""
 
-COMMANDS, HELD = "commands", "held"
-"""States of a sampled loop: the commands on their way, the first to arrive first, and the command
-that has arrived, as it leaves the actuators in front of the first with continuous states."""
+COMMANDS, HELD, CLOCKS, TAKEN = "commands", "held", "clocks", "taken"
+"""States of a sampled loop: the commands on their way, the first to arrive first; the command
+that has arrived, as it leaves the actuators in front of the first with continuous states; the ticks
+until each part with a clock of its own acts again, where they are not 1; the input that such an
+actuator has taken, behind its name."""
 
 RandomOf = Callable[[str], np.random.Generator]
 """Random generator of one run for the part at a place of the configuration."""
@@ -64,7 +66,7 @@ class Vehicle:
     actuators
         Actuators in the order in which a command passes them.
     control
-        Clock of the law; None where it acts continuously.
+        Tick of the loop and clock of the law; None where it acts continuously.
     pose_sensors, velocity_sensors
         Measurement errors of the signals, which add up.
     moving_sensors
@@ -137,9 +139,11 @@ class Vehicle:
     @property
     def linear_part(self) -> Self:
         """The vehicle without an estimator, and without limits, steps and dead zones."""
-        return dataclasses.replace(
-            self, actuators=tuple(part.linear_part for part in self.actuators), estimator=None
+        linear = tuple(
+            with_fields(part.linear_part, period=part.period, offset=part.offset)
+            for part in self.actuators
         )
+        return dataclasses.replace(self, actuators=linear, estimator=None)
 
     def pushes(self, G: MatrixLieGroup) -> Array | None:
         """Return the forces of unit thrusts on a rigid body, ``(n, k)``; None without thrusters."""
@@ -161,9 +165,10 @@ class Vehicle:
         return {f"{name}[{k}]": part for name, parts in pairs for k, part in enumerate(parts)}
 
     def started(self, G: MatrixLieGroup, V: Array) -> dict[str, Array]:
-        """Return the states of the sensors at t = 0."""
+        """Return the states of clocks and sensors at t = 0."""
         moving = enumerate(self.moving_sensors)
-        return {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
+        found = {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
+        return {**found, CLOCKS: self.ticks_left(0)} if self.clocks else found
 
     def read(
         self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
@@ -182,39 +187,38 @@ class Vehicle:
         if self.control is None:
             return []
         signals = {"pose": self.pose_sensors, "velocity": self.velocity_sensors}
-        return list(channels(G, signals, self.control.period))
+        return list(channels(G, signals, self.control))
 
     def holding(self, G: MatrixLieGroup) -> list[Channel]:
         """Return the channels whose last measurement is held for the law."""
         return [channel for channel in self.channels(G) if channel.holds]
 
-    def drawings(self, G: MatrixLieGroup) -> Iterator[tuple[str, Sensor, int, Any, Any]]:
-        """Yield place, sensor, periods between measurements, and axes, for each rate of a sensor.
+    def drawings(self, G: MatrixLieGroup) -> Iterator[tuple[str, Sensor, Clock, Any, Any]]:
+        """Yield place, sensor, clock of the measurements, and axes, for each clock of a sensor.
 
         The axes are given twice: in the group, and among the sensor's own coordinates.
         """
         for place, sensor in self.sensors().items():
-            signal, rates = place.partition("[")[0], dict[int, list[int]]()
+            signal, clocks = place.partition("[")[0], dict[Clock, list[int]]()
             for channel in self.channels(G):
                 if f"sensors.{channel.signal}" == signal and sensor.of in (None, channel.part.name):
-                    axes = rates.setdefault(channel.every, [])
+                    axes = clocks.setdefault(channel.clock, [])
                     axes += range(G.dimension)[channel.part.axes]
-            for every, axes in rates.items():
+            for clock, axes in clocks.items():
                 own = axes if sensor.of is None else slice(None)
-                yield place, sensor, every, axes, own
+                yield place, sensor, clock, axes, own
 
     def measurement_errors(self, G: MatrixLieGroup, instants: int, random_of: RandomOf) -> Errors:
-        """Return the measurement errors at the control instants of a run.
+        """Return the measurement errors at the ticks of a run.
 
         The numbers that a sensor draws for a part depend only on the index of the measurement.
         """
-        assert self.control is not None
         n = {name: np.zeros((instants, G.dimension)) for name in (POSE, VELOCITY)}
         bias = np.zeros((instants, 0 if self.estimator is None else G.dimension))
-        for place, sensor, every, axes, own in self.drawings(G):
-            count, period = -(-instants // every), every * self.control.period
-            drawn = sensor.errors(G, count, period, random_of(place))
-            errors, signal = np.repeat(drawn[:, own], every, 0)[:instants], place.partition("[")[0]
+        for place, sensor, clock, axes, own in self.drawings(G):
+            last, period = clock.numbers(instants), clock.every * self.tick
+            drawn = sensor.errors(G, int(last[-1]) + 1, period, random_of(place))
+            errors, signal = drawn[last][:, own], place.partition("[")[0]
             n[signal][:, axes] += errors
             if self.estimator and signal == VELOCITY and sensor.bias_deviation(G) is not None:
                 bias[:, axes] += errors
@@ -228,7 +232,7 @@ class Vehicle:
     def after_measuring(
         self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Mapping[str, Array]
     ) -> dict[str, Array]:
-        """Return the states of sensors and estimator after an instant with the true Q and V."""
+        """Return the states of sensors and estimator after a tick with the true Q and V."""
         found, holding = {}, self.holding(G)
         Q_m, V_m = Q @ errors.pose, self.read(G, V, states)[0] + errors.velocity
         for k, channel in enumerate(holding):
@@ -251,14 +255,14 @@ class Vehicle:
 
     def schedule(self, G: MatrixLieGroup) -> Schedule:
         """Return the measurement schedule for an estimator."""
-        return Schedule(G, self.channels(G), self._period)
+        return Schedule(G, self.channels(G), self.tick)
 
     def deviations(self, G: MatrixLieGroup) -> Deviations:
         """Return the standard deviations of the errors that the sensors specify."""
         squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY)}
         bias = np.zeros((2, G.dimension))
-        for place, sensor, every, axes, own in self.drawings(G):
-            white = sensor.drawn(None).white_deviation(G, every * self._period)
+        for place, sensor, clock, axes, own in self.drawings(G):
+            white = sensor.drawn(None).white_deviation(G, clock.every * self.tick)
             if white is not None:
                 squares[place.partition("[")[0]][axes] += white[own] ** 2
             known = sensor.bias_deviation(G)
@@ -349,7 +353,7 @@ class Vehicle:
 
     @cached_property
     def _at_instants(self) -> int:
-        """Number of actuators that act at control instants: those before the first that `moves`."""
+        """Number of actuators that act at ticks only: those before the first that `moves`."""
         if self.control is None:
             return 0
         moving = (k for k, actuator in enumerate(self.actuators) if actuator.moves)
@@ -373,6 +377,9 @@ class Vehicle:
         measured = {f"{SENSOR}_{k}": sensor.states(G) for k, sensor in moving}
         measured |= {channel.name: channel.states for channel in self.holding(G)}
         commands = {COMMANDS: (self.control.delay + 1) * G.dimension}
+        if self.clocks:
+            held |= {f"{place}_{TAKEN}": G.dimension for place in self.clocks if place != CONTROL}
+            held[CLOCKS] = len(self.clocks)
         return {**commands, **held, **found, **measured, **self.estimator_lengths(G)}
 
     def running(self, G: MatrixLieGroup, command: Array) -> dict[str, Array]:
@@ -386,7 +393,49 @@ class Vehicle:
             return found
         before = np.concatenate([command] * (self.control.delay + 1), axis=-1)
         held = {HELD: command} if self._at_instants else {}
-        return {**found, COMMANDS: before, **held}
+        taken = {f"{place}_{TAKEN}": command for place in self.clocks if place != CONTROL}
+        return {**found, COMMANDS: before, **held, **taken}
+
+    # Clocks of law and actuators.
+
+    @property
+    def tick(self) -> float:
+        """Time between two ticks, s."""
+        assert self.control is not None
+        return self.control.tick
+
+    @cached_property
+    def clocks(self) -> dict[str, Clock]:
+        """The clocks of law and actuators that do not act at every tick, by the names of states."""
+        if self.control is None:
+            return {}
+        found = {CONTROL: self.control.clock}
+        for place, actuator in self._chain():
+            if actuator.period is not None:
+                found[place] = self.control.clock_of(actuator.period, actuator.offset or 0.0)
+        return {place: clock for place, clock in found.items() if not clock.acts_always}
+
+    def ticks_left(self, tick: int) -> Array:
+        """Return the ticks from a tick until each of the `clocks` acts."""
+        found = [(clock.offset - tick) % clock.every for clock in self.clocks.values()]
+        return np.array(found, dtype=float)
+
+    def acts(self, states: Mapping[str, Array], place: str = CONTROL) -> Any:
+        """Return whether law or actuator acts at the tick of these states; None: at every one."""
+        if place not in self.clocks:
+            return None
+        k = list(self.clocks).index(place)
+        return less(states[CLOCKS][..., k : k + 1], 0.5)
+
+    def if_due(self, states: Mapping[str, Array], new: Array, old: Array, place: str) -> Array:
+        """Return new values of law or actuator at a tick at which it acts, else the old ones."""
+        due = self.acts(states, place)
+        return new if due is None else where(due, new, old)
+
+    def _next_ticks(self, left: Array) -> Array:
+        """Return the ticks that are left a tick later."""
+        every = np.array([float(clock.every) for clock in self.clocks.values()])
+        return where(less(left, 0.5), every + 0.0 * left, left) - 1.0
 
     def estimator_lengths(self, G: MatrixLieGroup) -> dict[str, int]:
         """Return the number of states of the estimator, which come last and are held, by name."""
@@ -417,6 +466,7 @@ class Vehicle:
             command = self._held(G, states)
         for place, actuator in self._chain(self._at_instants):
             x = states.get(place, command[..., :0])
+            command = states.get(f"{place}_{TAKEN}", command)
             if place in states:
                 rates[place] = actuator.state_rate(G, command, x)
             command = actuator.output(G, command, x)
@@ -433,7 +483,7 @@ class Vehicle:
         states: Mapping[str, Array],
         solved: Array | None = None,
     ) -> dict[str, Array]:
-        """Return the states after a control instant at which the law commands a torque.
+        """Return the states after a tick, at which the law commands a torque if it acts.
 
         Parameters
         ----------
@@ -465,25 +515,28 @@ class Vehicle:
         solve: Callable[[Actuator, Array], Array],
     ) -> dict[str, Array]:
         before = states[COMMANDS]
+        asked = self.if_due(states, asked, before[..., -G.dimension :], CONTROL)
         queue = np.concatenate([before[..., G.dimension :], asked], axis=-1)
         found, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
-        # The first actuator that moves may also act at instants.
+        if self.clocks:
+            found[CLOCKS] = self._next_ticks(states[CLOCKS])
+        # The first actuator that moves may also act at ticks.
         for index, (place, actuator) in enumerate(self._chain()):
             if index > self._at_instants:
                 break
             x = states.get(place, command[..., :0])
+            period = self.tick
+            if place in self.clocks:
+                held = f"{place}_{TAKEN}"
+                command = found[held] = self.if_due(states, command, states[held], place)
+                period = self.clocks[place].every * period
             if place in states:
                 taken = solve(actuator, command) if actuator.solves else command
-                x = found[place] = actuator.step(G, taken, x, self._period)
+                after = actuator.step(G, taken, x, period)
+                x = found[place] = self.if_due(states, after, x, place)
             if index < self._at_instants:
                 command = actuator.output(G, command, x)
         return {**found, HELD: command} if self._at_instants else found
-
-    @property
-    def _period(self) -> float:
-        """Control period, s."""
-        assert self.control is not None
-        return self.control.period
 
     def _inputs(
         self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
@@ -493,6 +546,7 @@ class Vehicle:
             command = states[COMMANDS][..., : G.dimension]
         for place, actuator in self._chain():
             x = states.get(place, command[..., :0])
+            command = states.get(f"{place}_{TAKEN}", command)
             yield actuator, command, x
             command = actuator.output(G, command, x)
 

@@ -21,3 +21,15 @@ def solved(tmp_path):
         return batch.problem, batch.engine.solve(batch.problem, workers)
 
     return solve
+
+
+@pytest.fixture
+def experiment_of(tmp_path):
+    """The experiment of a configuration in text."""
+
+    def build(text):
+        path = tmp_path / "flight.yaml"
+        path.write_text(text, encoding="utf-8")
+        return study(read_config(path)).base
+
+    return build

@@ -212,14 +212,6 @@ def test_the_signal_path_says_when_a_part_is_measured(tmp_path):
         ),
         (
             "{period: 0.1}",
-            "{velocity: [{kind: bias, value: 1, of: rotation, period: 0.25}]}",
-            [
-                "sensors.velocity[0].period: expected a whole number of periods of 100 ms, got "
-                "250 ms; write 200 ms or 300 ms"
-            ],
-        ),
-        (
-            "{period: 0.1}",
             "{pose: [{kind: noise, std: 1, dropout: 1.0}]}",
             [
                 "sensors.pose[0].dropout: expected a probability of at least 0 and less than 1, "

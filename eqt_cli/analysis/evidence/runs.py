@@ -51,10 +51,10 @@ class VehicleRuns:
         return self.problem.batched_loop(extra_axes=1)
 
     @property
-    def period(self) -> float:
-        """Control period, s; infinite if the law acts continuously."""
+    def tick(self) -> float:
+        """Tick, s; infinite if the law acts continuously."""
         control = self.problem.loop.vehicle.control
-        return math.inf if control is None else control.period
+        return math.inf if control is None else control.tick
 
     def white_noise(self) -> Iterator[Array]:
         """Yield the white noise of each sensor in each run, ``(runs, instants, n)``, of variance 1.
@@ -64,8 +64,9 @@ class VehicleRuns:
         """
         problem, vehicle = self.problem, self.problem.loop.vehicle
         G = problem.loop.group
-        for place, sensor, every, _, axes in vehicle.drawings(G):
-            count, period, found = -(-problem.control_instants // every), every * self.period, []
+        for place, sensor, clock, _, axes in vehicle.drawings(G):
+            count = int(clock.numbers(problem.control_instants)[-1]) + 1
+            period, found = clock.every * self.tick, []
             for run in self.numbers.tolist():
                 random = generator_at(self.seed, Stream.VEHICLE, run, place)
                 own = sensor.drawn(random)

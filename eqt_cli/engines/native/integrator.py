@@ -108,7 +108,7 @@ class Lanes(Integrator):
         found = self._evaluated(around.told, runs, given)
         states = found.pop("state", states)
         told = LawInput(**found)._replace(t=t)
-        torque, memory = self.loop.answer(told, self.loop.memory(states), self._period)
+        torque, memory = self.loop.asked(told, states)
         return torque, np.concatenate([none, *memory.values()], axis=1), states
 
     def advance(self, span: Span, states: Array) -> SpanResult:
@@ -162,13 +162,6 @@ class Lanes(Integrator):
             self._compiled[id(program)] = library.evaluation(program, lengths)
         found = self._compiled[id(program)].at(runs, 1, given)
         return {name: values[:, 0] for name, values in found.items()}
-
-    @property
-    def _period(self) -> float:
-        """The control period, s."""
-        control = self.problem.loop.vehicle.control
-        assert control is not None
-        return control.period
 
     def _failure(self, run: Any) -> Failure:
         """Return how and when a run has ended."""

@@ -2,12 +2,14 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, where
+from eqt_cli.core.leaves import STRUCTURE
+from eqt_cli.core.option_types import Offset, Positive, Scale
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.component import VehiclePart
 
@@ -17,7 +19,20 @@ class Actuator(VehiclePart):
     """One of the actuators through which a command passes in order.
 
     Its output depends on its input command, and on its own states if any.
+
+    Attributes
+    ----------
+    period
+        Time between two instants at which it takes its input, s, a whole number of ticks of
+        `control`. If left out, it acts at every tick.
+    offset
+        Time of the first of them, s, a whole number of ticks.
     """
+
+    period: Annotated[Positive | None, Scale("period of the actuator", "s")] = field(
+        default=None, kw_only=True, metadata=STRUCTURE
+    )
+    offset: Offset | None = field(default=None, kw_only=True, metadata=STRUCTURE)
 
     limited: ClassVar[str] = ""
     """Prefix of its limit in messages: ``a rate of``; empty for a limit of torques."""

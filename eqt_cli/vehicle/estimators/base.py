@@ -97,7 +97,7 @@ class Measurement(NamedTuple):
 class Estimator(VehiclePart):
     """A filter on G with a bias of the velocity in g; the law reads Q̂ and V̂ = V_m − b̂.
 
-    At each control instant it predicts with the mean of the last two measured velocities, corrects
+    At each tick it predicts with the mean of the last two measured velocities, corrects
     with the parts of the pose that are measured at that instant, and tells the law. Where
     measurements arrive late, it keeps the estimate at the oldest instant of which one may still
     come, and at each instant repeats the steps from there to the present with all that is known by

@@ -20,7 +20,7 @@ class Schedule:
     channels
         Parts that have sensors.
     period
-        Control period, s.
+        Tick of the loop, s.
     """
 
     G: MatrixLieGroup
@@ -34,7 +34,7 @@ class Schedule:
 
     @cached_property
     def depth(self) -> int:
-        """Largest delay of a measurement, in control periods."""
+        """Largest delay of a measurement, in ticks."""
         return max((channel.delay for channel in self.channels), default=0)
 
     @cached_property
@@ -70,7 +70,7 @@ class Schedule:
         return self.depth - channel.delay
 
     def available(self, step: int) -> Iterator[tuple[int, Channel]]:
-        """Yield number and channel of the fixes that are known `step` periods after the oldest."""
+        """Yield number and channel of the fixes that are known `step` ticks after the oldest."""
         for number, channel in enumerate(self.fixes):
             if step <= self.waits(channel):
                 yield number, channel

@@ -8,7 +8,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import Problems
-from eqt_cli.core.option_types import CountOrNone, Positive, Real, Scale
+from eqt_cli.core.option_types import CountOrTime, Offset, Positive, Real, Scale
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.component import Numbers, VehiclePart, check_count
 
@@ -18,8 +18,8 @@ class Sensor(VehiclePart):
     """An error of a measured pose or velocity, at the instants at which it is measured.
 
     Errors of a pose add up to n with Q_m = Q exp(n), errors of a velocity to b with V_m = V + b.
-    They depend on the run and on the instant. Entries of one part share `period`, `delay` and
-    `dropout`, given at one of them.
+    They depend on the run and on the instant. Entries of one part share `period`, `offset`, `delay`
+    and `dropout`, given at one of them.
 
     A sensor of a velocity may have states that follow the motion. What it measures is their
     `reading`, to which the errors of all sensors add.
@@ -30,11 +30,13 @@ class Sensor(VehiclePart):
         The part of the pose or velocity that is measured, as the group calls it; all of them if
         left out.
     period
-        Time between measurements, s, a whole number of control periods; the law reads the last
-        one. If left out, there is one at each control instant.
+        Time between measurements, s, a whole number of ticks of `control`; the law reads the last
+        one. If left out, there is one at each instant of the law.
+    offset
+        Time of the first measurement after that of t = 0, s, a whole number of ticks.
     delay
-        Number of control periods after which a measurement arrives. The first one, at t = 0, is
-        there from the start.
+        Number of control periods after which a measurement arrives, or a time such as 50 ms. The
+        first one, at t = 0, is there from the start.
     dropout
         The probability that a measurement never arrives; the first one always does.
     """
@@ -43,7 +45,8 @@ class Sensor(VehiclePart):
     period: Annotated[Positive | None, Scale("measurement period", "s")] = field(
         default=None, kw_only=True
     )
-    delay: Annotated[CountOrNone | None, Scale("delay of the measurement in periods")] = field(
+    offset: Offset | None = field(default=None, kw_only=True)
+    delay: Annotated[CountOrTime | None, Scale("delay of the measurement in periods")] = field(
         default=None, kw_only=True
     )
     dropout: Real | None = field(default=None, kw_only=True)

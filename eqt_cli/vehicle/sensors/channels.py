@@ -1,7 +1,7 @@
 """Measurement channels: when parts of pose and velocity are measured, and when that arrives.
 
-A part without a period, a delay or a dropout is measured at every control instant. A channel knows
-no law or engine.
+A part without a clock of its own, a delay or a dropout is measured at the instants of the law. A
+channel knows no law or engine.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,17 +12,18 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array, less, where
 from eqt_cli.groups import MatrixLieGroup, Part
+from eqt_cli.vehicle.sampling import ALWAYS, Clock, Sampling
 from eqt_cli.vehicle.sensors.base import Sensor
 
 NOTHING, MEASURED, FIRST = 0.0, 1.0, 2.0
-"""Events of a channel at a control instant; the first measurement is there from the start."""
+"""Events of a channel at a tick; the first measurement is there from the start."""
 
-TIMING = ("period", "delay", "dropout")
+TIMING = ("period", "offset", "delay", "dropout")
 """Options that the entries of one part share."""
 
 
 class Errors(NamedTuple):
-    """Measurement errors at control instants, with runs and instants along leading axes.
+    """Measurement errors at the ticks of a loop, with runs and instants along leading axes.
 
     Attributes
     ----------
@@ -61,10 +62,10 @@ class Channel:
         ``"pose"`` or ``"velocity"``.
     shape
         Shape of the block of a pose, or of the coordinates of a velocity.
-    every
-        Number of control periods between measurements.
+    clock
+        Ticks at which the part is measured.
     delay
-        Number of control periods after which a measurement arrives.
+        Number of ticks after which a measurement arrives.
     loses
         Sensor that says which measurements are lost; None where all arrive.
     holds
@@ -74,10 +75,15 @@ class Channel:
     signal: str
     part: Part
     shape: tuple[int, ...]
-    every: int = 1
+    clock: Clock = ALWAYS
     delay: int = 0
     loses: Sensor | None = None
     holds: bool = False
+
+    @property
+    def every(self) -> int:
+        """Number of ticks between measurements."""
+        return self.clock.every
 
     @property
     def name(self) -> str:
@@ -100,7 +106,7 @@ class Channel:
         return (self.delay + 1) * self.size if self.holds else 0
 
     def measured(self, value: Array, held: Array, arrived: Array) -> Array:
-        """Return the states after an instant at which the part of `value` may be measured."""
+        """Return the states after a tick at which the part of `value` may be measured."""
         now = value[self.entries].reshape(*held.shape[:-1], self.size)
         last = held[..., -self.size :]
         fresh = less(0.5 * MEASURED, arrived[..., None])
@@ -117,17 +123,17 @@ class Channel:
 
     def arrivals(self, instants: int, random: np.random.Generator) -> Array:
         """Return the events, ``(instants,)``; the first do not depend on how many there are."""
-        found = np.full(instants, NOTHING)
-        found[:: self.every] = MEASURED
+        found, due = np.full(instants, NOTHING), self.clock.is_due(np.arange(instants))
+        due[:1] = True
+        found[due] = MEASURED
         if self.loses is not None:
-            lost = self.loses.lost(len(found[:: self.every]), random)
-            found[:: self.every][lost] = NOTHING
+            found[np.flatnonzero(due)[self.loses.lost(int(due.sum()), random)]] = NOTHING
         found[:1] = FIRST
         return found
 
 
 def channels(
-    G: MatrixLieGroup, signals: Mapping[str, tuple[Sensor, ...]], period: float
+    G: MatrixLieGroup, signals: Mapping[str, tuple[Sensor, ...]], control: Sampling
 ) -> Iterator[Channel]:
     """Yield the channels of the parts of pose and velocity that have sensors, in order.
 
@@ -135,8 +141,8 @@ def channels(
     ----------
     signals
         Sensors of the pose and of the velocity.
-    period
-        Control period, s.
+    control
+        Tick of the loop and clock of the law.
     """
     for signal, sensors in signals.items():
         for part in G.parts:
@@ -147,8 +153,13 @@ def channels(
             for sensor in own:
                 known = ((name, getattr(sensor, name)) for name in TIMING)
                 given |= {name: value for name, value in known if value is not None}
-            every = 1 if given["period"] is None else round(given["period"] / period)
-            delay, loses = given["delay"] or 0, next((s for s in own if s.loses), None)
-            holds = given["period"] is not None or bool(delay) or loses is not None
+            clock = control.clock_of(given["period"], given["offset"])
+            delay, loses = control.ticks_of(given["delay"] or 0), next(filter(_loses, own), None)
+            holds = given["period"] is not None or not clock.acts_always
+            holds = holds or bool(delay) or loses is not None
             block = G.identity[part.entries] if signal == "pose" else G.basis[part.axes, 0, 0]
-            yield Channel(signal, part, block.shape, every, delay, loses, holds)
+            yield Channel(signal, part, block.shape, clock, delay, loses, holds)
+
+
+def _loses(sensor: Sensor) -> bool:
+    return sensor.loses
