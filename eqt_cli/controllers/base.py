@@ -5,6 +5,8 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
 
+import numpy as np
+
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import structure
@@ -197,6 +199,10 @@ class Controller(GivenOverTime, Component):
     def pieces(self) -> int:
         """Number of pieces of the horizon for which it is `designed`; 0 where gains are given."""
         return 0
+
+    def directions(self, G: MatrixLieGroup) -> Array:
+        """Return those in which it asks for a torque, ``(k, m)``; of a design, none."""
+        return np.eye(G.dimension)[: 0 if self.pieces else None]
 
     def designed(self, G: MatrixLieGroup, plant: LinearPlant) -> Self:
         """Return the law with the gains that follow from its linearised plant."""

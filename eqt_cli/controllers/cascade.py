@@ -265,6 +265,13 @@ class Cascade(Controller):
             return [{}]
         return [{LEFT: 0.0}] + [{LEFT: period}] * (round(self.position.period / period) - 1)
 
+    def directions(self, G: MatrixLieGroup) -> Array:
+        """Return the axes of all torques, and that of the push."""
+        turns = rigid(G).rotations
+        found = np.eye(G.dimension)[: turns + 1]
+        found[turns, turns:] = self.direction
+        return found
+
     @property
     def undefined(self) -> str:  # type: ignore[override]  # a constant of most laws
         """F = 0, which a limit keeps away."""

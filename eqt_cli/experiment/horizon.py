@@ -315,11 +315,10 @@ def _component_remarks(experiment: Experiment) -> Placed:
     loops, G = experiment.loops.values(), experiment.group
     loop = next(iter(loops))
     yield from ((("reference",), text) for text in loop.reference.remarks(G))
-    # Laws that push along one axis, or are designed for the thrusters, ask for what these give.
-    if not all(loop.controller.reads_flat_output or loop.controller.pieces for loop in loops):
-        for index, actuator in enumerate(loop.vehicle.actuators):
-            for text in actuator.remarks(G):
-                yield (ACTUATORS, index), f"{actuator.name} {text}"
+    wanted = max((loop.controller.directions(G) for loop in loops), key=len)
+    for index, actuator in enumerate(loop.vehicle.actuators if len(wanted) else ()):
+        for text in actuator.remarks(G, wanted):
+            yield (ACTUATORS, index), f"{actuator.name} {text}"
     for part in loop.vehicle.schedule(G).unmeasured if loop.vehicle.estimator else ():
         yield (
             ("estimator",),
@@ -400,10 +399,10 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         if needed[when, axis] > limit:
             t = times[len(times) - len(needed) + when]
             names = actuator.thruster_names
-            name = f"'{names[axis]}'" if names else actuator.name
+            name, unit = (f"'{names[axis]}'", " N") if names else (actuator.name, "")
             found.append(
-                f"{ACTUATORS}[{index}]: {name} gives at most {actuator.limited}{limit:.4g}, but "
-                f"the reference alone needs {needed[when, axis]:.4g} at t = {t:.4g} s; no law can "
-                "follow it there"
+                f"{ACTUATORS}[{index}]: {name} gives at most {actuator.limited}{limit:.4g}{unit}, "
+                f"but the reference alone needs {needed[when, axis]:.4g}{unit} at t = {t:.4g} s; "
+                "no law can follow it there"
             )
     return found

@@ -625,8 +625,22 @@ def test_the_direction_of_the_thrusters_is_the_default():
         {"at": [x, y, 0], "along": [0, 0, -2], "turns": turn}
         for x, y, turn in ((0.3, 0, 0.01), (0, 0.3, -0.01), (-0.3, 0, 0.01), (0, -0.3, -0.01))
     ]
-    loop = loop_of(law={"along": None}, actuators=[{"kind": "thrusters", "thrusters": rotors}])
-    assert loop.controller.direction == (0.0, 0.0, -1.0)
+    one = experiment(law={"along": None}, actuators=[{"kind": "thrusters", "thrusters": rotors}])
+    assert next(iter(one.loops.values())).controller.direction == (0.0, 0.0, -1.0)
+    assert not remarks(one)
+
+
+def test_rotors_that_all_turn_one_way_are_remarked():
+    rotors = [
+        {"at": [x, y, 0], "along": [0, 0, -1], "turns": 0.01}
+        for x, y in ((0.3, 0), (0, 0.3), (-0.3, 0), (0, -0.3))
+    ]
+    one = experiment(law={"along": None}, actuators=[{"kind": "thrusters", "thrusters": rotors}])
+    [said] = map(str, remarks(one))
+    assert said.endswith(
+        "actuators[0]: thrusters with rank 3 of 4 cannot push along ωz − 0.01 vz; what a law asks "
+        "for there is lost"
+    )
 
 
 def test_a_model_is_what_acts_and_the_laws_may_know_the_plant():

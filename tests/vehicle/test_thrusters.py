@@ -368,15 +368,15 @@ def test_what_is_almost_along_a_coordinate_is_along_it():
 
 
 def test_directions_without_thrust_are_said_by_their_coordinates():
-    [told] = Thrusters(matrix=[[1.0, 0.0], [0.0, 1.0], [2.0, 0.5]]).remarks(SE2)
+    [told] = Thrusters(matrix=[[1.0, 0.0], [0.0, 1.0], [2.0, 0.5]]).remarks(SE2, np.eye(3))
     assert told == (
         "with rank 2 of 3 cannot push along ω + 0.25 vx − 0.5 vy; what a law asks for there is lost"
     )
-    [told] = Thrusters(matrix=[[1.0], [-1.0], [1.0]]).remarks(SE2)
+    [told] = Thrusters(matrix=[[1.0], [-1.0], [1.0]]).remarks(SE2, np.eye(3))
     assert told == (
         "with rank 1 of 3 cannot push along ω − vy, vx + vy; what a law asks for there is lost"
     )
-    assert not list(Thrusters(matrix=np.eye(3).tolist()).remarks(SE2))
+    assert not list(Thrusters(matrix=np.eye(3).tolist()).remarks(SE2, np.eye(3)))
 
 
 # Whole experiments.
@@ -492,7 +492,7 @@ def test_a_thruster_that_the_reference_asks_for_too_much_is_named(experiment):
         "{at: [0, 1], along: [1, 0]}, {at: [0, -1], along: [1, 0]}], low: 0, high: 0.2}]",
     )
     assert [str(remark).split("c.yaml")[-1] for remark in remarks(found)] == [
-        "actuators[0]: 'side' gives at most 0.2, but the reference alone needs 0.5 at t = 0 s; "
+        "actuators[0]: 'side' gives at most 0.2 N, but the reference alone needs 0.5 N at t = 0 s; "
         "no law can follow it there"
     ]
 

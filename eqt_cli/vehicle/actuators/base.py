@@ -134,8 +134,11 @@ class Actuator(VehiclePart):
         """
         return None
 
-    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
-        """Yield remarks for the user before a run, none of which is an error."""
+    def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
+        """Yield remarks for the user before a run, none of which is an error.
+
+        `wanted` are the directions in which a law asks for a torque, ``(k, m)``.
+        """
         yield from ()
 
 

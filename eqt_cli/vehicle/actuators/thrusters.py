@@ -288,12 +288,12 @@ class Thrusters(Actuator):
             return None
         return against(apply_matrix(self.inverse, torque), self.low, self.high)
 
-    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
+    def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
         """Yield a remark on the directions in which no thrust pushes."""
-        lost = unreachable(self.columns(G))
+        lost = unreachable(wanted @ self.columns(G))
         if len(lost):
-            named = ", ".join(_in_words(row, G.axis_names) for row in lost)
-            rank = f"rank {G.dimension - len(lost)} of {G.dimension}"
+            named = ", ".join(_in_words(row, G.axis_names) for row in lost @ wanted)
+            rank = f"rank {len(wanted) - len(lost)} of {len(wanted)}"
             yield f"with {rank} cannot push along {named}; what a law asks for there is lost"
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
