@@ -9,7 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import Problems
-from eqt_cli.core.leaves import structure
+from eqt_cli.core.leaves import structure, with_fields
 from eqt_cli.core.registry import Component
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.flatness import PlantModel
@@ -199,6 +199,12 @@ class Controller(GivenOverTime, Component):
     def pieces(self) -> int:
         """Number of pieces of the horizon for which it is `designed`; 0 where gains are given."""
         return 0
+
+    def with_defaults(self, G: MatrixLieGroup, gains: Gains, given: Any) -> Self:
+        """Return the law with the options that follow its gains, but for those of `given`."""
+        own = given if isinstance(given, dict) else {}
+        found = self.defaults(G, gains).items()
+        return with_fields(self, **{name: value for name, value in found if name not in own})
 
     def directions(self, G: MatrixLieGroup) -> Array:
         """Return those in which it asks for a torque, ``(k, m)``; of a design, none."""

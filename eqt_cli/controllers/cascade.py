@@ -227,10 +227,7 @@ class Cascade(Controller):
         """Return the attitude law with the options that follow its gains."""
         if self.inner is None:
             return {}
-        given = self.attitude if isinstance(self.attitude, dict) else {}
-        found = self.inner.defaults(self.gains_group(G), gains).items()
-        own = {name: value for name, value in found if name not in given}
-        return {"inner": with_fields(self.inner, **own)} if own else {}
+        return {"inner": self.inner.with_defaults(self.gains_group(G), gains, self.attitude)}
 
     def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Cascade:
         """Return the law with the forces that it knows, and the direction in which it pushes."""
@@ -243,17 +240,14 @@ class Cascade(Controller):
         if self.position.period is not None:
             check_period(self.position.period, plant.period, problems.at("position", "period"))
         along: Any = self.along
-        pushes = plant.pushes
-        if along is None and pushes is None:
-            problems.at("along").add(
-                "missing; no thrusters in `actuators` say in which direction the body is pushed",
-                (Remedy("give it in the body frame, such as along: [0, 0, -1]"),),
-            )
-        elif along is None and pushes is not None and (along := only_direction(pushes)) is None:
-            problems.at("along").add(
-                "missing; the thrusters push in more than one direction",
-                (Remedy("give the one that carries the body, such as along: [0, 0, -1]"),),
-            )
+        why = "no thrusters in `actuators` say in which direction the body is pushed"
+        remedy = "give it in the body frame, such as along: [0, 0, -1]"
+        if along is None and plant.pushes is not None:
+            along = only_direction(plant.pushes)
+            why = "the thrusters push in more than one direction"
+            remedy = "give the one that carries the body, such as along: [0, 0, -1]"
+        if along is None:
+            problems.at("along").add(f"missing; {why}", (Remedy(remedy),))
         if problems:
             return self
         direction = unit_vector(along)

@@ -203,10 +203,7 @@ class Code(Controller):
         """Return the law that it claims to be with the options that follow its gains."""
         if self.claimed is None:
             return {}
-        given = self.as_ if isinstance(self.as_, dict) else {}
-        found = self.claimed.defaults(G, gains).items()
-        own = {name: value for name, value in found if name not in given}
-        return {"claimed": with_fields(self.claimed, **own)} if own else {}
+        return {"claimed": self.claimed.with_defaults(G, gains, self.as_)}
 
     @property
     def reads_flat_output(self) -> bool:  # type: ignore[override]  # a constant of all other laws

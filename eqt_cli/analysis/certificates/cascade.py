@@ -12,6 +12,7 @@ from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers.cascade import Cascade
 from eqt_cli.core.arrays import Array, norm
+from eqt_cli.groups.angles import turn_of_distance
 
 WEAK = 0.1
 """Least share of its median below which a force is remarked: its direction then turns fast."""
@@ -70,16 +71,10 @@ class ForceStays(TrajectoryCheck):
         assert isinstance(law, Cascade)
         sizes = norm(law.commanded(s).asked)
         least, typical = float(sizes.min()), float(np.median(sizes))
-        angle = _angle(law.commanded(s).tracking.relative.Q[:, 0])
+        angle = turn_of_distance(law.attitude_error(s)[:, 0]).max()
         remark = f"R(0) is up to {np.degrees(angle):.3g}° from R_c(0)"
         verdict = Verdict.HOLDS if least > WEAK * typical else Verdict.VIOLATED
         if verdict is Verdict.VIOLATED:
             t = runs.vehicle.problem.times[sizes.argmin() % sizes.shape[-1]]
             remark += f"; F is nearly 0 at {t:.4g} s: give position.limit below the weight per mass"
         return self.row(verdict, least, WEAK * typical, remark, runs.label)
-
-
-def _angle(R: Array) -> float:
-    n = R.shape[-1]
-    trace = np.trace(R, axis1=-2, axis2=-1)
-    return float(np.arccos(np.clip((trace - (n - 2)) / 2, -1, 1)).max())

@@ -18,7 +18,6 @@ from eqt_cli.analysis.evidence.numbers import (
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, apply_matrix, dot, stack, transpose
-from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.mechanics.critical_points import critical_sets
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
 from eqt_cli.mechanics.navigation import gradient, potential
@@ -59,10 +58,7 @@ class ReferenceMotion(Identity):
         G, reference = sample.G, sample.reference
         if "velocity" in reference.starts_from:
             return
-        held = reference.held(G, floats(sample.times))
-        if held is not None:
-            numbers = {name: sample.lifted(number) for name, number in leaves(held).items()}
-            reference = with_leaves(held, numbers)
+        reference = reference.held(G, floats(sample.times)) or reference
         t = with_rate(sample.times, 1.0)
         inertia = sample.loop.inertia.at(t)
         _, _, Qd, _ = sample.drawn

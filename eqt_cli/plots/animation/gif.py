@@ -38,8 +38,8 @@ COLOURS = 160
 """Size of the palette that all pictures share, so that nothing flickers."""
 
 _PAPER = 245
-_WIDTH, _BODIES, _LOWEST = 6.1, 3.7, 2.2
-"""Widths of the picture and of its part with the bodies, and least height, in."""
+_WIDTH, _BODIES, _LOWEST, _PANEL = 6.1, 3.7, 2.2, 0.7
+"""Widths of the picture and of its bodies, and least heights of it and of a panel, in."""
 _GROUND, _GHOST = 0.16, 0.45
 """Shares of ink of the grid and of the target."""
 
@@ -109,7 +109,8 @@ class _Stage:
         count, columns = len(self.motion.ensembles), scene.columns
         rows = -(-count // columns)
         side = _BODIES / max(columns, 2)
-        drawing = Figure(figsize=(_WIDTH, max(side * rows, _LOWEST)), dpi=DOTS_PER_INCH)
+        height = max(side * rows, _LOWEST, _PANEL * len(self.motion.norms))
+        drawing = Figure(figsize=(_WIDTH, height), dpi=DOTS_PER_INCH)
         self.canvas = cast(Any, FigureCanvasAgg(drawing))  # whose methods have no types
         shares = [_BODIES, _WIDTH - _BODIES]
         left, right = np.ravel(np.asarray(drawing.subfigures(1, 2, width_ratios=shares)))
@@ -163,6 +164,7 @@ class _Body:
         self.body = _BodyBlock(axes, self.colour, 4, list(AXES.values()), linewidth=1.8)
         rotors: dict[str, Any] = {"marker": "o", "markevery": 3, "markersize": 4, "linewidth": 2}
         (self.rotors,) = axes.plot([], [], color=ink(), zorder=5, **rotors)
+        (self.arms,) = axes.plot([], [], color=self.colour, linewidth=0.8, zorder=3.5)
         _draw_inertial(axes)
         gone: dict[str, Any] = {"ha": "center", "va": "bottom", "transform": axes.transAxes}
         self.gone = axes.text(0.5, 0.02, "run failed", color=self.colour, fontsize="small", **gone)
@@ -180,8 +182,10 @@ class _Body:
         self.body.hide(not there)
         self.gone.set_visible(not there)
         lines = flat(place + length * self.motion.thrusts[self.index, sample] @ rotation.T)
-        apart = np.pad(lines, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)  # not drawn
-        self.rotors.set_data(*apart.reshape(-1, 2).T)
+        arms = np.stack([lines[:, 0], np.broadcast_to(flat(place), lines[:, 0].shape)], axis=1)
+        for drawn, ends in ((self.rotors, lines), (self.arms, arms)):
+            apart = np.pad(ends, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)  # not drawn
+            drawn.set_data(*apart.reshape(-1, 2).T)
         if there:
             self.body.show(rotation, place, length)
 

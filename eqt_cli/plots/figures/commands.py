@@ -34,7 +34,7 @@ Limits = tuple[Array, Array] | None
 _GIVEN = {"torque": "given", "thrust": "thrust"}
 _FEW = 4
 """Most thrusters whose panels have room for several laws in a column."""
-_MOST_NAME = 10
+_MOST_NAME = 11
 """Most characters in a line of the name of a thruster, where there are many."""
 
 

@@ -100,6 +100,7 @@
         const v = turned(body.rotation, lines.slice(k + i, k + i + 3));
         return at(body.place.map((x, j) => x + data.length * v[j]));
       });
+      parts.push(element("path", { class: "arm", stroke: look.colour, d: line([at(body.place), foot]) }));
       parts.push(element("circle", { class: "rotor", cx: foot[0].toFixed(1), cy: foot[1].toFixed(1), r: 3 }));
       parts.push(element("path", { class: "thrust", d: line([foot, tip]) }));
     }
