@@ -76,8 +76,11 @@ def test_the_test_of_a_driver_compares_64_runs_with_the_cpu(
     assert device is not None
     monkeypatch.setattr(devices, "Kernel", lambda device, code: _wrong)
     devices._test.cache_clear()
+    field = devices.traced(
+        devices._every_function, {"state": 3, "time": 1, "parameters": 1, "held": 1}
+    )
     with pytest.raises(EqtError) as raised:
-        devices._test(device)
+        devices.integration(field, device)
     assert str(raised.value).startswith(
         f"{device.described} does not give the bits of the CPU in 64 test runs"
     )

@@ -160,7 +160,7 @@ _ARRAYS = (
 )
 """The arrays of ``eqt_runs``, in the order of kernel.h."""
 
-_lock = threading.Lock()
+_lock = threading.RLock()  # the test of a driver runs a kernel within it
 
 
 @lru_cache(maxsize=32)
