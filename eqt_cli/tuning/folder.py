@@ -26,12 +26,10 @@ from eqt_cli.core.files import (
 from eqt_cli.execution.folder import OWN_COPIES, OWN_RESULT, ResultFolder
 from eqt_cli.execution.part_files import MANIFEST
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.result import Result
 from eqt_cli.tuning.law_search import LawSearch, coordinate_of
 
 _BOUND = {"metric", "bound", "above", "every_run"}
-_METRICS = {metric.name for metric in METRICS}
 
 
 def fits_tuning(record: dict[str, Any], result: Result) -> bool:
@@ -61,7 +59,7 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
             and record["over_cases"] in ("mean", "worst")
             and bool(labels)
             and len(set(wanted)) == len(wanted)
-            and all(name in _METRICS and result.has(name) for name in metrics)
+            and set(metrics) <= set(result.metrics)
             and len(set(labels)) == len(labels)
             and {*labels, *(found["label"] for found in searches)} - {None} <= set(result.labels)
             and all(len(row) == len(wanted) for found in searches for row in found["objectives"])
@@ -96,8 +94,7 @@ def fits_worst(record: dict[str, Any], result: Result) -> bool:
             and result.is_sweep
             and len(set(labels)) == len(labels)
             and set(labels) <= set(result.labels)
-            and record["objective"] in _METRICS
-            and result.has(record["objective"])
+            and record["objective"] in result.metrics
             and names <= set(result.coordinates)
             and all(line["key"] in law["values"] for law in laws for line in law["lines"])
             and all(law["lines"] and law["searches"] for law in laws)

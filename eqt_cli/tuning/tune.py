@@ -20,8 +20,7 @@ from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import section_of
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import require_sweepable, study
-from eqt_cli.results.metrics import METRICS
-from eqt_cli.results.quantity_table import QUANTITIES
+from eqt_cli.results.quantity_table import QUANTITIES, quantity_of
 from eqt_cli.tuning.evolution import Population, selected
 from eqt_cli.tuning.folder import TUNE, SearchFolder, found_files
 from eqt_cli.tuning.generations import Computing, evolve
@@ -238,7 +237,7 @@ def _check_objectives(section: TuneSection, base: Experiment, problems: Problems
 def _constraints(section: TuneSection) -> Iterator[Constraint]:
     for name, bound in section.subject_to.items():
         if not isinstance(bound, WorstRunSection):
-            higher = next(q.better == "higher" for q in METRICS if q.name == name)
+            higher = quantity_of(name).better == "higher"
             yield Constraint(name, float(bound), above=not higher, every_run=False)
             continue
         if bound.max is not None:

@@ -6,7 +6,7 @@ Which paper or code each was read from is in its docstring. The commit of the pu
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -268,6 +268,44 @@ class WeightedPID(Goodarzi2013):
     def dissipation(self, s: Tracking) -> None:
         """Nothing is claimed."""
         return
+
+
+@dataclass(frozen=True)
+class Firmware(OfAttitude):
+    """The attitude part that public code has of Lee's law: no Ω̇_d, and what its options say.
+
+    τ = −k_R e_R − k_Ω (Ω − T Ω_d), and Ω × JΩ where the code has it.
+
+    Attributes
+    ----------
+    kR, kW
+        k_R, N m, and k_Ω, N m s.
+    carried
+        T: `right` RᵀR_d, `backward` R_dᵀR, `not` I.
+    gyroscopic
+        Whether Ω × JΩ is there.
+    """
+
+    name: ClassVar[str] = "firmware"
+    title: ClassVar[str] = "firmware"
+
+    kR: Positive = 2.0
+    kW: Positive = 0.4
+    carried: Literal["right", "backward", "not"] = "right"
+    gyroscopic: bool = True
+
+    def torque(self, s: Tracking) -> Array:
+        """Return feedback, and the gyroscopic torque."""
+        E = _to_body(s)
+        odd = transpose(E) - E
+        error = 0.5 * stack([odd[..., 2, 1], odd[..., 0, 2], odd[..., 1, 0]])
+        desired = s.Vd
+        if self.carried != "not":
+            desired = apply_matrix(E if self.carried == "right" else transpose(E), s.Vd)
+        torque = -(self.kR * error) - self.kW * (s.V - desired)
+        if self.gyroscopic:
+            torque = torque + cross(s.V, apply_matrix(s.inertia.matrix, s.V))
+        return torque
 
 
 @dataclass(frozen=True)

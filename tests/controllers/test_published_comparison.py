@@ -66,5 +66,10 @@ def test_a_row_of_the_public_table(row, tmp_path):
     assert (times[below[0]] if len(below) else None) == (first and pytest.approx(first))
 
 
+@pytest.mark.parametrize("name", ["public", "tuned"])
+def test_the_other_configurations_are_valid(name):
+    eqt_cli.load_experiment(FOLDER / f"{name}.yaml")  # raises where a key or a law is wrong
+
+
 def norms(vectors):
     return np.sqrt((vectors**2).sum(axis=-1))

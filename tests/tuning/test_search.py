@@ -61,6 +61,8 @@ def test_a_cascade_keeps_its_gains_and_leaves_the_section_to_others(small: dict[
     assert of_cascade.start == (0.5, 0.5)
     tuned = of_cascade.at(of_cascade.values([1.0, 0.0])).data["controllers"][0]
     assert (tuned["gains"]["kp"], tuned["position"]["kx"]) == (1.5, 2.0)
+    small["tune"]["subject_to"] = {"effort_rotation": 2}  # a part, where units are mixed
+    assert [(b.metric, b.above) for b in read(small).constraints] == [("effort_rotation", True)]
     del small["gains"]  # where no law reads it
     small["controllers"], small["tune"]["over"] = [cascade], {"controllers[0].gains.kd": [0.1, 1]}
     assert read(small).laws[0].source.data["controllers"][0]["gains"] == {"kp": 1.0, "kd": 0.2}
