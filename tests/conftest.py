@@ -55,11 +55,11 @@ pytest_plugins = ["pytester"]
 os.environ.pop("COLUMNS", None)
 
 # A deadline would time the machine, which runs tests side by side, and not the code. Samples are
-# the same in every run, so that a change is judged by what it changes, and 25 of them are enough;
+# the same in every run, so that a change is judged by what it changes, and 15 of them are enough;
 # the nightly run draws new ones, and more.
 RANDOM = os.environ.get("EQT_SAMPLES") == "random"
 settings.register_profile(
-    "eqt", deadline=None, derandomize=not RANDOM, max_examples=100 if RANDOM else 25
+    "eqt", deadline=None, derandomize=not RANDOM, max_examples=100 if RANDOM else 15
 )
 settings.load_profile("eqt")
 
@@ -126,6 +126,9 @@ for number in ASKED_BY:
 
 # What is printed must not depend on how fast this machine is.
 progress.SHOW_AFTER = threading.TIMEOUT_MAX
+
+# No test needs its files after a power cut.
+os.fsync = lambda file: None
 
 # By the clock, a small experiment on a busy machine is worth processes of its own; here it is not.
 auto.WORTH_STARTING = auto.WORTH_LEAVING_THREADS = math.inf

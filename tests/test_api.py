@@ -348,8 +348,8 @@ PUBLIC = [name for name in eqt_cli.__all__ if inspect.isfunction(getattr(eqt_cli
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow("searches, draws or writes a whole report"))
-        if name in ("write_report", "tune", "worst", "animate", "export")
+        pytest.param(name, marks=pytest.mark.slow("searches, fits, draws or writes a whole report"))
+        if name in ("write_report", "tune", "worst", "animate", "export", "replay", "fit", "plot")
         else name
         for name in PUBLIC
     ],

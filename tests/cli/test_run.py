@@ -190,6 +190,7 @@ def test_an_empty_folder_name_is_no_folder(eqt: Eqt, folder: Path, command: str)
     assert list(folder.iterdir()) == before
 
 
+@pytest.mark.slow("starts workers; tests/contracts/test_executors.py does with one")
 def test_workers_change_no_number(eqt: Eqt) -> None:
     if missing := Native.unavailable():
         pytest.skip(missing)

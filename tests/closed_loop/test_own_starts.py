@@ -14,7 +14,16 @@ from eqt_cli.experiment.read_study import study
 LATER = np.array([0.0, 0.7, 1.9])
 
 
-@pytest.mark.parametrize("name", names())
+ALIKE = pytest.mark.slow("the loops of such a file differ from another's in their numbers only")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=ALIKE if name.startswith(("sweep", "tune")) else ())
+        for name in names()
+    ],
+)
 def test_each_run_is_at_its_own_time(name):
     found = study(read_config(folder() / f"{name}.yaml"))
     for label in found.base.loops:

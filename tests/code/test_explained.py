@@ -16,8 +16,10 @@ from eqt_cli.references.torque import TorqueReference
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.sampling import Sampling
 
+OTHER = pytest.mark.slow("SE(3) has what they have")
 
-@pytest.fixture(params=["SO3", "SE2", "SE3"])
+
+@pytest.fixture(params=["SE3", *(pytest.param(name, marks=OTHER) for name in ("SO3", "SE2"))])
 def question(request):
     """A law on a group, at random states, with gains and an inertia that are alike in no frame."""
 

@@ -173,7 +173,16 @@ def look(artist):
     return to_hex(artist.get_color()), str(dashes), artist.get_marker(), artist.get_fillstyle()
 
 
-@pytest.mark.parametrize("cycle", ['color=["k"]', 'color=["k", "k"], linestyle=["-", "-"]'])
+@pytest.mark.parametrize(
+    "cycle",
+    [
+        'color=["k"]',
+        pytest.param(
+            'color=["k", "k"], linestyle=["-", "-"]',
+            marks=pytest.mark.slow("draws again, in what is one colour, too"),
+        ),
+    ],
+)
 def test_no_two_laws_look_alike_in_a_style_of_one_colour(figure_class, results, tmp_path, cycle):
     opened, extras = results
     shown = opened[subject(figure_class)]

@@ -102,17 +102,6 @@ def built(monkeypatch):
     return by
 
 
-few_lanes = pytest.mark.parametrize(
-    "lanes", [4, *(pytest.param(n, marks=pytest.mark.slow("compiles it again")) for n in (1, 2))]
-)
-
-
-@few_lanes
-def test_lanes_change_no_bit(batch, expected, built, lanes):
-    built(lanes)
-    assert solved(batch) == expected
-
-
 @pytest.mark.parametrize("called", ["gcc", "clang"])
 def test_compilers_change_no_bit(batch, expected, built, called):
     if not (found := shutil.which(called)):
@@ -236,9 +225,11 @@ def test_other_runs_change_no_bit(batch):
     assert backwards.states[::-1].tobytes() == together.states.tobytes()
 
 
-@few_lanes
-def test_lanes_change_no_bit_of_what_is_stored(loop, built, lanes):
-    """Signals and metrics, too."""
+@pytest.mark.parametrize(
+    "lanes", [4, *(pytest.param(n, marks=pytest.mark.slow("compiles it again")) for n in (1, 2))]
+)
+def test_lanes_change_no_bit(loop, built, lanes):
+    """Of signals and metrics."""
     expected = stored(loop)
     built(lanes)
     assert stored(loop) == expected

@@ -90,8 +90,8 @@ COMMANDS = {
 }
 
 
-FAST = ("run", "sweep", "show", "compare", "verify", "plot")
-"""Each has code of its own, which the others share."""
+FAST = ("run", "sweep", "verify")
+"""The others share their code, but for what they print and draw."""
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,9 @@ def within(nees, degrees, probability=0.999):
     return low < nees.mean() < high
 
 
-@pytest.mark.parametrize("kind", ["invariant", "eqf"])
+@pytest.mark.parametrize(
+    "kind", ["invariant", pytest.param("eqf", marks=pytest.mark.slow("compiles a long program"))]
+)
 @pytest.mark.parametrize(
     ("group", "runs", "duration"),
     [

@@ -199,7 +199,8 @@ PARTS = (
 
 
 @pytest.mark.parametrize(
-    "kind", ["invariant", pytest.param("eqf", marks=pytest.mark.slow("compiles a long program"))]
+    "kind",
+    [pytest.param(kind, marks=pytest.mark.slow("scipy.linalg.logm, often")) for kind in FILTERS],
 )
 def test_a_late_fix_of_a_part_corrects_the_state_of_its_own_time(solved, kind):
     """An attitude at every instant, a position at some, three instants late and with drop-outs."""
@@ -383,9 +384,9 @@ def replayed(F, k, given, Q_m, V_m, arrives):
 @pytest.mark.parametrize(
     ("kind", "estimator"),
     [
-        ("invariant", Invariant(**DEVIATIONS)),
+        pytest.param("invariant", Invariant(**DEVIATIONS), marks=MORE),
         ("eqf", Eqf(**DEVIATIONS, **START)),
-        ("complementary", Complementary(KP, KI)),
+        pytest.param("complementary", Complementary(KP, KI), marks=MORE),
     ],
     ids=["invariant", "eqf", "complementary"],
 )

@@ -240,7 +240,10 @@ def test_pivots_are_those_of_a_triangular_factor():
         assert indefinite(A).shape == shape and indefinite(A).all()
 
 
-@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+@pytest.mark.parametrize(
+    "engine",
+    ["solve_ivp", pytest.param("native", marks=pytest.mark.slow("the engines agree, see below"))],
+)
 def test_a_run_has_the_same_bits_alone(solved, engine):
     """As after an interruption, which cuts a study elsewhere."""
     blocks = "{kind: eqf, initial_pose_std: 0.5}"

@@ -48,7 +48,10 @@ sensors:
 """
 )
 
-ENGINES = ["solve_ivp", "native"]
+ENGINES = [
+    "solve_ivp",
+    pytest.param("native", marks=pytest.mark.slow("the engines are compared below")),
+]
 
 
 def with_engine(text, engine, options=""):
@@ -156,7 +159,7 @@ def test_streams_are_not_correlated():
 
 
 def test_both_engines_meet_the_same_vehicles_and_noise(solved):
-    states = [solved(with_engine(NOISY, engine))[1].states for engine in ENGINES]
+    states = [solved(with_engine(NOISY, engine))[1].states for engine in ("solve_ivp", "native")]
     # Noise is no solver's: what remains is 1e-9 per step, and kinks that solve_ivp steps over.
     np.testing.assert_allclose(*states, rtol=0, atol=1e-6)
 
@@ -304,7 +307,7 @@ HELD = """actuators:
 
 def test_engines_agree_on_what_acts_at_instants(solved):
     text = LOOP + "time: {duration: 2, samples: 21}\ncontrol: {period: 0.1}\n" + HELD
-    found = [solved(with_engine(text, engine)) for engine in ENGINES]
+    found = [solved(with_engine(text, engine)) for engine in ("solve_ivp", "native")]
     torques = [p.loop.torque(p.loop.tracking(p.times, s.states)) for p, s in found]
     # A command within 1e-9 of a step or of the width would tell them apart; none is here.
     np.testing.assert_allclose(*torques, rtol=0, atol=1e-7)

@@ -36,7 +36,10 @@ RUNS = [0, 1]
 ARRIVING = [[True, False, True, True], [True, True, True, False]]
 """Of the positions of these runs, measured once a second."""
 
-ENGINES = ["solve_ivp", "native"]
+ENGINES = [
+    "solve_ivp",
+    pytest.param("native", marks=pytest.mark.slow("compiles what the other engine shows, too")),
+]
 
 
 def with_engine(text, engine):
