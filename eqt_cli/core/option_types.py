@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args, get_type_hints
 
 from pydantic import (
@@ -521,8 +521,7 @@ def fields_of(
     meant = _meant(unknown, model, ())
     for name, field in model.model_fields.items():
         if name in data:
-            kind, here = field.rebuild_annotation(), problems.at(name)
-            value = validated(kind, data[name], here, group=group)
+            value = validated(_kinds(model)[name], data[name], problems.at(name), group=group)
         elif field.is_required():
             if (name,) not in meant:
                 problems.at(name).add(f"{MISSING}: {_meanings(model)[name]}")
@@ -532,6 +531,11 @@ def fields_of(
         if value is not None:
             found[name] = value
     return found
+
+
+@cache
+def _kinds(model: type[BaseModel]) -> dict[str, Any]:
+    return {name: field.rebuild_annotation() for name, field in model.model_fields.items()}
 
 
 def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[str, str]:
@@ -545,6 +549,7 @@ def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[s
     return found
 
 
+@cache
 def _meanings(owner: type) -> dict[str, str]:
     """Return the meanings of the keys of a model or component, from its docstring."""
     texts = {option_of_field(name): text for name, text in meanings(owner).items()}

@@ -128,7 +128,8 @@ class Study:
         if not self.kept:
             limit *= WITHOUT_TRAJECTORIES
         wanted = max(base.engine.part_runs, self._all_runs // MANY_PARTS)
-        size = base.engine.runs_at_once(min(wanted, limit))
+        # The points of a part are built once, also for the next law.
+        size = base.engine.runs_at_once(min(wanted, limit, CACHED_POINTS * runs))
         return Plan(len(self), runs, len(base.loops), size)
 
     # Points that differ in shape.

@@ -129,7 +129,14 @@ def commands() -> list[tuple[str, ...]]:
     """
     if chosen := _words(os.environ.get("CC", "")):
         return [chosen]
-    found = [(path,) for name in ("cc", "clang", "gcc") if (path := shutil.which(name))]
+    return _installed(os.environ.get("PATH", ""))
+
+
+@lru_cache(maxsize=1)
+def _installed(folders: str) -> list[tuple[str, ...]]:
+    """Look for compilers in the folders of a PATH once: every point of a sweep asks for them."""
+    names = ("cc", "clang", "gcc")
+    found = [(path,) for name in names if (path := shutil.which(name, path=folders))]
     zig = [(sys.executable, "-m", "ziglang", "cc")] if find_spec("ziglang") else []
     # Others on Windows may be for another system than Python's.
     return [*zig, *found] if WINDOWS else [*found, *zig]
