@@ -6,11 +6,11 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
-from string import Template
 
 import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from eqt_cli.analysis.evidence.program_error import DOUBLE, Arithmetic
 from eqt_cli.closed_loop.law_program import (
@@ -24,22 +24,47 @@ from eqt_cli.closed_loop.law_program import (
 )
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import printable
-from eqt_cli.core.registry import description, meanings
+from eqt_cli.core.registry import meanings
 from eqt_cli.core.version import __version__
-from eqt_cli.exporting.filters import TOLERANCE, ExportedFilter
-from eqt_cli.exporting.laws import CHECK, ExportedLaw, ReferenceProgram, memory_of
+from eqt_cli.exporting.filters import TOLERANCE
+from eqt_cli.exporting.laws import CHECK, ExportedLaw, memory_of
 from eqt_cli.program import Program
 from eqt_cli.program.c_code import c_function, headers, needed
 from eqt_cli.program.decimals import evaluated
 
-_TEMPLATES = Path(__file__).parent / "templates"
 WIDTH = 100
+
+
+@cache
+def _environment() -> Environment:
+    """Return the environment of the templates, in which ``${…}`` is a value."""
+    made = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        undefined=StrictUndefined,
+        variable_start_string="${",
+        variable_end_string="}",
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    functions: list[Callable[..., str | list[str]]] = [
+        *(above, apart_in_words, bounds_in_words, braced, comment, declared, default, emitted),
+        *(indented, markdown, meaning, measurements, row, wrapped),
+    ]
+    made.globals |= {each.__name__: each for each in functions}
+    made.globals |= {"version": __version__, "tolerance": TOLERANCE, "told_meanings": TOLD_MEANINGS}
+    return made
 
 
 def filled(template: str, **values: object) -> str:
     """Return a template with values for its names."""
-    text = (_TEMPLATES / template).read_text(encoding="utf-8")
-    return Template(text).substitute({name: str(value) for name, value in values.items()})
+    return _environment().get_template(template).render(values)
+
+
+def of_law(template: str, law: ExportedLaw, **values: object) -> str:
+    """Return a template about a law."""
+    size = law.program.torque.size
+    return filled(template, law=law, label=law.name, real=law.by.name, m=size, **values)
 
 
 def number(value: float, by: Arithmetic) -> str:
@@ -67,6 +92,11 @@ def wrapped(text: str, indent: str, first: str = "") -> str:
             break_on_hyphens=False,
         )
     )
+
+
+def indented(text: str) -> str:
+    """Return a text for a comment that has three spaces before it."""
+    return wrapped(text, " " * 3).lstrip()
 
 
 def comment(text: str) -> str:
@@ -148,45 +178,38 @@ def files(law: ExportedLaw) -> dict[str, str]:
 
 def header(law: ExportedLaw) -> str:
     """Return the header: types and functions, with the bounds of the errors."""
-    program, about = law.program, comment(description(type(law.loop.controller)))
-    reference = ""
-    if law.reference:
-        *told, last = (output.name for output in law.reference.motion.outputs)
-        words = f"t, {', '.join(told)} and {last}" if told else f"t and {last}"
-        reference = filled("reference.h", label=law.name, real=law.by.name, told=words)
-    reference += filter_header(law, law.filter) if law.filter else ""
-    return filled(
+    program = law.program
+    states = [
+        _field(law.by, each, f"the state {each.source} of the law") for each in program.memory
+    ]
+    return of_law(
         "law.h",
-        version=__version__,
-        title=comment(law.experiment.titles[law.label]),
-        group=law.loop.group.name,
-        about=wrapped(about, " " * 3).lstrip(),
-        experiment=comment(law.experiment.name),
-        digest=law.experiment.digest[:16],
-        axes=", ".join(law.loop.group.axis_names),
-        real=law.by.name,
-        runs=law.states.runs,
-        states=law.states.along,
-        random=law.states.count - law.states.along,
-        bounds=wrapped(bounds_in_words(law), " " * 7),
-        apart=wrapped(apart_in_words(law), " " * 3).lstrip(),
-        operations=program.step.operations,
-        label=law.name,
-        guard=f"{law.name.upper()}_H",
-        input=declared([_field(law.by, each, TOLD_MEANINGS[each.name]) for each in program.told]),
-        numbers=declared([_field(law.by, each, meaning(law, each)) for each in program.numbers]),
-        memory_about="Its memory, which a period changes." if program.memory else NO_MEMORY,
-        memory=declared(
-            [_field(law.by, each, f"the state {each.source} of the law") for each in program.memory]
-            or [(law.by.name, "unused", "the law has no memory")]
-        ),
-        torque_unit=comment(program.torque.unit),
-        m=program.torque.size,
-        reference=reference,
+        law,
+        input=[_field(law.by, each, TOLD_MEANINGS[each.name]) for each in program.told],
+        numbers=[_field(law.by, each, meaning(law, each)) for each in program.numbers],
+        memory=states or [(law.by.name, "unused", "the law has no memory")],
+        **_filter_fields(law),
     )
 
 
-NO_MEMORY = "It has no memory; there is a number all the same, since C has no empty structure."
+def _filter_fields(law: ExportedLaw) -> dict[str, list[tuple[str, str, str]]]:
+    """Return the fields of the structures of the filter; empty without a filter."""
+    if (found := law.filter) is None:
+        return {}
+
+    def listed(
+        entries: Sequence[Entry], said: Callable[[Entry], str]
+    ) -> list[tuple[str, str, str]]:
+        return [(law.by.name, f"{each.name}[{each.size}]", said(each)) for each in entries]
+
+    program = found.program
+    return {
+        "measured": listed(
+            program.measured, lambda each: "; ".join(filter(None, (each.unit, each.source)))
+        ),
+        "options": listed(program.numbers, lambda each: found.meaning(each.name)),
+        "states": listed(program.states, lambda each: each.name.replace("_", " ")),
+    }
 
 
 def bounds_in_words(law: ExportedLaw) -> str:
@@ -243,23 +266,8 @@ def source(law: ExportedLaw) -> str:
         declare, keep = f"{name}_memory next;", "*memory = next;"
         starting = [declare, call(law, program.start, f"{name}_initial", own), keep]
         stepping = [declare, call(law, program.step, f"{name}_step", ["torque", *own]), keep]
-    reference = reference_source(law, law.reference) if law.reference else ""
-    reference += filter_source(law, law.filter) if law.filter else ""
     body = partial(
-        filled,
-        "law.c",
-        version=__version__,
-        title=comment(law.experiment.titles[law.label]),
-        group=law.loop.group.name,
-        label=name,
-        real=law.by.name,
-        m=program.torque.size,
-        defaults=",\n".join(_default(law, entry) for entry in program.numbers),
-        step=step,
-        start=start,
-        starting="\n".join(f"    {line}" for line in starting),
-        stepping="\n".join(f"    {line}" for line in stepping),
-        reference=reference,
+        of_law, "law.c", law, step=step, start=start, starting=starting, stepping=stepping
     )
     functions = needed(PRELUDE + body(functions=""), headers(law.by.name))
     prelude = PRELUDE if re.search(r"eqt_uint|EQT_INLINE|EQT_RARE", functions) else ""
@@ -289,106 +297,20 @@ def call(law: ExportedLaw, program: Program, name: str, outputs: Sequence[str]) 
     return wrapped(f"{name}({', '.join([*given, *outputs])});", " " * 12).lstrip()
 
 
-def _default(law: ExportedLaw, entry: Entry) -> str:
+def default(law: ExportedLaw, entry: Entry) -> str:
+    """Return the default of a number as an initialiser."""
     values = law.numbers[entry.name]
     text = braced(values.flat, law.by) if entry.shape else number(float(values), law.by)
     return wrapped(f".{entry.name} = {text}", " " * 8, "    ")
 
 
-def reference_source(law: ExportedLaw, found: ReferenceProgram) -> str:
-    """Return the functions of the reference."""
-    pieces, name, length = len(found.starts), law.name, found.held.shape[1]
-    tables, piece, held = "", "", "&input->t"
-    if pieces:
-        rows = ",\n".join(wrapped(braced(each, law.by), " " * 5, "    ") for each in found.held)
-        starts = wrapped(braced(found.starts, law.by), " " * 4, "    ").lstrip()
-        tables = (
-            f"/* When each piece of the reference begins, s, and its numbers. */\n"
-            f"static const {law.by.name} {name}_starts[{pieces}] =\n    {starts};\n\n"
-            f"static const {law.by.name} {name}_pieces[{pieces}][{length}] = {{\n{rows}\n}};\n"
-        )
-        piece = (
-            f"    int piece = 0;\n"
-            f"    while (piece < {pieces - 1} && {name}_starts[piece + 1] <= t)\n"
-            f"        piece++;"
-        )
-        held = f"{name}_pieces[piece]"
-    motion = emitted(found.motion, f"{name}_motion")
-    return filled(
-        "reference.c",
-        label=name,
-        real=law.by.name,
-        tables=tables,
-        motion=motion,
-        piece=piece,
-        held=held,
-        told=", ".join(f"input->{output.name}" for output in found.motion.outputs),
-    )
-
-
-# The filter ---------------------------------------------------------------------------------------
-
-
-def filter_header(law: ExportedLaw, found: ExportedFilter) -> str:
-    """Return the types and functions of the filter."""
-    program, real = found.program, law.by.name
-
-    def listed(entries: Sequence[Entry], said: Callable[[Entry], str]) -> str:
-        return declared([(real, f"{each.name}[{each.size}]", said(each)) for each in entries])
-
-    return filled(
-        "filter.h",
-        label=law.name,
-        real=real,
-        m=law.program.torque.size,
-        kind=found.kind,
-        about=wrapped(comment(found.about), " " * 3).lstrip(),
-        measured=listed(
-            program.measured, lambda each: "; ".join(filter(None, (each.unit, each.source)))
-        ),
-        options=listed(program.numbers, lambda each: found.meaning(each.name)),
-        states=listed(program.states, lambda each: each.name.replace("_", " ")),
-    )
-
-
-def filter_source(law: ExportedLaw, found: ExportedFilter) -> str:
-    """Return the functions of the filter."""
-    name, values = f"{law.name}_estimation", found.program.values
-    defaults = [
-        wrapped(f".{each.name} = {braced(values[each.source].flat, law.by)}", " " * 8, "    ")
-        for each in found.program.numbers
-    ]
-    return filled(
-        "filter.c",
-        label=law.name,
-        real=law.by.name,
-        m=law.program.torque.size,
-        defaults=",\n".join(defaults),
-        step=emitted(found.program.step, name),
-        call=wrapped(f"{name}({', '.join(found.arguments())});", " " * 12).lstrip(),
-    )
-
-
-def filter_check(law: ExportedLaw) -> str:
-    """Return the C function that checks the filter at some instants."""
-    found = law.filter
-    if found is None:
-        return "static void check_filter(void)\n{\n}\n"
-    instants, numbers = found.estimates.shape
-    measured = [
-        ", ".join(braced(found.measured[each.name][k], law.by) for each in found.program.measured)
-        for k in range(instants)
-    ]
-    return filled(
-        "filter_check.c",
-        label=law.name,
-        count=instants,
-        numbers=numbers,
-        entries=law.loop.group.size**2,
-        measured=",\n".join(wrapped(f"{{{each}}}", " " * 5, "    ") for each in measured),
-        estimates=",\n".join(wrapped(row(each), " " * 5, "    ") for each in found.estimates),
-        tolerance=TOLERANCE[law.by.name],
-    )
+def measurements(law: ExportedLaw) -> list[str]:
+    """Return what the filter measures at each instant of its check, as initialisers."""
+    assert law.filter is not None
+    found = law.filter.measured
+    parts = [found[each.name] for each in law.filter.program.measured]
+    rows = zip(*parts, strict=True)
+    return [f"{{{', '.join(braced(part, law.by) for part in each)}}}" for each in rows]
 
 
 # The check ----------------------------------------------------------------------------------------
@@ -422,21 +344,14 @@ def check(law: ExportedLaw) -> str:
             row(np.array([*_stored(memory.errors[k], memory.values[k]), 0.0])),
             str(int(law.singular[chosen[k]])),
         ]
-        lines.append("    {\n" + ",\n".join(wrapped(part, " " * 9, " " * 8) for part in parts))
+        lines.append(",\n".join(wrapped(part, " " * 9, " " * 8) for part in parts))
     started, start_bound = _started(law, {name: values[0] for name, values in states.items()})
-    return filled(
+    return of_law(
         "check.c",
-        version=__version__,
-        experiment=comment(law.experiment.name),
-        label=law.name,
-        real=law.by.name,
-        count=len(chosen),
-        m=program.torque.size,
-        memory_size=sum(entry.size for entry in program.memory),
-        examples="\n    },\n".join(lines) + "\n    }",
-        start=row(np.array([*started, 0.0]))[1:-1],
-        start_bound=row(np.array([*_stored(start_bound, started), 0.0]))[1:-1],
-        filter=filter_check(law),
+        law,
+        examples=lines,
+        start=row(np.array([*started, 0.0])),
+        start_bound=row(np.array([*_stored(start_bound, started), 0.0])),
     )
 
 

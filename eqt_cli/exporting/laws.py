@@ -29,6 +29,7 @@ from eqt_cli.closed_loop.law_program import (
 from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.errors import EqtError, Remedy, suggestion
 from eqt_cli.core.leaves import leaves, with_leaves
+from eqt_cli.core.registry import description
 from eqt_cli.engines.traced_loop import law_of
 from eqt_cli.ensemble.spread import Stream, generator
 from eqt_cli.execution.batches import batches
@@ -254,6 +255,16 @@ class ExportedLaw:
     states: CheckedStates
     reference: ReferenceProgram | None
     filter: ExportedFilter | None
+
+    @property
+    def title(self) -> str:
+        """Display name of the law."""
+        return self.experiment.titles[self.label]
+
+    @property
+    def about(self) -> str:
+        """Description of the law in sentences."""
+        return description(type(self.loop.controller))
 
     @property
     def loop(self) -> ClosedLoop:

@@ -7,22 +7,17 @@ import shutil
 import struct
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-import numpy as np
-
 from eqt_cli.analysis.certificate_table import tally
-from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.config.signal_path import loop_in_words
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.files import replace_file
-from eqt_cli.core.registry import description
-from eqt_cli.core.version import __version__
 from eqt_cli.engines.native.compiler import run
-from eqt_cli.exporting.files import TOLD_MEANINGS, above, bounds_in_words, filled, markdown, meaning
+from eqt_cli.exporting.files import filled, markdown
 from eqt_cli.exporting.laws import Exported, ExportedLaw
 
 FLAGS = (
@@ -118,87 +113,31 @@ NAME = "README.md"
 
 def readme(found: Exported, costs: Mapping[str, Footprint | None]) -> str:
     """Return the text of the README."""
-    experiment, laws = found.experiment, found.laws
-    first, G = laws[0], experiment.group
-    known = next((cost for cost in costs.values() if cost), None)
-    reference = ""
-    if first.reference:
-        reference = (
-            f" `{first.name}_reference` sets the time and what is desired; the rest is measured."
-        )
-    if first.filter:
-        reference += (
-            f" `{first.name}_update` does all of a period: it estimates pose and velocity from "
-            f"what is measured by the filter `{first.filter.kind}`, and calls the law."
-        )
+    laws = found.laws
     return filled(
         NAME,
-        version=__version__,
-        experiment=markdown(experiment.name),
-        group=G.name,
-        real=first.by.name,
-        digest=experiment.digest,
-        loop=loop_in_words(experiment.resolved),
-        laws="\n".join(
-            f"- **{markdown(experiment.titles[law.label])}** (`{law.name}.h`, `{law.name}.c`): "
-            f"{description(type(law.loop.controller))}"
-            for law in laws
-        ),
-        spelled=_spelled(laws),
-        first=first.name,
-        reference=reference,
-        inputs="\n".join(
-            f"| `{each.name}` | {each.size} | {each.unit}: {TOLD_MEANINGS[each.name]} |"
-            for each in first.program.told
-        ),
-        axes=", ".join(G.axis_names),
-        torque=f"{first.program.torque.size} numbers, in {first.program.torque.unit}",
-        bounds="\n".join(_bounds(law) for law in laws),
-        costs="\n".join(_cost(law, costs[law.label]) for law in laws),
-        compiler=f"Measured with {known.compiler}, -O2."
-        if known
-        else f"Cost on Cortex-M4: {MISSING}.",
-        numbers="\n\n".join(_numbers(law) for law in laws),
-        certificates="\n".join(_certificates(law, found.rows) for law in laws),
+        experiment=found.experiment,
+        laws=laws,
+        first=laws[0].name,
+        real=laws[0].by.name,
+        loop=loop_in_words(found.experiment.resolved),
+        # Labels that are no names in C.
+        spelled=[f'"{markdown(x.label)}" is `{x.name}`' for x in laws if x.label != x.name],
+        costs=costs,
+        known=next((cost for cost in costs.values() if cost), None),
+        missing=MISSING,
+        claim=_claim,
+        tally=lambda law: tally([row for row in found.rows if row.controller == law.label]),
     )
 
 
-def _spelled(laws: Sequence[ExportedLaw]) -> str:
-    """Return a sentence on labels that are no names in C; empty without such labels."""
-    changed = [f'"{markdown(law.label)}" is `{law.name}`' for law in laws if law.label != law.name]
-    return f"\nIn C, {', '.join(changed)}.\n" if changed else ""
-
-
-def _bounds(law: ExportedLaw) -> str:
-    count, singular = law.states.count, int(np.count_nonzero(law.singular))
-    apart = "none"
-    if singular:
-        apart = f"{singular} states, up to {above(float(law.singular_bound.max()))}"
-    return f"| `{law.name}` | {count} | {bounds_in_words(law)} | {apart} |"
-
-
-def _cost(law: ExportedLaw, cost: Footprint | None) -> str:
-    flash, stack = (f"{cost.flash} bytes", f"{cost.stack} bytes") if cost else ("-", "-")
-    return f"| `{law.name}` | {law.program.step.operations} | {flash} | {stack} |"
-
-
-def _numbers(law: ExportedLaw) -> str:
-    lines = [f"### {law.name}", "", "| number | value | |", "|---|---|---|"]
-    for entry in law.program.numbers:
-        values = ", ".join(f"{value:.9g}" for value in law.numbers[entry.name].flat)
-        unit = f"{entry.unit}; " * bool(entry.unit)
-        lines.append(f"| `{entry.name}` | {values} | {unit}{meaning(law, entry)} |")
-    return "\n".join(lines)
-
-
-def _certificates(law: ExportedLaw, rows: Sequence[Row]) -> str:
-    own = [row for row in rows if row.controller == law.label]
+def _claim(law: ExportedLaw) -> str:
+    """Say what the law claims of its L."""
     controller = law.loop.controller
     claim = controller.claims(law.loop.group, law.loop.gains)
-    said = {
+    return {
         True: f"L = {controller.energy} falls along every motion of the ideal loop, in "
         f"continuous time ({controller.theorem})",
         False: f"L = {controller.energy} is not claimed to fall",
         None: "nothing is claimed",
     }[claim]
-    return f"- **{markdown(law.experiment.titles[law.label])}**: {said}. Identities: {tally(own)}."

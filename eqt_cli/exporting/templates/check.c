@@ -1,15 +1,15 @@
-/* Exported by eqt $version: checks $label.c at $count states of the experiment $experiment.
+/* Exported by eqt ${version}: checks ${label}.c at ${examples | length} states of the experiment ${comment(law.experiment.name)}.
 
-       cc -std=c99 -O2 -ffp-contract=off -fno-math-errno ${label}_check.c $label.c -o ${label}_check
+       cc -std=c99 -O2 -ffp-contract=off -fno-math-errno ${label}_check.c ${label}.c -o ${label}_check
 
    It prints the largest errors, and its exit status is 0 where every torque is within the bound of its
    rounding, else 1. Give them with the exit status as evidence: it holds for this compiler and
    this processor. */
 #include <stdio.h>
 
-#include "$label.h"
+#include "${label}.h"
 
-enum { STATES = $count, TORQUES = $m, MEMORY = $memory_size };
+enum { STATES = ${examples | length}, TORQUES = ${m}, MEMORY = ${law.program.memory | sum(attribute="size")} };
 
 /* A state, and what exact numbers give of it. */
 typedef struct {
@@ -21,10 +21,14 @@ typedef struct {
 } example;
 
 static const example examples[STATES] = {
-$examples
+{% for state in examples %}
+    {
+${state}
+    }${"" if loop.last else ","}
+{% endfor %}
 };
 
-static const double start[MEMORY + 1] = {$start}, start_bound[MEMORY + 1] = {$start_bound};
+static const double start[MEMORY + 1] = ${start}, start_bound[MEMORY + 1] = ${start_bound};
 
 /* Away from singularities, and near them. */
 static double largest[2], allowed[2];
@@ -43,20 +47,23 @@ static void compare(const char *what, int state, int entry, double found, double
         return;
     }
     if (!wrong)
-        printf("$label: state %d of %d, t = %.9g s: %s[%d] is %.9g; expected %.9g to within %.2g\n",
+        printf("${label}: state %d of %d, t = %.9g s: %s[%d] is %.9g; expected %.9g to within %.2g\n",
                state, STATES, (double)examples[state].input.t, what, entry, found, expected, bound);
     wrong = 1;
 }
 
-$filter
+{% if law.filter %}{% include "filter_check.c" %}{% else %}static void check_filter(void)
+{
+}
+{% endif +%}
 int main(void)
 {
     int state, entry, near = 0;
     for (state = 0; state < STATES; state++) {
         const example *each = &examples[state];
         ${label}_memory memory = each->memory;
-        const $real *numbers = (const $real *)&memory;
-        $real torque[TORQUES];
+        const ${real} *numbers = (const ${real} *)&memory;
+        ${real} torque[TORQUES];
         near += each->singular;
         ${label}_torque(&${label}_defaults, &memory, &each->input, torque);
         for (entry = 0; entry < TORQUES; entry++)
@@ -76,10 +83,10 @@ int main(void)
     if (wrong)
         return 1;
     if (near < STATES)
-        printf("$label: %d states pass; the largest error is %.2g, where %.2g is allowed\n",
+        printf("${label}: %d states pass; the largest error is %.2g, where %.2g is allowed\n",
                STATES - near, largest[0], allowed[0]);
     if (near)
-        printf("$label: %d states near a singularity, such as a half turn, pass; the largest error "
+        printf("${label}: %d states near a singularity, such as a half turn, pass; the largest error "
                "is %.2g, where %.2g is allowed\n", near, largest[1], allowed[1]);
     return 0;
 }

@@ -1,21 +1,24 @@
+{% set program = law.filter.program %}
 
 const ${label}_options ${label}_default_options = {
-$defaults
+{% for each in program.numbers %}
+${wrapped("." ~ each.name ~ " = " ~ braced(program.values[each.source].flat, law.by), "        ", "    ")}${"" if loop.last else ","}
+{% endfor %}
 };
 
 /* The filter, one operation a line. */
-static $step
+static ${emitted(program.step, label ~ "_estimation")}
 void ${label}_estimate(const ${label}_numbers *numbers, const ${label}_options *options,
         ${label}_filter *filter, const ${label}_measured *measured, ${label}_input *input)
 {
     ${label}_filter next;
-    $call
+    ${wrapped(label ~ "_estimation(" ~ law.filter.arguments() | join(", ") ~ ");", "            ").lstrip()}
     *filter = next;
 }
 
 void ${label}_update(const ${label}_numbers *numbers, const ${label}_options *options,
         ${label}_filter *filter, ${label}_memory *memory, const ${label}_measured *measured,
-        ${label}_input *input, $real torque[$m])
+        ${label}_input *input, ${real} torque[${m}])
 {
     const int first = filter->begun[0] == 0;
     ${label}_estimate(numbers, options, filter, measured, input);

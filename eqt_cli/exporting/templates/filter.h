@@ -1,24 +1,24 @@
 
 /* What is measured. */
 typedef struct {
-$measured
+${declared(measured)}
 } ${label}_measured;
 
-/* The options of the filter '$kind'. */
+/* The options of the filter '${law.filter.kind}'. */
 typedef struct {
-$options
+${declared(options)}
 } ${label}_options;
 
 /* What the filter keeps; all 0 before its first call. */
 typedef struct {
-$states
+${declared(states)}
 } ${label}_filter;
 
 /* The options of the experiment. */
 extern const ${label}_options ${label}_default_options;
 
 /* The filter: sets pose and velocity of the input to its estimate of them.
-   $about */
+   ${indented(comment(law.filter.about))} */
 void ${label}_estimate(const ${label}_numbers *numbers, const ${label}_options *options,
         ${label}_filter *filter, const ${label}_measured *measured, ${label}_input *input);
 
@@ -27,4 +27,4 @@ void ${label}_estimate(const ${label}_numbers *numbers, const ${label}_options *
    memory of the law. */
 void ${label}_update(const ${label}_numbers *numbers, const ${label}_options *options,
         ${label}_filter *filter, ${label}_memory *memory, const ${label}_measured *measured,
-        ${label}_input *input, $real torque[$m]);
+        ${label}_input *input, ${real} torque[${m}]);

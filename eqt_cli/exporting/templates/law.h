@@ -1,23 +1,23 @@
-/* Exported by eqt $version: $title on $group.
+/* Exported by eqt ${version}: ${comment(law.title)} on ${law.loop.group.name}.
 
-   $about
+   ${indented(comment(law.about))}
 
-   Experiment $experiment, configuration $digest.
+   Experiment ${comment(law.experiment.name)}, configuration ${law.experiment.digest[:16]}.
 
-   Arrays are row by row, coordinates in the order $axes, and velocities,
+   Arrays are row by row, coordinates in the order ${law.loop.group.axis_names | join(", ")}, and velocities,
    accelerations and torques are those of the body frame. At t = k period, call ${label}_torque with
    what is known at that time, and hold its torque until the next call. There is no other state than
    that of the structures below: two vehicles need two of them.
 
-   Rounding, in $real: at $states states of $runs runs of this experiment, and at $random random
+   Rounding, in ${real}: at ${law.states.along} states of ${law.states.runs} runs of this experiment, and at ${law.states.count - law.states.along} random
    ones of their size with any error of the pose, some of them half turns, the torque differs from
    that of exact numbers by at most
-$bounds
-   $apart
+${wrapped(bounds_in_words(law), "       ")}
+   ${indented(apart_in_words(law))}
 
-   $operations operations. ${label}_check.c checks all of this, and the file README.md has more. */
-#ifndef $guard
-#define $guard
+   ${law.program.step.operations} operations. ${label}_check.c checks all of this, and the file README.md has more. */
+#ifndef ${label | upper}_H
+#define ${label | upper}_H
 
 #ifdef __cplusplus
 extern "C" {
@@ -25,17 +25,17 @@ extern "C" {
 
 /* What the law is told. */
 typedef struct {
-$input
+${declared(input)}
 } ${label}_input;
 
 /* Its numbers. */
 typedef struct {
-$numbers
+${declared(numbers)}
 } ${label}_numbers;
 
-/* $memory_about */
+/* {% if law.program.memory %}Its memory, which a period changes.{% else %}It has no memory; there is a number all the same, since C has no empty structure.{% endif %} */
 typedef struct {
-$memory
+${declared(memory)}
 } ${label}_memory;
 
 /* The numbers of the experiment. */
@@ -44,10 +44,10 @@ extern const ${label}_numbers ${label}_defaults;
 /* Sets the memory to that of the start: once, before the first torque. */
 void ${label}_start(const ${label}_numbers *numbers, ${label}_memory *memory, const ${label}_input *input);
 
-/* The torque, in $torque_unit; then the memory goes on by one period. */
+/* The torque, in ${comment(law.program.torque.unit)}; then the memory goes on by one period. */
 void ${label}_torque(const ${label}_numbers *numbers, ${label}_memory *memory, const ${label}_input *input,
-        $real torque[$m]);
-$reference
+        ${real} torque[${m}]);
+{% if law.reference %}{% include "reference.h" %}{% endif %}{% if law.filter %}{% include "filter.h" %}{% endif +%}
 #ifdef __cplusplus
 }
 #endif
