@@ -195,6 +195,16 @@ def test_what_takes_long_and_cannot_be_counted_is_named(
     assert capsys.readouterr().err == "compiling the laws\n"
 
 
+def test_laws_that_are_compiled_side_by_side_are_named_once_each(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    lines = progress.meter()
+    for law in ("law 1 of 2", "law 2 of 2", "law 1 of 2"):
+        with lines.busy(law):
+            lines.remind()
+    assert capsys.readouterr().err == "law 1 of 2\nlaw 2 of 2\n"
+
+
 def test_what_cannot_be_counted_says_nothing_of_the_rate(
     clock: Clock, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -41,7 +41,7 @@ class Meter(Reporter):
         self.latest = ""
         self._under_way: list[str] = []
         self._since = 0.0
-        self._reminded = ""
+        self._reminded = {""}
         self._reminder: threading.Timer | None = None
         self._lock = threading.RLock()
         Meter.begin(self, "", 0)
@@ -127,9 +127,9 @@ class Meter(Reporter):
                 self._reminder.start()
 
     def remind(self) -> None:
-        """Show the activity that is under way, once, though nothing has been counted."""
-        if self.under_way != self._reminded:
-            self._reminded = self.under_way
+        """Show the activity that is under way, once, even if another one was shown since."""
+        if self.under_way not in self._reminded:
+            self._reminded.add(self.under_way)
             say(self.under_way)
 
 
