@@ -117,7 +117,7 @@ FRONTS = (
         "fronts",
         {},
         "Winners of the search by both objectives, means over held-out runs with 95 % intervals. "
-        "The line joins the Pareto front of these runs; crosses are the starting gains.",
+        "The line joins the Pareto front of these runs. Half-filled: the starting gains.",
     ),
 )
 """Default figure of a report on a search with two objectives."""
