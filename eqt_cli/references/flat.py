@@ -381,8 +381,7 @@ class FlatReference(ClosedReference):
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
         """Yield those of the reference in `of`."""
-        if self.inner is not None:
-            yield from self.inner.remarks(G)
+        yield from () if self.inner is None else self.inner.remarks(G)
 
 
 def _turns_with_body(G: EuclideanGroup, force: Any) -> bool:
