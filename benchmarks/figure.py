@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.table import TITLES, Results
+from benchmarks.whole_command import BEFORE, NOW
 from eqt_cli.core.files import write_all
 from eqt_cli.plots.drawing.curve_labels import name_points
 from eqt_cli.plots.drawing.labels import in_words
@@ -32,6 +33,8 @@ def write(results: Results, folder: Path) -> None:
             drawings["runs_per_second"] = runs_per_second(results)
         if results.growth:
             drawings["growth"] = growth(results)
+        if results.commands:
+            drawings["commands"] = commands(results)
         for drawing in drawings.values():
             freeze(drawing)
     for name, drawing in drawings.items():
@@ -157,4 +160,23 @@ def growth(results: Results) -> Figure:
         panel.set_ylabel(label)
         panel.margins(0.06)
     time.legend()
+    return drawing
+
+
+def commands(results: Results) -> Figure:
+    """CPU time of whole commands over that of the imports, now and before."""
+    few = [each for each in results.commands if "thrusters" not in each.name]
+    rows = [each for each in few if "," not in each.name][::-1]  # no large numbers of runs
+    drawing = Figure(figsize=(WIDTHS["page"], 0.6 + 0.24 * len(rows)), layout="constrained")
+    panel = drawing.subplots()
+    trees = [tree for tree in (BEFORE, NOW) if any(tree in each.spent for each in rows)]
+    for index, tree in enumerate(trees):
+        ratios = [each.spent[tree].cpu / each.floor if tree in each.spent else 0 for each in rows]
+        places = np.arange(len(rows)) + 0.4 * (0.5 * (len(trees) - 1) - index)
+        panel.barh(places, ratios, 0.36, label=tree, color=line_style(index)["color"])
+    panel.set_yticks(range(len(rows)), [each.name for each in rows])
+    panel.margins(x=0.1)
+    panel.set_xlabel("CPU time / that of importing NumPy, h5py and PyYAML")
+    if len(trees) > 1:
+        panel.legend()
     return drawing

@@ -14,7 +14,7 @@ from benchmarks.machinery import Machinery
 from benchmarks.measure import Measurement
 from benchmarks.profile import Profile
 from benchmarks.sampled import Sampled
-from benchmarks.whole_command import BEFORE, NOW, Command
+from benchmarks.whole_command import BEFORE, FLOOR, NOW, Command
 
 ACCURATE = 2e-9
 """The largest error at which contenders are compared."""
@@ -242,11 +242,11 @@ def _estimates(found: list[EstimatorTime]) -> str:
 def _commands(commands: list[Command]) -> str:
     """Now, before where it was measured, and the ratios."""
     head = ["", "time, s", "CPU, s", "peak memory, MB", "before: time, s", "CPU, s", "MB"]
-    head += ["before / now: time", "CPU", "plain loop / now"]
+    head += ["before / now: time", "CPU", "plain loop / now", "CPU / imports"]
     sentence = (
         "`eqt`, a process from start to end with warm caches; the memory is that of all its "
         "processes. Before: the same by an earlier commit, measured in turn. The plain loop "
-        "integrates only."
+        f"integrates only. Imports: `{FLOOR}`, measured in turn."
     )
     return f"{sentence}\n\n" + _table(head, (_command(each) for each in commands))
 
@@ -261,7 +261,8 @@ def _command(command: Command) -> list[str]:
             else ["-"] * 3
         )
     row += [f"{before.wall / now.wall:.2f}", f"{before.cpu / now.cpu:.2f}"] if before else ["-"] * 2
-    return [*row, f"{command.plain / now.wall:,.0f}" if command.plain else "-"]
+    row.append(f"{command.plain / now.wall:,.0f}" if command.plain else "-")
+    return [*row, f"{now.cpu / command.floor:.1f}"]
 
 
 def _profiles(profiles: list[Profile]) -> str:

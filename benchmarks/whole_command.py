@@ -20,6 +20,12 @@ PAPER = 800
 FLIGHTS = 10
 """Runs of each law of configs/se3_bluerov2_thrusters.yaml, of 10 s."""
 
+FLOOR = "import numpy, h5py, yaml"
+"""What nearly every command needs; the CPU time of commands is told as a multiple of this."""
+
+READERS = ("show", "compare", "plot", "report")
+"""Commands that read the result of the last run."""
+
 MANY = (100_000,)
 """Runs of the commands that keep metrics only."""
 
@@ -37,11 +43,14 @@ class Command:
         fills the caches.
     plain
         Wall time of the plain loop for the same runs, s; None of what integrates none of them.
+    floor
+        Least CPU time of `FLOOR`, measured in turn with the command, s.
     """
 
     name: str
     spent: dict[str, Spent]
     plain: float | None = None
+    floor: float = float("nan")
 
 
 @contextmanager
@@ -81,8 +90,8 @@ def commands(
         for name, arguments, runs in _plan(many):
             # Many runs are run once; by then the paper's 800 have filled the caches.
             passes = 1 if runs > PAPER else repeats + 1
-            found = _in_turn(arguments, trees, Path(folder), passes)
-            yield Command(name, found, plain * runs if runs else None)
+            found, floor = _in_turn(arguments, trees, Path(folder), passes)
+            yield Command(name, found, plain * runs if runs else None, floor)
 
 
 def _plan(many: Sequence[int]) -> Iterator[tuple[str, list[str], int]]:
@@ -95,8 +104,11 @@ def _plan(many: Sequence[int]) -> Iterator[tuple[str, list[str], int]]:
         yield f"run {FLIGHTS} runs of each law with eight thrusters by {engine}", thrusters, 0
     yield "run paper by solve_ivp", [*paper, "solve_ivp"], PAPER
     yield "run paper by native", [*paper, "native"], PAPER
-    for command in ("show", "compare", "plot", "report"):  # of the result of the last
+    for command in READERS:
         yield f"{command} paper", [command], 0
+    for command in ("config check", "margins", "verify"):
+        yield f"{command} paper", [*command.split(), "configs/paper.yaml"], 0
+    yield "--help", ["--help"], 0
     for runs in many:
         settings = ["--set", f"ensemble.runs={runs // 4}", "--set", "store.trajectories=none"]
         name = f"run paper by native, {runs:,} runs, metrics only"
@@ -105,10 +117,12 @@ def _plan(many: Sequence[int]) -> Iterator[tuple[str, list[str], int]]:
 
 def _in_turn(
     arguments: Sequence[str], trees: dict[str, Path], folder: Path, passes: int
-) -> dict[str, Spent]:
-    """What each tree takes; one that does not know the command is left out."""
+) -> tuple[dict[str, Spent], float]:
+    """What each tree takes, and the floor; a tree that does not know the command is left out."""
     found: dict[str, list[Spent]] = {name: [] for name in trees}
+    floors = []
     for _ in range(passes):
+        floors.append(spent(["-c", FLOOR]).cpu)
         for name in list(found):
             try:
                 found[name].append(_once(arguments, trees[name], folder / name))
@@ -116,7 +130,7 @@ def _in_turn(
                 if name == NOW:
                     raise
                 del found[name]
-    return {name: _best(every[1:] or every) for name, every in found.items()}
+    return {name: _best(every[1:] or every) for name, every in found.items()}, min(floors)
 
 
 def _once(arguments: Sequence[str], tree: Path, folder: Path) -> Spent:
@@ -124,8 +138,10 @@ def _once(arguments: Sequence[str], tree: Path, folder: Path) -> Spent:
     result, where = folder / "result", []
     if arguments[0] == "run":
         shutil.rmtree(result, ignore_errors=True)
-        where = ["--quiet", "--out"]
-    command, cache = ["-m", "eqt_cli", *arguments, *where, str(result)], str(folder / "cache")
+        where = ["--quiet", "--out", str(result)]
+    elif arguments[0] in READERS:
+        where = [str(result)]
+    command, cache = ["-m", "eqt_cli", *arguments, *where], str(folder / "cache")
     return spent(command, tree, {"XDG_CACHE_HOME": cache})
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from eqt_cli.cli.shared import options
 from eqt_cli.config import shipped
 from eqt_cli.config.json_schema import json_schema
 
@@ -228,3 +229,16 @@ def test_errors_are_a_document_with_json(eqt: Eqt) -> None:
     assert document["exit_code"] == 2
     [problem] = document["problems"]
     assert (problem["path"], problem["place"]) == ("gains.kq", "--set gains.kq=2")
+
+
+@pytest.mark.parametrize(
+    ("solver", "option", "engine"),
+    [("{}", None, "native"), ("{engine: solve_ivp}", None, "solve_ivp"), ("{}", "a", "a")],
+)
+def test_the_environment_names_the_engine_where_nothing_else_does(
+    tmp_path, monkeypatch, solver, option, engine
+):
+    config = tmp_path / "one.yaml"
+    config.write_text(f"group: SO3\nsolver: {solver}\n")
+    monkeypatch.setenv("EQT_ENGINE", "native")
+    assert options.source_of(config, None, option).data["solver"]["engine"] == engine

@@ -166,13 +166,26 @@ def overrides(set_: Sequence[str] | None, **solver: str | None) -> dict[str, str
     return placed("--set", set_) | chosen
 
 
+ENGINE = "EQT_ENGINE"
+"""Environment variable with the engine of configurations that name none."""
+
+
 def source_of(
     config: Path, set_: Sequence[str] | None, engine: str | None = None, device: str | None = None
 ) -> ConfigSource:
-    """Return a configuration with the changes by these options, not yet checked."""
+    """Return a configuration with the changes by these options, not yet checked.
+
+    Where neither names an engine, the environment variable `ENGINE` does.
+    """
     from eqt_cli.config.source import read_config
 
-    return read_config(config, overrides(set_, engine=engine, device=device))
+    source, usual = read_config(config, overrides(set_, engine=engine, device=device)), None
+    solver = source.data.get("solver") or {}
+    if isinstance(solver, dict) and "engine" not in solver:
+        usual = os.environ.get(ENGINE)
+    if not usual:
+        return source
+    return read_config(config, overrides(set_, engine=usual, device=device))
 
 
 def study_at(source: ConfigSource, point: int | None, *, trust_plugins: bool, doing: str) -> Study:

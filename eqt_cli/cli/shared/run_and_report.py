@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from eqt_cli.cli.shared import output
+from eqt_cli.cli.shared import options, output
 from eqt_cli.cli.shared.options import cores
 from eqt_cli.core.errors import EqtError, InterruptedRun
 from eqt_cli.core.interruptions import Interrupted
@@ -54,6 +54,10 @@ def executor_from(
     return choose_executor(experiment, workers or cores(), name or None, scheduler, options)
 
 
+LONG = 5.0
+"""s of simulation after which the command names a faster engine."""
+
+
 def run_experiment(
     experiment: Study,
     out: Path | None,
@@ -88,7 +92,20 @@ def run_experiment(
         output.say(f"{out} already holds this experiment; --force runs it again")
     elif done.resumed:
         output.say(f"{done.resumed} of {done.runs} runs were already computed")
+    if experiment.base.engine.calls_laws and done.seconds.get("simulation", 0) > LONG:
+        _say_faster()
     report(done, shard, json=json, with_plugins=bool(experiment.base.plugins))
+
+
+def _say_faster() -> None:
+    """Say what compiled laws save, where a compiler is at hand."""
+    from eqt_cli.engines.native import Native
+
+    if not Native.unavailable():
+        output.say(
+            "faster: --engine native, which took a seventh of the time of solve_ivp for "
+            f"configs/paper.yaml; {options.ENGINE}=native makes it your default"
+        )
 
 
 def report(
