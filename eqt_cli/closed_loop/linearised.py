@@ -81,6 +81,10 @@ MOST_ITERATIONS = 20
 AT_REST = 1e-6
 """Newton step, rad or m, below which a loop is at rest. References are integrated to 1e-8."""
 
+SINGULAR = 1e-9
+"""Singular values below this part of the largest are 0 but for the rounding of differences, 1e-12;
+a loop without feedback has some."""
+
 SAME = 1e-6
 """Relative difference below which matrices count as equal."""
 
@@ -444,7 +448,7 @@ class _About:
             slope = np.concatenate([slope, then[0] - np.eye(n)])
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return np.full((len(value), n), np.nan)
-        return -np.linalg.lstsq(slope, value.T)[0].T
+        return -np.linalg.lstsq(slope, value.T, rcond=SINGULAR)[0].T
 
     @cached_property
     def _at_once(self) -> tuple[_Derivative, _Derivative | None]:

@@ -213,7 +213,16 @@ class Lqr(Controller):
     def torque(self, s: Tracking) -> Array:
         """τ_d − f_d − K x, body frame."""
         now, torque = self._at(s.t), self.feedforward_torque(s)
-        return torque if now is None else torque - apply_matrix(now.gain, _state(s))
+        return torque if now is None else torque - apply_matrix(now.gain, self.state(s))
+
+    def errors(self, s: Tracking) -> tuple[Array, Array]:
+        """Return ε and e."""
+        r = s.relative
+        return s.G.log(r.Q), r.V_tilde
+
+    def state(self, s: Tracking) -> Array:
+        """Return x = (ε, e, z)."""
+        return np.concatenate([*self.errors(s), *s.memory.values()], axis=-1)
 
     def feedforward_torque(self, s: Tracking) -> Array:
         """Return τ_d − f_d with the known forces f_d at the reference."""
@@ -224,14 +233,8 @@ class Lqr(Controller):
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return xᵀSx, the cost from x to first order."""
-        x = _state(s)
+        x = self.state(s)
         return dot(apply_matrix(self._value(s), x), x)
-
-    def velocity_error(self, s: Tracking) -> Array:
-        """2 𝕀⁻¹ (Sx)_e."""
-        m = s.G.dimension
-        slope = apply_matrix(self._value(s), _state(s))[..., m : 2 * m]
-        return 2.0 * s.inertia.velocity(slope)
 
     def _value(self, s: Tracking) -> Array:
         now, n = self._at(s.t), 2 * s.G.dimension
@@ -253,12 +256,6 @@ class Lqr(Controller):
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
         """Return the command, and z one period later, which is Fz + Gu of a sampled loop."""
         return self.torque(s), self.memory_rate(s)
-
-
-def _state(s: Tracking) -> Array:
-    """x = (ε, e, z)."""
-    r = s.relative
-    return np.concatenate([s.G.log(r.Q), r.V_tilde, *s.memory.values()], axis=-1)
 
 
 class _Design:

@@ -68,8 +68,10 @@ def test_dissipation_is_the_rate_at_which_l_falls(loop, states):
 
 
 def test_an_additional_torque_raises_l_by_its_power(loop, states):
-    """At the rate ⟨δ, y⟩ of the velocity error y."""
+    """At the rate ⟨δ, y⟩ of the velocity error y, which is read where the dissipation is known."""
     y, t, h = states(loop, (4,)), 0.3, 1e-4
+    if loop.controller.dissipation(loop.tracking(t, y)) is None:
+        pytest.skip("the law does not say what it dissipates")
     added = np.zeros_like(y)
     added[..., loop.layout.slices["momentum"]] = np.random.default_rng(5).standard_normal(
         (4, loop.group.dimension)
