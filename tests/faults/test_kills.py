@@ -19,6 +19,7 @@ from faults_harness import (
     RAGGED,
     RUN,
     SWEEP,
+    SWEEP_DEVICE,
     SWEEP_NATIVE,
     Session,
     assert_equal,
@@ -45,6 +46,7 @@ CONFIGURATIONS = {
     "flight": FLYING,
     "native flight": FLYING_NATIVE,
     "native sweep": SWEEP_NATIVE,
+    "device sweep": SWEEP_DEVICE,
     "ragged sweep": RAGGED,
 }
 
@@ -72,7 +74,8 @@ SCENARIOS = [
     ("sweep", LOCAL, "worker", 25),
     ("sweep", DASK, "coordinator", 15),
     ("sweep", DASK, "worker", 15),
-    ("native sweep", THREADS, "coordinator", 15),
+    ("native sweep", THREADS, "coordinator", 10),
+    ("device sweep", SERIAL, "coordinator", 5),
     ("ragged sweep", SERIAL, "coordinator", 25),
     ("ragged sweep", LOCAL, "worker", 25),
 ]
@@ -82,6 +85,7 @@ ALWAYS = {
     ("run", CLUSTER[1], "worker"),
     ("sweep", "serial", "coordinator"),
     ("native flight", "threads", "coordinator"),
+    ("device sweep", "serial", "coordinator"),
     ("native flight", "local", "coordinator"),
     ("native flight", "dask", "worker"),
     ("ragged sweep", "local", "worker"),
