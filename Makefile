@@ -48,9 +48,9 @@ faults: $(VENV)/.stamp-dev ## kill runs and sweeps at 500 random moments; SHARE=
 fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test-all does a twentieth
 	EQT_FUZZ=full $(BIN)/python -m pytest -n auto --dist worksteal tests/fuzz $(ARGS)
 
-oracles: $(VENV)/.stamp-dev ## compare with MuJoCo, Pinocchio, RotorPy and python-control, which it installs
+oracles: $(VENV)/.stamp-dev ## compare with Basilisk, MuJoCo, Pinocchio, RotorPy and python-control, which it installs
 	$(BIN)/$(PIP) install --group oracles
-	$(BIN)/python -m pytest tests/mechanics/test_oracles.py tests/vehicle/test_rotors.py \
+	$(BIN)/python -m pytest tests/mechanics/test_oracles.py tests/vehicle/test_rotors.py tests/vehicle/test_basilisk.py \
 		tests/controllers/test_lqr.py $(ARGS)
 
 # Goes on where it was stopped; ARGS='--seed 2 --count 100', or '--only metrics --again'

@@ -24,8 +24,8 @@ MIXED = "mixed"
 """The unit of a signal whose units differ between parts of the coordinates."""
 
 
-THRUSTER = "thruster"
-"""Name of the dimension of the thrusters."""
+THRUSTER, WHEEL = "thruster", "wheel"
+"""Names of the dimensions of thrusters and of wheels."""
 
 
 class LoopOutputs(NamedTuple):
@@ -39,6 +39,8 @@ class LoopOutputs(NamedTuple):
         1 where an actuator is at its limit, else 0.
     thrust : (..., k)
         Thrust of each thruster.
+    wheel_momentum, wheel_speed : (..., k)
+        Momentum of each wheel, and its speed relative to the body.
     lyapunov : (...)
         Lyapunov function L of the law.
     attitude_error : (...)
@@ -49,6 +51,8 @@ class LoopOutputs(NamedTuple):
     command: Array
     at_limit: Array
     thrust: Array
+    wheel_momentum: Array
+    wheel_speed: Array
     lyapunov: Array
     attitude_error: Array
 
@@ -227,6 +231,24 @@ SIGNALS = (
         lambda s, given: given.thrust,
         stored_of=lambda vehicle: bool(vehicle.thruster_names),
     ),
+    Signal(
+        "wheel_momentum",
+        (WHEEL,),
+        r"h",
+        "absolute momentum of each wheel about its axis",
+        lambda part: "N m s",
+        lambda s, given: given.wheel_momentum,
+        stored_of=lambda vehicle: vehicle.wheels is not None,
+    ),
+    Signal(
+        "wheel_speed",
+        (WHEEL,),
+        r"\Omega",
+        "speed of each wheel relative to the body",
+        lambda part: "rad/s",
+        lambda s, given: given.wheel_speed,
+        stored_of=lambda vehicle: bool(vehicle.wheels and vehicle.wheels[1].inertia is not None),
+    ),
     _estimate(
         "estimated_pose",
         ("row", "col"),
@@ -397,10 +419,17 @@ def at_state(
         with np.errstate(invalid="ignore"):  # symbols compare NaN
             attitude = s.P[..., 0] * 0.0 + np.nan
     given = LoopOutputs(
-        torque, command, loop.at_limit(s), loop.thrust(s), loop.lyapunov(s), attitude
+        torque,
+        command,
+        loop.at_limit(s),
+        loop.thrust(s),
+        *loop.wheel_states(s),
+        loop.lyapunov(s),
+        attitude,
     )
+    members = loop.vehicle.members
     for signal in SIGNALS:
-        if THRUSTER in signal.dims and not loop.vehicle.thruster_names:
+        if not all(members.get(dim, True) for dim in signal.dims):
             continue
         if not signal.exists_on(loop.group):
             continue

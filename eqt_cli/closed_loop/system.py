@@ -108,6 +108,10 @@ class ClosedLoop:
         """Return the thrust of each thruster, ``(..., k)``."""
         return self.vehicle.thrust(self.group, self.command(s), s.vehicle)
 
+    def wheel_states(self, s: Tracking) -> tuple[Array, Array]:
+        """Return momenta and speeds of the wheels, ``(..., k)`` each."""
+        return self.vehicle.wheel_states(self.group, s.V, s.vehicle)
+
     def at_limit(self, s: Tracking) -> Array:
         """Return 1 where an actuator is at its limit, else 0, ``(...)``."""
         if not self.vehicle.limits:
@@ -121,6 +125,9 @@ class ClosedLoop:
         inertia. The rates are those of the states of actuators and sensors.
         """
         torque, rates = self.vehicle.passed(self.group, self.command(s), s.vehicle)
+        for place, force, more in self.vehicle.reactions(self.group, s.V, s.vehicle):
+            torque = torque + force
+            rates |= {place: rates[place] + more} if place in rates else {}
         _, of_sensors = self.vehicle.read(self.group, s.V, s.vehicle)
         return self.vehicle.acting(s, torque), rates | of_sensors
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from eqt_cli.closed_loop.signals import THRUSTER
 from eqt_cli.core.errors import ConfigError, InputProblem
 from eqt_cli.engines import Problem
 from eqt_cli.execution.batches import batches
@@ -216,8 +215,8 @@ def _part_memory(study: Study) -> int:
     base, plan = study.base, study.plan
     G, states = base.group, max(loop.state_length for loop in base.loops.values())
     vehicle = next(iter(base.loops.values())).vehicle
-    thrusters = len(vehicle.thruster_names)
-    sizes = {"axis": G.dimension, "row": G.size, "col": G.size, THRUSTER: thrusters}
+    sizes = {"axis": G.dimension, "row": G.size, "col": G.size}
+    sizes |= {dim: len(names) for dim, names in vehicle.members.items()}
     signals = sum(
         prod(sizes.get(dim, 1) for dim in entry.dims)
         for entry in quantities(base, study.vehicles)

@@ -262,7 +262,7 @@ def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
 
 def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: Problems) -> None:
     """Note actuators that act at control instants without a clock or without a held command."""
-    moving, driven = "", False
+    moving, driven, steered = "", False, False
     for index, actuator in parts.items():
         sampled = actuator.sampled or actuator.period is not None
         if sampled and without_clock:
@@ -275,6 +275,9 @@ def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: P
             )
         elif actuator.offset is not None and actuator.period is None:
             problems.at(index, "offset").add("belongs to a period; give period, too")
+        if steered:
+            problems.at(index).add("acts behind the wheels, whose torque is final; put it before")
+        steered = steered or bool(actuator.wheel_names)
         if actuator.thruster_names and driven:
             problems.at(index).add(
                 "a vehicle has one entry with thrusters; put all of them in the first one"

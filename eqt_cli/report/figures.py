@@ -84,6 +84,12 @@ DEFAULT = (
         "The thrust of each thruster in run 0; what is beyond its limits is shaded.",
         needs="thrust",
     ),
+    Wanted(
+        "commands",
+        {"wheels": True},
+        "The momentum of each wheel in run 0; what is at its limit is shaded.",
+        needs="wheel_momentum",
+    ),
     Wanted("estimate", needs="estimated_pose"),
     Wanted("distributions"),
     Wanted("phase", {"runs": 10}),

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eqt_cli.closed_loop.signals import MIXED, SIGNALS, THRUSTER, Signal, signal_of
+from eqt_cli.closed_loop.signals import MIXED, SIGNALS, Signal, signal_of
 from eqt_cli.config.schema import Config
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Status
@@ -148,8 +148,8 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     own = next(iter(experiment.loops.values())).vehicle
     vehicles = vehicles or [own]
     for quantity in QUANTITIES.values():
-        # Points with and without thrusters have different shapes.
-        of = [own] if THRUSTER in quantity.dims else vehicles
+        # Points with and without thrusters or wheels have different shapes.
+        of = [own] if own.members.keys() & set(quantity.dims) else vehicles
         if not (quantity.stored and any(map(quantity.stored_of, of)) and _exists(quantity, group)):
             continue
         quantity = with_keys_of(experiment.config, quantity)
@@ -225,9 +225,8 @@ def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
         along("col", np.arange(G.size), "column of a pose matrix", units="1"),
         along("axis", np.array(G.axis_names, dtype=object), "algebra coordinate"),
     ]
-    thrusters = next(iter(experiment.loops.values())).vehicle.thruster_names
-    if thrusters and kept:
-        found.append(along(THRUSTER, np.array(thrusters, dtype=object), "thruster"))
+    members = next(iter(experiment.loops.values())).vehicle.members.items()
+    found += [along(dim, np.array(of, dtype=object), dim) for dim, of in members if of and kept]
     if 0 < kept < runs:
         stored = np.arange(kept)
         found.append(along("stored_run", stored, "run whose trajectory is stored", units="1"))

@@ -165,9 +165,11 @@ class Vehicle:
         return {f"{name}[{k}]": part for name, parts in pairs for k, part in enumerate(parts)}
 
     def started(self, G: MatrixLieGroup, V: Array) -> dict[str, Array]:
-        """Return the states of clocks and sensors at t = 0."""
+        """Return the states of clocks, sensors and actuators at t = 0, where they are not 0."""
         moving = enumerate(self.moving_sensors)
-        found = {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
+        starts = {place: part.started(G) for place, part in self._chain()}
+        found = {place: x for place, x in starts.items() if x is not None}
+        found |= {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
         return {**found, CLOCKS: self.ticks_left(0)} if self.clocks else found
 
     def read(
@@ -330,6 +332,44 @@ class Vehicle:
     def thruster_names(self) -> tuple[str, ...]:
         """Names of the thrusters, which belong to one actuator."""
         return next((part.thruster_names for part in self.actuators if part.thruster_names), ())
+
+    @property
+    def wheels(self) -> tuple[str, Any] | None:
+        """The actuator with wheels, and the name of its states."""
+        return next(((place, part) for place, part in self._chain() if part.wheel_names), None)
+
+    @property
+    def momentum_limits(self) -> tuple[Array, Array] | None:
+        """Least and largest momentum of each wheel; None without limits."""
+        most = self.wheels and self.wheels[1].momentum
+        return None if most is None else (-most, most)
+
+    @property
+    def members(self) -> dict[str, tuple[str, ...]]:
+        """Names of thrusters and wheels, by the name of one."""
+        wheels = self.wheels
+        return {"thruster": self.thruster_names, "wheel": wheels[1].wheel_names if wheels else ()}
+
+    def wheel_states(
+        self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
+    ) -> tuple[Array, Array]:
+        """Return momenta and speeds of the wheels, ``(..., k)``; NaN for unknown speeds."""
+        if self.wheels is None:
+            return V[..., :0], V[..., :0]
+        place, wheels = self.wheels
+        x = states.get(place, V[..., :0])
+        h = wheels.momenta(x) + 0.0 * V[..., :1]
+        return h, h * np.nan if wheels.inertia is None else wheels.speeds(V, x)
+
+    def reactions(
+        self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
+    ) -> Iterator[tuple[str, Array, Array]]:
+        """Yield the names of states, forces that depend on the velocity, and rates beside them."""
+        for place, actuator in self._chain():
+            x = states.get(place, V[..., :0])
+            found = actuator.reaction(G, V, x)
+            if found is not None:
+                yield place, *found
 
     @property
     def thrust_limits(self) -> tuple[Array, Array] | None:

@@ -48,6 +48,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "deadband": {"width": 0.4},
     "quantisation": {"resolution": 0.4},
     "momentum_limit": {"momentum": 0.5},
+    "wheels": {"pyramid": 0.95, "limit": 0.5, "momentum": 2.0, "start": 0.1},
     "gravity_gradient": {"rate": 0.3, "inertia": [[1.0, 0.1, 0], [0.1, 2.0, 0], [0, 0, 2.5]]},
     "noise": {"std": 0.1},
     "lag": {"time_constant": 0.2},

@@ -1,4 +1,4 @@
-"""Figure of commanded and delivered torque or thrust in a single run."""
+"""Figure of commanded and delivered torque, thrust or momentum of wheels in a single run."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -31,9 +31,9 @@ _SEEN = 2.0
 """Multiple of the largest value up to which a limit is drawn."""
 Limits = tuple[Array, Array] | None
 
-_GIVEN = {"torque": "given", "thrust": "thrust"}
+_GIVEN = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
 _FEW = 4
-"""Most thrusters whose panels have room for several laws in a column."""
+"""Most thrusters or wheels whose panels have room for several laws in a column."""
 _MOST_NAME = 11
 """Most characters in a line of the name of a thruster, where there are many."""
 
@@ -51,32 +51,41 @@ class Commands(Panelled, OverTime):
         Number of the run.
     thrusters
         Show the thrust of each thruster instead, a row each.
+    wheels
+        Show the momentum of each wheel instead, a row each.
     """
 
     name: ClassVar[str] = "commands"
 
     run: CountOrNone = 0
     thrusters: bool = False
+    wheels: bool = False
+
+    @property
+    def _signal(self) -> str:
+        """The signal whose rows are shown."""
+        return "thrust" if self.thrusters else "wheel_momentum" if self.wheels else "torque"
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row with its own scale per axis, and a column per law."""
-        if not self.thrusters and not any(e.results.has("command") for e in runs.shown):
+        signal = self._signal
+        if signal == "torque" and not any(e.results.has("command") for e in runs.shown):
             raise runs.error(
                 "finds no actuators in this loop, so what a law asks for is what acts; figure "
                 "'torque' shows it"
             )
         axes = {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
-        if self.thrusters:
-            names = runs.thrusters
+        if signal != "torque":
+            names = runs.members(signal)
             if len(names) > _FEW and width == "column" and not self.controllers:
                 runs.ensembles = runs.shown[:1]
                 runs.remarks.append("Of the first law; --controller chooses others.")
-            unit, most = runs.unit("thrust"), 2 * _MOST_NAME // (1 + len(names) // _FEW)
+            unit, most = runs.unit(signal), 2 * _MOST_NAME // (1 + len(names) // _FEW)
             axes = {name: free_text(f"{name} ({unit})", most) for name in names}
         places, wanted = list(axes), self.picked(list(axes))
         drawing, rows = law_columns(runs, width, wanted)
         found = _Kinds()
-        limits = {e.label: runs.limits(e, self.run, thrusters=self.thrusters) for e in runs.shown}
+        limits = {e.label: runs.limits(e, self.run, signal) for e in runs.shown}
         for name in wanted:
             name_scale(next(iter(rows[name].values())), axes[name])
             for ensemble in runs.shown:
@@ -89,11 +98,11 @@ class Commands(Panelled, OverTime):
     def _fill(
         self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits, found: "_Kinds"
     ) -> None:
-        """Draw one axis or thruster of a controller; shade where it is at a limit."""
-        times, signal = runs.times(ensemble), "thrust" if self.thrusters else "torque"
+        """Draw one axis, thruster or wheel of a controller; shade where it is at a limit."""
+        times, signal = runs.times(ensemble), self._signal
         given = runs.of_run(signal, ensemble, self.run)[:, k]
         asked = given
-        if not self.thrusters and ensemble.results.has("command"):
+        if signal == "torque" and ensemble.results.has("command"):
             asked = runs.of_run("command", ensemble, self.run)[:, k]
         if ends is not None:
             low, high = float(ends[0][k]), float(ends[1][k])
@@ -101,7 +110,7 @@ class Commands(Panelled, OverTime):
         else:
             low, high = -np.inf, np.inf
             beyond = np.zeros(len(times), dtype=bool)
-            if ensemble.results.has("at_limit") and not self.thrusters:
+            if ensemble.results.has("at_limit") and signal == "torque":
                 beyond = runs.of_run("at_limit", ensemble, self.run) > 0
         for start, end in _stretches(times, beyond):
             axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
@@ -111,15 +120,15 @@ class Commands(Panelled, OverTime):
                 axes.axhline(end, label=f"limit {number}", **_limit())
                 found.limits = True
         axes.plot(times, given, color=line_style(ensemble.look)["color"], label=_GIVEN[signal])
-        if not self.thrusters:
+        if signal == "torque":
             axes.plot(times, asked, color=ink(), label="asked", **_ASKED)
         found.shaded |= bool(beyond.any())
 
     def _add_legend(self, drawing: Drawing, runs: ShownRuns, found: "_Kinds") -> None:
         alone = line_style(runs.shown[0].look)["color"] if len(runs.shown) == 1 else ink(_ANY)
-        given = "thrust" if self.thrusters else "given by the actuators"
+        given = {**_GIVEN, "torque": "given by the actuators"}[self._signal]
         handles: dict[str, Artist] = {given: Line2D([], [], color=alone)}
-        if not self.thrusters:
+        if self._signal == "torque":
             handles["asked by the law"] = Line2D([], [], color=ink(), **_ASKED)
         if found.limits:
             handles["limit"] = Line2D([], [], **_limit())

@@ -19,6 +19,10 @@ from eqt_cli.results.result import Result
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
 
 
+MEMBERS = {"thrust": "thruster", "wheel_momentum": "wheel"}
+"""Dimensions of signals that have a row for each thruster or wheel."""
+
+
 class ShownRuns(ShownControllers):
     """Trajectories of the runs that did not fail, of one or several results on one group.
 
@@ -207,28 +211,26 @@ class ShownRuns(ShownControllers):
                 units[part.axes] = [unit] * len(axes[part.axes])
         return list(zip(axes, units, strict=True))
 
-    @property
-    def thrusters(self) -> list[str]:
-        """Names of the thrusters.
+    def members(self, signal: str) -> list[str]:
+        """Return the names of the thrusters, or of the wheels, that have the signal.
 
         Raises
         ------
         EqtError
             If a vehicle has none, or its names differ from the first vehicle's.
         """
+        member = MEMBERS[signal]
         for one in self.results:
-            if not one.has("thrust"):
-                message = "finds no thrusters on this vehicle; leave out the option 'thrusters'"
+            if not one.has(signal):
+                message = f"finds no {member}s on this vehicle; leave out the option '{member}s'"
                 raise error_of(one, self.figure, message)
-        names = [[str(name) for name in one.coordinate("thruster")] for one in self.results]
+        names = [[str(name) for name in one.coordinate(member)] for one in self.results]
         if any(each != names[0] for each in names):
-            raise self.error("has a row for each thruster, and the results have other thrusters")
+            raise self.error(f"has a row for each {member}, and the results have other {member}s")
         return names[0]
 
-    def limits(
-        self, ensemble: Ensemble, run: int, *, thrusters: bool
-    ) -> tuple[Array, Array] | None:
-        """Return the smallest and largest torque of each axis in a run, or thrust of each thruster.
+    def limits(self, ensemble: Ensemble, run: int, signal: str) -> tuple[Array, Array] | None:
+        """Return the smallest and largest torque of each axis in a run, or signal of each member.
 
         None if the vehicle has no such limits.
         """
@@ -236,8 +238,9 @@ class ShownRuns(ShownControllers):
         vehicle = experiment.loops[ensemble.law].vehicle
         random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, run)
         flying = vehicle.of_run(experiment.group, random_of)
-        found = flying.thrust_limits if thrusters else flying.torque_limits(experiment.group)
-        factor = ensemble.results.factor("thrust" if thrusters else "torque")
+        known = {"thrust": flying.thrust_limits, "wheel_momentum": flying.momentum_limits}
+        found = known[signal] if signal in known else flying.torque_limits(experiment.group)
+        factor = ensemble.results.factor(signal)
         return found and (found[0] * factor, found[1] * factor)
 
     def notes(self) -> list[str]:

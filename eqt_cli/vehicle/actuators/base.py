@@ -78,6 +78,11 @@ class Actuator(VehiclePart):
         return ()
 
     @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """Names of the wheels, if any."""
+        return ()
+
+    @property
     def linear_part(self) -> "Actuator":
         """The actuator without limits, steps and dead zones; `PassThrough` if nothing is left."""
         return self
@@ -89,6 +94,17 @@ class Actuator(VehiclePart):
     @abstractmethod
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the output for a command and the states x, ``(..., m)``."""
+
+    def started(self, G: MatrixLieGroup) -> Array | None:
+        """Return the states at t = 0; None where all are 0, or where it `runs`."""
+        return None
+
+    def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array] | None:
+        """Return a force on the body that depends on its velocity, and the rates that go with it.
+
+        They add to output and `state_rate`; None without such a force.
+        """
+        return None
 
     def running(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the states at the start of a run with this first command, if it `runs`."""
