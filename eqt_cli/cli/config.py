@@ -85,7 +85,12 @@ def check(
     from eqt_cli.config.yaml_source import dump
     from eqt_cli.execution.cost import check_resources
     from eqt_cli.execution.rehearsal import rehearse
-    from eqt_cli.experiment.horizon import check_reference, reference_over_horizon, remarks
+    from eqt_cli.experiment.horizon import (
+        check_reference,
+        reference_over_horizon,
+        remarks,
+        wheels_needed,
+    )
     from eqt_cli.experiment.read_study import study
 
     source = options.source_of(config, set_)
@@ -133,7 +138,9 @@ def check(
         f"{output.count_of(experiment.config.ensemble.runs, 'run')}, "
         f"{experiment.config.time.duration:g} s, engine {experiment.engine.name}"
     )
-    text = "\n".join([text, *(f"reference: {jump}" for jump in jumps), *untried])
+    wheels = wheels_needed(experiment, shown)
+    needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, by the reference"]
+    text = "\n".join([text, *needed, *(f"reference: {jump}" for jump in jumps), *untried])
     output.print_found(_document(config, [], found), text, json=json)
 
 

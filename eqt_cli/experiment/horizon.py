@@ -3,13 +3,14 @@
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.closed_loop import ClosedLoop, ReferenceSystem
 from eqt_cli.closed_loop.linearised import flow
-from eqt_cli.core.arrays import Array, frobenius, norm
+from eqt_cli.core.arrays import Array, apply_matrix, frobenius, norm
 from eqt_cli.core.errors import ComponentError, EqtWarning, KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.registry import blamed
 from eqt_cli.engines import Problem, Status, dop853
@@ -373,6 +374,68 @@ def along_reference(experiment: Experiment, shown: Horizon | None) -> Along:
     return Along(shown.times[where], shown.pose[where], shown.velocity[where])
 
 
+class WheelsNeeded(NamedTuple):
+    """What each wheel needs to follow the reference exactly, under the forces of the plant.
+
+    Attributes
+    ----------
+    momentum, torque : (times, k)
+        N m s and N m.
+    limits
+        Largest momentum and torque, ``(k,)`` each; None without one.
+    """
+
+    times: Array
+    momentum: Array
+    torque: Array
+    limits: tuple[Array | None, Array | None]
+
+    @property
+    def in_words(self) -> str:
+        """``8.2 of 15 mN m s (wheel 1, t = 120 s) and 0.9 of 4 mN m (wheel 2, t = 35 s)``."""
+        found = []
+        pairs = zip((self.momentum, self.torque), self.limits, ("mN m s", "mN m"), strict=True)
+        for values, limit, unit in pairs:
+            share = np.abs(values) / (1.0 if limit is None else limit)
+            when, wheel = np.unravel_index(np.argmax(share), share.shape)
+            of = "" if limit is None else f" of {1e3 * limit[wheel]:.3g}"
+            size = 1e3 * abs(values[when, wheel])
+            found.append(f"{size:.3g}{of} {unit} (wheel {wheel + 1}, t = {self.times[when]:.4g} s)")
+        return " and ".join(found)
+
+    @property
+    def are_too_much(self) -> bool:
+        """Whether a limit is below what is needed."""
+        pairs = zip((self.momentum, self.torque), self.limits, strict=True)
+        return any(bool((np.abs(v) > limit).any()) for v, limit in pairs if limit is not None)
+
+
+def wheels_needed(experiment: Experiment, shown: Horizon) -> WheelsNeeded | None:
+    """Return what wheels need along the reference, by the balance of momentum; None without any.
+
+    In space, the momentum of body and wheels is that of the start and the integral of all forces.
+    Numbers that are drawn for each run have their mean values.
+    """
+    loop = next(iter(experiment.loops.values()))
+    if loop.vehicle.wheels is None or not shown.finite.all():
+        return None
+    G, wheels, t, Q, V = loop.group, loop.vehicle.wheels[1], shown.times, shown.pose, shown.velocity
+    forces = np.zeros_like(V)
+    for force in loop.vehicle.forces:
+        forces = forces + force.in_body(G, t, Q, V)
+    body = loop.inertia.at(t).momentum(V)
+    there = G.Ad_star(G.inverse(Q), forces)
+    gained = np.cumsum(np.diff(t)[:, None] * (there[1:] + there[:-1]) / 2, axis=0)
+    start = wheels.matrix @ wheels.start
+    total = G.Ad_star(G.inverse(Q), body + start)[:1]
+    total = total + np.concatenate([0.0 * gained[:1], gained])
+    carried = G.Ad_star(Q, total) - body
+    torque = shown.torque - forces - G.ad_star(V, carried)
+    limits = wheels.momentum, wheels.limit
+    momentum = wheels.start + apply_matrix(wheels.inverse, carried - start)
+    return WheelsNeeded(t, momentum, wheels.allocated(torque), limits)
+
+
 def limits_below_reference(experiment: Experiment, shown: Horizon | None = None) -> list[str]:
     """Return sentences on actuators whose limits are below the torque of the reference alone.
 
@@ -386,7 +449,12 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
     times, torque, pose, velocity = (part[shown.finite] for part in parts)
     for force in loop.reference.known_forces:
         torque = torque - force.in_body(loop.group, times, pose, velocity)
-    found = []
+    found, wheels = [], wheels_needed(experiment, shown)
+    if wheels is not None and wheels.are_too_much:
+        found.append(
+            f"{ACTUATORS}: the reference, with the forces of the plant, needs {wheels.in_words}; "
+            "no law can follow it there"
+        )
     for index, actuator in enumerate(loop.vehicle.actuators):
         sizes = actuator.most(loop.group, times, torque) if actuator.limits else None
         if sizes is None or not len(sizes[0]):

@@ -34,6 +34,7 @@ UNCLAIMED = {
 }
 
 AS_IT_FLIES = {
+    "cubesat",
     "crazyflie",
     "planar_vtol",
     "quadrotor_lee",

@@ -1,11 +1,19 @@
 """Reaction wheels against a plain program, against Basilisk, and by conservation."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import linprog
 
 from eqt_cli.core.errors import ConfigError, Problems
+from eqt_cli.experiment.horizon import (
+    along_reference,
+    limits_below_reference,
+    reference_over_horizon,
+    wheels_needed,
+)
 from eqt_cli.groups import group_named
 from eqt_cli.vehicle.actuators.wheels import Bias, Friction, Wheels
 
@@ -129,7 +137,6 @@ def test_a_bias_moves_the_wheels_and_not_the_body():
 def test_margins_leave_the_momentum_of_the_start(experiment_of):
     """A spinning wheel turns a body that is pushed: the gyroscopic term is in the linear loop."""
     from eqt_cli.closed_loop.linearised import linearised
-    from eqt_cli.experiment.horizon import along_reference, reference_over_horizon
 
     experiment = experiment_of(
         TEXT.replace("control: {period: 0.1}\n", "").replace("speed: 600, ", "")
@@ -167,3 +174,32 @@ def test_what_does_not_fit_is_said(options, message):
 def test_nothing_acts_behind_wheels(experiment_of):
     with pytest.raises(ConfigError, match="acts behind the wheels, whose torque is final"):
         experiment_of(TEXT.replace(f"[{WHEELS}]", f"[{WHEELS}, {{kind: limit, limit: 1}}]"))
+
+
+def test_what_wheels_need_is_as_by_hand(experiment_of):
+    """At rest, a torque of 1 µN m about x for 120 s, and the slew of the CubeSat.
+
+    The slew is a polynomial of fifth degree: its largest rate is 15/8 θ/T, its largest acceleration
+    10/√3 θ/T². Torques of the orbit change a wheel by less than 0.02 mN m s.
+    """
+    share = 1 / (2 * np.sqrt(2) * np.sin(np.radians(54.7)))
+    text = TEXT.replace("duration: 6.0", "duration: 120.0")
+    text += "plant: {forces: [{kind: constant, force: [1.0e-6, 0, 0]}]}\n"
+    text = text.replace(", start: [4 mN m s, -3 mN m s, 4 mN m s, 1 mN m s]", "")
+    experiment = experiment_of(text)
+    found = wheels_needed(experiment, reference_over_horizon(experiment))
+    np.testing.assert_allclose(np.abs(found.momentum[-1]), 1.2e-4 * share, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(found.torque), 1e-6 * share, rtol=1e-9)
+    assert not found.are_too_much
+    cubesat = (Path(__file__).parents[2] / "configs" / "cubesat.yaml").read_text(encoding="utf-8")
+    experiment = experiment_of(cubesat)
+    found = wheels_needed(experiment, reference_over_horizon(experiment))
+    rate, acceleration = 1.875 * np.pi / 3 / 60, 10 / np.sqrt(3) * np.pi / 3 / 3600
+    most = np.abs(found.momentum).max()
+    assert most == pytest.approx(4e-3 + 0.042 * rate * share, abs=2e-5)
+    assert np.abs(found.torque).max() == pytest.approx(0.042 * acceleration * share, rel=0.05)
+    weak = experiment_of(cubesat.replace("momentum: 15 mN m s", "momentum: 4.5 mN m s"))
+    [said] = limits_below_reference(weak)
+    assert said.startswith(
+        "actuators: the reference, with the forces of the plant, needs 4.6 of 4.5"
+    )

@@ -80,7 +80,8 @@ class Commands(Panelled, OverTime):
             if len(names) > _FEW and width == "column" and not self.controllers:
                 runs.ensembles = runs.shown[:1]
                 runs.remarks.append("Of the first law; --controller chooses others.")
-            unit, most = runs.unit(signal), 2 * _MOST_NAME // (1 + len(names) // _FEW)
+            unit = runs.unit(signal).replace(" ", "\u00a0")  # not broken there
+            most = 2 * _MOST_NAME // (1 + len(names) // _FEW)
             axes = {name: free_text(f"{name} ({unit})", most) for name in names}
         places, wanted = list(axes), self.picked(list(axes))
         drawing, rows = law_columns(runs, width, wanted)
