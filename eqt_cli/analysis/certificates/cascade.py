@@ -32,9 +32,9 @@ class CommandedRates(Identity):
     not_rational: ClassVar[str] = "a direction is no rational function of a force"
 
     def applies(self, loop: ClosedLoop) -> bool:
-        """Whether the rates are those of the model."""
+        """Whether the rates are those of the model, without an estimate of what else acts."""
         law = loop.controller
-        return isinstance(law, Cascade) and law.rates == "model"
+        return isinstance(law, Cascade) and law.rates == "model" and law.position.c1 is None
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """Compare Ṙ_c with R_cΩ_c^, and the rate of Ω_c with Ω̇_c."""
