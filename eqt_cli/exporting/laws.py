@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -231,6 +231,37 @@ CHECK = "_check"
 """After the name of a law: its program that checks it."""
 
 
+class Limit(NamedTuple):
+    """A limit of thrusts or of torques of wheels, which holds where a number is beyond it."""
+
+    name: str
+    sign: str
+    numbers: Array | None
+
+
+class Allocation(NamedTuple):
+    """The allocation of a torque to thrusters or wheels by a matrix.
+
+    Attributes
+    ----------
+    what
+        Its outputs, in words.
+    inverse : (k, m)
+        B⁺.
+    limits
+        Limits behind it; empty if none are part of it.
+    rounding, carried
+        Bounds of what rounding, and the bound of the torque, move the outputs by; the first for a
+        torque whose largest number is 1.
+    """
+
+    what: str
+    inverse: Array
+    limits: list[Limit]
+    rounding: float
+    carried: float
+
+
 @dataclass(frozen=True)
 class ExportedLaw:
     """A law of an experiment, to be written as C.
@@ -326,6 +357,22 @@ class ExportedLaw:
         for each in self.judged.values():
             found |= each.singular
         return found
+
+    @cached_property
+    def allocation(self) -> Allocation | None:
+        """The allocation behind the law, where it is a fixed matrix; else None."""
+        for actuator in self.loop.vehicle.actuators:
+            if (found := actuator.allocation_matrix) is not None:
+                inverse, low, high = found
+                what = "thrusts, N," if actuator.thruster_names else "torques of the wheels, N m,"
+                pairs = ("low", "<", low), ("high", ">", high)
+                limits = [Limit(*each) for each in pairs if each[-1] is not None]
+                # Each number is rounded, multiplied and added up: m + 1 errors of relative size u.
+                size, u = np.abs(inverse), (inverse.shape[1] + 1) * self.by.unit
+                rounding = u / (1 - u) * size.sum(axis=1).max()
+                carried = (1 + 2 * u) * (size @ self.torque_bound).max()
+                return Allocation(what, inverse, limits, float(rounding), float(carried))
+        return None
 
     @cached_property
     def torque_bound(self) -> Array:

@@ -36,4 +36,4 @@ void ${label}_torque(const ${label}_numbers *numbers, ${label}_memory *memory, c
     ${line}
 {% endfor %}
 }
-{% if law.reference %}{% include "reference.c" %}{% endif %}{% if law.filter %}{% include "filter.c" %}{% endif +%}
+{% if law.reference %}{% include "reference.c" %}{% endif %}{% if law.filter %}{% include "filter.c" %}{% endif %}{% if law.allocation %}{% include "allocation.c" %}{% endif +%}

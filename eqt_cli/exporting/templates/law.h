@@ -47,7 +47,7 @@ void ${label}_start(const ${label}_numbers *numbers, ${label}_memory *memory, co
 /* The torque, in ${comment(law.program.torque.unit)}; then the memory goes on by one period. */
 void ${label}_torque(const ${label}_numbers *numbers, ${label}_memory *memory, const ${label}_input *input,
         ${real} torque[${m}]);
-{% if law.reference %}{% include "reference.h" %}{% endif %}{% if law.filter %}{% include "filter.h" %}{% endif +%}
+{% if law.reference %}{% include "reference.h" %}{% endif %}{% if law.filter %}{% include "filter.h" %}{% endif %}{% if law.allocation %}{% include "allocation.h" %}{% endif +%}
 #ifdef __cplusplus
 }
 #endif

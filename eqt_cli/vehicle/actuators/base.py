@@ -136,6 +136,11 @@ class Actuator(VehiclePart):
         short = np.abs(command - self.output(G, command, x)) > 1e-12 * (1 + np.abs(command))
         return np.array(short.any(axis=-1))
 
+    @property
+    def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
+        """B⁺, ``(k, m)``, and the limits behind it; None for any other allocation, or none."""
+        return None
+
     def torque_range(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
         """Return the least and the largest torque along each axis, ``(m,)``, in a run.
 

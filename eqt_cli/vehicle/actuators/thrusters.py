@@ -171,6 +171,13 @@ class Thrusters(Actuator):
         names = [each.name for each in self.thrusters or ()] or [""] * self.count
         return tuple(name or f"thruster {index}" for index, name in enumerate(names, 1))
 
+    @property
+    def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
+        """B⁺, ``(k, m)``, and the limits of the thrusts; None where they are solved for."""
+        low: Any = self.low
+        high: Any = self.high
+        return None if self.sampled else (self.inverse, low, high)
+
     def columns(self, G: MatrixLieGroup) -> Array:
         """Return B, ``(m, k)``."""
         if self.matrix is not None:

@@ -205,6 +205,15 @@ class Wheels(Actuator):
         found: Array = self.momenta(x) / self.inertia - apply_matrix(A.swapaxes(-1, -2), V)
         return found
 
+    @property
+    def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
+        """B⁺, ``(k, m)``, and the limits, but behind a bias; None for `min_max`."""
+        if self.faces:
+            return None
+        if self.limit is None or self.pulled is not None:
+            return self.inverse, None, None
+        return self.inverse, -self.limit, self.limit
+
     def allocated(self, command: Array) -> Array:
         """Return torques u with A u = command."""
         if not self.faces:

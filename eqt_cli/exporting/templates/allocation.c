@@ -1,0 +1,26 @@
+{% set found = law.allocation %}
+{% set count = found.inverse | length %}
+
+static const ${real} ${label}_inverse[${count}][${m}] = {
+{% for each in found.inverse %}
+${wrapped(braced(each, law.by), "     ", "    ")},
+{% endfor %}
+};
+{% for limit in found.limits %}
+static const ${real} ${label}_${limit.name}[${count}] =
+${wrapped(braced(limit.numbers, law.by), "    ")};
+{% endfor %}
+
+void ${label}_allocate(const ${real} torque[${m}], ${real} found[${count}])
+{
+    for (int i = 0; i < ${count}; i++) {
+        ${real} sum = ${label}_inverse[i][0] * torque[0];
+        for (int j = 1; j < ${m}; j++)
+            sum += ${label}_inverse[i][j] * torque[j];
+{% for limit in found.limits %}
+        if (sum ${limit.sign} ${label}_${limit.name}[i])
+            sum = ${label}_${limit.name}[i];
+{% endfor %}
+        found[i] = sum;
+    }
+}
