@@ -61,8 +61,9 @@ def _to_body(s: Tracking) -> Array:
 class DecoupledYaw(OfAttitude):
     """Geometric adaptive control with decoupled yaw: b₃ on the sphere, b₁ by an angle.
 
-    After Gamagedara, Bisheban, Kaufman and Lee, read from the public code (`attitude_control.m`),
-    which takes J₁ = J₂. The estimate of the unknown torque is its memory.
+    Read from the public code (`attitude_control.m`) of "Geometric Adaptive Controls of a Quadrotor
+    UAV with Decoupled Attitude Dynamics", which takes J₁ = J₂; the paper was not read. The estimate
+    of the unknown torque is its memory.
 
     Attributes
     ----------
