@@ -50,6 +50,7 @@ fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results 
 
 oracles: $(VENV)/.stamp-dev ## compare with Basilisk, MuJoCo, Pinocchio, RotorPy and python-control, which it installs
 	$(BIN)/$(PIP) install --group oracles
+	$(BIN)/$(PIP) install --no-deps --group basilisk
 	$(BIN)/python -m pytest tests/mechanics/test_oracles.py tests/vehicle/test_rotors.py tests/vehicle/test_basilisk.py \
 		tests/controllers/test_lqr.py $(ARGS)
 

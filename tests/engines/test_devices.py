@@ -68,6 +68,7 @@ def test_a_device_gives_the_bits_of_the_cpu(case: str, tmp_path: Path) -> None:
 
 
 @needs_device
+@pytest.mark.slow("compiles a loop with every elementary function")
 def test_the_test_of_a_driver_compares_64_runs_with_the_cpu(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

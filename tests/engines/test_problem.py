@@ -118,7 +118,7 @@ def test_a_billionth_of_the_horizon_is_rehearsed(times):
     ],
 )
 def test_control_instants_are_multiples_of_the_period_before_the_end(start, stop, period, instants):
-    loop = SimpleNamespace(vehicle=SimpleNamespace(control=SimpleNamespace(period=period)))
+    loop = SimpleNamespace(vehicle=SimpleNamespace(control=SimpleNamespace(tick=period)))
     times = np.array([start, (start + stop) / 2, stop])
     problem = Problem(loop, np.zeros((1, 1)), times)
     assert problem.control_instants == instants
@@ -151,7 +151,7 @@ def test_a_horizon_is_cut_at_instants_and_samples_belong_to_the_span_behind_them
 
 
 def test_spans_know_the_control_instant_that_they_begin_with():
-    vehicle = SimpleNamespace(control=SimpleNamespace(period=0.8))
+    vehicle = SimpleNamespace(control=SimpleNamespace(tick=0.8))
     loop = SimpleNamespace(vehicle=vehicle, instants=lambda until: np.array([1.0]))
     problem = Problem(loop, np.zeros((1, 1)), np.array([0.5, 1.6, 2.0]))
     assert [(span.start, span.tick) for span in problem.spans] == [

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 REASON = "Basilisk (bsk) is not installed; make oracles installs it"
-pytest.importorskip("Basilisk.simulation.spacecraft", reason=REASON)
+pytest.importorskip("Basilisk.utilities.SimulationBaseClass", reason=REASON, exc_type=ImportError)
 
 INERTIA = np.array([[0.03, 0.001, 0.0], [0.001, 0.025, 0.0], [0.0, 0.0, 0.01]])
 """Without the spin of the wheels."""
