@@ -28,6 +28,7 @@ _IN_PLAIN = (
     (r"\sqrt{L}", "√L"),
     (r"\|", "‖"),
     (r"\tau", "τ"),
+    (r"\Omega", "Ω"),
     (r"\int ", "∫"),
     (r"\langle ", "⟨"),
     (r" \rangle", "⟩"),
