@@ -112,6 +112,23 @@ def test_runs_are_cut_into_batches_that_fit_the_memory(monkeypatch: pytest.Monke
     assert sizes == [10, 10, 5]
 
 
+def test_a_device_without_enough_memory_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    cl = pytest.importorskip("pyopencl")
+    kernel = devices.Kernel.__new__(devices.Kernel)
+    kernel.device = devices.Device(0, "a", "b", 10**9, 10**9, (), None)
+
+    def failing(*given: object) -> None:
+        raise cl.MemoryError("clEnqueueNDRangeKernel failed: OUT_OF_RESOURCES")
+
+    monkeypatch.setattr(kernel, "_integrate", failing)
+    rows = {name: np.zeros((3, 0)) for name in ("parameters", "steps", "counts", "ends", "times")}
+    with pytest.raises(EqtError) as raised:
+        kernel(None, runs=3, states=np.zeros((3, 2)), samples=np.zeros((3, 1, 2)), **rows)
+    assert str(raised.value).startswith(
+        "opencl:0 (a, b) cannot integrate 3 runs of 2 states: clEnqueueNDRangeKernel failed"
+    )
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

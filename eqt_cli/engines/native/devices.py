@@ -228,7 +228,14 @@ class Kernel:
             for start in range(0, values["runs"], max(1, int(most))):
                 runs = slice(start, start + max(1, int(most)))
                 here = {name: array[runs] for name, array in arrays.items()}
-                self._integrate(here, [row.of(runs) for row in rows], measuring, values)
+                try:
+                    self._integrate(here, [row.of(runs) for row in rows], measuring, values)
+                except _opencl().Error as error:  # too few registers, or memory
+                    raise EqtError(
+                        f"{self.device.described} cannot integrate {len(here['states'])} runs of "
+                        f"{values['states'].shape[1]} states: {str(error).strip().splitlines()[0]}",
+                        Remedy("use the device cpu"),
+                    ) from error
 
     def _integrate(
         self,
