@@ -271,15 +271,19 @@ def _plant(mutant: Mutant, functions: dict[tuple[str, str], list[FunctionType]])
     """Whether the code can be exchanged.
 
     It cannot where the fault takes away a variable from outside, nor where it is in the default of
-    an argument, which is no part of the code.
+    an argument, which is no part of the code, nor where no function of that name lives.
     """
     file = str(ROOT / mutant.path)
     code = _code_of(compile(mutated(ROOT, mutant), file, "exec"), mutant.function)
-    found = functions[mutant.path, mutant.function]
+    found = functions.get((mutant.path, mutant.function), [])
     # Code that has run is no longer equal to itself as it was read.
     text = (ROOT / mutant.path).read_text(encoding="utf-8")
     unchanged = code == _code_of(compile(text, file, "exec"), mutant.function)
-    if unchanged or any(each.__code__.co_freevars != code.co_freevars for each in found):
+    if (
+        not found
+        or unchanged
+        or any(each.__code__.co_freevars != code.co_freevars for each in found)
+    ):
         return False
     for function in found:
         function.__code__ = code
