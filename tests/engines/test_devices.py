@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import h5py
@@ -110,6 +111,30 @@ def test_runs_are_cut_into_batches_that_fit_the_memory(monkeypatch: pytest.Monke
     rows = {name: np.zeros((25, 0)) for name in ("parameters", "steps", "counts", "ends", "times")}
     kernel(None, runs=25, states=np.zeros((25, 1)), samples=np.zeros((25, 2, 1)), **rows)
     assert sizes == [10, 10, 5]
+
+
+@pytest.mark.parametrize(
+    ("extensions", "does", "lacks"),
+    [
+        ("cl_khr_fp64 other", 15, ()),
+        ("cl_khr_fp64", 13, ("subnormal numbers",)),
+        ("cl_khr_fp16", 15, ("double precision",)),
+    ],
+)
+def test_what_a_device_lacks(extensions: str, does: int, lacks: tuple[str, ...]) -> None:
+    bits = SimpleNamespace(FMA=1, DENORM=2, INF_NAN=4, ROUND_TO_NEAREST=8)
+    each = SimpleNamespace(
+        extensions=extensions,
+        double_fp_config=does,
+        name="fast one ",
+        platform=SimpleNamespace(name="maker "),
+        driver_version="1.2",
+        global_mem_size=8,
+        max_mem_alloc_size=4,
+    )
+    found = devices._device(SimpleNamespace(device_fp_config=bits), 3, each)
+    assert found.lacks == lacks
+    assert found.described == "opencl:3 (fast one, maker 1.2)"
 
 
 def test_a_device_without_enough_memory_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -102,6 +102,13 @@ def test_states_are_those_of_a_program_that_counts_ticks(solved, engine):
     np.testing.assert_allclose(s.V[0], V, rtol=0, atol=1e-8)
 
 
+@pytest.mark.parametrize(("tick", "left"), [(0, [1, 2]), (1, [0, 1]), (3, [0, 3]), (6, [1, 0])])
+def test_ticks_left_until_law_and_lag_act(experiment_of, tick, left):
+    """The law acts at 1, 3, 5, … and the lag at 2, 6, 10, …"""
+    [loop] = experiment_of(TEXT).loops.values()
+    assert loop.vehicle.ticks_left(tick).tolist() == left
+
+
 def test_a_finer_tick_changes_nothing(solved):
     """The same measurements are drawn, and steps end at more instants: by the tolerance."""
     text = TEXT.replace("{period: 0.1, offset: 50 ms, delay: 150 ms}", "{period: 0.1}")
