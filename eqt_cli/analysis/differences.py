@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.config.yaml_source import load
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import KeyPath, dotted
+from eqt_cli.experiment.experiment import renamed
 from eqt_cli.results.origin import KnownResult
 
 BLOCK_ENTRIES = 2**22
 """Number of entries of a dataset that are read at once."""
 
-_APART = ("config", "provenance", "digest")
-"""Attributes that are compared key by key, or that follow from others."""
+_APART = ("config", "provenance", "digest", "files", "plugins")
+"""Attributes that are compared entry by entry, or that follow from others."""
 
 
 class Absent(Enum):
@@ -102,14 +102,29 @@ class Differences:
 
 
 def differences(first: KnownResult, second: KnownResult) -> Differences:
-    """Compare two open results, entry by entry."""
+    """Compare two open results, entry by entry.
+
+    A stored file has the same name in both if its text is the same, since packing renames files.
+    """
     both = first, second
+    sources = [each.source for each in both]
+    texts = [{**(source.stored_plugins or {}), **source.files} for source in sources]
+    known = {text: name for name, text in texts[0].items()}
+    own = [{name: known.get(text, name) for name, text in each.items()} for each in texts]
     arrays = [_datasets(each) for each in both]
     names = list(dict.fromkeys(chain(*arrays)))
     found = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
+    configurations = [
+        dict(_leaves(renamed(x.data, names))) for x, names in zip(sources, own, strict=True)
+    ]
+    attributes = [
+        {key: value for key, value in result.attributes.items() if key not in _APART}
+        | {f"file {names[name]}": text for name, text in stored.items()}
+        for result, names, stored in zip(both, own, texts, strict=True)
+    ]
     return Differences(
-        _changes(*(dict(_leaves(load(str(x.attributes["config"]), "config").data)) for x in both)),
-        _changes(*({k: v for k, v in x.attributes.items() if k not in _APART} for x in both)),
+        _changes(*configurations),
+        _changes(*attributes),
         _changes(*(dict(_leaves(each.provenance)) for each in both)),
         [each for each in found if each is not None],
         len(names),

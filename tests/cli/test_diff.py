@@ -191,6 +191,24 @@ def test_a_key_that_one_result_lacks(eqt: Any) -> None:
     assert changes[-1] == {"key": "reference.pose.rotvec[2]", "second": 0.5}
 
 
+def test_a_stored_file_is_compared_by_its_text(eqt: Any) -> None:
+    """Its name is another one where the configuration is the copy in the result folder."""
+    Path("starts.csv").write_text("wx,wy,wz\n1,0,0\n", encoding="utf-8")
+    initial = ("--set", "initial={file: starts.csv}", "--set", "ensemble={}", "-q", "--out")
+    eqt("run", "c.yaml", *initial, "one")
+    eqt("run", "one/config.yaml", "-q", "--out", "again")
+    done = eqt("diff", "one", "again")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.splitlines()[-1].startswith("equal: provenance differs")
+    Path("starts.csv").write_text("wx,wy,wz\n2,0,0\n", encoding="utf-8")
+    eqt("run", "c.yaml", *initial, "other")
+    changes = json.loads(eqt("diff", "one", "other", "--json").out)
+    assert changes["attributes"] == [
+        {"key": "file starts.csv", "first": "wx,wy,wz\n1,0,0\n", "second": "wx,wy,wz\n2,0,0\n"}
+    ]
+    assert not changes["configuration"]
+
+
 def test_quiet_leaves_the_exit_code(eqt: Any, second: Any) -> None:
     second("effort", (1, 2), 1e6)
     done = eqt("diff", "first", "second", "--quiet")

@@ -67,6 +67,17 @@ def test_verdicts_can_be_told_apart(marks):
     assert marks["rate of L eqt"].get_markerfacecolor() != "#ffffff"
 
 
+def test_each_verdict_of_a_measured_number_has_a_look_of_its_own(so3, opened):
+    verdicts = [Verdict[name] for name in "HOLDS FAILS UNDECIDED UNCLAIMED NOT_COVERED".split()]
+    rows = [row(f"statement {k}", "eqt", verdict=verdict) for k, verdict in enumerate(verdicts)]
+    legend = Certificates().draw([opened(so3)], extras=Extras(rows)).legends[0]
+    looks = {
+        text.get_text(): (line.get_marker(), line.get_fillstyle(), line.get_markerfacecolor())
+        for text, line in zip(legend.get_texts(), legend.get_lines(), strict=True)
+    }
+    assert len({looks[str(verdict)] for verdict in verdicts}) == len(verdicts)
+
+
 def test_the_legend_says_what_the_markers_mean_and_remarks_what_has_none(so3, opened):
     undecidable = row("rate of Ad_{Q_d⁻¹}", "eqt", None, None, Verdict.UNDECIDED)
     drawing = Certificates().draw([opened(so3)], extras=Extras([*ROWS, undecidable]))

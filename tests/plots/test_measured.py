@@ -9,6 +9,7 @@ import eqt_cli
 from eqt_cli.core.errors import EqtError
 from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.base import Extras
+from eqt_cli.plots.drawing.style import Style, house_style
 from eqt_cli.plots.figures.measured import MeasuredFigure
 from eqt_cli.plots.render import curves
 from eqt_cli.results.result import open_result
@@ -71,6 +72,15 @@ def test_measured_curves_lie_on_those_of_their_run(result, recording):
             # A gap is left empty.
             assert np.isnan(y).sum() == 1
             assert not ((t[real] > 4.01) & (t[real] < 4.99)).any()
+
+
+def test_recorded_coordinates_differ_under_a_style_of_two_colours(result, recording, tmp_path):
+    sheet = tmp_path / "two.mplstyle"
+    sheet.write_text('axes.prop_cycle: cycler(color=["k", "r"])\n', encoding="utf-8")
+    with house_style(Style((str(sheet),))):
+        panel = drawn(result, recording).axes[0]
+    recorded = [line for line in panel.lines if line.get_label().startswith("measured")]
+    assert len({(line.get_color(), line.get_linestyle()) for line in recorded}) == 3
 
 
 def test_what_was_not_measured_has_no_panels(result, recording):

@@ -122,8 +122,9 @@ def test_no_two_curves_look_alike_whatever_the_style(style, cycle):
                 for law in range(12 // variants)
                 for variant in range(variants)
             ]
-            looks = [line_style(look) for look in distinct(places)]
-            assert len({str(look) for look in looks}) == len(places)
+            looks = distinct(places)
+            assert len({str(line_style(look)) for look in looks}) == len(places)
+            assert len({(look.colour, look.marker) for look in looks}) == len(places)
 
 
 def test_a_cycle_of_dashes_alone_is_drawn_in_the_colour_of_text(style):

@@ -430,12 +430,12 @@ class Look:
 
 
 def distinct(places: Sequence[CurvePlace]) -> list[Look]:
-    """Return the looks of curves; no two of them share colour and dashes, whatever the style.
+    """Return the looks of curves; no two share colour and dashes, or colour and marker.
 
-    A curve whose wish an earlier one has gets the next dashes, and a paler colour once all dashes
-    are taken.
+    A curve whose wish an earlier one has gets the next dashes and marker, and a paler colour once
+    all dashes are taken.
     """
-    found: list[Look] = []
+    looks: list[Look] = []
     taken: set[tuple[str, Any]] = set()
     for place in places:
         wished, shade, own = _wish(place)
@@ -446,11 +446,13 @@ def distinct(places: Sequence[CurvePlace]) -> list[Look]:
             colour = mixed(wished, ink(0), _PALER**paler)
             if (colour, _kind(dashes)) not in taken:
                 break
-        taken.add((colour, _kind(dashes)))
         # Where the colours of eqt's own style begin anew, the markers are the next ones.
-        turns = place.law // len(_MARKERS)
-        found.append(Look(colour, dashes, _MARKERS[(place.law + turns) % len(_MARKERS)]))
-    return found
+        begin = place.law + place.law // len(_MARKERS)
+        markers = [_MARKERS[(begin + k) % len(_MARKERS)] for k in range(len(_MARKERS))]
+        marker = next((one for one in markers if (colour, one) not in taken), markers[0])
+        taken |= {(colour, _kind(dashes)), (colour, marker)}
+        looks.append(Look(colour, dashes, marker))
+    return looks
 
 
 def _wish(place: CurvePlace) -> tuple[str, int, Any]:

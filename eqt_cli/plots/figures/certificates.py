@@ -45,8 +45,9 @@ class Certificates(OfCertificates):
     Shown are the statements that come nearest to their bounds, or beyond them.
 
     Allowed are rounding for identities and a multiple of the solver's tolerance for trajectories.
-    Values left of 1 hold (filled). Hollow: no claim about the finite time of the runs. Cross:
-    fails. The scale is logarithmic; 0 is left of the axis break.
+    Values left of 1 hold (filled). Hollow: undecided. Lower half filled: the theorem does not cover
+    the loop. Left half filled: nothing is claimed. Cross: fails. The scale is logarithmic; 0 is
+    left of the axis break.
 
     Attributes
     ----------
@@ -123,10 +124,15 @@ def _mark(axes: Axes, row: Row, height: float, least: float, look: dict[str, Any
 
 
 def _shape(verdict: Verdict) -> dict[str, Any]:
-    """Return the marker of a verdict: filled if it holds, a cross if it fails, else hollow."""
-    if verdict is Verdict.FAILS:
-        return {"marker": "x", "markersize": 5, "markeredgewidth": 1.4}
-    return {} if verdict is Verdict.HOLDS else {"markerfacecolor": ink(0)}
+    """Return the marker of a verdict, which keeps the law's shape unless it fails."""
+    looks: dict[Verdict, dict[str, Any]] = {
+        Verdict.HOLDS: {},
+        Verdict.PROVED: {},
+        Verdict.FAILS: {"marker": "x", "markersize": 5, "markeredgewidth": 1.4},
+        Verdict.NOT_COVERED: {"fillstyle": "bottom", "markerfacecoloralt": ink(0)},
+        Verdict.UNCLAIMED: {"fillstyle": "left", "markerfacecoloralt": ink(0)},
+    }
+    return looks.get(verdict, {"markerfacecolor": ink(0)})
 
 
 def _name_rows(axes: Axes, found: ShownCertificates, width: Width) -> None:

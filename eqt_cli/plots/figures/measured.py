@@ -19,7 +19,7 @@ from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.base import Extras, Panelled, Timed
 from eqt_cli.plots.drawing.labels import axis_labels, part_curves, part_name
 from eqt_cli.plots.drawing.layout import EMPTY, add_legend, add_title, name_scale, sheet
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, mixed
+from eqt_cli.plots.drawing.style import WIDTHS, Width, colours_of_style, ink, line_style, mixed
 from eqt_cli.plots.shown.controllers import ALWAYS, TimeRange, error_of, positions
 from eqt_cli.results.result import Result
 
@@ -181,7 +181,10 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
         for k, axis in enumerate(G.axis_names[part.axes]):
             style = _thin(k)
             if kind == "measured":
-                style = {"color": mixed(style["color"], ink(0), _PALE), **_MEASURED}
+                # Dashes keep apart tints of a colour that the style gives to two coordinates.
+                dashes = style["linestyle"] if k >= colours_of_style() else "-"
+                tint = mixed(style["color"], ink(0), _PALE)
+                style = {"color": tint, "linestyle": dashes, **_MEASURED}
             axes.plot(curve[0], curve[1][:, k], label=f"{kind} {axis}", **style)
 
 
