@@ -8,8 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array, frobenius, less, norm, sqrt, stack, where
-from eqt_cli.groups import Part
+from eqt_cli.core.arrays import Array, less, sqrt, stack, where
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle.estimators.base import pivots, symmetric
 from eqt_cli.vehicle.vehicle import estimator_states
@@ -51,10 +50,9 @@ def of_bias(s: Tracking) -> Array:
     return error(s)[..., s.G.dimension :]
 
 
-def distance(s: Tracking, part: Part | None = None) -> Array:
-    """Return ‖I − Q̂⁻¹Q‖_F, or the norm of the block of a part."""
-    difference = s.G.identity - s.G.exp(of_pose(s))
-    return frobenius(difference if part is None else difference[(..., *part.entries)])
+def difference(s: Tracking) -> Array:
+    """Return I − Q̂⁻¹Q."""
+    return s.G.identity - s.G.exp(of_pose(s))
 
 
 def deviations(s: Tracking) -> Array:
@@ -90,13 +88,3 @@ def _covariance(s: Tracking) -> Array:
     """Return the entries of the covariance Σ on and above its diagonal."""
     n = 2 * s.G.dimension
     return kept(s, "covariance", stack([s.P[..., 0]] * (n * (n + 1) // 2)))
-
-
-def length_unit(part: Part) -> str:
-    """Return the unit of a displacement: the unit of a velocity, times s."""
-    return part.velocity_unit.removesuffix("/s") if "^" not in part.velocity_unit else "m/s"
-
-
-def bias_norm(s: Tracking, part: Part | None = None) -> Array:
-    """Return ‖b̃‖, or the norm of the coordinates of a part."""
-    return norm(of_bias(s) if part is None else of_bias(s)[..., part.axes])

@@ -7,7 +7,7 @@ beyond a norm.
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,35 +28,6 @@ THRUSTER, WHEEL = "thruster", "wheel"
 """Names of the dimensions of thrusters and of wheels."""
 
 
-class LoopOutputs(NamedTuple):
-    """Command of the law, outputs of the actuators and Lyapunov function, over time.
-
-    Attributes
-    ----------
-    torque, command : (..., m)
-        Torque of the actuators and command of the law, body frame.
-    at_limit : (...)
-        1 where an actuator is at its limit, else 0.
-    thrust : (..., k)
-        Thrust of each thruster.
-    wheel_momentum, wheel_speed : (..., k)
-        Momentum of each wheel, and its speed relative to the body.
-    lyapunov : (...)
-        Lyapunov function L of the law.
-    attitude_error : (...)
-        ‖R − R_c‖_F of a law that commands an attitude; NaN for others.
-    """
-
-    torque: Array
-    command: Array
-    at_limit: Array
-    thrust: Array
-    wheel_momentum: Array
-    wheel_speed: Array
-    lyapunov: Array
-    attitude_error: Array
-
-
 @dataclass(frozen=True)
 class Signal:
     """A quantity over time of one run.
@@ -65,18 +36,17 @@ class Signal:
     ----------
     name
         Its name in a result file.
-    dims
-        Dimensions beyond run and time: ``("row", "col")``, ``("axis",)`` or none.
     symbol
         Symbol of the paper, in LaTeX.
     long_name
         Its name in words.
-    unit_in
-        Its unit in a part of the coordinates.
-    of
-        Computes it from the tracking state and the outputs.
-    of_part
-        Computes a norm for one part of the coordinates; None for all other signals.
+    unit
+        Its unit, or the attribute of a part of the coordinates that has it: ``pose_unit``.
+    dims
+        Dimensions beyond run and time: ``("row", "col")``, ``("axis",)`` or none.
+    norm
+        Whether it is the norm of the ``entries`` of a matrix, or along the ``axes`` of the
+        coordinates; a norm also exists for each part of them.
     stored_of
         Whether it is stored for a vehicle; for others it repeats another signal or is empty.
     only_there
@@ -88,16 +58,19 @@ class Signal:
     """
 
     name: str
-    dims: tuple[str, ...]
     symbol: str
     long_name: str
-    unit_in: Callable[[Part], str]
-    of: Callable[[Tracking, LoopOutputs], Array]
-    of_part: Callable[[Tracking, LoopOutputs, Part], Array] | None = None
+    unit: str
+    dims: tuple[str, ...] = ()
+    norm: Literal["", "entries", "axes"] = ""
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
     only_there: bool = False
     exists_on: Callable[[MatrixLieGroup], bool] = lambda group: True
     exists_for: Callable[[Controller], bool] = lambda law: True
+
+    def unit_in(self, part: Part) -> str:
+        """Return its unit in a part of the coordinates."""
+        return str(getattr(part, self.unit, self.unit))
 
     def units(self, group: MatrixLieGroup) -> str:
         """Return its unit on a group."""
@@ -106,262 +79,173 @@ class Signal:
 
     def parts(self, group: MatrixLieGroup) -> tuple[Part, ...]:
         """Return the parts with a norm of their own; empty if there is one part, or no norm."""
-        return group.parts if self.of_part and len(group.parts) > 1 else ()
+        return group.parts if self.norm and len(group.parts) > 1 else ()
 
-
-def _position_error(s: Tracking, given: LoopOutputs) -> Array:
-    assert rigid_motions(s.G)
-    return frobenius(s.G.translations(s.Q) - s.G.translations(s.Qd))
-
-
-def _heading_error(s: Tracking, given: LoopOutputs) -> Array:
-    assert rigid_motions(s.G)
-    return absolute(heading_of(s.G, s.Q_E)) * (180 / np.pi)
+    def value(self, of: Array, part: Part | None = None) -> Array:
+        """Return it, or its norm in a part, from what it is the norm of."""
+        if self.norm == "entries":
+            return frobenius(of if part is None else of[(..., *part.entries)])
+        if self.norm == "axes":
+            return norm(of if part is None else of[..., part.axes])
+        return of
 
 
 _estimate = partial(Signal, stored_of=lambda vehicle: vehicle.estimates, only_there=True)
 _filtered = partial(Signal, stored_of=lambda vehicle: vehicle.knows_covariance, only_there=True)
+MATRIX, VECTOR = ("row", "col"), ("axis",)
 
 SIGNALS = (
-    Signal(
-        "pose", ("row", "col"), "Q", "pose Q", lambda part: part.pose_unit, lambda s, given: s.Q
-    ),
-    Signal(
-        "velocity",
-        ("axis",),
-        "V",
-        "body velocity V",
-        lambda part: part.velocity_unit,
-        lambda s, given: s.V,
-    ),
-    Signal(
-        "torque",
-        ("axis",),
-        r"\tau",
-        "control torque tau, body frame",
-        lambda part: part.force_unit,
-        lambda s, given: given.torque,
-    ),
+    Signal("pose", "Q", "pose Q", "pose_unit", MATRIX),
+    Signal("velocity", "V", "body velocity V", "velocity_unit", VECTOR),
+    Signal("torque", r"\tau", "control torque tau, body frame", "force_unit", VECTOR),
     Signal(
         "pose_error",
-        (),
         r"\|I - Q_E\|_{\mathrm{F}}",
         "pose error ||I - Q Qd^-1||_F",
-        lambda part: part.pose_unit,
-        lambda s, given: frobenius(s.G.identity - s.Q_E),
-        lambda s, given, part: frobenius((s.G.identity - s.Q_E)[(..., *part.entries)]),
+        "pose_unit",
+        norm="entries",
     ),
     Signal(
-        "velocity_error",
-        (),
-        r"\|V - V_d\|",
-        "velocity error ||V - Vd||",
-        lambda part: part.velocity_unit,
-        lambda s, given: norm(s.V_tilde),
-        lambda s, given, part: norm(s.V_tilde[..., part.axes]),
+        "velocity_error", r"\|V - V_d\|", "velocity error ||V - Vd||", "velocity_unit", norm="axes"
     ),
-    Signal(
-        "torque_norm",
-        (),
-        r"\|\tau\|",
-        "torque norm ||tau||",
-        lambda part: part.force_unit,
-        lambda s, given: norm(given.torque),
-        lambda s, given, part: norm(given.torque[..., part.axes]),
-    ),
-    Signal(
-        "lyapunov",
-        (),
-        r"\mathcal{L}",
-        "Lyapunov function L",
-        lambda part: "J",
-        lambda s, given: given.lyapunov,
-    ),
+    Signal("torque_norm", r"\|\tau\|", "torque norm ||tau||", "force_unit", norm="axes"),
+    Signal("lyapunov", r"\mathcal{L}", "Lyapunov function L", "J"),
     Signal(
         "position_error",
-        (),
         r"\|p - p_d\|",
         "distance ||p - pd|| of the positions",
-        lambda part: "m",
-        _position_error,
+        "m",
         exists_on=rigid_motions,
     ),
     Signal(
         "heading_error",
-        (),
         r"\psi_E",
         "size of the turn about the vertical in R Rd^T",
-        lambda part: "deg",
-        _heading_error,
+        "deg",
         exists_on=lambda group: rigid_motions(group) and group.space == 3,
     ),
     Signal(
         "attitude_command_error",
-        (),
         r"\|R - R_c\|_{\mathrm{F}}",
         "distance ||R - Rc||_F from the attitude that the law commands",
-        lambda part: "1",
-        lambda s, given: given.attitude_error,
+        "1",
         exists_for=lambda law: law.commands_attitude,
     ),
     Signal(
         "command",
-        ("axis",),
-        r"u",
+        "u",
         "torque that the law asks for, body frame",
-        lambda part: part.force_unit,
-        lambda s, given: given.command,
+        "force_unit",
+        VECTOR,
         stored_of=lambda vehicle: bool(vehicle.actuators or vehicle.control),
     ),
     Signal(
         "at_limit",
-        (),
-        r"s",
+        "s",
         "1 where an actuator is at its limit, else 0",
-        lambda part: "1",
-        lambda s, given: given.at_limit,
+        "1",
         stored_of=lambda vehicle: vehicle.limits,
     ),
     Signal(
         "thrust",
-        (THRUSTER,),
-        r"f",
+        "f",
         "thrust of each thruster",
-        lambda part: "N",
-        lambda s, given: given.thrust,
+        "N",
+        (THRUSTER,),
         stored_of=lambda vehicle: bool(vehicle.thruster_names),
     ),
     Signal(
         "wheel_momentum",
-        (WHEEL,),
-        r"h",
+        "h",
         "absolute momentum of each wheel about its axis",
-        lambda part: "N m s",
-        lambda s, given: given.wheel_momentum,
+        "N m s",
+        (WHEEL,),
         stored_of=lambda vehicle: vehicle.wheels is not None,
     ),
     Signal(
         "wheel_speed",
-        (WHEEL,),
         r"\Omega",
         "speed of each wheel relative to the body",
-        lambda part: "rad/s",
-        lambda s, given: given.wheel_speed,
+        "rad/s",
+        (WHEEL,),
         stored_of=lambda vehicle: bool(vehicle.wheels and vehicle.wheels[1].inertia is not None),
     ),
     _estimate(
         "estimated_pose",
-        ("row", "col"),
         r"\hat{Q}",
         "estimated pose, at the last control instant",
-        lambda part: part.pose_unit,
-        lambda s, given: estimates.pose(s),
+        "pose_unit",
+        MATRIX,
     ),
     _estimate(
         "estimated_velocity",
-        ("axis",),
         r"\hat{V}",
         "estimated body velocity, at the last control instant",
-        lambda part: part.velocity_unit,
-        lambda s, given: estimates.velocity(s),
+        "velocity_unit",
+        VECTOR,
     ),
     _estimate(
         "estimated_bias",
-        ("axis",),
         r"\hat{b}",
         "estimated bias of the measured velocity",
-        lambda part: part.velocity_unit,
-        lambda s, given: estimates.bias(s),
+        "velocity_unit",
+        VECTOR,
     ),
     _estimate(
         "estimate_error",
-        (),
         r"\|I - \hat{Q}^{-1} Q\|_{\mathrm{F}}",
         "error of the estimated pose ||I - Qhat^-1 Q||_F, at the last control instant",
-        lambda part: part.pose_unit,
-        lambda s, given: estimates.distance(s),
-        lambda s, given, part: estimates.distance(s, part),
+        "pose_unit",
+        norm="entries",
     ),
     _estimate(
         "bias_error",
-        (),
         r"\|b - \hat{b}\|",
         "error of the estimated bias ||b - bhat||, at the last control instant",
-        lambda part: part.velocity_unit,
-        lambda s, given: estimates.bias_norm(s),
-        lambda s, given, part: estimates.bias_norm(s, part),
+        "velocity_unit",
+        norm="axes",
     ),
     _estimate(
         "pose_estimate_error",
-        ("axis",),
         r"\varepsilon",
         "log(Qhat^-1 Q), at the last control instant",
-        estimates.length_unit,
-        lambda s, given: estimates.of_pose(s),
+        "length_unit",
+        VECTOR,
     ),
     _estimate(
         "bias_estimate_error",
-        ("axis",),
         r"\tilde{b}",
         "b - bhat, at the last control instant",
-        lambda part: part.velocity_unit,
-        lambda s, given: estimates.of_bias(s),
+        "velocity_unit",
+        VECTOR,
     ),
     _filtered(
         "pose_estimate_std",
-        ("axis",),
         r"\sigma_\varepsilon",
         "standard deviation of log(Qhat^-1 Q) by the filter",
-        estimates.length_unit,
-        lambda s, given: estimates.deviations(s)[..., : s.G.dimension],
+        "length_unit",
+        VECTOR,
     ),
     _filtered(
         "bias_estimate_std",
-        ("axis",),
         r"\sigma_b",
         "standard deviation of b - bhat by the filter",
-        lambda part: part.velocity_unit,
-        lambda s, given: estimates.deviations(s)[..., s.G.dimension :],
+        "velocity_unit",
+        VECTOR,
     ),
     _filtered(
-        "nees",
-        (),
-        r"\mathrm{NEES}",
-        "squared error of the estimate, normalised by its covariance",
-        lambda part: "1",
-        lambda s, given: estimates.consistency(s)[0],
+        "nees", r"\mathrm{NEES}", "squared error of the estimate, normalised by its covariance", "1"
     ),
+    _filtered("nees_dof", "n", "degrees of freedom of the normalised error", "1"),
+    _filtered("innovations", "N", "number of normalised innovations so far", "1"),
     _filtered(
-        "nees_dof",
-        (),
-        r"n",
-        "degrees of freedom of the normalised error",
-        lambda part: "1",
-        lambda s, given: estimates.consistency(s)[1],
-    ),
-    _filtered(
-        "innovations",
-        (),
-        r"N",
-        "number of normalised innovations so far",
-        lambda part: "1",
-        lambda s, given: estimates.innovations(s)[0],
-    ),
-    _filtered(
-        "innovation_square",
-        (),
-        r"\nu^2",
-        "mean square of the normalised innovations so far",
-        lambda part: "1",
-        lambda s, given: estimates.innovations(s)[1],
+        "innovation_square", r"\nu^2", "mean square of the normalised innovations so far", "1"
     ),
     _filtered(
         "innovation_correlation",
-        (),
         r"\rho_1",
         "correlation of successive normalised innovations so far",
-        lambda part: "1",
-        lambda s, given: estimates.innovations(s)[2],
+        "1",
     ),
 )
 """All signals, in the order of `compute`."""
@@ -412,21 +296,7 @@ def at_state(
         The requested signals of estimates, NaN where there is no estimate; if empty, all that
         exist.
     """
-    command = loop.command(s)
-    torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
-    attitude = loop.controller.attitude_error(s)
-    if attitude is None:
-        with np.errstate(invalid="ignore"):  # symbols compare NaN
-            attitude = s.P[..., 0] * 0.0 + np.nan
-    given = LoopOutputs(
-        torque,
-        command,
-        loop.at_limit(s),
-        loop.thrust(s),
-        *loop.wheel_states(s),
-        loop.lyapunov(s),
-        attitude,
-    )
+    of = _formulas(loop, s)
     members = loop.vehicle.members
     for signal in SIGNALS:
         if not all(members.get(dim, True) for dim in signal.dims):
@@ -435,12 +305,56 @@ def at_state(
             continue
         exists = not signal.only_there or signal.stored_of(loop.vehicle)
         always = not signal.only_there or (exists and not asked)
-        found = [(signal.name, partial(signal.of, s, given))]
-        for part in signal.parts(loop.group):
-            assert signal.of_part is not None
-            found.append((f"{signal.name}_{part.name}", partial(signal.of_part, s, given, part)))
-        for name, of in found:
+        named = {f"{signal.name}_{part.name}": part for part in signal.parts(loop.group)}
+        for name, part in {signal.name: None, **named}.items():
             if always or name in asked:
+                value = signal.value(of[signal.name](), part)
                 # A compiled choice between numbers does not propagate NaN.
-                yield name, of() if exists else of() + np.nan
-    yield "energy_balance", given.lyapunov + work
+                yield name, value if exists else value + np.nan
+    yield "energy_balance", of["lyapunov"]() + work
+
+
+def _formulas(loop: ClosedLoop, s: Tracking) -> dict[str, Callable[[], Array]]:
+    """Return how each signal follows from a state; of norms, what they are the norm of."""
+    G: Any = s.G  # with translations, where positions exist
+    m = s.G.dimension
+    command = loop.command(s)
+    torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
+    attitude = loop.controller.attitude_error(s)
+    if attitude is None:
+        with np.errstate(invalid="ignore"):  # symbols compare NaN
+            attitude = s.P[..., 0] * 0.0 + np.nan
+    at_limit, thrust = loop.at_limit(s), loop.thrust(s)
+    momentum, speed = loop.wheel_states(s)
+    L = loop.lyapunov(s)
+    return {
+        "pose": lambda: s.Q,
+        "velocity": lambda: s.V,
+        "torque": lambda: torque,
+        "pose_error": lambda: G.identity - s.Q_E,
+        "velocity_error": lambda: s.V_tilde,
+        "torque_norm": lambda: torque,
+        "lyapunov": lambda: L,
+        "position_error": lambda: frobenius(G.translations(s.Q) - G.translations(s.Qd)),
+        "heading_error": lambda: absolute(heading_of(G, s.Q_E)) * (180 / np.pi),
+        "attitude_command_error": lambda: attitude,
+        "command": lambda: command,
+        "at_limit": lambda: at_limit,
+        "thrust": lambda: thrust,
+        "wheel_momentum": lambda: momentum,
+        "wheel_speed": lambda: speed,
+        "estimated_pose": lambda: estimates.pose(s),
+        "estimated_velocity": lambda: estimates.velocity(s),
+        "estimated_bias": lambda: estimates.bias(s),
+        "estimate_error": lambda: estimates.difference(s),
+        "bias_error": lambda: estimates.of_bias(s),
+        "pose_estimate_error": lambda: estimates.of_pose(s),
+        "bias_estimate_error": lambda: estimates.of_bias(s),
+        "pose_estimate_std": lambda: estimates.deviations(s)[..., :m],
+        "bias_estimate_std": lambda: estimates.deviations(s)[..., m:],
+        "nees": lambda: estimates.consistency(s)[0],
+        "nees_dof": lambda: estimates.consistency(s)[1],
+        "innovations": lambda: estimates.innovations(s)[0],
+        "innovation_square": lambda: estimates.innovations(s)[1],
+        "innovation_correlation": lambda: estimates.innovations(s)[2],
+    }

@@ -53,6 +53,11 @@ class Part:
         """Unit of the coordinates of a pose error, log Q_d⁻¹Q."""
         return "rad" if self.turns else self.pose_unit
 
+    @property
+    def length_unit(self) -> str:
+        """Unit of a displacement: that of a velocity, times s."""
+        return self.velocity_unit.removesuffix("/s") if "^" not in self.velocity_unit else "m/s"
+
 
 class MatrixLieGroup(ABC):
     """A matrix Lie group G of d×d matrices with an m-dimensional Lie algebra g.

@@ -187,20 +187,6 @@ def _early(window_s: float = EARLY.stop) -> dict[str, Any]:
     }
 
 
-def _closing(what: str) -> Callable[..., dict[str, Any]]:
-    def chosen(share_of_time: float = CLOSING) -> dict[str, Any]:
-        usual = share_of_time == CLOSING
-        words = "the last quarter" if usual else f"the last {100 * share_of_time:g} %"
-        return {
-            "of": closing_rms if usual else partial(closing_rms, share=min(share_of_time, 1.0)),
-            "long_name": f"root mean square of {what} over {words} of the time",
-            "label": "closing rms of {}" + ("" if usual else f", last {100 * share_of_time:g} %"),
-            "notes": {"share_of_time": share_of_time},
-        }
-
-    return chosen
-
-
 def by_thresholds_of_parts(quantity: Quantity, thresholds: Mapping[str, float]) -> Quantity:
     """Return a row that uses the settling threshold, for separate thresholds of the parts."""
     assert quantity.of is not None
@@ -221,16 +207,55 @@ def by_thresholds_of_parts(quantity: Quantity, thresholds: Mapping[str, float]) 
 _less_is_better = partial(Quantity, better="lower")
 _compared = partial(_less_is_better, compared=(WHOLE,))
 
+
+def _statistic(of: Callable[..., Any], label: str, words: str) -> Callable[..., Quantity]:
+    """Return what makes the row of a statistic over time, from a name, a signal and its words."""
+
+    def row(name: str, signal: str, what: str, **more: Any) -> Quantity:
+        fields: dict[str, Any] = {"of": of, "label": label, "better": "lower"} | more
+        return Quantity(name, words.format(what), signals=(signal,), **fields)
+
+    return row
+
+
+_mean = _statistic(time_mean, "mean {}", "mean {} over the horizon")
+_peak = _statistic(peak, "largest {}", "largest {} at the samples")
+_final = _statistic(final, "final {}", "{} at the end")
+_rms = _statistic(root_mean_square, "rms of {}", "root mean square of {} over the horizon")
+_settling = partial(
+    _statistic(settling_time, "settling time", "last time {} leaves the settling threshold"),
+    units="s",
+    settings={"threshold": "settling_threshold"},
+    censored=True,
+    compared=(WHOLE,),
+)
+
+
+def _closing(name: str, signal: str, what: str) -> Quantity:
+    """Return the row of a root mean square over the last share of the time."""
+
+    def chosen(share_of_time: float = CLOSING) -> dict[str, Any]:
+        usual = share_of_time == CLOSING
+        words = "the last quarter" if usual else f"the last {100 * share_of_time:g} %"
+        return {
+            "of": closing_rms if usual else partial(closing_rms, share=min(share_of_time, 1.0)),
+            "long_name": f"root mean square of {what} over {words} of the time",
+            "label": "closing rms of {}" + ("" if usual else f", last {100 * share_of_time:g} %"),
+            "notes": {"share_of_time": share_of_time},
+        }
+
+    return _compared(
+        name,
+        signals=(signal,),
+        stored_of=_as_it_flies,
+        choices={"share_of_time": "closing_window"},
+        chosen=chosen,
+        **chosen(),
+    )
+
+
 METRICS = (
-    _less_is_better(
-        "mean_torque",
-        "mean ||tau|| over the horizon",
-        signals=("torque_norm",),
-        label="mean {}",
-        stored=False,
-        of=time_mean,
-        compared=(EARLY, WHOLE),
-    ),
+    _mean("mean_torque", "torque_norm", "||tau||", stored=False, compared=(EARLY, WHOLE)),
     _compared(
         "effort",
         "control effort, integral of ||tau||^2",
@@ -240,13 +265,7 @@ METRICS = (
         formula=r"\int {}^2\,\mathrm{d}t",
         of=effort,
     ),
-    _compared(
-        "peak_torque",
-        "largest ||tau|| at the samples",
-        signals=("torque_norm",),
-        label="largest {}",
-        of=peak,
-    ),
+    _peak("peak_torque", "torque_norm", "||tau||", compared=(WHOLE,)),
     _less_is_better(
         "early_torque",
         signals=("torque_norm",),
@@ -265,13 +284,7 @@ METRICS = (
         stored=False,
         of=actuator_work,
     ),
-    _compared(
-        "mean_pose_error",
-        "mean ||I - Q_E||_F over the horizon",
-        signals=("pose_error",),
-        label="mean {}",
-        of=time_mean,
-    ),
+    _mean("mean_pose_error", "pose_error", "||I - Q_E||_F", compared=(WHOLE,)),
     _compared(
         "squared_pose_error",
         "integral of ||I - Q_E||_F^2",
@@ -282,13 +295,7 @@ METRICS = (
         stored=False,
         of=integral_of_square,
     ),
-    _less_is_better(
-        "final_pose_error",
-        "||I - Q_E||_F at the end",
-        signals=("pose_error",),
-        label="final {}",
-        of=final,
-    ),
+    _final("final_pose_error", "pose_error", "||I - Q_E||_F"),
     _compared(
         "mean_attitude_error",
         "mean angle of the attitude error over the horizon",
@@ -309,66 +316,14 @@ METRICS = (
         of=final_turn,
         of_turns=True,
     ),
-    _compared(
-        "position_rms",
-        "root mean square of ||p - pd|| over the horizon",
-        signals=("position_error",),
-        label="rms of {}",
-        of=root_mean_square,
-    ),
-    _less_is_better(
-        "peak_position_error",
-        "largest ||p - pd|| at the samples",
-        signals=("position_error",),
-        label="largest {}",
-        of=peak,
-    ),
-    _less_is_better(
-        "final_position_error",
-        "||p - pd|| at the end",
-        signals=("position_error",),
-        label="final {}",
-        of=final,
-    ),
-    _less_is_better(
-        "heading_rms",
-        "root mean square of the heading error over the horizon",
-        signals=("heading_error",),
-        label="rms of the heading error",
-        of=root_mean_square,
-    ),
-    _less_is_better(
-        "attitude_command_rms",
-        "root mean square of ||R - Rc||_F over the horizon",
-        signals=("attitude_command_error",),
-        label="rms of {}",
-        of=root_mean_square,
-    ),
-    _compared(
-        "mean_velocity_error",
-        "mean ||V - Vd|| over the horizon",
-        signals=("velocity_error",),
-        label="mean {}",
-        stored=False,
-        of=time_mean,
-    ),
-    _less_is_better(
-        "final_velocity_error",
-        "||V - Vd|| at the end",
-        signals=("velocity_error",),
-        label="final {}",
-        of=final,
-    ),
-    _compared(
-        "settling_time",
-        "last time ||I - Q_E||_F leaves the settling threshold",
-        units="s",
-        signals=("pose_error",),
-        label="settling time",
-        of=settling_time,
-        settings={"threshold": "settling_threshold"},
-        censored=True,
-    ),
+    _rms("position_rms", "position_error", "||p - pd||", compared=(WHOLE,)),
+    _peak("peak_position_error", "position_error", "||p - pd||"),
+    _final("final_position_error", "position_error", "||p - pd||"),
+    _rms("heading_rms", "heading_error", "the heading error", label="rms of the heading error"),
+    _rms("attitude_command_rms", "attitude_command_error", "||R - Rc||_F"),
+    _mean("mean_velocity_error", "velocity_error", "||V - Vd||", stored=False, compared=(WHOLE,)),
+    _final("final_velocity_error", "velocity_error", "||V - Vd||"),
+    _settling("settling_time", "pose_error", "||I - Q_E||_F"),
     Quantity(
         "decay_rate",
         "half the slope of -log L",
@@ -413,89 +368,57 @@ METRICS = (
         of=time_mean,
         stored_of=lambda vehicle: vehicle.limits,
     ),
-    _compared(
-        "closing_pose_error",
-        signals=("pose_error",),
-        stored_of=_as_it_flies,
-        choices={"share_of_time": "closing_window"},
-        chosen=_closing("||I - Q_E||_F"),
-        **_closing("||I - Q_E||_F")(),
-    ),
-    _compared(
-        "closing_torque",
-        signals=("torque_norm",),
-        stored_of=_as_it_flies,
-        choices={"share_of_time": "closing_window"},
-        chosen=_closing("||tau||"),
-        **_closing("||tau||")(),
-    ),
-    _compared(
+    _closing("closing_pose_error", "pose_error", "||I - Q_E||_F"),
+    _closing("closing_torque", "torque_norm", "||tau||"),
+    _rms(
         "estimate_rms",
-        "root mean square of ||I - Qhat^-1 Q||_F over the horizon",
-        signals=("estimate_error",),
-        label="rms of {}",
-        of=root_mean_square,
+        "estimate_error",
+        "||I - Qhat^-1 Q||_F",
+        compared=(WHOLE,),
         stored_of=_estimates,
     ),
-    _less_is_better(
-        "bias_rms",
-        "root mean square of ||b - bhat|| over the horizon",
-        signals=("bias_error",),
-        label="rms of {}",
-        of=root_mean_square,
-        stored_of=_estimates,
-    ),
-    _compared(
+    _rms("bias_rms", "bias_error", "||b - bhat||", stored_of=_estimates),
+    _settling(
         "estimate_settling_time",
-        "last time ||I - Qhat^-1 Q||_F leaves the settling threshold",
-        units="s",
-        signals=("estimate_error",),
+        "estimate_error",
+        "||I - Qhat^-1 Q||_F",
         label="settling time of the estimate",
-        of=settling_time,
-        settings={"threshold": "settling_threshold"},
-        censored=True,
         stored_of=_estimates,
     ),
 )
 """Metrics that compare controllers, in the order of tables; result files hold those `stored`."""
 
+_ratio = partial(Quantity, units="1", stored_of=_knows_covariance)
+
 CONSISTENCY = (
-    Quantity(
+    _ratio(
         "nees_ratio",
         "mean of NEES over its degrees of freedom; 1 of a consistent filter",
-        units="1",
         signals=("nees", "nees_dof"),
         label="NEES per degree of freedom",
         of=mean_ratio,
-        stored_of=_knows_covariance,
     ),
-    Quantity(
+    _ratio(
         "ellipsoid_share",
         "share of the samples whose error is within the 95 % ellipsoid; 0.95 of a consistent "
         "filter",
-        units="1",
         signals=("nees", "nees_dof"),
         label="share within the 95 % ellipsoid",
         of=share_inside,
-        stored_of=_knows_covariance,
     ),
-    Quantity(
+    _ratio(
         "final_innovation_square",
         "mean square of the normalised innovations; 1 of a consistent filter",
-        units="1",
         signals=("innovation_square",),
         label="mean square of innovations",
         of=final,
-        stored_of=_knows_covariance,
     ),
-    Quantity(
+    _ratio(
         "final_innovation_correlation",
         "correlation of successive normalised innovations; 0 of a consistent filter",
-        units="1",
         signals=("innovation_correlation",),
         label="correlation of innovations",
         of=final,
-        stored_of=_knows_covariance,
     ),
 )
 """Whether a filter is consistent: numbers that rank no laws."""

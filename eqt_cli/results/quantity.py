@@ -180,7 +180,7 @@ class Quantity:
     @property
     def _of_norm(self) -> bool:
         signal = signal_of(self.signals[0]) if self.signals else None
-        return signal is not None and signal.of_part is not None
+        return signal is not None and bool(signal.norm)
 
     @property
     def symbol(self) -> str:

@@ -204,7 +204,7 @@ def quantity_of(name: str, long_name: str = "") -> Quantity:
     for row in MEASURED:
         if row.stored_by_part and name.startswith(f"{row.name}_"):
             return row.part(name.removeprefix(f"{row.name}_"))
-    if signal is not None and signal.of_part is not None:
+    if signal is not None and signal.norm:
         return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
     return Quantity(name, long_name or name, units="")
 

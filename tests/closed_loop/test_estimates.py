@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.closed_loop import estimates
+from eqt_cli.closed_loop.signals import signal_of
 from eqt_cli.groups import group_named
 
 
@@ -59,11 +60,13 @@ def test_norms_of_an_error_by_parts():
     rotation, translation = s.G.parts
     assert estimates.of_pose(s).tolist() == error[:3].tolist()
     assert estimates.of_bias(s).tolist() == error[3:].tolist()
-    assert estimates.bias_norm(s) == pytest.approx(np.sqrt(0.6**2 + 25))
-    assert estimates.bias_norm(s, rotation) == pytest.approx(0.6)
-    assert estimates.bias_norm(s, translation) == pytest.approx(5.0)
+    bias, pose = signal_of("bias_error"), signal_of("estimate_error")
+    b, difference = estimates.of_bias(s), estimates.difference(s)
+    assert bias.value(b) == pytest.approx(np.sqrt(0.6**2 + 25))
+    assert bias.value(b, rotation) == pytest.approx(0.6)
+    assert bias.value(b, translation) == pytest.approx(5.0)
     # ‖I − R‖ is 2√2 sin(θ/2), and the translation of exp is a chord of the length 2 sin(θ/2)/θ.
     turn, chord = np.sqrt(8) * np.sin(0.15), np.sqrt(5) * 2 * np.sin(0.15) / 0.3
-    assert estimates.distance(s, rotation) == pytest.approx(turn)
-    assert estimates.distance(s, translation) == pytest.approx(chord)
-    assert estimates.distance(s) == pytest.approx(np.hypot(turn, chord))
+    assert pose.value(difference, rotation) == pytest.approx(turn)
+    assert pose.value(difference, translation) == pytest.approx(chord)
+    assert pose.value(difference) == pytest.approx(np.hypot(turn, chord))

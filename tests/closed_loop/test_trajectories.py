@@ -281,7 +281,7 @@ def test_signals_are_the_norms_they_are_named_after(G):
     found, s = compute(loop, TIMES, states), loop.tracking(TIMES, states)
     # Estimates are not, nor errors of what the group does not have.
     here = [signal for signal in SIGNALS if not signal.only_there and signal.exists_on(G)]
-    norms = [signal.name for signal in here if signal.of_part and len(G.parts) > 1]
+    norms = [signal.name for signal in here if signal.norm and len(G.parts) > 1]
     parts = {f"{norm}_{part.name}" for norm in norms for part in G.parts}
     # Of a vehicle that has thrusters or wheels.
     names = {signal.name for signal in here} - {"thrust", "wheel_momentum", "wheel_speed"}

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from eqt_cli.closed_loop.estimates import length_unit
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError, Problems
@@ -171,7 +170,7 @@ def test_an_estimate_without_a_covariance_starts_without_one():
 
 
 def test_an_error_of_a_part_has_the_unit_of_its_velocity_times_a_second():
-    units = {part.name: length_unit(part) for part in group_named("SE23").parts}
+    units = {part.name: part.length_unit for part in group_named("SE23").parts}
     assert units == {"rotation": "rad", "velocity": "m/s", "position": "m"}
 
 
