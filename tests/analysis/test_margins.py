@@ -110,7 +110,7 @@ def loop_of(config: Mapping[str, Any], **changes: Any) -> tuple[Experiment, Line
     experiment = eqt_cli.load_experiment({**config, **changes}).base
     [loop] = experiment.loops.values()
     Qd, Vd = experiment.initial_pose[None], experiment.initial_velocity[None]
-    return experiment, linearised(loop, np.zeros(1), Qd, Vd)
+    return experiment, linearised(loop, np.zeros(1), Qd, Vd, with_estimator=True)
 
 
 def by_size(eigenvalues: Array) -> Array:
@@ -454,9 +454,34 @@ def test_the_delay_margin_with_slow_sensors() -> None:
     assert unstable.is_unstable
 
 
-def test_an_estimator_is_part_of_the_loop() -> None:
-    """A complementary filter with fixes once a second, against a cycle of one axis by hand."""
-    h, kp, ki, k, d = 0.1, 0.7, 0.2, 0.2, 0.8
+KALMAN = {"pose_std": 0.1, "velocity_std": 0.2, "bias_walk": 0.01, "initial_bias_std": 1.0}
+
+
+def settled_gains(h: float, ticks: int) -> tuple[float, float]:
+    """Of angle and bias, of a Kalman filter with KALMAN and a fix once in so many ticks."""
+    fix, rate, walk, start = KALMAN.values()
+    step, P = np.array([[1.0, -h], [0.0, 1.0]]), np.diag([fix, start]) ** 2
+    for _ in range(500):
+        for _ in range(ticks):
+            P = step @ P @ step.T + np.diag([(h * rate) ** 2, h * walk**2])
+        K = P[:, 0] / (P[0, 0] + fix**2)
+        P = P - np.outer(K, P[0])
+    return K[0], -K[1]
+
+
+@pytest.mark.parametrize(
+    ("estimator", "gains"),
+    [
+        ({"kind": "complementary", "kp": 0.7, "ki": 0.2}, (0.7, 0.2)),
+        ({"kind": "invariant", **KALMAN}, settled_gains(0.1, 10)),
+    ],
+    ids=["complementary", "invariant"],
+)
+def test_an_estimator_is_part_of_the_loop(
+    estimator: dict[str, Any], gains: tuple[float, float]
+) -> None:
+    """A filter with fixes once a second, against a cycle of one axis by hand."""
+    h, k, d, (kp, ki) = 0.1, 0.2, 0.8, gains
 
     def cycle(J: float) -> Array:
         motion = np.array([[1, h, h**2 / (2 * J)], [0, 1, h / J]])
@@ -474,11 +499,11 @@ def test_an_estimator_is_part_of_the_loop() -> None:
             found = np.stack([after(column, tick) for column in found.T], axis=1)
         return found
 
-    estimator = {"kind": "complementary", "kp": kp, "ki": ki}
-    law = of(slow((10, 0), (1, 0), gains={"kp": 0.1, "kd": 0.8}, estimator=estimator))
-    expected = max(np.abs(np.linalg.eigvals(cycle(J))).max() for J in (1.0, 2.0, 3.0))
-    assert law.size == pytest.approx(expected, rel=1e-9)
-    assert (law.growth.is_stable, law.is_indicative) == (True, False)
+    body = slow((10, 0), (1, 0), gains={"kp": 0.1, "kd": 0.8}, estimator=estimator)
+    expected = np.concatenate([np.linalg.eigvals(cycle(J)) for J in (1.0, 2.0, 3.0)])
+    found = by_size(np.linalg.eigvals(loop_of(body)[1].closed[0]))
+    np.testing.assert_allclose(found, by_size(expected), rtol=1e-6)
+    assert not of(body).is_indicative
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import eqt_cli
 from eqt_cli.analysis.certificates.cascade import CommandedRates
@@ -423,6 +424,24 @@ def test_the_rates_of_the_filter_are_those_of_the_model_where_it_is_fast():
     exact = model.controller.commanded(model.tracking(times, states)).tracking
     np.testing.assert_allclose(read.Vd[:, 1:], exact.Vd[:, 1:], atol=0.05)
     assert np.abs(exact.Vd[:, 1:]).max() > 1.0
+
+
+def test_a_sampled_filter_follows_what_is_held_over_a_period():
+    """ÿ = ω²(a − y) − 2ωẏ, by the exponential of its matrix."""
+    w, h, random = 60.0, 0.01, np.random.default_rng(3)
+    law = {"rates": "filter", "bandwidth": w}
+    loop = loop_of(law=law, reference=HELIX, control={"period": h})
+    s = loop.tracking(0.0, flat_states(loop, *off(random)))
+    memory = {name: z + 0.1 * random.normal(size=z.shape) for name, z in s.memory.items()}
+    s = dataclasses.replace(s, memory=memory)
+    _, later = loop.controller.answer(s, h)
+    asked = loop.controller.commanded(s).asked
+    names = cascade.FILTERED, cascade.FILTERED_RATE
+    y, rate = (memory[name] for name in names)
+    moved = expm(h * np.array([[0.0, 1.0], [-(w**2), -2 * w]])) @ np.stack([y - asked, rate], -2)
+    expected = asked + moved[..., 0, :], moved[..., 1, :]
+    for name, value in zip(names, expected, strict=True):
+        np.testing.assert_allclose(later[name], value, rtol=1e-11)
 
 
 SAMPLED = {"control": {"period": 0.01, "delay": 1}, "time": {"duration": 0.1, "samples": 6}}

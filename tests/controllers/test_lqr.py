@@ -10,6 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_discrete_are
 
 import eqt_cli
+from eqt_cli.controllers.base import LinearPlant
+from eqt_cli.controllers.lqr import _Design
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -106,6 +108,28 @@ def test_along_a_periodic_reference_gains_are_those_of_the_periodic_solution():
     expected = [B.T @ found.sol(15 - t).reshape(6, 6) for t in middles]
     # A is held over pieces of 25 ms: to second order, measured 3.7e-4.
     np.testing.assert_allclose(table.gains, expected, rtol=0, atol=6e-4)
+
+
+@pytest.mark.parametrize("last", [0.99, 0.8], ids=["from above", "from below"])
+def test_a_regulator_that_decays_slowly_over_a_period_is_periodic(last):
+    """Against one recursion over 300 periods of three pieces, of three instants each.
+
+    S begins with the constant gain of the last piece, and the first period reaches neither bound.
+    """
+    A, B = np.array([0.95, 1.01, last])[:, None, None], np.ones((3, 1, 1))
+    Q, R, middles = np.array([[1.0]]), np.array([[400.0]]), []
+    plant = LinearPlant(0.3 * np.arange(3) + 0.15, A, B, 0.1, 0.3, 3, True)
+    table = _Design(plant, Q, R).over_time()
+    S = 1.0
+    for instant in reversed(range(9 * 300)):
+        a = A[instant // 3 % 3, 0, 0]
+        S = 0.1 * Q[0, 0] + a * S * a * (1 - S / (0.1 * R[0, 0] + S))
+        if instant < 9 and instant % 3 == 2:
+            middles.append((S * a / (0.1 * R[0, 0] + S), S))
+    gains, values = np.array(middles[::-1]).T
+    np.testing.assert_allclose(table.values[:, 0, 0], values, rtol=1e-8)
+    np.testing.assert_allclose(table.gains[:, 0, 0], gains, rtol=1e-8)
+    np.testing.assert_allclose(table.knots, 0.3 * np.arange(3), atol=1e-15)
 
 
 @pytest.mark.parametrize("vehicle", [{}, LATE], ids=["continuous", "sampled"])

@@ -8,7 +8,7 @@ from eqt_cli.core.errors import EqtError, Problems
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.flatness import PlantModel
 from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.references.flat import FlatReference, Knot
+from eqt_cli.references.flat import FlatReference, Knot, _smallest
 from eqt_cli.vehicle.forces.restoring import Restoring
 
 MASS, WEIGHT = 2.0, 19.62
@@ -145,7 +145,10 @@ REFUSED = {
         "reference.heading: has no direction at 0 s, where the velocity is 0 m/s horizontally; "
         "give an expression"
     ),
-    "{position: ['5*t**2', 0, '-4.905*t**2'], along: [0, 0, 1]}": (
+    "{position: ['(t - 1.3003)**2', 0, t], along: [0, 0, 1], heading: velocity}": (
+        "reference.heading: has no direction at 1.3 s, where the velocity is "
+    ),
+    "{position: [0, '5*t**2', '-4.905*t**2'], along: [0, 0, 1], heading: pi/2}": (
         "reference.heading: is along the thrust at 0 s: no attitude follows; choose another heading"
     ),
     "{position: [0, 0]}": "reference.position: expected 3 expressions for SE3, got 2",
@@ -171,6 +174,21 @@ def test_what_no_motion_follows_from_is_said_before_a_run(experiment, options):
     expected = REFUSED[options]
     for message in (expected,) if isinstance(expected, str) else expected:
         assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(("at", "shown"), [(1.3, 1.3), (0.4, 0.4), (-0.3, 0.0), (3.3, 3.0)])
+def test_the_smallest_force_is_found_between_samples(at, shown):
+    """Of a line with the distance 0.2 from the origin."""
+    times = np.arange(4.0)
+    line = np.stack([2 * (times - at), 0.2 + 0 * times], axis=1)
+    smallest, largest, t = _smallest(times, line, np.array([[2.0, 0.0]] * 4))
+    assert (smallest, t) == (pytest.approx(0.2), pytest.approx(shown, abs=1e-12))
+    assert largest == pytest.approx(np.hypot(2 * max(at, 3 - at), 0.2))
+
+
+def test_a_rate_reaches_half_a_step():
+    values, rates = np.array([[4.0, 3.0]] * 3), np.array([[-4.0, 0.0]] * 3)
+    assert _smallest(np.arange(3.0), values, rates)[0] == pytest.approx(np.hypot(2, 3))
 
 
 def test_known_forces_must_not_turn_with_the_body(experiment):

@@ -163,12 +163,30 @@ def test_margins_leave_the_momentum_of_the_start(experiment_of):
         ({"pyramid": 0.9, "limit": [1e-3] * 3}, "expected 4 entries, one for each wheel, got 3"),
         ({"pyramid": 0.9, "friction": Friction(1e-9)}, "needs inertia; give the inertia"),
         ({"pyramid": 0.9, "momentum": 1.0, "speed": 2.0, "inertia": 1.0}, "not both"),
+        ({"pyramid": 0.9, "axes": np.eye(3).tolist()}, "either axes or pyramid, got both"),
+        ({"axes": [[1, 0, 0], [0, 0, 0], [0, 0, 1]]}, "not all 0, got [0, 0, 0]"),
+        ({"pyramid": 0.9, "bias": Bias([0.0] * 3, 1.0)}, "expected 4 entries, one for each wheel"),
+        ({"axes": np.eye(3).tolist(), "bias": Bias([0.0] * 3, 1.0)}, "three wheels have no"),
     ],
 )
 def test_what_does_not_fit_is_said(options, message):
     problems = Problems()
     Wheels(**options).check(group_named("SO3"), problems)
     assert [message in problem.message for problem in problems] == [True]
+
+
+def test_wheels_may_spin_either_way_at_the_start(noted):
+    fitting = Wheels(pyramid=0.9, start=-1.0, limit=1.0, speed=2.0, inertia=1.0)
+    assert noted(fitting, group_named("SO3")) == []
+
+
+def test_a_torque_or_a_momentum_is_at_its_limit():
+    G, limits = group_named("SO3"), {"limit": [1.0, 2.0, 3.0], "momentum": 1.0}
+    wheels = Wheels(axes=np.eye(3).tolist(), **limits).of_run(G, None)
+    torques = np.array([[0.9, 1.9, -2.9], [1.0, 0, 0], [0, -2.5, 0], [0, 0, 0], [0, 0, 0]])
+    h = np.array([[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, -1.0, 0], [0.9, -0.9, 0.9]])
+    found = wheels.at_limit(G, torques, np.concatenate([0 * h, h], axis=1))
+    assert found.tolist() == [False, True, True, True, False]
 
 
 def test_nothing_acts_behind_wheels(experiment_of):
