@@ -117,7 +117,7 @@ class StopWatch:
             except (ImportError, AttributeError):
                 self.missing.append(place)
         self.watch_engines()
-        from eqt_cli.execution import pack, provenance, run_study
+        from eqt_cli.execution import provenance, run_study
 
         own = provenance.timed
 
@@ -126,8 +126,7 @@ class StopWatch:
             with self.stage(ITS_OWN.get(name, name)), own(seconds, name):
                 yield
 
-        for user in (pack, run_study):
-            user.timed = timed
+        run_study.timed = timed
 
 
 @dataclass(frozen=True)

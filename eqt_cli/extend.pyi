@@ -55,14 +55,14 @@ from eqt_cli.core.option_types import Real as Real
 from eqt_cli.core.option_types import Scale as Scale
 from eqt_cli.core.registry import load_plugin as load_plugin
 from eqt_cli.engines.base import Engine as Engine
-from eqt_cli.engines.integrator import Failure as Failure
-from eqt_cli.engines.integrator import Integrator as Integrator
-from eqt_cli.engines.integrator import SpanResult as SpanResult
 from eqt_cli.engines.problem import Problem as Problem
 from eqt_cli.engines.problem import Progress as Progress
 from eqt_cli.engines.problem import Solution as Solution
 from eqt_cli.engines.problem import Span as Span
 from eqt_cli.engines.problem import Status as Status
+from eqt_cli.engines.walk import Failure as Failure
+from eqt_cli.engines.walk import Integrator as Integrator
+from eqt_cli.engines.walk import SpanResult as SpanResult
 from eqt_cli.ensemble.axes import ListedAxis as ListedAxis
 from eqt_cli.ensemble.axes import SampledAxis as SampledAxis
 from eqt_cli.ensemble.designs.base import Design as Design

@@ -214,7 +214,9 @@ def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
 @part
 def components(kind: str) -> Iterator[str]:
     """The components of one kind with their options, or the properties of every group."""
-    from eqt_cli.config.catalogue import options, registry
+    from eqt_cli.config.catalogue import registry
+    from eqt_cli.config.json_schema import options_of
+    from eqt_cli.core.option_types import has_options
     from eqt_cli.core.registry import summary
 
     if kind == "groups":
@@ -225,9 +227,10 @@ def components(kind: str) -> Iterator[str]:
         yield ""
         yield escaped(summary(component))
         yield ""
-        schema = {"$defs": {}, "required": [], "properties": {}} | options(component)
-        if schema["properties"]:
-            yield from _option_table(component, schema)
+        shared: dict[str, Any] = {}
+        options = options_of(component, shared) if has_options(component) else {}
+        if options.get("properties"):
+            yield from _option_table(component, options | {"$defs": shared})
 
 
 def _option_table(component: type, schema: dict[str, Any]) -> Iterator[str]:
@@ -401,8 +404,8 @@ def proofs() -> Iterator[str]:
     from eqt_cli.analysis.verification import identities_of
     from eqt_cli.config import shipped
     from eqt_cli.config.source import read_config
-    from eqt_cli.experiment.config_at_point import without_sweep
     from eqt_cli.experiment.read_study import study
+    from eqt_cli.experiment.study import without_sweep
 
     lines: list[list[str]] = []
     known: dict[tuple[str, str], list[Any]] = {}

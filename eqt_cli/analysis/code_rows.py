@@ -17,7 +17,7 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.engines.native.trial import described
+from eqt_cli.engines.native.own_code import described
 from eqt_cli.mechanics.law_input import LawInput
 
 ALONG_RUNS = 500

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from eqt_cli.api.loading import path_from
 from eqt_cli.config import yaml_source
-from eqt_cli.core.errors import EqtError, InputError, Problems
+from eqt_cli.core.errors import EqtError, Problems
 from eqt_cli.core.files import text_of
 from eqt_cli.core.option_types import validated
 from eqt_cli.groups import MatrixLieGroup, group_named
@@ -117,7 +116,7 @@ def _mapping(
     if given is None:
         return LogMapping(), Problems()
     if isinstance(given, Mapping):
-        source = yaml_source.load(_flow(given), "mapping")
+        source = yaml_source.load(yaml_source.flow(given), "mapping")
     else:
         path = path_from("mapping", given, "a path or a mapping")
         source = yaml_source.load(text_of(path, "check the path"), str(path))
@@ -126,11 +125,3 @@ def _mapping(
     if parsed is not None:
         parsed.check(problems)
     return parsed or LogMapping(), problems
-
-
-def _flow(value: Mapping[str, Any]) -> str:
-    """Return a mapping as YAML on one line; JSON is valid YAML."""
-    try:
-        return json.dumps(value, default=dict)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"mapping: expected numbers, text and mappings, got {value!r}") from error

@@ -70,7 +70,10 @@ def load_experiment(
         raise EqtError(
             f"overrides: expected values by key, as {{'gains.kp': 2}}, got {overrides!r}"
         )
-    given = {f"overrides[{k!r}]": f"{k}={_flow(value)}" for k, value in (overrides or {}).items()}
+    given = {
+        f"overrides[{k!r}]": f"{k}={yaml_source.flow(value)}"
+        for k, value in (overrides or {}).items()
+    }
     return study(source_from(config, given), trust_plugins=trust_plugins)
 
 
@@ -91,27 +94,7 @@ def source_from(config: Configuration, overrides: Mapping[str, str]) -> ConfigSo
         return read_config(path_from("config", config, "a path or a mapping"), overrides)
     # A mapping is converted to text first, so that it is checked like any other configuration.
     text = yaml_source.dump(
-        json.loads(_flow({**config, "name": config.get("name") or "experiment"}))
+        json.loads(yaml_source.flow({**config, "name": config.get("name") or "experiment"}))
     )
     source = yaml_source.load(text, "config")
     return overridden(ConfigSource(source, source.data, Path.cwd()), overrides)
-
-
-def _flow(value: Any) -> str:
-    """Return a value as YAML on one line; JSON is valid YAML."""
-    try:
-        return json.dumps(value, default=_listed)
-    except TypeError as error:
-        raise EqtError(
-            f"{value!r}: a configuration holds numbers, text, lists and mappings"
-        ) from error
-
-
-def _listed(value: Any) -> Any:
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return dict(value)
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    raise TypeError

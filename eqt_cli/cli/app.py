@@ -12,18 +12,14 @@ from typing import Annotated, Any
 import typer
 
 from eqt_cli.cli import (
-    animate,
-    cite,
     compare,
     config,
     diff,
-    docs,
     export,
     fit,
     listing,
     log,
     margins,
-    pack,
     plot,
     report,
     run,
@@ -184,7 +180,7 @@ _add("tune", search.tune, COMPUTE, "configs/tune_paper.yaml")
 _add("worst", search.worst, COMPUTE, "late.yaml --fail-above 0.2")
 _add("replay", fit.replay, COMPUTE, "model.yaml --measured flown.csv")
 _add("fit", fit.fit, COMPUTE, "model.yaml --measured flown.csv --over plant.inertia")
-_add("pack", pack.pack, COMPUTE, "results/sweep_gains")
+_add("pack", run.pack, COMPUTE, "results/sweep_gains")
 _add("export", export.export, COMPUTE, "configs/paper.yaml --controller eqt --out law")
 _add("show", show.show, READ, "results/paper --failed")
 _add("compare", compare.compare, READ, "results/paper --metric mean_torque")
@@ -192,10 +188,10 @@ _add("diff", diff.diff, READ, "results/paper results/again")
 _add("verify", verify.verify, READ, "configs/paper.yaml")
 _add("margins", margins.margins, READ, "configs/paper.yaml")
 _add("plot", plot.plot, READ, "results/paper --figure torque --format pdf")
-_add("animate", animate.animate, READ, "results/paper --run 1 --format gif")
+_add("animate", plot.animate, READ, "results/paper --run 1 --format gif")
 _add("report", report.report, READ, "results/paper --out report.html")
-_add("cite", cite.cite, READ, "results/paper > refs.bib")
+_add("cite", report.cite, READ, "results/paper > refs.bib")
 app.add_typer(config.app, name="config", rich_help_panel=LOOK_UP)
 app.add_typer(log.app, name="log", rich_help_panel=LOOK_UP)
 _add("list", listing.list_components, LOOK_UP, "controllers")
-_add("docs", docs.docs, LOOK_UP, "--address")
+_add("docs", listing.docs, LOOK_UP, "--address")

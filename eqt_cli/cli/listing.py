@@ -1,12 +1,16 @@
-"""`eqt list`: the available components."""
+"""`eqt list` and `eqt docs`: the available components, and the documentation."""
 
+from __future__ import annotations
+
+import webbrowser
+from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import print_found
+from eqt_cli.cli.shared.output import print_found, say
 from eqt_cli.config import shipped
 from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.core.errors import EqtError, suggestion
@@ -46,7 +50,7 @@ def list_components(
 
 
 def _described(kind: str) -> list[dict[str, Any]]:
-    from eqt_cli.config.catalogue import options
+    from eqt_cli.core.option_types import has_options, option_names
 
     if kind == "devices":
         from eqt_cli.engines.native.devices import devices
@@ -66,7 +70,7 @@ def _described(kind: str) -> list[dict[str, Any]]:
         {
             "name": component.name,
             "summary": summary(component),
-            "options": list(options(component).get("properties", {})),
+            "options": option_names(component) if has_options(component) else [],
         }
         for component in registry(kind).all()
     ]
@@ -92,3 +96,47 @@ def _counted(listed: dict[str, list[dict[str, Any]]]) -> str:
     width = max(map(len, listed))
     lines = [f"  {kind:<{width}}  {len(entries):>3}" for kind, entries in listed.items()]
     return "\n".join(["kinds, and how many of each; `eqt list KIND` shows one kind", *lines])
+
+
+CHECKOUT = Path(__file__).parents[2]
+"""Root of the repository that eqt runs from; else the folder of the installed packages."""
+
+DISTRIBUTION = "eqt-cli"
+
+
+def docs(
+    address: Annotated[
+        bool, typer.Option("--address", metavar="", help="Print the address; open nothing.")
+    ] = False,
+    json: options.Json = False,
+) -> None:
+    """Open the documentation in a browser: pages built by make docs, or those online."""
+    found = _address()
+    if not address and not json and not webbrowser.open(found):
+        say("no browser could be opened; the documentation is at:")
+    print_found({"documentation": found}, found, json=json)
+
+
+def _address() -> str:
+    """Return the address of the pages built here, or of those online."""
+    built = CHECKOUT / "build" / "docs" / "index.html"
+    if built.exists():
+        return built.as_uri()
+    if online := _online():
+        return online
+    text = CHECKOUT / "docs" / "index.md"
+    if text.exists():
+        raise EqtError(f"the documentation is not built; run make docs, or read {text}")
+    raise EqtError(
+        "the documentation is not installed; it is in the folder docs of the eqt repository"
+    )
+
+
+def _online() -> str:
+    """Return the address in the metadata of the distribution; empty if there is none."""
+    try:
+        entries = metadata(DISTRIBUTION).get_all("Project-URL") or []
+    except PackageNotFoundError:
+        return ""
+    named = (entry.partition(", ") for entry in entries)
+    return next((url for name, _, url in named if name == "Documentation"), "")

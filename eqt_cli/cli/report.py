@@ -1,10 +1,12 @@
-"""`eqt report`: a result as one HTML page."""
+"""`eqt report` and `eqt cite`: a result as one HTML page, and references to cite with it."""
 
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import print_found
+from eqt_cli.cli.shared.output import print_found, print_json, print_verbatim
 
 
 def report(
@@ -61,3 +63,23 @@ def report(
     size = path.stat().st_size
     text = f"report   {path}  ({size / 1e6:.1f} MB)"
     print_found({"report": str(path), "bytes": size}, text, json=json)
+
+
+def cite(
+    result: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="RESULT",
+            help="Result folder, or the results.h5 in it. Default: the paper and eqt only.",
+        ),
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Print BibTeX entries of the paper, of eqt, and of the laws that a result used."""
+    from eqt_cli import api
+
+    entries = api.cite(result)
+    if json:
+        print_json({"bibtex": entries.split("\n\n")})
+    else:
+        print_verbatim(entries)

@@ -1,12 +1,15 @@
-"""`eqt run` and `eqt sweep`: integrate an experiment, alone or at every point of a design."""
+"""`eqt run`, `eqt sweep` and `eqt pack`: integrate an experiment, whole or in shards."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from eqt_cli.cli.shared import completion, options
 from eqt_cli.cli.shared.output import print_found, say
-from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment, time_line
+from eqt_cli.cli.shared.run_and_report import executor_from, report, run_experiment, time_line
 from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
@@ -142,3 +145,19 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     lines.append(time_line(expected.seconds, expected.workers))
     lines.append(f"size     {size(expected.size)}, {kept}")
     print_found(document, "\n".join(lines), json=json)
+
+
+def pack(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Result folder to which all shards wrote.")
+    ],
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+) -> None:
+    """Join the parts of all shards to one results.h5."""
+    from eqt_cli import api
+
+    done = api.pack(folder, trust_plugins=trust_plugins)
+    if done.was_complete:
+        say(f"{folder} already holds the complete result; there is nothing to pack")
+    report(done, json=json)

@@ -29,18 +29,3 @@ def registry(kind: str) -> Registry[Any]:
     """Return the registry of a kind."""
     import_module(KINDS[kind])
     return registry_of(KINDS[kind])
-
-
-def options(component: type) -> dict[str, Any]:
-    """Return the JSON schema of a component's options; without options, it is empty."""
-    from dataclasses import is_dataclass
-
-    from pydantic import TypeAdapter
-
-    from eqt_cli.core.option_types import option_names
-
-    if not is_dataclass(component) or getattr(component, "whole_section", False):
-        return {}
-    schema = TypeAdapter(component).json_schema()
-    properties = {name: schema["properties"][name] for name in option_names(component)}
-    return schema | {"properties": properties}

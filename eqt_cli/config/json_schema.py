@@ -166,7 +166,7 @@ def _any_of(
 
 
 def _mapping(component: type, shared: dict[str, Any], extra: dict[str, Any]) -> dict[str, Any]:
-    options = _options(component, shared)
+    options = options_of(component, shared)
     name = component.name  # type: ignore[attr-defined]  # registered, so it has one
     kind = {"const": name, "description": KIND}
     return {
@@ -184,7 +184,7 @@ def _generated(component: type) -> dict[str, Any]:
     return TypeAdapter(component).json_schema(schema_generator=_Generator)
 
 
-def _options(component: type, shared: dict[str, Any]) -> dict[str, Any]:
+def options_of(component: type, shared: dict[str, Any]) -> dict[str, Any]:
     """Return the object schema of a component's options; add definitions to `shared`."""
     schema = _generated(component)
     shared |= schema.get("$defs", {})
@@ -218,11 +218,11 @@ def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
             "type": "string",
             "default": DEFAULT_ENGINE,
         },
-        **_options(SolverChecks, shared)["properties"],
+        **options_of(SolverChecks, shared)["properties"],
     }
     by_key: dict[str, dict[str, dict[str, Any]]] = {}
     for engine in engines.all():
-        for name, option in _options(engine, shared)["properties"].items():
+        for name, option in options_of(engine, shared)["properties"].items():
             by_key.setdefault(name, {})[engine.name] = option
     properties |= {name: _of_engines(options) for name, options in by_key.items()}
     return {
@@ -280,7 +280,7 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
 
 def _design(design: Any, axes: Axes, shared: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of the section of a design."""
-    options = _options(design, shared)
+    options = options_of(design, shared)
     if design.whole_section:
         option = options["properties"][design.whole_section]
         return _around(option | {"description": summary(design)}, axes)

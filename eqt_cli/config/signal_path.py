@@ -10,21 +10,17 @@ def signal_path(config: Mapping[str, Any]) -> str:
     ``reference → law → hold 0.1 s → limit → plant (drag) → velocity (noise every 0.2 s) → law``;
     an estimate, where there is one, stands between sensors and law.
     """
-    plant, control = config.get("plant") or {}, config.get("control")
-    sensors = config.get("sensors") or {}
+    control, actuators, inertia, forces, measured, estimators = _parts(config)
     stages = ["law"]
     if control:
         delay = f", delay {control['delay']}" if control.get("delay") else ""
         stages.append(f"hold {control['period']:g} s{delay}")
-    stages += _kinds(config.get("actuators"))
-    inertia = ["true inertia"] if plant.get("inertia") is not None else []
-    inside = ", ".join([*inertia, *_kinds(plant.get("forces"))])
-    stages.append(f"plant ({inside})" if inside else "plant")
-    measured = [f"{name} ({_measured(sensors[name])})" for name in sensors if sensors[name]]
-    if len(stages) == 2 and not inside and not measured:
+    inside = ", ".join([*["true inertia"] * inertia, *forces])
+    stages += [*actuators, f"plant ({inside})" if inside else "plant"]
+    if stages == ["law", "plant"] and not measured:
         return ""
     inputs = [", ".join(measured)] if measured else []
-    inputs += [f"estimate ({kind})" for kind in _kinds([config.get("estimator")])]
+    inputs += [f"estimate ({kind})" for kind in estimators]
     return " → ".join(["reference", *stages, *inputs, "law"])
 
 
@@ -33,23 +29,32 @@ def loop_in_words(config: Mapping[str, Any]) -> str:
 
     ``Loop: sampled every 0.1 s; actuators: lag; measured pose: noise.``
     """
-    plant, control = config.get("plant") or {}, config.get("control")
-    sensors = config.get("sensors") or {}
+    control, actuators, inertia, forces, measured, estimators = _parts(config)
     departures = []
     if control:
         late = "".join(f", {words}" for words in _late(control.get("delay")))
         departures.append(f"sampled every {control['period']:g} s{late}")
-    if kinds := _kinds(config.get("actuators")):
-        departures.append(f"actuators: {', '.join(kinds)}")
-    if plant.get("inertia") is not None:
-        departures.append("inertia error")
-    if kinds := _kinds(plant.get("forces")):
-        departures.append(f"forces: {', '.join(kinds)}")
-    departures += [
-        f"measured {name} ({_measured(entries)})" for name, entries in sensors.items() if entries
-    ]
-    departures += [f"estimate: {kind}" for kind in _kinds([config.get("estimator")])]
+    departures += [f"actuators: {', '.join(actuators)}"] * bool(actuators)
+    departures += ["inertia error"] * inertia
+    departures += [f"forces: {', '.join(forces)}"] * bool(forces)
+    departures += [f"measured {words}" for words in measured]
+    departures += [f"estimate: {kind}" for kind in estimators]
     return f"Loop: {'; '.join(departures)}." if departures else ""
+
+
+def _parts(
+    config: Mapping[str, Any],
+) -> tuple[Any, list[str], bool, list[str], list[str], list[str]]:
+    """Return clock, actuators, whether the inertia differs, forces, measurements and estimators."""
+    plant, sensors = config.get("plant") or {}, config.get("sensors") or {}
+    return (
+        config.get("control"),
+        _kinds(config.get("actuators")),
+        plant.get("inertia") is not None,
+        _kinds(plant.get("forces")),
+        [f"{name} ({_measured(sensors[name])})" for name in sensors if sensors[name]],
+        _kinds([config.get("estimator")]),
+    )
 
 
 def _measured(entries: Any) -> str:

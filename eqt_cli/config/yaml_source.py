@@ -11,14 +11,15 @@ from __future__ import annotations
 import codecs
 import json
 import math
+import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NoReturn, TypeAlias
 
 import yaml
 
-from eqt_cli.core.errors import MAX_PROBLEMS, ConfigError, InputProblem, KeyPath, dotted
+from eqt_cli.core.errors import MAX_PROBLEMS, ConfigError, EqtError, InputProblem, KeyPath, dotted
 
 MAX_BYTES: Final = 4_000_000
 """Largest text, bytes of UTF-8."""
@@ -523,6 +524,26 @@ def dump(data: dict[str, Any]) -> str:
         allow_unicode=True,
         width=_WIDTH,
     )
+
+
+def flow(value: Any) -> str:
+    """Return a value as YAML on one line; JSON is valid YAML."""
+    try:
+        return json.dumps(value, default=_listed)
+    except TypeError as error:
+        raise EqtError(
+            f"{value!r}: a configuration holds numbers, text, lists and mappings"
+        ) from error
+
+
+def _listed(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise TypeError
 
 
 class _Dumper(yaml.SafeDumper):

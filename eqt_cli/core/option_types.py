@@ -723,6 +723,11 @@ def component(
     return None
 
 
+def has_options(component: type) -> bool:
+    """Whether a component has options by name; some have one that is the whole section."""
+    return dataclasses.is_dataclass(component) and not getattr(component, "whole_section", "")
+
+
 def option_names(component: type) -> list[str]:
     """Return the options that a component has in a configuration."""
     return [option_of_field(field.name) for field in dataclasses.fields(component) if field.init]

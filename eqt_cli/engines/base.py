@@ -13,9 +13,8 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import Problems
 from eqt_cli.core.over_time import SampledRuns, Samples
 from eqt_cli.core.registry import Component
-from eqt_cli.engines.integrator import Integrator
 from eqt_cli.engines.problem import Problem, Progress, Solution
-from eqt_cli.engines.walk import walked
+from eqt_cli.engines.walk import Integrator, walked
 
 REHEARSED = 1e-9
 """Fraction of the horizon that a rehearsal covers: one step or two of an engine."""

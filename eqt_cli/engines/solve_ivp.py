@@ -23,9 +23,9 @@ from eqt_cli.core.leaves import with_leaves
 from eqt_cli.core.option_types import Count, Positive, Scale
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine
-from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.recorded_field import COMPARED, WORTH_RECORDING, RecordedField
+from eqt_cli.engines.walk import Failure, Integrator, SpanResult
 
 EXPLICIT_BLOCK = 100
 GROWTH = 1.5

@@ -128,7 +128,7 @@ def cross_check(
     return CrossCheck(method, len(chosen), largest, bound)
 
 
-def together(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
+def combined(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
     """Combine the checks of several pieces: the sum of the runs, and the worst difference."""
     done = [check for check in checks if check is not None]
     if not done:

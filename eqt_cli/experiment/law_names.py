@@ -13,8 +13,7 @@ from eqt_cli.core.errors import Problems, parse_key
 from eqt_cli.core.leaves import leaves
 from eqt_cli.core.option_types import component, option_names
 from eqt_cli.experiment.build import OF_EVERY_LAW
-from eqt_cli.experiment.config_at_point import section_of
-from eqt_cli.experiment.study import Study
+from eqt_cli.experiment.study import Study, section_of
 
 LAW = "law"
 """Variable of a sweep's result that holds the names."""

@@ -15,8 +15,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import leaves
 from eqt_cli.engines import Engine
-from eqt_cli.engines.native.own_code import OwnCode, compiled
-from eqt_cli.engines.native.trial import try_out
+from eqt_cli.engines.native.own_code import OwnCode, compiled, try_out
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import rigid_motions
 from eqt_cli.mechanics.flatness import ORDER

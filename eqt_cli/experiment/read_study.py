@@ -11,9 +11,8 @@ from eqt_cli.core.option_types import shown
 from eqt_cli.core.reporting import reporter, step
 from eqt_cli.ensemble.sweep import EXPECTED
 from eqt_cli.experiment.build import build
-from eqt_cli.experiment.config_at_point import at_point, section_of, sweep_of, without_sweep
 from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.experiment.study import Study
+from eqt_cli.experiment.study import Study, at_point, section_of, sweep_of, without_sweep
 
 MOST_PROBLEMS = 20
 """Largest number of reported problems of a sweep; a mistake often affects thousands of points."""

@@ -21,9 +21,9 @@ from eqt_cli.core.option_types import shown
 from eqt_cli.core.reporting import step
 from eqt_cli.execution.folder import OWN_COPIES, ResultFolder
 from eqt_cli.experiment.build import build
-from eqt_cli.experiment.config_at_point import section_of
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import study
+from eqt_cli.experiment.study import section_of
 from eqt_cli.fitting.prediction import (
     DELAY,
     DISTINCT,

@@ -33,8 +33,8 @@ from eqt_cli.core.errors import (
 )
 from eqt_cli.core.option_types import fields_of
 from eqt_cli.experiment.build import build
-from eqt_cli.experiment.config_at_point import config_at
 from eqt_cli.experiment.experiment import Experiment, told_apart
+from eqt_cli.experiment.study import config_at
 from eqt_cli.experiment.vehicle import SECTIONS, vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.store.reader import ResultFile

@@ -17,9 +17,9 @@ from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.ensemble.designs.cases import Cases
 from eqt_cli.execution.run_study import Execution
 from eqt_cli.experiment.build import build
-from eqt_cli.experiment.config_at_point import section_of
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import require_sweepable, study
+from eqt_cli.experiment.study import section_of
 from eqt_cli.results.quantity_table import QUANTITIES, quantity_of
 from eqt_cli.tuning.evolution import Population, selected
 from eqt_cli.tuning.folder import TUNE, SearchFolder, found_files

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.config import yaml_source
-from eqt_cli.engines.native import compiler, trial
+from eqt_cli.engines.native import compiler, own_code
 
 EVERYWHERE = "t = 0.5, pose = {"
 
@@ -124,7 +124,7 @@ def test_a_crash_names_function_and_input(written, config, told):
 
 
 def test_a_function_that_does_not_return(written, config, told, monkeypatch):
-    monkeypatch.setattr(trial, "SECONDS", 0.5)
+    monkeypatch.setattr(own_code, "TRIAL_SECONDS", 0.5)
     written(body="while (in->t >= 0) *(volatile real *)torque = 0;")
     said = told(config())
     where = f"controllers[0]: lee_torque in lee.c did not return within 0.5 s at {EVERYWHERE}"

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from eqt_cli.engines import Engine, Problem, Status, engines
-from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.problem import Solution, Span, _nearest
-from eqt_cli.engines.walk import _note, _Reached, walked
+from eqt_cli.engines.walk import Failure, Integrator, SpanResult, _note, _Reached, walked
 from eqt_cli.vehicle.sensors.channels import Errors
 
 

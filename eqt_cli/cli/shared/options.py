@@ -196,8 +196,8 @@ def study_at(source: ConfigSource, point: int | None, *, trust_plugins: bool, do
     doing
         What the command does without the sweep, for the remark on it: ``exported without``.
     """
-    from eqt_cli.experiment.config_at_point import config_at, without_sweep
     from eqt_cli.experiment.read_study import study
+    from eqt_cli.experiment.study import config_at, without_sweep
 
     if point is None and source.data.get("sweep"):
         say(f"{source.path}: {doing} its sweep; choose one of its points with --point")

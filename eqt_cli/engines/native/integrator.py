@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.native import library
 from eqt_cli.engines.native.library import Measuring, Rows
 from eqt_cli.engines.native.source import SampleProgram
@@ -20,6 +19,7 @@ from eqt_cli.engines.traced_loop import (
     held_rows,
     parameter_rows,
 )
+from eqt_cli.engines.walk import Failure, Integrator, SpanResult
 from eqt_cli.mechanics.law_input import LawInput
 from eqt_cli.program import Program
 from eqt_cli.vehicle.sensors.channels import Errors
