@@ -17,7 +17,8 @@ from eqt_cli.closed_loop.system import DESIRED, MEMORY, VEHICLE, ClosedLoop
 from eqt_cli.controllers.base import LinearPlant
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
-from eqt_cli.mechanics.tracking import Gains, Tracking
+from eqt_cli.core.leaves import leaves, with_leaves
+from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle.sensors.channels import FIRST, MEASURED, NOTHING, Errors
 from eqt_cli.vehicle.vehicle import CLOCKS, CONTROL, ESTIMATOR, Vehicle
 
@@ -97,6 +98,13 @@ MOST_INSTANTS = 1000
 SETTLED = 1e-9
 """Relative change of a covariance in a cycle, below which it has settled."""
 
+GAINS = {
+    "kp": ("gains.K",),
+    "kd": ("gains.K_d",),
+    "position": tuple(f"controller.position.{gain}" for gain in ("kx", "kv", "ki")),
+}
+"""Paths of the numbers of a loop that each gain multiplies."""
+
 _ELSEWHERE = {"pose", "momentum", *DESIRED, "work"}
 """Stretches of a flat state that are not copied into x as they are."""
 
@@ -163,10 +171,14 @@ class Linearised:
 
     def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
         """Return the loop about the same states with its gains kp, kd and position multiplied."""
-        own, kp, kd = self.about.loop.gains, factors.get("kp", 1.0), factors.get("kd", 1.0)
-        law = self.about.loop.controller.with_position(factors.get("position", 1.0))
-        gains = Gains(kp * own.K, kd * own.K_d)
-        loop = dataclasses.replace(self.about.loop, gains=gains, controller=law)
+        numbers = leaves(self.about.loop)
+        scaled = {
+            path: factor * numbers[path]
+            for name, factor in factors.items()
+            for path in GAINS[name]
+            if path in numbers
+        }
+        loop = with_leaves(self.about.loop, scaled)
         about = dataclasses.replace(self.about, loop=loop)
         if self.period is not None:  # motion and measurements do not depend on gains
             known = ("_flow", "held", "_measurements")

@@ -7,6 +7,7 @@ beyond a norm.
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -90,8 +91,8 @@ class Signal:
         return of
 
 
-_estimate = partial(Signal, stored_of=lambda vehicle: vehicle.estimates, only_there=True)
-_filtered = partial(Signal, stored_of=lambda vehicle: vehicle.knows_covariance, only_there=True)
+_estimate = partial(Signal, stored_of=attrgetter("estimates"), only_there=True)
+_filtered = partial(Signal, stored_of=attrgetter("knows_covariance"), only_there=True)
 MATRIX, VECTOR = ("row", "col"), ("axis",)
 
 SIGNALS = (
@@ -129,7 +130,7 @@ SIGNALS = (
         r"\|R - R_c\|_{\mathrm{F}}",
         "distance ||R - Rc||_F from the attitude that the law commands",
         "1",
-        exists_for=lambda law: law.commands_attitude,
+        exists_for=attrgetter("commands_attitude"),
     ),
     Signal(
         "command",
@@ -144,7 +145,7 @@ SIGNALS = (
         "s",
         "1 where an actuator is at its limit, else 0",
         "1",
-        stored_of=lambda vehicle: vehicle.limits,
+        stored_of=attrgetter("limits"),
     ),
     Signal(
         "thrust",
@@ -152,7 +153,7 @@ SIGNALS = (
         "thrust of each thruster",
         "N",
         (THRUSTER,),
-        stored_of=lambda vehicle: bool(vehicle.thruster_names),
+        stored_of=attrgetter("thruster_names"),
     ),
     Signal(
         "wheel_momentum",
@@ -160,7 +161,7 @@ SIGNALS = (
         "absolute momentum of each wheel about its axis",
         "N m s",
         (WHEEL,),
-        stored_of=lambda vehicle: vehicle.wheels is not None,
+        stored_of=attrgetter("wheels"),
     ),
     Signal(
         "wheel_speed",
@@ -324,8 +325,8 @@ def _formulas(loop: ClosedLoop, s: Tracking) -> dict[str, Callable[[], Array]]:
     if attitude is None:
         with np.errstate(invalid="ignore"):  # symbols compare NaN
             attitude = s.P[..., 0] * 0.0 + np.nan
-    at_limit, thrust = loop.at_limit(s), loop.thrust(s)
-    momentum, speed = loop.wheel_states(s)
+    at_limit, thrust = loop.at_limit(s), loop.vehicle.thrust(G, command, s.vehicle)
+    momentum, speed = loop.vehicle.wheel_states(G, s.V, s.vehicle)
     L = loop.lyapunov(s)
     return {
         "pose": lambda: s.Q,

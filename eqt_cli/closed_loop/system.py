@@ -104,14 +104,6 @@ class ClosedLoop:
         torque, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
         return torque
 
-    def thrust(self, s: Tracking) -> Array:
-        """Return the thrust of each thruster, ``(..., k)``."""
-        return self.vehicle.thrust(self.group, self.command(s), s.vehicle)
-
-    def wheel_states(self, s: Tracking) -> tuple[Array, Array]:
-        """Return momenta and speeds of the wheels, ``(..., k)`` each."""
-        return self.vehicle.wheel_states(self.group, s.V, s.vehicle)
-
     def at_limit(self, s: Tracking) -> Array:
         """Return 1 where an actuator is at its limit, else 0, ``(...)``."""
         if not self.vehicle.limits:

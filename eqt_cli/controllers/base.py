@@ -165,10 +165,6 @@ class Controller(GivenOverTime, Component):
         """Return the law that L and the gains are of, if another one, with group and inertia."""
         return None
 
-    def with_position(self, factor: float) -> Self:
-        """Return the law with its gains of the position multiplied, if it has any of its own."""
-        return self
-
     def attitude_error(self, s: Tracking) -> Array | None:
         """Return ‖R − R_c‖_F, ``(...)``, if it `commands_attitude`."""
         return None

@@ -214,15 +214,6 @@ class Cascade(Controller):
         """Return the attitude law, with the rotations and their inertia."""
         return self.gains_group(G), _of_rotation(G, inertia.at(0.0)), self.inner
 
-    def with_position(self, factor: float) -> Cascade:
-        """Return the law with k_x, k_v and k_i multiplied."""
-        own = {
-            name: factor * gain
-            for name in ("kx", "kv", "ki")
-            if (gain := getattr(self.position, name)) is not None
-        }
-        return with_fields(self, position=with_fields(self.position, **own))
-
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
         """Return the attitude law with the options that follow its gains."""
         if self.inner is None:

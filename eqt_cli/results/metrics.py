@@ -222,6 +222,13 @@ _mean = _statistic(time_mean, "mean {}", "mean {} over the horizon")
 _peak = _statistic(peak, "largest {}", "largest {} at the samples")
 _final = _statistic(final, "final {}", "{} at the end")
 _rms = _statistic(root_mean_square, "rms of {}", "root mean square of {} over the horizon")
+_turns = {"units": "deg", "stored": False, "of_turns": True}
+_mean_turn = partial(
+    _statistic(mean_turn, "mean attitude error", "mean angle of {} over the horizon"), **_turns
+)
+_final_turn = partial(
+    _statistic(final_turn, "final attitude error", "angle of {} at the end"), **_turns
+)
 _settling = partial(
     _statistic(settling_time, "settling time", "last time {} leaves the settling threshold"),
     units="s",
@@ -296,26 +303,8 @@ METRICS = (
         of=integral_of_square,
     ),
     _final("final_pose_error", "pose_error", "||I - Q_E||_F"),
-    _compared(
-        "mean_attitude_error",
-        "mean angle of the attitude error over the horizon",
-        units="deg",
-        signals=("pose_error",),
-        label="mean attitude error",
-        stored=False,
-        of=mean_turn,
-        of_turns=True,
-    ),
-    _less_is_better(
-        "final_attitude_error",
-        "angle of the attitude error at the end",
-        units="deg",
-        signals=("pose_error",),
-        label="final attitude error",
-        stored=False,
-        of=final_turn,
-        of_turns=True,
-    ),
+    _mean_turn("mean_attitude_error", "pose_error", "the attitude error", compared=(WHOLE,)),
+    _final_turn("final_attitude_error", "pose_error", "the attitude error"),
     _rms("position_rms", "position_error", "||p - pd||", compared=(WHOLE,)),
     _peak("peak_position_error", "position_error", "||p - pd||"),
     _final("final_position_error", "position_error", "||p - pd||"),
@@ -366,7 +355,7 @@ METRICS = (
         signals=("at_limit",),
         label="share of time at a limit",
         of=time_mean,
-        stored_of=lambda vehicle: vehicle.limits,
+        stored_of=attrgetter("limits"),
     ),
     _closing("closing_pose_error", "pose_error", "||I - Q_E||_F"),
     _closing("closing_torque", "torque_norm", "||tau||"),

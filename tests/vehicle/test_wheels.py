@@ -56,7 +56,7 @@ def states_of(solved, text):
     problem, solution = solved(text, label="lee2010")
     assert not any(solution.messages)
     s = problem.loop.tracking(problem.times, solution.states)
-    h, speed = problem.loop.wheel_states(s)
+    h, speed = problem.loop.vehicle.wheel_states(s.G, s.V, s.vehicle)
     return s, h[0], speed[0]
 
 

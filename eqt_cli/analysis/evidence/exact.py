@@ -1,7 +1,7 @@
 """Exact numbers that carry their time derivative, and their degree in the parameters, through laws.
 
-A number is a fraction n / (c D) of integers: n is the value of a polynomial at integer parameters,
-c a constant, and D a product of divisors, each of which is the value of such a polynomial. Each
+A number is a quotient n / D: n is the value at integer parameters of a polynomial with rational
+coefficients, and D a product of divisors, each of which is the value of such a polynomial. Each
 number carries a bound of the degree of n, which every operation computes from those of its
 operands. Divisors are stored as factors, so that the fractions of one rotation, or of one inverse,
 share a denominator. Only factors known by construction are cancelled.
@@ -13,11 +13,13 @@ value. A square root is also reduced by its equation r² = x.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import operator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 from functools import reduce, total_ordering
-from math import gcd, isfinite, isqrt, prod
+from math import isfinite, isqrt, prod
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -33,16 +35,16 @@ class Root:
 
     __slots__ = ("square",)
 
-    def __init__(self, square: int) -> None:
+    def __init__(self, square: Fraction) -> None:
         self.square = square
 
 
 class Surd:
-    """A sum of integers times products of roots; without any root it is an `int` instead."""
+    """A sum of fractions times products of roots; without any root it is a fraction instead."""
 
     __slots__ = ("terms",)
 
-    def __init__(self, terms: dict[frozenset[Root], int]) -> None:
+    def __init__(self, terms: dict[frozenset[Root], Rational]) -> None:
         self.terms = terms
 
     @classmethod
@@ -50,38 +52,38 @@ class Surd:
         """Return a single root."""
         return cls({frozenset([root]): 1})
 
-    def __add__(self, other: Whole) -> Whole:
-        found = dict(self.terms)
-        for roots, integer in _terms(other).items():
-            found[roots] = found.get(roots, 0) + integer
-        return _simplified(found)
+    def __add__(self, other: WithRoots) -> WithRoots:
+        terms = dict(self.terms)
+        for roots, number in _terms(other).items():
+            terms[roots] = terms.get(roots, 0) + number
+        return _simplified(terms)
 
-    def __mul__(self, other: Whole) -> Whole:
-        found: dict[frozenset[Root], int] = {}
+    def __mul__(self, other: WithRoots) -> WithRoots:
+        terms: dict[frozenset[Root], Rational] = {}
         for one, a in self.terms.items():
             for two, b in _terms(other).items():
-                squares = reduce(lambda product, root: product * root.square, one & two, a * b)
-                found[one ^ two] = found.get(one ^ two, 0) + squares
-        return _simplified(found)
+                squares = prod((root.square for root in one & two), start=a * b)
+                terms[one ^ two] = terms.get(one ^ two, 0) + squares
+        return _simplified(terms)
 
     __radd__ = __add__
     __rmul__ = __mul__
 
     def __neg__(self) -> Surd:
-        return Surd({roots: -integer for roots, integer in self.terms.items()})
+        return Surd({roots: -number for roots, number in self.terms.items()})
 
     def conjugate(self, root: Root) -> Surd:
         """Return the sum with −r in place of r."""
         return Surd({roots: -n if root in roots else n for roots, n in self.terms.items()})
 
 
-Whole: TypeAlias = int | Surd
-"""An integer, or one with roots."""
+Rational: TypeAlias = int | Fraction
+WithRoots: TypeAlias = Rational | Surd
 
 
-def to_integer(number: Whole) -> tuple[Whole, int, int]:
-    """Return a factor, its integer product with the number, and how many roots were removed."""
-    factor: Whole = 1
+def without_roots(number: WithRoots) -> tuple[WithRoots, Rational, int]:
+    """Return a factor, its rational product with the number, and how many roots were removed."""
+    factor: WithRoots = 1
     taken = 0
     while isinstance(number, Surd):
         roots = next(roots for roots in number.terms if roots)
@@ -90,15 +92,13 @@ def to_integer(number: Whole) -> tuple[Whole, int, int]:
     return factor, number, taken
 
 
-def _terms(number: Whole) -> dict[frozenset[Root], int]:
+def _terms(number: WithRoots) -> dict[frozenset[Root], Rational]:
     return number.terms if isinstance(number, Surd) else {frozenset(): number}
 
 
-def _simplified(terms: dict[frozenset[Root], int]) -> Whole:
-    found = {roots: integer for roots, integer in terms.items() if integer}
-    if not found.keys() - {frozenset()}:
-        return found.get(frozenset(), 0)
-    return Surd(found)
+def _simplified(terms: dict[frozenset[Root], Rational]) -> WithRoots:
+    left = {roots: number for roots, number in terms.items() if number}
+    return Surd(left) if left.keys() - {frozenset()} else left.get(frozenset(), 0)
 
 
 class NotRationalError(TraceError):
@@ -110,7 +110,7 @@ class Divisor:
 
     __slots__ = ("degree", "value")
 
-    def __init__(self, value: int, degree: int) -> None:
+    def __init__(self, value: Rational, degree: int) -> None:
         self.value, self.degree = value, degree
         _assume_not_zero(degree)
 
@@ -168,15 +168,15 @@ def noting(ledger: Ledger) -> Iterator[None]:
         _ledgers.pop()
 
 
-Factors = Mapping[Divisor, int]
-"""Divisors with their powers."""
+Factors = Counter[Divisor]
+"""Divisors with their powers, which no number changes."""
 
-_NONE: Factors = {}
+_NONE: Factors = Counter()
 
 
 @total_ordering
 class Exact(Number):
-    """n / (c D), and its rate of change.
+    """n / D, and its rate of change.
 
     Attributes
     ----------
@@ -184,25 +184,22 @@ class Exact(Number):
         n, the value of a polynomial.
     degree
         Bound of the degree of n in the parameters; a polynomial of degree 0 is constant.
-    constant
-        c > 0.
     factors
         D as divisors with powers.
     rate
         The rate of change, a number without a rate; None for a number that does not change.
     """
 
-    __slots__ = ("_cleared", "_divisor", "constant", "degree", "factors", "numerator", "rate")
+    __slots__ = ("_cleared", "_divisor", "degree", "factors", "numerator", "rate")
 
     def __init__(
         self,
-        numerator: Whole,
+        numerator: WithRoots,
         degree: int = 0,
-        constant: int = 1,
         factors: Factors = _NONE,
         rate: Exact | None = None,
     ) -> None:
-        self.numerator, self.degree, self.constant = numerator, degree, constant
+        self.numerator, self.degree = numerator, degree
         self.factors, self.rate = factors, rate
         self._divisor: Divisor | None = None
         self._cleared: tuple[Exact, Exact] | None = None
@@ -214,14 +211,13 @@ class Exact(Number):
             return x
         if isinstance(x, float | np.floating) and not isfinite(x):
             raise ValueError(f"{x} is no number to compute with exactly")
-        ratio = int(x) if isinstance(x, np.integer) else x
-        numerator, denominator = ratio.as_integer_ratio()
-        return cls(int(numerator), 0, int(denominator))
+        # Whole numbers are integers, which are faster than fractions.
+        return cls(int(x) if x == int(x) else Fraction(x))
 
     @property
     def value(self) -> Fraction:
         """The number without its rate; only for numbers without roots."""
-        return Fraction(_integer(self.numerator), self.constant * _value(self.factors))
+        return Fraction(_rational(self.numerator), _value(self.factors))
 
     @property
     def is_constant(self) -> bool:
@@ -252,18 +248,18 @@ class Exact(Number):
         return self if self.rate is None else self._with(None)
 
     def _with(self, rate: Exact | None) -> Exact:
-        found = Exact(self.numerator, self.degree, self.constant, self.factors, rate)
-        found._divisor, found._cleared = self._divisor, self._cleared
-        return found
+        other = Exact(self.numerator, self.degree, self.factors, rate)
+        other._divisor, other._cleared = self._divisor, self._cleared
+        return other
 
     def _without_roots(self) -> tuple[Exact, Exact]:
         """Return the product of all conjugates, and the number times that product."""
         if self._cleared is None:
-            factor, whole, taken = to_integer(self.numerator)
+            factor, product, taken = without_roots(self.numerator)
             times = 2**taken
             self._cleared = (
                 Exact(factor, (times - 1) * self.degree),
-                Exact(whole, times * self.degree, self.constant, self.factors),
+                Exact(product, times * self.degree, self.factors),
             )
         return self._cleared
 
@@ -320,17 +316,17 @@ class Exact(Number):
 
     def __neg__(self) -> Exact:
         rate = None if self.rate is None else -self.rate
-        return Exact(-self.numerator, self.degree, self.constant, self.factors, rate)
+        return Exact(-self.numerator, self.degree, self.factors, rate)
 
     def __pow__(self, exponent: Any) -> Any:
         power = Exact.of(exponent)
         if not power.is_constant or (2 * power.value).denominator != 1:
             raise NotRationalError(f"the power {_written(exponent)} of a state is not rational")
         whole, half = divmod(abs(2 * power.value), 2)
-        found: Any = self.apply("sqrt") if half else 1
+        product: Any = self.apply("sqrt") if half else 1
         for _ in range(int(whole)):
-            found = self * found
-        return 1 / found if power.value < 0 else found
+            product = self * product
+        return 1 / product if power.value < 0 else product
 
     __radd__ = __add__
     __rmul__ = __mul__
@@ -344,10 +340,10 @@ class Exact(Number):
 
     def _against(self, other: Any) -> tuple[Fraction, Fraction]:
         what, other = "a comparison", Exact.of(other)
-        found = [x._constant(what, moves=True) for x in (self, other)]
-        if found[0] == found[1]:  # equal values with rates are equal only for an instant
-            found = [x._constant(what) for x in (self, other)]
-        return found[0], found[1]
+        a, b = (x._constant(what, moves=True) for x in (self, other))
+        if a == b:  # equal values with rates are equal only for an instant
+            a, b = (x._constant(what) for x in (self, other))
+        return a, b
 
     def __lt__(self, other: Any) -> bool:
         a, b = self._against(other)
@@ -406,16 +402,14 @@ def inverse(matrix: Array) -> Array:
 def _inverse(matrix: Array) -> Array:
     entries = [[Exact.of(x) for x in row] for row in matrix]
     flat = [x for row in entries for x in row]
-    factors, constant = flat[0].factors, flat[0].constant
-    for x in flat[1:]:
-        factors, constant = _common(factors, x.factors), _multiple(constant, x.constant)
-    over_all = [[_over(x, factors, constant) for x in row] for row in entries]
-    rows = [[_integer(numerator) for numerator, _ in row] for row in over_all]
+    factors = reduce(operator.or_, (x.factors for x in flat))
+    over_all = [[_over(x, factors) for x in row] for row in entries]
+    rows = [[Fraction(_rational(numerator)) for numerator, _ in row] for row in over_all]
     degree = max(degree for row in over_all for _, degree in row)
     adjugate, determinant = _adjugate(rows, degree)
     n = len(rows)
     over = Exact(determinant, n * degree)
-    scale = Exact(constant * _value(factors), _degree(factors))
+    scale = Exact(_value(factors), _degree(factors))
     cofactors = np.empty((n, n), dtype=object)
     for i, j in np.ndindex(n, n):
         cofactor = Exact(adjugate[i][j], (n - 1) * degree)
@@ -426,14 +420,14 @@ def _inverse(matrix: Array) -> Array:
     return with_rate(cofactors, -(cofactors @ rates @ cofactors))
 
 
-def _adjugate(rows: list[list[int]], degree: int) -> tuple[list[list[int]], int]:
-    """Return adjugate and determinant of an integer matrix by fraction-free elimination (Bareiss).
+def _adjugate(rows: list[list[Fraction]], degree: int) -> tuple[list[list[Fraction]], Fraction]:
+    """Return adjugate and determinant of a matrix by elimination without quotients (Bareiss).
 
     The pivots are the leading minors, none of which may vanish.
     """
     n = len(rows)
-    work = [[*row, *(int(i == j) for j in range(n))] for i, row in enumerate(rows)]
-    before = 1
+    work = [[*row, *(Fraction(i == j) for j in range(n))] for i, row in enumerate(rows)]
+    before = Fraction(1)
     for k in range(n):
         pivot = work[k][k]
         if not pivot:
@@ -443,8 +437,7 @@ def _adjugate(rows: list[list[int]], degree: int) -> tuple[list[list[int]], int]
             if i != k:
                 factor = work[i][k]
                 work[i] = [
-                    (pivot * a - factor * b) // before
-                    for a, b in zip(work[i], work[k], strict=True)
+                    (pivot * a - factor * b) / before for a, b in zip(work[i], work[k], strict=True)
                 ]
         before = pivot
     return [row[n:] for row in work], before
@@ -454,18 +447,17 @@ def _adjugate(rows: list[list[int]], degree: int) -> tuple[list[list[int]], int]
 
 
 def _root(x: Exact) -> Exact:
-    """Return √x: a rational number if x is the square of a constant, else √(n c D) / (c D)."""
-    numerator = _integer(x.numerator)
+    """Return √x: a rational number if x is the square of a constant, else √(n D) / D."""
+    numerator = _rational(x.numerator)
     if not x.degree and not x.factors:
-        reduced = Fraction(numerator, x.constant)
-        roots = [isqrt(max(part, 0)) for part in reduced.as_integer_ratio()]
-        if Fraction(*roots) ** 2 == reduced:
-            return Exact(roots[0], 0, roots[1])
-    square = numerator * x.constant * _value(x.factors)
+        root = Fraction(*(isqrt(max(part, 0)) for part in numerator.as_integer_ratio()))
+        if root**2 == numerator:
+            return Exact(root)
+    square = Fraction(numerator * _value(x.factors))
     degree = x.degree + _degree(x.factors)
 
     def new() -> Exact:
-        return Exact(Surd.of(Root(square)), -(-degree // 2), x.constant, x.factors)
+        return Exact(Surd.of(Root(square)), -(-degree // 2), x.factors)
 
     return _noted("sqrt").value("sqrt", x, new)
 
@@ -514,41 +506,31 @@ def _noted(name: str) -> Ledger:
 
 
 def _sum(a: Exact, b: Exact) -> Exact:
-    if a.constant == b.constant and (a.factors is b.factors or a.factors == b.factors):
-        return Exact(a.numerator + b.numerator, max(a.degree, b.degree), a.constant, a.factors)
-    factors, constant = _common(a.factors, b.factors), _multiple(a.constant, b.constant)
-    (left, left_degree), (right, right_degree) = (_over(x, factors, constant) for x in (a, b))
-    return Exact(left + right, max(left_degree, right_degree), constant, factors)
+    if a.factors is b.factors or a.factors == b.factors:
+        return Exact(a.numerator + b.numerator, max(a.degree, b.degree), a.factors)
+    factors = a.factors | b.factors
+    (left, left_degree), (right, right_degree) = (_over(x, factors) for x in (a, b))
+    return Exact(left + right, max(left_degree, right_degree), factors)
 
 
 def _product(a: Exact, b: Exact) -> Exact:
-    return Exact(
-        a.numerator * b.numerator,
-        a.degree + b.degree,
-        a.constant * b.constant,
-        _joined(a.factors, b.factors),
-    )
+    factors = a.factors + b.factors if a.factors and b.factors else a.factors or b.factors
+    return Exact(a.numerator * b.numerator, a.degree + b.degree, factors)
 
 
 def _quotient(a: Exact, b: Exact) -> Exact:
     if not b.numerator:
         raise ZeroDivisionError("a denominator vanishes")
     if isinstance(b.numerator, Surd):
-        factor, whole = b._without_roots()
-        return _quotient(_product(a, factor), whole)
-    sign = -1 if b.numerator < 0 else 1
-    if not b.degree and not b.factors:
-        return _product(a, Exact(sign * b.constant, 0, abs(b.numerator)))
-    over, under = _beyond(b.factors, a.factors), _beyond(a.factors, b.factors)
-    numerator = a.numerator * b.constant * _value(over)
-    degree = a.degree + _degree(over)
+        factor, product = b._without_roots()
+        return _quotient(_product(a, factor), product)
+    over, under = b.factors - a.factors, a.factors - b.factors
+    numerator, degree = a.numerator * _value(over), a.degree + _degree(over)
     if not b.degree:
-        return _product(
-            Exact(numerator, degree, a.constant, under), Exact(sign, 0, abs(b.numerator))
-        )
+        return Exact(numerator * Fraction(1, b.numerator), degree, under)
     if b._divisor is None:
         b._divisor = Divisor(b.numerator, b.degree)
-    return Exact(numerator, degree, a.constant, _joined(under, {b._divisor: 1}))
+    return Exact(numerator, degree, under + Counter([b._divisor]))
 
 
 def _added(a: Exact | None, b: Exact | None) -> Any:
@@ -557,7 +539,7 @@ def _added(a: Exact | None, b: Exact | None) -> Any:
     return _sum(a, b)
 
 
-def _integer(number: Whole) -> int:
+def _rational(number: WithRoots) -> Rational:
     if isinstance(number, Surd):
         raise NotRationalError(
             "a root of a root, or in a matrix that is inverted, is not supported"
@@ -565,46 +547,18 @@ def _integer(number: Whole) -> int:
     return number
 
 
-def _over(x: Exact, factors: Factors, constant: int) -> tuple[Whole, int]:
+def _over(x: Exact, factors: Factors) -> tuple[WithRoots, int]:
     """Return the numerator over a multiple of the denominator, and its degree."""
-    numerator = x.numerator if constant == x.constant else x.numerator * (constant // x.constant)
-    missing = _beyond(factors, x.factors)
-    if not missing:
-        return numerator, x.degree
-    return numerator * _value(missing), x.degree + _degree(missing)
+    missing = factors - x.factors
+    return x.numerator * _value(missing), x.degree + _degree(missing)
 
 
-def _value(factors: Factors) -> int:
+def _value(factors: Factors) -> Rational:
     return prod(each.value**power for each, power in factors.items())
 
 
 def _degree(factors: Factors) -> int:
     return sum(each.degree * power for each, power in factors.items())
-
-
-def _joined(a: Factors, b: Factors) -> Factors:
-    if not a or not b:
-        return a or b
-    return {**a, **{each: a.get(each, 0) + power for each, power in b.items()}}
-
-
-def _common(a: Factors, b: Factors) -> Factors:
-    if not a or not b:
-        return a or b
-    return {**a, **{each: max(a.get(each, 0), power) for each, power in b.items()}}
-
-
-def _beyond(a: Factors, b: Factors) -> Factors:
-    """Return the factors of a that are not in b."""
-    if not a or not b:
-        return a
-    if a is b:
-        return _NONE
-    return {each: power - b.get(each, 0) for each, power in a.items() if power > b.get(each, 0)}
-
-
-def _multiple(a: int, b: int) -> int:
-    return a if a == b else a * b // gcd(a, b)
 
 
 def _written(number: Any) -> str:

@@ -239,16 +239,6 @@ class _Analysis:
 _ROUNDED = ("add", "subtract", "multiply", "divide", "sqrt")
 """The operations that IEEE 754 rounds once."""
 
-_NUMPY = {
-    "asin": "arcsin",
-    "acos": "arccos",
-    "atan": "arctan",
-    "asinh": "arcsinh",
-    "acosh": "arccosh",
-    "atanh": "arctanh",
-}
-"""NumPy's names of functions, where they differ from those of programs."""
-
 
 def _value_and_slopes(name: str, x: list[_ProgramValue]) -> tuple[Array, tuple[Array, ...]]:
     """Return the value of an operation, and its derivatives by the operands."""
@@ -274,7 +264,7 @@ def _value_and_slopes(name: str, x: list[_ProgramValue]) -> tuple[Array, tuple[A
         value = a.value**b.value
         by_base = b.value * a.value ** (b.value - 1)
         return value, (by_base, value * np.log(np.abs(a.value)))
-    value = getattr(np, _NUMPY.get(name, name))(a.value)
+    value = getattr(np, name)(a.value)
     near = [slope(name, at) + 0.0 * at for at in (a.value, a.value - a.error, a.value + a.error)]
     steepness = np.fmax.reduce([np.abs(each) for each in near])
     return value, (np.copysign(steepness, near[0]),)

@@ -1,6 +1,6 @@
 """Proves that two sides are equal as rational functions, by values at random exact states.
 
-If the sides are not equal, they differ by n / (c D), where the polynomial n is not 0. If every
+If the sides are not equal, they differ by n / D, where the polynomial n is not 0. If every
 parameter is drawn from N integers, n vanishes with a probability of at most deg n / N (Schwartz
 1980, Zippel 1979), and among the states where no denominator vanishes with at most
 deg n / (N − deg D), where D is the product of all divisors. If functions became parameters, the
