@@ -86,8 +86,8 @@ class Judged:
         if self.law.decisions is None:
             return False
         torque, _ = self.loop.answer(*self.drawn, self.loop.period)
-        found = self.watched(self.drawn)
-        return bool(found.outcomes.any()) and np.array_equal(torque, found.torque, equal_nan=True)
+        calls = self.watched(self.drawn)
+        return bool(calls.outcomes.any()) and np.array_equal(torque, calls.torque, equal_nan=True)
 
     @cached_property
     def states(self) -> States:
@@ -98,9 +98,9 @@ class Judged:
         search = OutcomeSearch(self.loop, self.watched, self.random)
         for _ in range(SEARCHES):
             rare = self._rare(self.watched(states).outcomes)
-            found = [search.more(states, *each) for each in rare]
+            added = [search.more(states, *each) for each in rare]
             known = states.rows
-            states = States.joined([states, *found])
+            states = States.joined([states, *added])
             if states.rows == known:
                 break
         return states
@@ -119,7 +119,7 @@ class Judged:
         """What no state has reached, in words; inputs that are not finite count as states."""
         if not self.is_watched:
             return []
-        decisions, found = self.law.decisions, []
+        decisions, unseen = self.law.decisions, []
         both = States.joined([self.states, self.states.of(slice(1)).not_finite()])
         outcomes = self.watched(both).outcomes
         had = list(zip(decisions, np.bitwise_or.reduce(outcomes).tolist(), strict=True))
@@ -129,11 +129,11 @@ class Judged:
             if decision.function not in entered and not decision.is_function:
                 continue
             if not outcome:
-                found.append(f"{where} was never reached")
+                unseen.append(f"{where} was never reached")
             elif not decision.is_label:
                 missing = (word for side, word in OUTCOMES.items() if not outcome & side)
-                found += [f"{where} was never {word}" for word in missing]
-        return found
+                unseen += [f"{where} was never {word}" for word in missing]
+        return unseen
 
     def where(self, states: States, wrong: Array) -> str:
         """Describe the states at which something is wrong, by the decisions in the code."""
@@ -142,13 +142,13 @@ class Judged:
             return ""
         if self.is_watched:
             outcomes = self.watched(states).outcomes
-            found = [
+            candidates = [
                 (np.count_nonzero(seen & side), f"{decision.text} is {word} ({decision.place})")
                 for decision, seen in zip(self.law.decisions, outcomes.T, strict=True)
                 for side, word in OUTCOMES.items()
                 if (seen[wrong] & side).all()
             ]
-            count, words = min(found, default=(len(wrong), ""))
+            count, words = min(candidates, default=(len(wrong), ""))
             if count <= 2 * np.count_nonzero(wrong):
                 return f"{share}, all of them where {words}"
         first = states.of(np.flatnonzero(wrong)[:1])
@@ -174,8 +174,8 @@ def code_rows(
         return []
     drawn = drawn_states(loop, horizon, random)
     along = None if flown is None else _states_of_runs(loop, *flown, random)
-    found = Judged(label, loop, drawn, along, random)
-    return [*_finite(found), *_repeatable(found), *_compared(found)]
+    judged = Judged(label, loop, drawn, along, random)
+    return [*_finite(judged), *_repeatable(judged), *_compared(judged)]
 
 
 def _states_of_runs(
@@ -283,18 +283,18 @@ def _compared(judged: Judged) -> Iterator[Row]:
             continue
         torque, kept = loop.answer(*states, loop.period)
         question = Question(formula, *states)
-        found = _differences(question, torque, code.real)
+        differences = _differences(question, torque, code.real)
         words, verdict = [], Verdict.HOLDS
-        if found.wrong.any():
+        if differences.wrong.any():
             verdict = Verdict.FAILS
             if not known:  # runs show less of a law than random states
-                words, known = _description(judged, states, question, torque, found), True
+                words, known = _description(judged, states, question, torque, differences), True
         elif place == "at random states":
             words = _reach(judged)
             undecided = judged.never or not judged.is_watched
             verdict = Verdict.UNDECIDED if undecided else Verdict.HOLDS
         name = f"torque of {law.title}, {code.real}, {place}"
-        yield _row(judged, name, verdict, words, found.measured, found.bound)
+        yield _row(judged, name, verdict, words, differences.measured, differences.bound)
         if states.memory and place == "at random states" and loop.vehicle.control is not None:
             yield _memory_row(judged, question, kept, code.real)
             yield _start_row(judged, question, code.real)
@@ -393,16 +393,16 @@ def _rounding(question: Question, where: Array) -> Array:
 
 
 def _description(
-    judged: Judged, states: States, question: Question, torque: Array, found: _TorqueDifferences
+    judged: Judged, states: States, question: Question, torque: Array, wrong: _TorqueDifferences
 ) -> list[str]:
     """Describe the difference in words."""
     code = judged.loop.controller.code
     assert code is not None
     if not (np.isfinite(torque) & np.isfinite(question.torque())).all(axis=1).any():
         return [NO_NUMBER]
-    if found.by_float and code.real == "double":
+    if wrong.by_float and code.real == "double":
         return ["within the bound of float: constants or operations are float; make them double"]
-    if where := judged.where(states, found.wrong):
+    if where := judged.where(states, wrong.wrong):
         return [where]
     if question.loop.controller.commands_attitude:
         return [explained_cascade(question, torque, code.real)]
@@ -447,10 +447,10 @@ def _memory_row(judged: Judged, question: Question, kept: dict[str, Array], real
         bounds = _memory_bounds(question, np.concatenate([z, later[name]], axis=-1), real)
         differences = np.abs(went - expected).max(axis=-1)
         place = int((differences / bounds).argmax())
-        found, bound = float(differences[place]), float(bounds[place])
-        if found * limit >= worst * bound:
-            worst, limit = found, bound
-        if found <= bound:
+        difference, bound = float(differences[place]), float(bounds[place])
+        if difference * limit >= worst * bound:
+            worst, limit = difference, bound
+        if difference <= bound:
             continue
         if np.abs(went).max() <= bound:
             words.append(f"{name} does not go on: it is stale")

@@ -113,7 +113,7 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
     own = [{name: known.get(text, name) for name, text in each.items()} for each in texts]
     arrays = [_datasets(each) for each in both]
     names = list(dict.fromkeys(chain(*arrays)))
-    found = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
+    compared = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
     configurations = [
         dict(_leaves(renamed(x.data, names))) for x, names in zip(sources, own, strict=True)
     ]
@@ -126,7 +126,7 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
         _changes(*configurations),
         _changes(*attributes),
         _changes(*(dict(_leaves(each.provenance)) for each in both)),
-        [each for each in found if each is not None],
+        [each for each in compared if each is not None],
         len(names),
     )
 
@@ -161,12 +161,12 @@ Place = tuple[KnownResult, str]
 
 
 def _datasets(result: KnownResult) -> dict[str, Place]:
-    found = {name: (result, name) for name in (*result.coordinates, *result.names)}
+    datasets = {name: (result, name) for name in (*result.coordinates, *result.names)}
     for point in range(result.dimensions["point"]) if result.has_groups else ():
         view = result.at(point)
         for name in (*view.coordinates, *view.names):
-            found[f"point {point}: {name}"] = (view, name)
-    return found
+            datasets[f"point {point}: {name}"] = (view, name)
+    return datasets
 
 
 def _compared(name: str, first: Place | None, second: Place | None) -> Dataset | None:

@@ -78,14 +78,14 @@ def delay_margin(loop: CutLoop) -> float:
     stable: each of the first `TRIED` numbers is tried; beyond these, the numbers on both sides of
     every crossing.
     """
-    found = sorted(_delays(loop))
+    delays = sorted(_delays(loop))
     if loop.period is None:
-        return found[0] if found else np.inf
+        return delays[0] if delays else np.inf
     phases = [(loop.A, loop.B, loop.C)]
     for known in range(1, TRIED + 1):
         if not is_stable(phases, known):
             return (known - 1) * loop.period
-    for delay in found:
+    for delay in delays:
         periods = int(np.ceil(delay / loop.period - SAME)) - 1
         if periods < known:
             continue
@@ -108,11 +108,11 @@ def delayed(phases: Sequence[tuple[Array, Array, Array]], periods: int) -> Array
     """
     A, B, _ = phases[0]
     *_, n, m = B.shape
-    found = np.broadcast_to(np.eye(n + periods * m), (*A.shape[:-2], *2 * [n + periods * m]))
+    matrix = np.broadcast_to(np.eye(n + periods * m), (*A.shape[:-2], *2 * [n + periods * m]))
     for A, B, C in phases:
-        x, queue = found[..., :n, :], found[..., n:, :]
-        found = np.concatenate([A @ x + B @ queue[..., :m, :], queue[..., m:, :], C @ x], axis=-2)
-    return found
+        x, queue = matrix[..., :n, :], matrix[..., n:, :]
+        matrix = np.concatenate([A @ x + B @ queue[..., :m, :], queue[..., m:, :], C @ x], axis=-2)
+    return matrix
 
 
 def is_stable(phases: Sequence[tuple[Array, Array, Array]], periods: int) -> bool:
@@ -156,8 +156,8 @@ def _frequencies(loop: CutLoop) -> Array:
     lowest = SLOWEST * min(sizes[sizes > AT_ORIGIN * sizes.max()], default=highest)
     count = int(PER_DECADE * np.log10(highest / lowest)) + 2
     near = np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * NEAR_A_POLE
-    found = np.concatenate([np.geomspace(lowest, highest, count), near.ravel()])
-    return np.unique(found[(found >= lowest) & (found <= highest)])
+    frequencies = np.concatenate([np.geomspace(lowest, highest, count), near.ravel()])
+    return np.unique(frequencies[(frequencies >= lowest) & (frequencies <= highest)])
 
 
 def _size(matrix: Array) -> float:
@@ -300,38 +300,38 @@ def margins_of(experiment: Experiment) -> Margins:
 
 
 def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
-    found = linearised(loop, *along, with_estimator=True)
-    if not np.isfinite(found.closed).all():
+    linear = linearised(loop, *along, with_estimator=True)
+    if not np.isfinite(linear.closed).all():
         raise InputError(
             f"the loop of '{label}' has no derivative where all errors are 0, for example because "
             "its law jumps there; leave this law out"
         )
-    largest, omitted = growth(found, along.times), list(left_out(loop, found))
+    largest, omitted = growth(linear, along.times), list(left_out(loop, linear))
     delay, is_least, gains = None, False, dict[str, GainMargin]()
     if largest.is_stable:
-        if len(found.phases) > 1:
-            delay, is_least = _delay_of_cycle(found)
+        if len(linear.phases) > 1:
+            delay, is_least = _delay_of_cycle(linear)
         else:
-            [cut] = found.phases
+            [cut] = linear.phases
             each = zip(cut.A, cut.B, cut.C, strict=True)
-            delay = min(delay_margin(CutLoop(A, B, C, found.period)) for A, B, C in each)
-        gains = _gain_margins(found)
+            delay = min(delay_margin(CutLoop(A, B, C, linear.period)) for A, B, C in each)
+        gains = _gain_margins(linear)
     periods = None
-    if found.period is not None and delay is not None and np.isfinite(delay):
-        periods = round(delay / found.period)
+    if linear.period is not None and delay is not None and np.isfinite(delay):
+        periods = round(delay / linear.period)
     decided = largest.is_stable
     doubts = (each.destabilises if decided else each.stabilises for each in omitted)
     return LawMargins(
         label,
         largest,
-        size_of(largest, found),
-        not found.is_constant,
-        not found.is_constant or (decided is not None and any(doubts)),
-        found.offset[0],
+        size_of(largest, linear),
+        not linear.is_constant,
+        not linear.is_constant or (decided is not None and any(doubts)),
+        linear.offset[0],
         delay,
         periods,
         is_least,
-        found.cycle,
+        linear.cycle,
         [each.words for each in omitted],
         gains,
     )
@@ -358,7 +358,7 @@ def _delay_of_cycle(loop: Linearised) -> tuple[float, bool]:
 
 def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
     """Return the margins of the gains that the law uses."""
-    times, found = np.zeros(len(loop.closed)), {}
+    times, margins = np.zeros(len(loop.closed)), {}
     for which, names in GAINS.items():
         if np.array_equal(loop.with_gains(dict.fromkeys(names, FACTOR_STEP)).closed, loop.closed):
             continue
@@ -367,8 +367,8 @@ def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
             return growth(loop.with_gains(dict.fromkeys(names, factor)), times).rate
 
         ends = (_first_unstable(rate, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
-        found[which] = GainMargin(*ends)
-    return found
+        margins[which] = GainMargin(*ends)
+    return margins
 
 
 def _first_unstable(rate: Callable[[float], float], step: float) -> float | None:

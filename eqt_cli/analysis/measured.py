@@ -119,8 +119,8 @@ def aligned(recording: Recording, times: Array, run: Pieces) -> Alignment:
     if best.doubt:
         raise _unknown(recording, best.doubt)
     models = [_of_poses, _of_velocities] if seen.known else [_of_poses]
-    found = [_refined(model(seen, times, run), best, step) for model in models]
-    alignment = min(found, key=lambda each: each.error)
+    candidates = [_refined(model(seen, times, run), best, step) for model in models]
+    alignment = min(candidates, key=lambda each: each.error)
     if not np.isfinite(alignment.error):
         raise _unknown(recording, f"the motions differ too much around {best.offset:.3g} s")
     if alignment.error > LARGEST_RELATIVE_ERROR * best.width:
@@ -470,7 +470,7 @@ class MeasuredRun:
         def between(Q: Array, P: Array) -> Array:
             return G.log(G.inverse(Q) @ P)
 
-        found = [
+        errors = [
             Error(
                 "pose",
                 between(wanted.pose, seen.poses),
@@ -484,8 +484,8 @@ class MeasuredRun:
         ):
             if not np.isnan(measured).all():
                 differences = measured - desired, here - desired, measured - here
-                found.append(Error(quantity, *differences))
-        return found
+                errors.append(Error(quantity, *differences))
+        return errors
 
     @property
     def notes(self) -> list[str]:
@@ -494,15 +494,15 @@ class MeasuredRun:
         missing = f", {gaps} gap{'s' * (gaps > 1)}" if gaps else ""
         first, last = (round(t, 6) + 0.0 for t in seen.times[[0, -1]].tolist())
         count = f"{len(seen.times)} of " * (self.rows > len(seen.times)) + f"{self.rows} rows"
-        found = [
+        notes = [
             f"{seen.name}: {count} from {first:.4g} to {last:.4g} s of run "
             f"{self.run}{missing}; {self.alignment.in_words}"
         ]
-        found += self._world_differences()
+        notes += self._world_differences()
         names = recorded_names(seen.group, WRENCH)
         if names and np.isnan(seen.wrenches).all():
-            found.append(f"No wrench was measured; record it in columns {', '.join(names)}")
-        return found
+            notes.append(f"No wrench was measured; record it in columns {', '.join(names)}")
+        return notes
 
     def _world_differences(self) -> Iterator[str]:
         """Note the parts whose difference from the run is nearly constant and exceeds its error."""
@@ -562,8 +562,8 @@ def measured_runs(
         if k not in simulated:
             raise result.error(f"run {run} of {result.labels[k]} failed; choose another")
     courses = {result.titles[k]: course for k, course in simulated.items()}
-    found = Alignment(0.0) if recording.timed else _best_aligned(recording, courses)
-    late = recording.times + found.offset
+    fit = Alignment(0.0) if recording.timed else _best_aligned(recording, courses)
+    late = recording.times + fit.offset
     slack = SAME_TIME * (times[-1] - times[0])
     inside = np.flatnonzero((times[0] - slack <= late) & (late <= times[-1] + slack))
     if len(inside) < 2:
@@ -574,10 +574,10 @@ def measured_runs(
         )
     first, last = int(inside[0]), int(inside[-1]) + 1
     kept = recording.part(first, last, -(-(last - first) // MOST_ROWS))
-    kept = replace(kept, times=kept.times + found.offset)
+    kept = replace(kept, times=kept.times + fit.offset)
     return [
         MeasuredRun(
-            result.labels[k], result.titles[k], run, kept, last - first, found, course, reference
+            result.labels[k], result.titles[k], run, kept, last - first, fit, course, reference
         )
         for k, course in simulated.items()
         if not controllers or k in controllers
@@ -586,17 +586,17 @@ def measured_runs(
 
 def _best_aligned(recording: Recording, courses: Mapping[str, Course]) -> Alignment:
     """Return the alignment with the run that correlates best; runs by titles of controllers."""
-    found, errors = [], []
+    alignments, errors = [], []
     for title, course in courses.items():
         try:
             one = aligned(recording, course.times, course.pieces)
         except InputError as error:
             errors.append(error)
         else:
-            found.append(replace(one, by=f"{one.by} of {title}"))
-    if not found:
+            alignments.append(replace(one, by=f"{one.by} of {title}"))
+    if not alignments:
         raise errors[0]
-    return max(found, key=lambda each: each.correlation)
+    return max(alignments, key=lambda each: each.correlation)
 
 
 ShownIn = Callable[[str, str], tuple[str, float]]
@@ -696,37 +696,37 @@ def _mean_size(values: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
 
 
-def records(found: Sequence[Explanation]) -> list[dict[str, Any]]:
+def records(explanations: Sequence[Explanation]) -> list[dict[str, Any]]:
     """Return a record for each share."""
     return [
         {"controller": one.controller, "run": one.run, "rows": one.rows, "offset": one.offset}
         | asdict(share)
-        for one in found
+        for one in explanations
         for share in one.shares
     ]
 
 
-def explained_table(found: Sequence[Explanation], write: Plain, *, axes: bool) -> TextTable:
+def explained_table(explanations: Sequence[Explanation], write: Plain, *, axes: bool) -> TextTable:
     """Return the table of shares, a block per law; rows of single axes only if `axes`."""
-    several = len(found) > 1
+    several = len(explanations) > 1
     blocks = [
         Block(
             write.text(one.title) if several else "",
             [_row(share, write) for share in one.shares if axes or not share.axis],
         )
-        for one in found
+        for one in explanations
     ]
     notes = [
         "Errors relative to the reference, in the body frame: root mean squares over the rows. "
         "Explained: 1 − difference² / measured error². It is 100 % where the run has the measured "
         "error, 0 % where it is as far from the recording as the reference is, and negative where "
         "it is farther.",
-        *(f"{note}." for note in found[0].notes),
+        *(f"{note}." for note in explanations[0].notes),
     ]
-    whose = "each controller" if several else found[0].title
+    whose = "each controller" if several else explanations[0].title
     return TextTable(
         "measured",
-        write.text(f"How much of the measured error run {found[0].run} of {whose} explains"),
+        write.text(f"How much of the measured error run {explanations[0].run} of {whose} explains"),
         ["error of", "axis", "unit", "measured", "simulated", "difference", "explained"],
         blocks,
         [write.text(note) for note in notes],

@@ -98,8 +98,8 @@ def verify_experiment(
         verifier = _Verifier(experiment, runs, workers, exact)
         desired = shared_reference(verifier.study)
         with step(RUNS_DONE, verifier.study.plans.total):
-            found = [verifier.of_new_runs(label, desired) for label in experiment.loops]
-        return verifier.verification(found, desired)
+            laws = [verifier.of_new_runs(label, desired) for label in experiment.loops]
+        return verifier.verification(laws, desired)
 
 
 @blamed()
@@ -128,8 +128,8 @@ def verify_stored(
         else:  # of a sweep that keeps metrics only
             desired = shared_reference(verifier.study)
         with step(INTEGRATED, runs * len(experiment.loops)):
-            found = [verifier.of_stored_runs(label, results, desired) for label in experiment.loops]
-        return verifier.verification(found, desired)
+            laws = [verifier.of_stored_runs(label, results, desired) for label in experiment.loops]
+        return verifier.verification(laws, desired)
 
 
 @dataclass(frozen=True)
@@ -155,8 +155,8 @@ class _Verifier:
         batch, solution = self._solved(label)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
             names = (*JUDGED, *self._by_parts, *SHOWN, *self._of_estimate)
-            found = measured(batch, solution, reference, names)
-        return self._runs(batch, solution, label, found | {"status": solution.status}, reference)
+            values = measured(batch, solution, reference, names)
+        return self._runs(batch, solution, label, values | {"status": solution.status}, reference)
 
     def of_stored_runs(self, label: str, results: Result, reference: Desired) -> Runs:
         """The runs of a result; states, which it does not hold, are those of the study."""
@@ -200,22 +200,22 @@ class _Verifier:
 
     def _engine(self, batch: Batch) -> Engine:
         """The engine of the runs of a batch; noted for the summary."""
-        found = compiled_if_faster(batch.engine, batch.problem)
-        self.engines[found.name] = None
-        return found
+        engine = compiled_if_faster(batch.engine, batch.problem)
+        self.engines[engine.name] = None
+        return engine
 
     def _runs(
         self,
         batch: Batch,
         solution: Solution,
         label: str,
-        found: Mapping[str, Array],
+        values: Mapping[str, Array],
         reference: Desired,
     ) -> Runs:
         self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
-        good = found["status"] == 0
+        good = values["status"] == 0
         kept, estimate = (
-            {name: found[name][good[: len(found[name])]] for name in names if name in found}
+            {name: values[name][good[: len(values[name])]] for name in names if name in values}
             for names in (SHOWN, self._of_estimate)
         )
         return Runs(
@@ -223,10 +223,10 @@ class _Verifier:
             claims_decrease=batch.problem.loop.claims_decrease,
             rtol=batch.engine.rtol,
             threshold=self._threshold,
-            settled=np.isfinite(found["settling_time"][good]) if self._thresholds else None,
-            times=found.get("time", batch.problem.times),
+            settled=np.isfinite(values["settling_time"][good]) if self._thresholds else None,
+            times=values.get("time", batch.problem.times),
             **{"lyapunov": None, **kept},
-            **{name: found[name][good] for name in JUDGED},
+            **{name: values[name][good] for name in JUDGED},
             failed=int(np.count_nonzero(~good)),
             departures=batch.problem.loop.departures,
             vehicle=self._vehicle(batch, solution),
@@ -246,10 +246,10 @@ class _Verifier:
         """The rate at which small errors decay, 1/s; None if it is not known, or they grow."""
         loop = small_loops(self.experiment, self._along).get(label)
         with np.errstate(all="ignore"):
-            found = None if loop is None else linearised(loop, *self._along)
-        if found is None or not np.isfinite(found.closed).all():
+            linear = None if loop is None else linearised(loop, *self._along)
+        if linear is None or not np.isfinite(linear.closed).all():
             return None
-        rate = -growth(found, self._along.times).rate
+        rate = -growth(linear, self._along.times).rate
         return rate if rate > 0 else None
 
     def _vehicle(self, batch: Batch, solution: Solution) -> VehicleRuns | None:
@@ -258,14 +258,14 @@ class _Verifier:
             return None
         good = np.flatnonzero(solution.status == 0)
         seed = self.experiment.config.ensemble.seed
-        found = VehicleRuns(batch.problem.select(good), solution.states[good], seed, good)
+        runs = VehicleRuns(batch.problem.select(good), solution.states[good], seed, good)
         few = np.arange(min(len(good), FEW_RUNS))
         if not len(few):
-            return found
-        problem = replace(found.problem.select(few), times=window_times(found))
+            return runs
+        problem = replace(runs.problem.select(few), times=window_times(runs))
         again = self._engine(batch).solve(problem, self.workers)
         windows = VehicleRuns(problem, again.states, seed, good[few])
-        return replace(found, windows=windows)
+        return replace(runs, windows=windows)
 
     def verification(self, runs: list[Runs], desired: Desired) -> Verification:
         """All rows."""

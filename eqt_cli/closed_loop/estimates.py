@@ -16,8 +16,8 @@ from eqt_cli.vehicle.vehicle import estimator_states
 
 def kept(s: Tracking, name: str, like: Array) -> Array:
     """Return the estimator state of this name; NaN in the shape of `like` if there is none."""
-    found: Mapping[str, Array] = estimator_states(s.vehicle)
-    return found[name] if name in found else np.nan + 0.0 * like
+    states: Mapping[str, Array] = estimator_states(s.vehicle)
+    return states[name] if name in states else np.nan + 0.0 * like
 
 
 def pose(s: Tracking) -> Array:
@@ -80,8 +80,8 @@ def innovations(s: Tracking) -> tuple[Array, Array, Array]:
     count, squares, products = (sums[..., k] for k in range(3))
     some = less(0.5, count)
     mean = where(some, squares / where(some, count, 1.0), np.nan)
-    told = less(0.0, squares)
-    return count, mean, where(told, products / where(told, squares, 1.0), np.nan)
+    known = less(0.0, squares)
+    return count, mean, where(known, products / where(known, squares, 1.0), np.nan)
 
 
 def _covariance(s: Tracking) -> Array:

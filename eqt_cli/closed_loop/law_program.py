@@ -103,8 +103,8 @@ class LawProgram:
         """Return the law's numbers in a loop, by name; the period is 0 without sampled control."""
         numbers, period = leaves(loop), np.array(loop.period)
         given = {entry.name: numbers[entry.source] for entry in self.numbers[:-1]}
-        found = {**given, self.numbers[-1].name: period}
-        return {entry.name: found[entry.name].reshape(entry.shape) for entry in self.numbers}
+        by_name = {**given, self.numbers[-1].name: period}
+        return {entry.name: by_name[entry.name].reshape(entry.shape) for entry in self.numbers}
 
 
 def law_program(loop: ClosedLoop) -> LawProgram:
@@ -140,9 +140,9 @@ def law_program(loop: ClosedLoop) -> LawProgram:
         unused |= given - read
         told = tuple(each for each in told if TOLD + each.name not in unused)
     left = tuple((group, size) for group, size in groups.items() if group not in unused)
-    found = [dataclasses.replace(each, inputs=left) for each in programs]
+    trimmed = [dataclasses.replace(each, inputs=left) for each in programs]
     torque = Entry(TORQUE, (G.dimension,), TORQUE, by_part(G, "force_unit"))
-    return LawProgram(told, used, memory, torque, found[0], found[1] if memory else None)
+    return LawProgram(told, used, memory, torque, trimmed[0], trimmed[1] if memory else None)
 
 
 def sizes(entries: Mapping[str, Iterable[Entry]]) -> dict[str, int]:
@@ -173,9 +173,9 @@ def _told(loop: ClosedLoop) -> tuple[Entry, ...]:
     shapes: dict[str, tuple[int, ...]] = {"t": (), "pose": (d, d), "desired_pose": (d, d)}
     names = [name for name in LawInput._fields if name not in FlatOutput._fields]
     if loop.controller.reads_flat_output:
-        found = loop.reference.flat_output(G, 0.0)
-        assert found is not None
-        flat = {name: part.shape for name, part in found._asdict().items() if part is not None}
+        output = loop.reference.flat_output(G, 0.0)
+        assert output is not None
+        flat = {name: part.shape for name, part in output._asdict().items() if part is not None}
         names, shapes = [*names, *flat], shapes | flat
     return tuple(Entry(name, shapes.get(name, (m,)), name, units.get(name, pose)) for name in names)
 

@@ -43,15 +43,15 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
     """
     clock, forces = loop.vehicle.control, loop.controller.known_forces
     known = Vehicle(forces=forces, actuators=loop.vehicle.actuators, control=clock)
-    found = linearised(dataclasses.replace(loop, vehicle=known), times, poses, velocities)
-    if not np.isfinite(found.closed).all():
+    linear = linearised(dataclasses.replace(loop, vehicle=known), times, poses, velocities)
+    if not np.isfinite(linear.closed).all():
         raise InputError(
             "the loop has no derivative about its reference, so that it has no regulator"
         )
-    A, B, period = found.closed, found.phases[0].B, found.period
-    if len(found.phases) > 1:
+    A, B, period = linear.closed, linear.phases[0].B, linear.period
+    if len(linear.phases) > 1:
         raise InputError("actuators slower than the law have no regulator; shorten their period")
-    pieces = slice(1) if found.is_constant else slice(1, -1)
+    pieces = slice(1) if linear.is_constant else slice(1, -1)
     piece = 2 * float(times[1] - times[0])
     plant = LinearPlant(
         times[pieces],
@@ -164,10 +164,10 @@ class Linearised:
     @cached_property
     def closed(self) -> Array:
         """The matrix of the closed loop: A + BC, or the product of those of all phases."""
-        found = self.phases[0].closed
+        change = self.phases[0].closed
         for phase in self.phases[1:]:
-            found = phase.closed @ found
-        return found
+            change = phase.closed @ change
+        return change
 
     def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
         """Return the loop about the same states with its gains kp, kd and position multiplied."""
@@ -307,14 +307,14 @@ class _About:
     @cached_property
     def others(self) -> dict[str, slice]:
         """The slice in x of each stretch besides pose and momentum."""
-        found, begin = {}, 2 * self.loop.group.dimension
+        places, begin = {}, 2 * self.loop.group.dimension
         for name, length in self.loop.layout.lengths.items():
             if name in _ELSEWHERE or name in _KEPT or name in self._counts[0]:
                 continue
             length = self.loop.group.dimension if name in _POSES else length
-            found[name] = slice(begin, begin + length)
+            places[name] = slice(begin, begin + length)
             begin += length
-        return found
+        return places
 
     @property
     def dimension(self) -> int:
@@ -336,14 +336,14 @@ class _About:
             return [{}]
         own, law = self.loop.controller.cycle(vehicle.control.period), vehicle.control.clock
         ticks = math.lcm(law.every * len(own), *(each.every for each in vehicle.clocks.values()))
-        found = []
+        rows = []
         for tick in range(ticks):
             instant = own[(tick - law.offset) // law.every % len(own)].items()
             counts: dict[str, tuple[float, ...]] = {MEMORY + name: (z,) for name, z in instant}
             if vehicle.clocks:
                 counts[f"{VEHICLE}{CLOCKS}"] = tuple(vehicle.ticks_left(tick).tolist())
-            found.append(counts)
-        return found
+            rows.append(counts)
+        return rows
 
     @property
     def _has_offsets(self) -> bool:
@@ -385,9 +385,9 @@ class _About:
         """Return the chart about the states at x, ``(times, n)``; e in x is ignored."""
         m = self.loop.group.dimension
         poses = self.poses @ self.loop.group.exp(x[:, :m])
-        found = self.loop.layout.split(self.states)
-        found |= {name: found[name] + x[:, where] for name, where in self.others.items()}
-        states = self.loop.layout.join(found, self.states)  # there is no estimator yet
+        parts = self.loop.layout.split(self.states)
+        parts |= {name: parts[name] + x[:, where] for name, where in self.others.items()}
+        states = self.loop.layout.join(parts, self.states)  # there is no estimator yet
         offset = self.loop.group.log(self.loop.group.inverse(self.desired) @ poses)
         return dataclasses.replace(self, poses=poses, states=states, offset=offset)
 
@@ -400,8 +400,8 @@ class _About:
     def is_same_at_all_times(self) -> bool:
         """Whether neither the matrices nor the steps to rest depend on time."""
         sampled = () if self.loop.vehicle.control is None else (*self._measurements, *self._answers)
-        found = [self._flow, *sampled]
-        if not all(_same(each.slope) for each in found):
+        slopes = [self._flow, *sampled]
+        if not all(_same(each.slope) for each in slopes):
             return False
         steps = self.steps_to_rest()
         return bool(np.abs(steps - steps[0]).max() <= AT_REST)
@@ -484,21 +484,21 @@ class _About:
         """x after the answer at each tick of the cycle of law and clocks."""
         kinds = [tuple(each.items()) for each in self._counts]
         answers = {kind: partial(self._change_and_command, counts=kind) for kind in kinds}
-        found = {kind: self._derivative(answer) for kind, answer in answers.items()}
-        return [found[kind] for kind in kinds]
+        derivatives = {kind: self._derivative(answer) for kind, answer in answers.items()}
+        return [derivatives[kind] for kind in kinds]
 
     @cached_property
     def _measurements(self) -> list[_Derivative]:
         """x after the measurements at each tick of a cycle; none if nothing changes it."""
         if not self.loop.changes_by_measuring:
             return []
-        found: dict[Any, _Derivative] = {}
+        derivatives: dict[Any, _Derivative] = {}
         kinds = [k if self.bases else self._event(k) for k in range(self.instants)]
         for instant, kind in enumerate(kinds):
-            if kind not in found:
+            if kind not in derivatives:
                 after = partial(self._after_measuring, instant=instant)
-                found[kind] = self._derivative(after, with_command=False)
-        return [found[kind] for kind in kinds]
+                derivatives[kind] = self._derivative(after, with_command=False)
+        return [derivatives[kind] for kind in kinds]
 
     def _event(self, instant: int) -> tuple[bool, ...]:
         """Return which of the channels that hold measure at a tick."""
@@ -525,13 +525,13 @@ class _About:
         """Return the flat states at x, ``(k, times, l)``."""
         loop, m = self.loop, self.loop.group.dimension
         like = np.empty((len(x), *self.states.shape))
-        found = loop.layout.split(self.states if base is None else base)
+        parts = loop.layout.split(self.states if base is None else base)
         for name, where in self.others.items():
-            found[name] = self._with(name, found[name], x[..., where])
-        found["pose"] = loop.group.pack(self.poses @ loop.group.exp(x[..., :m]))
-        s = loop.tracking(self.times, loop.layout.join(found, like))
-        found["momentum"] = s.inertia.momentum(s.relative.Vd + x[..., m : 2 * m])
-        return loop.layout.join(found, like)
+            parts[name] = self._with(name, parts[name], x[..., where])
+        parts["pose"] = loop.group.pack(self.poses @ loop.group.exp(x[..., :m]))
+        s = loop.tracking(self.times, loop.layout.join(parts, like))
+        parts["momentum"] = s.inertia.momentum(s.relative.Vd + x[..., m : 2 * m])
+        return loop.layout.join(parts, like)
 
     def _with(self, name: str, values: Array, x: Array) -> Array:
         """Return a stretch at the distance x from its values at the base."""
@@ -555,10 +555,10 @@ class _About:
         loop = dataclasses.replace(_Pushed.of(self.loop), push=x[..., self.dimension :])
         states = self._flat(x)
         s, rates = loop.tracking(self.times, states), loop.vector_field(self.times, states)
-        found, r = loop.layout.split(rates), s.relative
-        V_dot = s.inertia.velocity(found["momentum"] - s.inertia.rate_force(s.V))
+        parts, r = loop.layout.split(rates), s.relative
+        V_dot = s.inertia.velocity(parts["momentum"] - s.inertia.rate_force(s.V))
         # The states of an estimator are held, also those that are poses.
-        others = [0.0 * r.V_tilde if name in _POSES else found[name] for name in self.others]
+        others = [0.0 * r.V_tilde if name in _POSES else parts[name] for name in self.others]
         return np.concatenate([r.V_tilde, V_dot - r.Vd_dot, *others, self.loop.command(s)], axis=-1)
 
     def _after_measuring(self, x: Array, instant: int | None) -> Array:
@@ -583,8 +583,8 @@ class _About:
         for name, value in counts:
             states[..., loop.layout.slices[name]] = value
         errors = _at_instant(loop, None) if loop.changes_by_measuring else None
-        told, memory = loop.told(t, states, errors), loop.memory(states)
-        command, memory = loop.answer(told, memory, loop.period)
+        inputs, memory = loop.told(t, states, errors), loop.memory(states)
+        command, memory = loop.answer(inputs, memory, loop.period)
         after = loop.answered(t, states, command + x[..., self.dimension :], memory)
         still = np.zeros((*command.shape[:-1], 2 * loop.group.dimension))
         still += x[..., : still.shape[-1]]

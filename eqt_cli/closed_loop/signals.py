@@ -75,8 +75,8 @@ class Signal:
 
     def units(self, group: MatrixLieGroup) -> str:
         """Return its unit on a group."""
-        found = {self.unit_in(part) for part in group.parts}
-        return found.pop() if len(found) == 1 else MIXED
+        units = {self.unit_in(part) for part in group.parts}
+        return units.pop() if len(units) == 1 else MIXED
 
     def parts(self, group: MatrixLieGroup) -> tuple[Part, ...]:
         """Return the parts with a norm of their own; empty if there is one part, or no norm."""
@@ -255,8 +255,8 @@ SIGNALS = (
 def signal_of(name: str) -> Signal | None:
     """Return the signal of a name, which may end with a part: ``torque_norm_rotation``."""
     # The last one first: ``pose_error`` is no part of ``pose``.
-    found = (signal for signal in reversed(SIGNALS) if f"{name}_".startswith(f"{signal.name}_"))
-    return next(found, None)
+    matching = (signal for signal in reversed(SIGNALS) if f"{name}_".startswith(f"{signal.name}_"))
+    return next(matching, None)
 
 
 def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
@@ -275,10 +275,10 @@ def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
         One array ``(runs, samples, …)`` per signal, and ``energy_balance``, L(t) + W(t), which is
         NaN where the dissipation is not known.
     """
-    found = dict(at_state(loop, loop.tracking(times, states), loop.work(states)))
+    values = dict(at_state(loop, loop.tracking(times, states), loop.work(states)))
     if not knows_energy(loop, times, states):
-        found["energy_balance"] = np.full_like(found["energy_balance"], np.nan)
-    return found
+        values["energy_balance"] = np.full_like(values["energy_balance"], np.nan)
+    return values
 
 
 def knows_energy(loop: ClosedLoop, times: Array, states: Array) -> bool:

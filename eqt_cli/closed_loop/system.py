@@ -80,10 +80,10 @@ class ClosedLoop:
     @property
     def inside(self) -> "ClosedLoop":
         """The loop that L and the gains are of: for a cascade that of its attitude, else itself."""
-        found = self.controller.inside(self.group, self.inertia)
-        if found is None:
+        inner = self.controller.inside(self.group, self.inertia)
+        if inner is None:
             return self
-        G, inertia, law = found
+        G, inertia, law = inner
         return ClosedLoop(G, inertia, self.gains, TorqueReference([0.5] * G.dimension), law)
 
     @property
@@ -177,9 +177,9 @@ class ClosedLoop:
 
     def instants(self, until: float) -> Array:
         """Return the sorted times at which the vector field changes, and its short pulses, s."""
-        found = [part.instants(self.group, until) for part in self.given_over_time.values()]
-        found += [force.instants(self.group, until) for force in self.vehicle.forces]
-        return np.unique(np.concatenate(found))
+        instants = [part.instants(self.group, until) for part in self.given_over_time.values()]
+        instants += [force.instants(self.group, until) for force in self.vehicle.forces]
+        return np.unique(np.concatenate(instants))
 
     @property
     def given_over_time(self) -> dict[str, GivenOverTime]:
@@ -264,20 +264,20 @@ class ClosedLoop:
 
     def tracking(self, t: Any, state: Array) -> Tracking:
         """Return everything a law may read, at t and a flat state ``(..., state_length)``."""
-        found = self.layout.split(state)
+        parts = self.layout.split(state)
         desired, inertia = self._desired(t, state)
         s = Tracking(
             G=self.group,
             inertia=inertia,
             gains=self.gains,
             t=t,
-            Q=self.group.unpack(found["pose"]),
-            P=found["momentum"],
+            Q=self.group.unpack(parts["pose"]),
+            P=parts["momentum"],
             Qd=desired.Q,
             Pd=desired.P,
             tau_d=desired.tau,
-            memory=_of(MEMORY, found),
-            vehicle=_of(VEHICLE, found),
+            memory=_of(MEMORY, parts),
+            vehicle=_of(VEHICLE, parts),
             flat=self._flat_output(t, state.shape[:-1]),
         )
         if desired.V is None or desired.V_dot is None:  # they follow from P_d and τ_d
@@ -289,15 +289,15 @@ class ClosedLoop:
         """Return the flat output of the reference, for a law that reads it."""
         if not self.controller.reads_flat_output:
             return None
-        found = (self.held_reference or self.reference).flat_output(self.group, t)
-        assert found is not None  # as the configuration was checked for
-        heading = None if found.heading is None else _spread(found.heading, batch, 1)
-        return FlatOutput(_spread(found.position, batch, 2), heading)
+        output = (self.held_reference or self.reference).flat_output(self.group, t)
+        assert output is not None  # as the configuration was checked for
+        heading = None if output.heading is None else _spread(output.heading, batch, 1)
+        return FlatOutput(_spread(output.position, batch, 2), heading)
 
     def _desired(self, t: Any, state: Array) -> tuple[Desired, Inertia]:
         """Return the desired state at t and a flat state, and the law's model of the inertia."""
-        found, inertia = self.layout.split(state), self.inertia.at(t)
-        Qd, Pd = map(found.get, DESIRED)
+        parts, inertia = self.layout.split(state), self.inertia.at(t)
+        Qd, Pd = map(parts.get, DESIRED)
         if Qd is not None:
             Qd = self.group.unpack(Qd)
         desired = (self.held_reference or self.reference).desired(self.group, inertia, t, Qd, Pd)
@@ -353,25 +353,25 @@ class ClosedLoop:
             E and b of the measurement Q E, V + b: ``(..., d, d)`` and ``(..., m)``.
         """
         s = self.tracking(t, state)
-        told = LawInput.of(s)
-        V, _ = self.vehicle.read(self.group, told.velocity, s.vehicle)
-        told = told._replace(velocity=V)
+        inputs = LawInput.of(s)
+        V, _ = self.vehicle.read(self.group, inputs.velocity, s.vehicle)
+        inputs = inputs._replace(velocity=V)
         if errors is None:
-            return told
+            return inputs
         if self.vehicle.estimator is not None:
             Q, V = self.vehicle.estimated(self.group, s.vehicle)
-            return told._replace(pose=Q, velocity=V)
-        Q, V = told.pose @ errors.pose, told.velocity + errors.velocity
+            return inputs._replace(pose=Q, velocity=V)
+        Q, V = inputs.pose @ errors.pose, inputs.velocity + errors.velocity
         Q, V = self.vehicle.as_arrived(self.group, Q, V, s.vehicle)
-        return told._replace(pose=Q, velocity=V)
+        return inputs._replace(pose=Q, velocity=V)
 
     def answer(
-        self, told: LawInput, memory: Mapping[str, Array], period: Any
+        self, inputs: LawInput, memory: Mapping[str, Array], period: Any
     ) -> tuple[Array, dict[str, Array]]:
         """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
-        s = told.tracking(self.group, self.inertia, self.gains, memory)
+        s = inputs.tracking(self.group, self.inertia, self.gains, memory)
         torque, later = self.law.answer(s, period)
-        return torque + 0.0 * told.velocity, dict(later)
+        return torque + 0.0 * inputs.velocity, dict(later)
 
     def answered(
         self,
@@ -394,12 +394,12 @@ class ClosedLoop:
             for name, z in memory.items()
         }
         vehicle = self.vehicle.after_instant(self.group, torque, s.vehicle, solved)
-        found = self.layout.split(state)
+        parts = self.layout.split(state)
         changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)
         if memory:  # L jumps with the memory, and W by the opposite amount
             jump = self.lyapunov(dataclasses.replace(s, memory=memory)) - self.lyapunov(s)
-            changed["work"] = found["work"] - jump[..., None]
-        return self.layout.join(found | changed, state)
+            changed["work"] = parts["work"] - jump[..., None]
+        return self.layout.join(parts | changed, state)
 
     def solution(self, state: Array, torque: Array) -> Array:
         """Return the vehicle's solution, such as thrusts, for a commanded torque."""
@@ -414,13 +414,13 @@ class ClosedLoop:
         state = self.measured(t, state, errors)
         return self.answered(t, state, *self.asked(self.told(t, state, errors), state))
 
-    def asked(self, told: LawInput, state: Array) -> tuple[Array, dict[str, Array]]:
+    def asked(self, inputs: LawInput, state: Array) -> tuple[Array, dict[str, Array]]:
         """Return the `answer` at a tick; a law that does not act is not called."""
         acts = self.vehicle.acts(_of(VEHICLE, self.layout.split(state)))
         memory = self.memory(state)
         if acts is None or acts.any():  # all runs have the same clocks
-            return self.answer(told, memory, self.period)
-        return 0.0 * told.velocity, memory
+            return self.answer(inputs, memory, self.period)
+        return 0.0 * inputs.velocity, memory
 
     def estimate_lost(self, state: Array) -> Array:
         """Return where the covariance of the estimate is no longer definite, by flat state."""

@@ -199,8 +199,8 @@ class Controller(GivenOverTime, Component):
     def with_defaults(self, G: MatrixLieGroup, gains: Gains, given: Any) -> Self:
         """Return the law with the options that follow its gains, but for those of `given`."""
         own = given if isinstance(given, dict) else {}
-        found = self.defaults(G, gains).items()
-        return with_fields(self, **{name: value for name, value in found if name not in own})
+        defaults = self.defaults(G, gains).items()
+        return with_fields(self, **{name: value for name, value in defaults if name not in own})
 
     def directions(self, G: MatrixLieGroup) -> Array:
         """Return those in which it asks for a torque, ``(k, m)``; of a design, none."""

@@ -253,9 +253,9 @@ class Cascade(Controller):
     def directions(self, G: MatrixLieGroup) -> Array:
         """Return the axes of all torques, and that of the push."""
         turns = rigid(G).rotations
-        found = np.eye(G.dimension)[: turns + 1]
-        found[turns, turns:] = self.direction
-        return found
+        axes = np.eye(G.dimension)[: turns + 1]
+        axes[turns, turns:] = self.direction
+        return axes
 
     @property
     def undefined(self) -> str:  # type: ignore[override]  # a constant of most laws
@@ -272,15 +272,15 @@ class Cascade(Controller):
 
     def commanded(self, s: Tracking) -> Inside:
         """Return what the position loop asks for, computed once for each state."""
-        found: Inside | None = vars(s).get("_commanded")
-        if found is None:
+        inside: Inside | None = vars(s).get("_commanded")
+        if inside is None:
             asked, integrand = self._asked(s)
             if HELD in s.memory:
                 held, n = s.memory[HELD], rigid(s.G).space
                 asked = Jet.of([held[..., n * k : n * (k + 1)] for k in range(self._order + 1)])
-            found = Inside(self._of_attitude(s, asked), asked.value, integrand)
-            vars(s)["_commanded"] = found
-        return found
+            inside = Inside(self._of_attitude(s, asked), asked.value, integrand)
+            vars(s)["_commanded"] = inside
+        return inside
 
     @property
     def _order(self) -> int:
@@ -340,19 +340,19 @@ class Cascade(Controller):
         if self.rates == "filter":
             now, rate = s.memory[FILTERED], s.memory[FILTERED_RATE]
             asked = Jet.of([now, rate, self._filter_rate(s, asked.value)])
-        found = attitude(asked, self.direction, s.flat.turn(asked.order), R)
+        desired = attitude(asked, self.direction, s.flat.turn(asked.order), R)
         if self.rates == "reference":
-            found = found._replace(velocity=s.Vd[..., turns], acceleration=s.Vd_dot[..., turns])
+            desired = desired._replace(velocity=s.Vd[..., turns], acceleration=s.Vd_dot[..., turns])
         elif self.rates == "heading":
             assert s.flat.heading is not None
             axis, psi = third_axis(self.direction), s.flat.heading[..., None]
-            found = found._replace(
+            desired = desired._replace(
                 velocity=psi[..., 1, :] * axis, acceleration=psi[..., 2, :] * axis
             )
-        told = LawInput(s.t, R, turning, *found)
+        inputs = LawInput(s.t, R, turning, *desired)
         memory = {name.removeprefix(OWN): z for name, z in s.memory.items() if name.startswith(OWN)}
         J = _of_rotation(s.G, s.inertia)
-        return told.tracking(G.rotation_group, J, s.gains, memory)
+        return inputs.tracking(G.rotation_group, J, s.gains, memory)
 
     def _filter_rate(self, s: Tracking, asked: Array) -> Any:
         w: Any = self.bandwidth
@@ -430,14 +430,14 @@ class Cascade(Controller):
         """ė_I = e, the filter's rates, and those of the attitude law."""
         inside = self.commanded(s)
         own = self.inner.memory_rate(inside.tracking).items()
-        found = {name: 0.0 * s.memory[name] for name in (HELD, LEFT) if name in s.memory}
-        found |= {OWN + name: rate for name, rate in own}
+        rates = {name: 0.0 * s.memory[name] for name in (HELD, LEFT) if name in s.memory}
+        rates |= {OWN + name: rate for name, rate in own}
         if self.position.ki is not None:
-            found["integral"] = inside.integrand
+            rates["integral"] = inside.integrand
         if self.rates == "filter":
-            found[FILTERED] = s.memory[FILTERED_RATE]
-            found[FILTERED_RATE] = self._filter_rate(s, inside.asked)
-        return found
+            rates[FILTERED] = s.memory[FILTERED_RATE]
+            rates[FILTERED_RATE] = self._filter_rate(s, inside.asked)
+        return rates
 
     def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
         """Return ∂L/∂z of the attitude law; None where R_c has a memory, too."""

@@ -159,9 +159,9 @@ class Code(Controller):
     def watched(self, s: Tracking, period: float) -> tuple[Array, Array, Array]:
         """Return the torque, and of each decision its outcome and how far that was away."""
         inputs, numbers, memory = self._rows(s)
-        found: tuple[Array, Array, Array]
-        found = self.called.watching.outcomes(numbers, float(period), memory, inputs)
-        return found
+        outcomes: tuple[Array, Array, Array]
+        outcomes = self.called.watching.outcomes(numbers, float(period), memory, inputs)
+        return outcomes
 
     def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
         """Return the memory that ``X_start`` sets, if there is one, otherwise 0."""

@@ -290,16 +290,16 @@ class _Design:
     def over_time(self) -> RegulatorTable:
         """Return the regulators of all pieces, backwards from the end of the horizon."""
         plant = self.plant
-        S, found = self.constant(len(plant.times) - 1).value, list[tuple[Array, Array]]()
+        S, steps = self.constant(len(plant.times) - 1).value, list[tuple[Array, Array]]()
         for _ in range(SWEEPS if plant.is_periodic else 1):
-            after, found = S, []
+            after, steps = S, []
             for k in reversed(range(len(plant.times))):
                 middle = self._earlier(k, S, plant.periods // 2)
-                found.append((self._gain(k, middle), middle))
+                steps.append((self._gain(k, middle), middle))
                 S = self._earlier(k, middle, plant.periods - plant.periods // 2)
             if np.abs(S - after).max() <= SETTLED * np.abs(S).max():
                 break
-        gains, values = map(np.array, zip(*reversed(found), strict=True))
+        gains, values = map(np.array, zip(*reversed(steps), strict=True))
         return RegulatorTable(plant.times - plant.piece / 2, gains, values)
 
     def _gain(self, k: int, S: Array) -> Array:

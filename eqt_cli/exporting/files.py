@@ -194,7 +194,7 @@ def header(law: ExportedLaw) -> str:
 
 def _filter_fields(law: ExportedLaw) -> dict[str, list[tuple[str, str, str]]]:
     """Return the fields of the structures of the filter; empty without a filter."""
-    if (found := law.filter) is None:
+    if (law_filter := law.filter) is None:
         return {}
 
     def listed(
@@ -202,12 +202,12 @@ def _filter_fields(law: ExportedLaw) -> dict[str, list[tuple[str, str, str]]]:
     ) -> list[tuple[str, str, str]]:
         return [(law.by.name, f"{each.name}[{each.size}]", said(each)) for each in entries]
 
-    program = found.program
+    program = law_filter.program
     return {
         "measured": listed(
             program.measured, lambda each: "; ".join(filter(None, (each.unit, each.source)))
         ),
-        "options": listed(program.numbers, lambda each: found.meaning(each.name)),
+        "options": listed(program.numbers, lambda each: law_filter.meaning(each.name)),
         "states": listed(program.states, lambda each: each.name.replace("_", " ")),
     }
 
@@ -307,8 +307,8 @@ def default(law: ExportedLaw, entry: Entry) -> str:
 def measurements(law: ExportedLaw) -> list[str]:
     """Return what the filter measures at each instant of its check, as initialisers."""
     assert law.filter is not None
-    found = law.filter.measured
-    parts = [found[each.name] for each in law.filter.program.measured]
+    measured = law.filter.measured
+    parts = [measured[each.name] for each in law.filter.program.measured]
     rows = zip(*parts, strict=True)
     return [f"{{{', '.join(braced(part, law.by) for part in each)}}}" for each in rows]
 
@@ -327,7 +327,7 @@ def check(law: ExportedLaw) -> str:
         state = {name: values[k] for name, values in states.items()}
         exact = evaluated(program.step, {**state, **law.flat_numbers})
         after = [float(x) for entry in program.memory for x in exact[MEMORY + entry.name]]
-        told = [
+        fields = [
             braced(state[TOLD + each.name], law.by)
             if each.shape
             else number(state[TOLD + each.name][0], law.by)
@@ -336,7 +336,7 @@ def check(law: ExportedLaw) -> str:
         own = [braced(state[MEMORY + each.name], law.by) for each in program.memory]
         torque = row(np.array([float(x) for x in exact[TORQUE]]))
         parts = [
-            f"{{{', '.join(told)}}}",
+            f"{{{', '.join(fields)}}}",
             f"{{{', '.join(own) or '0'}}}",
             torque,
             row(_stored(bounds[TORQUE].errors[k], bounds[TORQUE].values[k])),

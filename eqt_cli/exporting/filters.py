@@ -95,8 +95,8 @@ def estimator_program(loop: ClosedLoop) -> EstimatorProgram:
         kept = {name: np.zeros((1, lengths[name])) for name in QUALITY if name in lengths}
         kept |= {each.name: one(STATE, each) for each in states}
         after = own.after(now, Measurement(Q, V, fresh, Q, 0.0 * V), kept)
-        told = {POSE: G.unpack(after["pose"])[0], VELOCITY: after["velocity"][0]}
-        return told | {STATE + each.name: after[each.name][0] for each in states}
+        estimate = {POSE: G.unpack(after["pose"])[0], VELOCITY: after["velocity"][0]}
+        return estimate | {STATE + each.name: after[each.name][0] for each in states}
 
     groups = sizes({MEASURED: measured, NUMBER: numbers, STATE: states}) | {NUMBER + PERIOD: 1}
     return EstimatorProgram(estimator, measured, numbers, states, traced(step, groups))
@@ -153,8 +153,8 @@ class ExportedFilter:
         entries |= {STATE + each.name: f"filter->{each.name}" for each in self.program.states}
         entries[NUMBER + PERIOD] = f"&numbers->{PERIOD}"
         given = [entries[group] for group, _ in self.program.step.inputs]
-        told = [f"input->{POSE}", f"input->{VELOCITY}"]
-        return [*given, *told, *(f"next.{each.name}" for each in self.program.states)]
+        estimate = [f"input->{POSE}", f"input->{VELOCITY}"]
+        return [*given, *estimate, *(f"next.{each.name}" for each in self.program.states)]
 
 
 def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter | None:
@@ -192,7 +192,7 @@ def _flown(loop: ClosedLoop, seed: int) -> tuple[dict[str, Array], Array]:
     errors = flying.measurement_errors(G, INSTANTS, random_of)
     V = 0.3 * random_of("the motion of an exported filter").standard_normal(G.dimension)
     states = {name: np.zeros(count) for name, count in flying.states(G).items()}
-    found: dict[str, list[Array]] = {"pose": [], "velocity": [], "arrived": []}
+    flown: dict[str, list[Array]] = {"pose": [], "velocity": [], "arrived": []}
     estimates, holding = [], [channel.name for channel in flying.holding(G)]
     for k in range(INSTANTS):
         at = Errors(*(part[k] for part in errors))
@@ -201,8 +201,8 @@ def _flown(loop: ClosedLoop, seed: int) -> tuple[dict[str, Array], Array]:
         Q_m, V_m = flying.as_arrived(G, Q @ at.pose, V + at.velocity, states)
         new = dict(zip(holding, 1.0 * (at.arrived >= ARRIVED), strict=True))
         fresh = np.array([new.get(fix.name, 1.0) for fix in flying.schedule(G).fixes])
-        for name, values in zip(found, (Q_m, V_m, fresh), strict=True):
-            found[name].append(values.ravel())
+        for name, values in zip(flown, (Q_m, V_m, fresh), strict=True):
+            flown[name].append(values.ravel())
         Q_hat, V_hat = flying.estimated(G, states)
         estimates.append(np.concatenate([Q_hat.ravel(), V_hat]))
-    return {name: np.array(rows) for name, rows in found.items()}, np.array(estimates)
+    return {name: np.array(rows) for name, rows in flown.items()}, np.array(estimates)

@@ -102,10 +102,10 @@ def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
         here: Any = reference if moving is None else with_leaves(moving, own)
         t, names = given["t"][0], [entry.source for entry in law.told]
         moves = [name for name in LawInput._fields if name.startswith("desired_")]
-        found = dict(zip(moves, here.motion(G, t), strict=True))
+        motion = dict(zip(moves, here.motion(G, t), strict=True))
         flat = here.flat_output(G, t) if loop.controller.reads_flat_output else None
-        found |= {} if flat is None else flat._asdict()
-        return {name: found[name] for name in names if name in found}
+        motion |= {} if flat is None else flat._asdict()
+        return {name: motion[name] for name in names if name in motion}
 
     try:
         program = traced(motion, {"t": 1, "held": held.shape[1]})
@@ -178,9 +178,9 @@ def states_of(
     problem = batch.problem.select(good)
     loop, states = problem.batched_loop(extra_axes=1), solution.states[good]
     with np.errstate(all="ignore"):
-        told, memory = loop.told(problem.times, states), loop.memory(states)
-    told = told._replace(t=np.broadcast_to(problem.times, states.shape[:2]))
-    given = _rows(law, told, memory, states.shape[:2])
+        inputs_of, memory = loop.told(problem.times, states), loop.memory(states)
+    inputs_of = inputs_of._replace(t=np.broadcast_to(problem.times, states.shape[:2]))
+    given = _rows(law, inputs_of, memory, states.shape[:2])
     random = generator(ensemble.seed, Stream.EXPORTED_STATES, list(few.loops).index(label))
     count = len(next(iter(given.values())))
     drawn = _random(given, loop.group, random)
@@ -189,14 +189,14 @@ def states_of(
 
 
 def _rows(
-    law: LawProgram, told: LawInput, memory: Mapping[str, Array], batch: tuple[int, ...]
+    law: LawProgram, inputs: LawInput, memory: Mapping[str, Array], batch: tuple[int, ...]
 ) -> dict[str, Array]:
-    found = {
-        TOLD + entry.name: np.broadcast_to(getattr(told, entry.source), (*batch, *entry.shape))
+    columns = {
+        TOLD + entry.name: np.broadcast_to(getattr(inputs, entry.source), (*batch, *entry.shape))
         for entry in law.told
     }
-    found |= {MEMORY + entry.name: memory[entry.source] for entry in law.memory}
-    rows = {name: np.array(values).reshape(np.prod(batch), -1) for name, values in found.items()}
+    columns |= {MEMORY + entry.name: memory[entry.source] for entry in law.memory}
+    rows = {name: np.array(values).reshape(np.prod(batch), -1) for name, values in columns.items()}
     finite = np.logical_and.reduce([np.isfinite(values).all(axis=1) for values in rows.values()])
     return {name: values[finite] for name, values in rows.items()}
 
@@ -213,18 +213,18 @@ def _random(
             angle = np.pi - 10.0 ** random.uniform(-16, -2, (HALF_TURNS, 1))
             errors[:HALF_TURNS, part.axes] = turn * angle / norm(turn)[:, None]
     error = G.exp(errors)
-    found = {}
+    drawn = {}
     for name, values in given.items():
         if name in (f"{TOLD}t", f"{TOLD}desired_pose"):
-            found[name] = values[chosen]
+            drawn[name] = values[chosen]
         elif name == f"{TOLD}pose":
             about = f"{TOLD}desired_pose" if f"{TOLD}desired_pose" in given else name
             desired = given[about][chosen].reshape(-1, G.size, G.size)
-            found[name] = (desired @ error).reshape(RANDOM, -1)
+            drawn[name] = (desired @ error).reshape(RANDOM, -1)
         else:
             size = np.abs(values).max(axis=0)
-            found[name] = size * random.uniform(-1, 1, (RANDOM, len(size)))
-    return found
+            drawn[name] = size * random.uniform(-1, 1, (RANDOM, len(size)))
+    return drawn
 
 
 CHECK = "_check"
@@ -320,10 +320,10 @@ class ExportedLaw:
 
     def owner(self, number: Entry) -> Any:
         """Return the part of the loop that has a number: the law, or a part of it."""
-        found: Any = self.loop
+        part: Any = self.loop
         for name in re.findall(r"\w+", number.source)[:-1]:
-            found = found[int(name)] if name.isdigit() else getattr(found, name)
-        return found
+            part = part[int(name)] if name.isdigit() else getattr(part, name)
+        return part
 
     def bounds(self, states: Mapping[str, Array]) -> dict[str, BoundedOutput]:
         """Return the output of the law at some states, with bounds of its rounding errors.
@@ -353,17 +353,17 @@ class ExportedLaw:
     @property
     def singular(self) -> Array:
         """Mask of the states near a singularity, ``(states,)``."""
-        found = np.zeros(self.states.count, dtype=bool)
+        singular = np.zeros(self.states.count, dtype=bool)
         for each in self.judged.values():
-            found |= each.singular
-        return found
+            singular |= each.singular
+        return singular
 
     @cached_property
     def allocation(self) -> Allocation | None:
         """The allocation behind the law, where it is a fixed matrix; else None."""
         for actuator in self.loop.vehicle.actuators:
-            if (found := actuator.allocation_matrix) is not None:
-                inverse, low, high = found
+            if (matrices := actuator.allocation_matrix) is not None:
+                inverse, low, high = matrices
                 what = "thrusts, N," if actuator.thruster_names else "torques of the wheels, N m,"
                 pairs = ("low", "<", low), ("high", ">", high)
                 limits = [Limit(*each) for each in pairs if each[-1] is not None]

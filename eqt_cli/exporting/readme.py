@@ -90,8 +90,8 @@ def _stack(warnings: str) -> int:
 
     It bounds the stack, since any function may call another.
     """
-    found = re.findall(r"frame size(?: of)? \(?(\d+)\)? ", warnings)
-    return sum(map(int, found))
+    frames = re.findall(r"frame size(?: of)? \(?(\d+)\)? ", warnings)
+    return sum(map(int, frames))
 
 
 def _flash(content: bytes) -> int:
@@ -111,23 +111,23 @@ def _flash(content: bytes) -> int:
 NAME = "README.md"
 
 
-def readme(found: Exported, costs: Mapping[str, Footprint | None]) -> str:
+def readme(exported: Exported, costs: Mapping[str, Footprint | None]) -> str:
     """Return the text of the README."""
-    laws = found.laws
+    laws = exported.laws
     return filled(
         NAME,
-        experiment=found.experiment,
+        experiment=exported.experiment,
         laws=laws,
         first=laws[0].name,
         real=laws[0].by.name,
-        loop=loop_in_words(found.experiment.resolved),
+        loop=loop_in_words(exported.experiment.resolved),
         # Labels that are no names in C.
         spelled=[f'"{markdown(x.label)}" is `{x.name}`' for x in laws if x.label != x.name],
         costs=costs,
         known=next((cost for cost in costs.values() if cost), None),
         missing=MISSING,
         claim=_claim,
-        tally=lambda law: tally([row for row in found.rows if row.controller == law.label]),
+        tally=lambda law: tally([row for row in exported.rows if row.controller == law.label]),
     )
 
 

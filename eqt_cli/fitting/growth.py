@@ -84,15 +84,15 @@ def growth(
     with step(WINDOWS, len(chosen)):
         for window in chosen:
             pair = [loop, loop]
-            found = errors(pair, np.empty(0), engine, recording, window, delay, windows.later)
-            if found is None:
+            prediction = errors(pair, np.empty(0), engine, recording, window, delay, windows.later)
+            if prediction is None:
                 continue
-            left.append(linear(found, windows.noise))
+            left.append(linear(prediction, windows.noise))
             times = recording.times[window.rows]
             rows = np.abs(times[:, None] - times[0] - horizons).argmin(axis=0)
             start = np.where(measured, variances, 0.0)
-            spread = found.by_state[rows] ** 2 @ start + variances
-            norms.append([norm(found.values[rows][:, axes]) for _, _, axes in parts])
+            spread = prediction.by_state[rows] ** 2 @ start + variances
+            norms.append([norm(prediction.values[rows][:, axes]) for _, _, axes in parts])
             by_noise.append([spread[:, axes].sum(axis=1) for _, _, axes in parts])
     if not norms:
         raise EqtError(

@@ -237,7 +237,7 @@ class _FitProblem:
         except ConfigError:
             return None
         with step(WINDOWS, len(self.cut)):
-            found = []
+            fits = []
             delay = float(numbers[-1]) if self.finds_delay else self.delay
             later = self.windows.later if by_delay or self.finds_delay else 0.0
             for window in self.cut:
@@ -252,8 +252,8 @@ class _FitProblem:
                 )
                 if one is None:
                     return None
-                found.append(linear(one, self.windows.noise))
-            return found
+                fits.append(linear(one, self.windows.noise))
+            return fits
 
     def solved(self, start: Array) -> tuple[Array, list[Linear]]:
         """Return the numbers of the smallest sum of squares, and all windows near them."""
@@ -264,15 +264,15 @@ class _FitProblem:
             return self.linearised(np.array(numbers))
 
         def residuals(numbers: Array) -> Array:
-            found = at(tuple(numbers.tolist()))
-            if found is None:
+            fits = at(tuple(numbers.tolist()))
+            if fits is None:
                 return np.full(self._size, np.inf)  # least_squares then shortens the step
-            return np.concatenate([one.residuals for one in found])
+            return np.concatenate([one.residuals for one in fits])
 
         def derivatives(numbers: Array) -> Array:
             return np.concatenate([one.derivatives for one in at(tuple(numbers.tolist())) or ()])
 
-        found = least_squares(
+        solution = least_squares(
             residuals,
             start,
             derivatives,
@@ -281,9 +281,9 @@ class _FitProblem:
             ftol=ACCURACY,
             max_nfev=MAX_EVALUATIONS,
         )
-        return np.asarray(found.x), at(tuple(found.x.tolist())) or []
+        return np.asarray(solution.x), at(tuple(solution.x.tolist())) or []
 
-    def require_distinct(self, found: list[Linear]) -> Array:
+    def require_distinct(self, fits: list[Linear]) -> Array:
         """Return the singular values of the derivatives, scaled to length 1 for each number.
 
         Raises
@@ -291,7 +291,7 @@ class _FitProblem:
         EqtError
             If the recording does not determine a number, or does not distinguish it from others.
         """
-        derivatives, noise = np.concatenate([one.derivatives for one in found]), self.windows.noise
+        derivatives, noise = np.concatenate([one.derivatives for one in fits]), self.windows.noise
         name, lengths = self.windows.recording.name, np.linalg.norm(derivatives, axis=0)
         error = self.base.engine.rtol / (STEP * self.scales) / np.nanmin(noise)
         resolved = lengths > RESOLVED * np.sqrt(len(derivatives)) * error
@@ -315,21 +315,21 @@ class _FitProblem:
         rows = sum(window.rows.stop - window.rows.start for window in self.cut)
         return rows * int(np.isfinite(self.windows.noise).sum())
 
-    def correct_states(self, found: list[Linear]) -> float:
+    def correct_states(self, fits: list[Linear]) -> float:
         """Correct the first states; return the largest correction in units of the noise."""
         G, noise = self.windows.recording.group, self.windows.noise
-        pairs = zip(self.cut, found, strict=True)
+        pairs = zip(self.cut, fits, strict=True)
         self.cut = [window.moved(G, one.state) for window, one in pairs]
-        corrections = np.abs([one.state for one in found])[:, np.isfinite(noise)]
+        corrections = np.abs([one.state for one in fits])[:, np.isfinite(noise)]
         return float((corrections / noise[np.isfinite(noise)]).max())
 
-    def sizes(self, found: list[Linear], fitted: int) -> Array:
+    def sizes(self, fits: list[Linear], fitted: int) -> Array:
         """Return the root mean square of each coordinate, if `fitted` numbers were fitted."""
         measured = np.isfinite(self.windows.noise)
-        residuals = np.concatenate([one.residuals for one in found])
+        residuals = np.concatenate([one.residuals for one in fits])
         squares = np.full(len(measured), np.nan)
         squares[measured] = np.mean(residuals.reshape(-1, int(measured.sum())) ** 2, axis=0)
-        fitted += len(found) * len(measured)
+        fitted += len(fits) * len(measured)
         freedom = max(len(residuals) - fitted, 1)
         return self.windows.noise * np.sqrt(squares * len(residuals) / freedom)
 
@@ -366,24 +366,24 @@ def fit(
             "inertia and the units of the wrench, or give a shorter horizon"
         )
     problem.require_distinct(first)
-    before, numbers, found = problem.sizes(first, 0), start, first
+    before, numbers, fits = problem.sizes(first, 0), start, first
     for _ in range(ROUNDS):
-        numbers, found = problem.solved(numbers)
-        if problem.correct_states(found) < SETTLED:
+        numbers, fits = problem.solved(numbers)
+        if problem.correct_states(fits) < SETTLED:
             break
-    singular = problem.require_distinct(found)
-    after = problem.sizes(found, len(keys))
-    notes = list(correlated(found, windows))
+    singular = problem.require_distinct(fits)
+    after = problem.sizes(fits, len(keys))
+    notes = list(correlated(fits, windows))
     if not problem.finds_delay:
         notes += delayed(problem.linearised(numbers, by_delay=True) or [], fitted=True)
-    low, high = intervals(found) + numbers
+    low, high = intervals(fits) + numbers
     columns = zip(keys, start, numbers, low, high, strict=True)
     return PlantFit(
         name,
         [FittedNumber(key, *map(float, values)) for key, *values in columns],
         list(_residuals(windows, before, after)),
         singular.tolist(),
-        len(found),
+        len(fits),
         sum(window.rows.stop - window.rows.start for window in problem.cut),
         windows.horizon,
         problem.at(numbers),

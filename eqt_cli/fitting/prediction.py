@@ -172,10 +172,10 @@ class Windows:
         G, few = self.recording.group, slice(rows.start, min(rows.start + FIRST_ROWS, rows.stop))
         t = self.recording.times[few] - self.recording.times[rows.start]
         poses = self.recording.poses[few]
-        found = np.linalg.lstsq(
+        solution = np.linalg.lstsq(
             np.stack([np.ones_like(t), t, t**2], axis=1), G.log(G.inverse(poses[0]) @ poses)
         )
-        return found[0][1]
+        return solution[0][1]
 
     @property
     def later(self) -> float:
@@ -185,14 +185,14 @@ class Windows:
     @property
     def parts(self) -> list[tuple[str, str, slice]]:
         """Name, unit and axes of each part of the pose, and of the velocity where recorded."""
-        found, m = [], self.recording.group.dimension
+        parts, m = [], self.recording.group.dimension
         for part in self.recording.group.parts:
-            found.append((part.name, part.error_unit, part.axes))
+            parts.append((part.name, part.error_unit, part.axes))
         for part in self.recording.group.parts:
             axes = slice(m + part.axes.start, m + part.axes.stop)
             if np.isfinite(self.noise[axes]).all():
-                found.append((f"{part.name} rate", part.velocity_unit, axes))
-        return found
+                parts.append((f"{part.name} rate", part.velocity_unit, axes))
+        return parts
 
     @cached_property
     def noise(self) -> Array:
@@ -273,15 +273,15 @@ def errors(
         measured = recording.poses[window.rows], recording.velocities[window.rows]
         return np.concatenate([G.log(G.inverse(measured[0]) @ s.Q), s.V - measured[1]], axis=-1)
 
-    found = predicted(moves, which, delay)
+    ends = predicted(moves, which, delay)
     late = predicted(moves[:1], which[:1], delay + later) if later else np.zeros((0, 1, 2 * m))
     reporter().advance(1)
-    if found is None or late is None:
+    if ends is None or late is None:
         return None
-    change = found[1:] - found[0]
+    change = ends[1:] - ends[0]
     by_state, by_number = change[: 2 * m] / STEP, change[2 * m :] / steps[:, None, None]
-    by_number = np.concatenate([by_number, (late - found[:1]) / (later or 1.0)])
-    return PredictionErrors(found[0], np.moveaxis(by_state, 0, -1), np.moveaxis(by_number, 0, -1))
+    by_number = np.concatenate([by_number, (late - ends[:1]) / (later or 1.0)])
+    return PredictionErrors(ends[0], np.moveaxis(by_state, 0, -1), np.moveaxis(by_number, 0, -1))
 
 
 DELAY = "delay"
@@ -319,7 +319,7 @@ class Linear(NamedTuple):
     state: Array
 
 
-def linear(found: PredictionErrors, noise: Array) -> Linear:
+def linear(errors: PredictionErrors, noise: Array) -> Linear:
     """Return the errors of the measured coordinates, in units of the noise, without first state."""
     measured = np.isfinite(noise)
 
@@ -327,7 +327,7 @@ def linear(found: PredictionErrors, noise: Array) -> Linear:
         return (values[:, measured] / noise[measured, None]).reshape(-1, values.shape[-1])
 
     r, by_state, by_number = map(
-        weighted, (found.values[..., None], found.by_state, found.by_number)
+        weighted, (errors.values[..., None], errors.by_state, errors.by_number)
     )
     basis, R = np.linalg.qr(by_state)
     return Linear(
@@ -337,15 +337,15 @@ def linear(found: PredictionErrors, noise: Array) -> Linear:
     )
 
 
-def intervals(found: Sequence[Linear]) -> Array:
+def intervals(fits: Sequence[Linear]) -> Array:
     """Return the ends of 95 % intervals relative to the fitted numbers, ``(2, p)``.
 
     The mean of the jackknife's pseudo-values is resampled. They follow from the numbers without
     each window, to first order θ + (A − A_w)⁻¹ b_w with A_w = J_wᵀJ_w and b_w = J_wᵀr_w.
     """
-    squares = [one.derivatives.T @ one.derivatives for one in found]
-    pulls = [one.derivatives.T @ one.residuals for one in found]
-    others, total = len(found) - 1, sum(squares)
+    squares = [one.derivatives.T @ one.derivatives for one in fits]
+    pulls = [one.derivatives.T @ one.residuals for one in fits]
+    others, total = len(fits) - 1, sum(squares)
     values = [
         -others * np.linalg.solve(total - square, pull)
         for square, pull in zip(squares, pulls, strict=True)
@@ -354,14 +354,14 @@ def intervals(found: Sequence[Linear]) -> Array:
     return np.stack([mean.low - mean.mean, mean.high - mean.mean])
 
 
-def correlated(found: Sequence[Linear], windows: Windows) -> Iterator[str]:
+def correlated(fits: Sequence[Linear], windows: Windows) -> Iterator[str]:
     """Say of which parts the errors are correlated from row to row, which white noise is not.
 
     The correlation of n white errors at a lag of one row has the standard deviation 1/√n; the
     correction of the first state makes it smaller.
     """
     measured = np.flatnonzero(np.isfinite(windows.noise))
-    rows = [one.residuals.reshape(-1, len(measured)) for one in found]
+    rows = [one.residuals.reshape(-1, len(measured)) for one in fits]
     said = []
     for name, _, axes in windows.parts:
         columns = (axes.start <= measured) & (measured < axes.stop)
@@ -379,7 +379,7 @@ def correlated(found: Sequence[Linear], windows: Windows) -> Iterator[str]:
         )
 
 
-def delayed(found: Sequence[Linear], fitted: bool) -> Iterator[str]:
+def delayed(fits: Sequence[Linear], fitted: bool) -> Iterator[str]:
     """Say by which delay of the wrench the errors would be smaller.
 
     Parameters
@@ -390,18 +390,18 @@ def delayed(found: Sequence[Linear], fitted: bool) -> Iterator[str]:
         Whether the other numbers are the best ones. If not, a wrong number may look like a delay,
         so that the delay must explain most of the errors.
     """
-    if len(found) < 2:  # an interval needs windows to compare
+    if len(fits) < 2:  # an interval needs windows to compare
         return
-    derivatives = np.concatenate([one.derivatives for one in found])
-    residuals = np.concatenate([one.residuals for one in found])
+    derivatives = np.concatenate([one.derivatives for one in fits])
+    residuals = np.concatenate([one.residuals for one in fits])
     lengths = np.linalg.norm(derivatives, axis=0)
     if not lengths.all() or np.linalg.svd(derivatives / lengths, compute_uv=False)[-1] < DISTINCT:
         return
     delay = -np.linalg.lstsq(derivatives, residuals)[0]
     left = residuals + derivatives @ delay
-    best = [one._replace(residuals=one.residuals + one.derivatives @ delay) for one in found]
+    best = [one._replace(residuals=one.residuals + one.derivatives @ delay) for one in fits]
     low, high = delay[-1] + intervals(best)[:, -1]
-    by_noise = len(residuals) - sum(len(one.state) for one in found)
+    by_noise = len(residuals) - sum(len(one.state) for one in fits)
     explains = residuals @ residuals - left @ left > MOST_OF * (residuals @ residuals - by_noise)
     apart = APART * max(high - delay[-1], delay[-1] - low) < abs(delay[-1])
     if apart and (fitted or explains):

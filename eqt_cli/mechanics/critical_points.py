@@ -138,11 +138,11 @@ def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
         return np.full(Q.shape[:-2], np.nan)
     if K.ndim > 2:
         weights, which = np.unique(K.reshape(len(K), -1), axis=0, return_inverse=True)
-        found = np.empty(Q.shape[:-2])
+        distances = np.empty(Q.shape[:-2])
         for index, weight in enumerate(weights):
             mine = which.reshape(-1) == index
-            found[mine] = distance_to_unstable(G, weight.reshape(K.shape[-2:]), Q[mine])
-        return found
+            distances[mine] = distance_to_unstable(G, weight.reshape(K.shape[-2:]), Q[mine])
+        return distances
     unstable = _unstable_sets(G, np.asarray(K, dtype=float).tobytes())
     if not unstable:
         return np.full(Q.shape[:-2], np.nan)

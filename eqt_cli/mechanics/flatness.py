@@ -109,10 +109,10 @@ class RigidMotion:
     @cached_property
     def _rotation(self) -> Any:
         """R exp(τΩ^) as a series."""
-        found, spin = [self.rotation], self.group.rotation_group.hat(self.turning)
+        derivatives, spin = [self.rotation], self.group.rotation_group.hat(self.turning)
         for _ in range(self.position.order):
-            found.append(found[-1] @ spin)
-        return Jet.of(found)
+            derivatives.append(derivatives[-1] @ spin)
+        return Jet.of(derivatives)
 
     @cached_property
     def pose(self) -> Any:
@@ -191,11 +191,11 @@ def _headed(n: Any, along: tuple[float, ...], heading: Any) -> Attitude:
     if n.order:
         turning = b2.rate
         velocity = stack([dot(b3, turning), dot(b1, b3.rate), -dot(b1, turning)])
-    found = Attitude(R, *_rates(velocity, 0.0 * b3.value))
+    attitude = Attitude(R, *_rates(velocity, 0.0 * b3.value))
     axes = _axes(along)
     if np.array_equal(axes, np.eye(3)):
-        return found
-    R, *rates = found
+        return attitude
+    R, *rates = attitude
     return Attitude(R @ axes.T, *(apply_matrix(axes, each) for each in rates))
 
 

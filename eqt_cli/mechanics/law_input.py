@@ -58,12 +58,12 @@ class LawInput(NamedTuple):
 
     def rows(self, names: Iterable[str]) -> Array:
         """Return some parts side by side, ``(states, …)``; matrices are row by row."""
-        batch, found = self.velocity.shape[:-1], []
+        batch, columns = self.velocity.shape[:-1], []
         for name in names:
             part = np.asarray(getattr(self, name))
             own = part.shape[part.ndim - AXES.get(name, 1) :]
-            found.append(np.broadcast_to(part, (*batch, *own)).reshape(math.prod(batch), -1))
-        return np.concatenate(found, axis=-1)
+            columns.append(np.broadcast_to(part, (*batch, *own)).reshape(math.prod(batch), -1))
+        return np.concatenate(columns, axis=-1)
 
     def tracking(
         self, G: MatrixLieGroup, inertia: InertiaLaw, gains: Gains, memory: Mapping[str, Array]
@@ -71,7 +71,7 @@ class LawInput(NamedTuple):
         """Return the tracking state that the law reads, with momenta by its own inertia."""
         now = inertia.at(self.t)
         P = now.momentum(self.velocity)
-        told = Tracking(
+        tracking = Tracking(
             G=G,
             inertia=now,
             gains=gains,
@@ -84,5 +84,5 @@ class LawInput(NamedTuple):
             memory=memory,
             flat=None if self.position is None else FlatOutput(self.position, self.heading),
         )
-        vars(told).update(V=self.velocity)
-        return told.following(self.desired_velocity, self.desired_acceleration)
+        vars(tracking).update(V=self.velocity)
+        return tracking.following(self.desired_velocity, self.desired_acceleration)

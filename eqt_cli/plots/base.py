@@ -211,8 +211,8 @@ class Panelled:
         """
         plain = {each.translate(_TYPED): each for each in known}
         wanted = [plain.get(each.translate(_TYPED), "") for each in self.panels]
-        for each, found in zip(self.panels, wanted, strict=True):
-            if not found:
+        for each, chosen in zip(self.panels, wanted, strict=True):
+            if not chosen:
                 hint = suggestion(each, list(plain)) or f"; there are: {', '.join(plain)}"
                 raise EqtError(f"figure '{self.name}': panels: no panel '{each}'{hint}")
         return [each for each in known if not wanted or each in wanted]

@@ -13,7 +13,7 @@ from eqt_cli.plots.render import FORMATS, encode
 NAME = "replay"
 
 
-def save_growth(found: Growth, folder: Path) -> list[Path]:
+def save_growth(growth: Growth, folder: Path) -> list[Path]:
     """Draw and write the figure: rms, quantiles and noise, a panel for each part.
 
     Raises
@@ -21,25 +21,25 @@ def save_growth(found: Growth, folder: Path) -> list[Path]:
     EqtError
         If a file cannot be written.
     """
-    t = found.horizons
+    t = growth.horizons
     with house_style():
         drawing, panels = layout.sheet(
-            "column", layout.rows_of(found.parts, 1), (float(t[0]), float(t[-1])), "s"
+            "column", layout.rows_of(growth.parts, 1), (float(t[0]), float(t[-1])), "s"
         )
-        for k, (part, unit) in enumerate(zip(found.parts, found.units, strict=True)):
+        for k, (part, unit) in enumerate(zip(growth.parts, growth.units, strict=True)):
             axes = panels[part]
             look = line_style(0)
-            (rms,) = axes.plot(t, found.rms[k], **look)
-            band = axes.fill_between(t, found.low[k], found.high[k], **band_look(look["color"]))
-            (noise,) = axes.plot(t, found.noise[k], color=ink(), linestyle=(0, (1.2, 1)))
+            (rms,) = axes.plot(t, growth.rms[k], **look)
+            band = axes.fill_between(t, growth.low[k], growth.high[k], **band_look(look["color"]))
+            (noise,) = axes.plot(t, growth.noise[k], color=ink(), linestyle=(0, (1.2, 1)))
             axes.set_ylim(bottom=0.0)
             layout.name_scale(axes, in_words(part, unit))
         layout.add_legend(drawing, [rms, band, noise], ["rms", "10 % to 90 %", "noise alone, rms"])
         layout.add_letters(drawing)
-        panels[found.parts[-1]].set_xlabel(in_words("horizon", "s"))
-        layout.add_remarks(drawing, [f"Errors of {found.windows} windows of {found.name}."])
+        panels[growth.parts[-1]].set_xlabel(in_words("horizon", "s"))
+        layout.add_remarks(drawing, [f"Errors of {growth.windows} windows of {growth.name}."])
         layout.freeze(drawing)
-    title = f"{found.name}: {NAME}"
+    title = f"{growth.name}: {NAME}"
     files = {
         folder / f"{NAME}.{format}": encode(drawing, format, title, "Errors of a prediction")
         for format in FORMATS

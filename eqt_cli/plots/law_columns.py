@@ -53,15 +53,15 @@ def law_columns(
         )
     mosaic = [[f"{row} {e.label}" if shows(row, e) else layout.EMPTY for e in laws] for row in rows]
     drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), tallest)
-    found: dict[str, Row] = {row: {} for row in rows}
+    by_row: dict[str, Row] = {row: {} for row in rows}
     for row, names in zip(rows, mosaic, strict=True):
         for law, name in zip(laws, names, strict=True):
             if name != layout.EMPTY:
-                found[row][law.label] = panels[name]
-        layout.share_scale(found[row].values())
+                by_row[row][law.label] = panels[name]
+        layout.share_scale(by_row[row].values())
     for k, law in enumerate(laws):
         top = next((names[k] for names in mosaic if names[k] != layout.EMPTY), layout.EMPTY)
         if top != layout.EMPTY:
             layout.add_title(panels[top], law.title, (WIDTHS[width] - _BESIDE) / len(laws))
     layout.hide_inner_scales(panels, mosaic)
-    return drawing, found
+    return drawing, by_row

@@ -337,14 +337,14 @@ def render(
     of_width = _one_of("width", width, list(WIDTHS))
     style = replace(style, width=of_width)
     style.prepare([format for format in wanted if format != NUMBERS])
-    told: list[str] = []
+    captions: list[str] = []
     drawing = figure.draw(
         results,
         of_width,
         style=style,
         extras=extras,
         arranged=set(wanted) != {NUMBERS},
-        captions=told if caption else None,
+        captions=captions if caption else None,
     )
     title = f"{', '.join(_names(results))}: {figure.name}"
     digests = ", ".join(
@@ -359,7 +359,7 @@ def render(
         for format in wanted
     }
     if caption:
-        files[folder / caption_name(figure.name)] = as_caption(told, title)
+        files[folder / caption_name(figure.name)] = as_caption(captions, title)
     write_all(files, folder)
     return list(files)
 

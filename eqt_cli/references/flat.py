@@ -138,13 +138,13 @@ class FlatReference(ClosedReference):
         if alone:  # a symbol without batch axes is no array
             position, psi = position[None], None if psi is None else psi[None]
         turn = None if psi is None else Jet.of([psi[..., k] for k in range(OF_FORCE + 1)])
-        found = attitude(self._asked(G, t, position), self.direction, turn)
+        body = attitude(self._asked(G, t, position), self.direction, turn)
         p, v, a = (position[..., k, :] for k in range(3))
-        back = transpose(found.R)
+        back = transpose(body.R)
         velocity = apply_matrix(back, v)
-        turned = apply_matrix(G.rotation_group.hat(found.velocity), velocity)
-        Q = G.assemble(found.R, p[..., None])
-        pairs = ((found.velocity, velocity), (found.acceleration, apply_matrix(back, a) - turned))
+        turned = apply_matrix(G.rotation_group.hat(body.velocity), velocity)
+        Q = G.assemble(body.R, p[..., None])
+        pairs = ((body.velocity, velocity), (body.acceleration, apply_matrix(back, a) - turned))
         V, V_dot = (
             stack([each[..., k] for each in pair for k in range(each.shape[-1])]) for pair in pairs
         )
@@ -155,10 +155,10 @@ class FlatReference(ClosedReference):
         course = FlatOutput(position).course(OF_FORCE + 1)
         still = np.eye(G.space), np.zeros(G.rotations)
         moving = RigidMotion(G, *still, course.to_order(OF_FORCE), course.rate)
-        asked = Jet.of([position[..., k, :] for k in range(2, ORDER + 1)])
+        a = Jet.of([position[..., k, :] for k in range(2, ORDER + 1)])
         for force in self.known_forces:
-            asked = asked - force.in_space(G, Jet.time(t, OF_FORCE), moving) / self.mass
-        return asked
+            a = a - force.in_space(G, Jet.time(t, OF_FORCE), moving) / self.mass
+        return a
 
     def _position(self, G: MatrixLieGroup, t: Any) -> Array:
         """Return p_d and its derivatives, ``(..., 5, n)``."""
@@ -240,12 +240,12 @@ class FlatReference(ClosedReference):
         own = list(self.expressions)
         if self.heading not in (None, FREE, ALONG_VELOCITY):
             own.append(formula(self.heading))
-        found = [instants_of(own, until)]
+        instants = [instants_of(own, until)]
         if self._knotted:
-            found.append(self.prepared(G, self._pieces)[0])
+            instants.append(self.prepared(G, self._pieces)[0])
         elif self.inner is not None:
-            found.append(self.inner.instants(G, until))
-        return np.unique(np.concatenate(found))
+            instants.append(self.inner.instants(G, until))
+        return np.unique(np.concatenate(instants))
 
     def held(self, G: MatrixLieGroup, t: Any) -> Self | None:
         """Return the reference with the polynomial at a time."""
@@ -297,11 +297,11 @@ class FlatReference(ClosedReference):
         if problems:
             return self
         mass = float(plant.inertia.at(0.0).matrix[-1, -1])
-        found = with_fields(
+        known = with_fields(
             self, mass=mass, known_forces=plant.forces, direction=unit_vector(along)
         )
-        found._check_horizon(G, plant.horizon, problems)
-        return found
+        known._check_horizon(G, plant.horizon, problems)
+        return known
 
     def _check_horizon(self, G: EuclideanGroup, horizon: float, problems: Problems) -> None:
         """Note where a direction that the motion needs vanishes, or nearly does."""
@@ -310,8 +310,8 @@ class FlatReference(ClosedReference):
         times = np.unique([*np.linspace(0.0, horizon, SAMPLES), *inside])
         with np.errstate(all="ignore"):
             position = np.broadcast_to(self._position(G, times), (len(times), ORDER + 1, G.space))
-            asked = self._asked(G, times, position)
-            force = np.stack([asked.derivative(k) + 0.0 * position[:, 0] for k in (0, 1)])
+            a = self._asked(G, times, position)
+            force = np.stack([a.derivative(k) + 0.0 * position[:, 0] for k in (0, 1)])
         smallest, largest, t = _smallest(times, *force)
         if smallest <= WEAK * max(largest, np.linalg.norm(position[:, 2], axis=-1).max()):
             problems.add(
@@ -390,8 +390,8 @@ def _turns_with_body(G: EuclideanGroup, force: Any) -> bool:
     turned = G.rotation(G.exp(np.full((1, G.dimension), 0.5)))
     values: list[Any] = []
     for R in (np.eye(G.space)[None], turned):
-        found = force.in_space(G, Jet.time(0.0, 0), RigidMotion(G, R, still, moves, moves))
-        values.append(found.value if isinstance(found, Jet) else found)
+        wrench = force.in_space(G, Jet.time(0.0, 0), RigidMotion(G, R, still, moves, moves))
+        values.append(wrench.value if isinstance(wrench, Jet) else wrench)
     return not np.allclose(values[0], values[1], rtol=1e-9, atol=0.0)
 
 

@@ -43,8 +43,8 @@ class PathFactor:
 
     @property
     def _written(self) -> tuple[str | float, str]:
-        found = units.split(self.by) if isinstance(self.by, str) else None
-        return found or (self.by, "")
+        parts = units.split(self.by) if isinstance(self.by, str) else None
+        return parts or (self.by, "")
 
     def vector(self, G: MatrixLieGroup) -> Array:
         """Return ξ in coordinates, or raise an `InputError` if the group has no such axis."""

@@ -148,7 +148,7 @@ def smoothed(
             else _weight_of(bending, differences[:, part], aim)
             for part, aim in zip(axes, aims, strict=True)
         ]
-        found, remaining = _solved(G, bending, poses, list(zip(axes, weights, strict=True)))
+        smooth, remaining = _solved(G, bending, poses, list(zip(axes, weights, strict=True)))
         residuals = [_size(remaining[:, part]) for part in axes]
         largest = LARGEST * bending.mean**3
         off = [
@@ -162,7 +162,7 @@ def smoothed(
         for k, deviation in enumerate(deviations):
             if off[k] and deviation is not None:  # the λ of a vector space is not exact on a group
                 aims[k] = aims[k] * deviation / residuals[k]  # type: ignore[operator]  # None only where the deviation is
-    return Smoothed(found, residuals, weights)
+    return Smoothed(smooth, residuals, weights)
 
 
 def _solved(
@@ -172,19 +172,19 @@ def _solved(
 
     Newton's method with the matrix of a vector space, where one iteration suffices.
     """
-    found = poses
+    smooth = poses
     for _ in range(MAX_ITERATIONS):
-        actual = G.log(G.inverse(found) @ poses)
-        differences = bending.of_steps(_steps(G, found))
+        actual = G.log(G.inverse(smooth) @ poses)
+        differences = bending.of_steps(_steps(G, smooth))
         differences += bending.of_steps(np.diff(actual, axis=0))
         wanted = np.zeros_like(actual)
         for part, weight in parts:
             wanted[:, part] = bending.residual(weight, differences[:, part])
         change = actual - wanted
-        found = found @ G.exp(change)
+        smooth = smooth @ G.exp(change)
         size = float(np.abs(change).max())
         if size <= SETTLED * max(float(np.abs(wanted).max()), 1.0):
-            return found, G.log(G.inverse(found) @ poses)
+            return smooth, G.log(G.inverse(smooth) @ poses)
         if not np.isfinite(size):
             break
     raise InputError(

@@ -75,8 +75,8 @@ def _prose(text: str) -> Markup:
     )
     powers = re.sub(
         r"(?<=\d)e([-+]?)0*(\d+)",
-        lambda found: (
-            f"\u00a0·\u00a010<sup>{found[1].replace('-', '−').strip('+')}{found[2]}</sup>"
+        lambda match: (
+            f"\u00a0·\u00a010<sup>{match[1].replace('-', '−').strip('+')}{match[2]}</sup>"
         ),
         str(_typeset(signed)),
     )

@@ -463,10 +463,10 @@ def called(result: Result) -> str:
 
 def made_by(result: Result) -> list[str]:
     """Return the command of the result, and the version and commit of eqt."""
-    told = result.provenance
-    commit = f", commit {told['git'][:12]}" if told.get("git") else ""
-    version = f"eqt {told['eqt']}{commit}" if told.get("eqt") else ""
-    return [words for words in (str(told.get("command", "")), version) if words]
+    origin = result.provenance
+    commit = f", commit {origin['git'][:12]}" if origin.get("git") else ""
+    version = f"eqt {origin['eqt']}{commit}" if origin.get("eqt") else ""
+    return [words for words in (str(origin.get("command", "")), version) if words]
 
 
 def day(result: Result) -> str:
@@ -498,12 +498,12 @@ def _energy(result: Result) -> Iterator[str]:
         title: result.metric("energy_residual", c)[result.good[..., c, :]]
         for c, title in enumerate(result.titles)
     }
-    kept = {title: found[np.isfinite(found)] for title, found in residuals.items()}
-    balanced = [title for title, found in kept.items() if found.size]
+    kept = {title: values[np.isfinite(values)] for title, values in residuals.items()}
+    balanced = [title for title, values in kept.items() if values.size]
     if not balanced:
         return
     largest = max(kept[title].max() for title in balanced)
-    others = [title for title, found in residuals.items() if found.size and not kept[title].size]
+    others = [title for title, values in residuals.items() if values.size and not kept[title].size]
     whose = f" of {listed(balanced)}; none is claimed of {listed(others)}" if others else ""
     yield (
         f"Energy balance: |L(t) + ∫dissipation − L(0)| stays below {largest:.1g} of L(0) "
@@ -514,10 +514,10 @@ def _energy(result: Result) -> Iterator[str]:
 def provenance(result: Result) -> list[tuple[str, str]]:
     """Return the provenance as names and values."""
     attributes, origin = result.attributes, result.provenance
-    found = [(str(name), _words(value, origin)) for name, value in origin.items() if value]
+    rows = [(str(name), _words(value, origin)) for name, value in origin.items() if value]
     for name, key in (("digest", "digest"), ("theory", "references")):
-        found.append((name, str(attributes.get(key, ""))))
-    return [(name, words) for name, words in found if words]
+        rows.append((name, str(attributes.get(key, ""))))
+    return [(name, words) for name, words in rows if words]
 
 
 def _words(value: Any, origin: dict[str, Any]) -> str:
@@ -526,6 +526,6 @@ def _words(value: Any, origin: dict[str, Any]) -> str:
         return str(value)
     sessions = [session.items() for session in value if isinstance(session, dict)]
     return "; ".join(
-        ", ".join(f"{name} {found}" for name, found in session if origin.get(name) != found)
+        ", ".join(f"{name} {version}" for name, version in session if origin.get(name) != version)
         for session in sessions
     )

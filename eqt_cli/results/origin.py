@@ -306,13 +306,13 @@ class KnownResult(ResultFile):
         names
             By a law's label or title, or by the name of a quantity.
         """
-        found = {self.label_of(name): printable(given) for name, given in names.items()}
-        self.given_names = found
+        titles = {self.label_of(name): printable(given) for name, given in names.items()}
+        self.given_names = titles
         for name in ("titles", "title_of"):
             vars(self).pop(name, None)
         return [
             name
-            for name, known in zip(names, found, strict=True)
+            for name, known in zip(names, titles, strict=True)
             if known not in self.labels and not self.knows(known)
         ]
 
@@ -332,10 +332,10 @@ class KnownResult(ResultFile):
     @cached_property
     def _own_titles(self) -> dict[str, str]:
         """Titles of the laws by label, without the names that a user gives."""
-        told = self._json("titles")
+        stored = self._json("titles")
         return told_apart(
             {
-                label: printable(told.get(label, label) if told else law_title(label))
+                label: printable(stored.get(label, label) if stored else law_title(label))
                 for label in self.labels
             }
         )
@@ -350,8 +350,8 @@ class KnownResult(ResultFile):
 
         Any other name is returned unchanged.
         """
-        found = label_named(name, self.title_of)
-        return found if found in self.labels else label_named(name, self._own_titles)
+        label = label_named(name, self.title_of)
+        return label if label in self.labels else label_named(name, self._own_titles)
 
     def position_of(self, name: str) -> int:
         """Return the index of the controller with this label or display name.
@@ -370,8 +370,8 @@ class KnownResult(ResultFile):
     @cached_property
     def lyapunov_functions(self) -> dict[str, str]:
         """Name of each law's function L, by label; empty if it is the same for all."""
-        found = self._json("lyapunov_functions").get("functions", {})
-        return found if len(set(found.values())) > 1 else {}
+        functions = self._json("lyapunov_functions").get("functions", {})
+        return functions if len(set(functions.values())) > 1 else {}
 
     @cached_property
     def unclaimed(self) -> list[str]:
@@ -420,8 +420,8 @@ class KnownResult(ResultFile):
         problems = Problems()
         given = {name: self.config[name] for name in SECTIONS if name in self.config}
         sections = dict.fromkeys(SECTIONS) | fields_of(Config, given, Problems())
-        found = vehicle_from(sections, self.group, 0.0, problems).departures
-        return found or self.loop_in_words
+        departures = vehicle_from(sections, self.group, 0.0, problems).departures
+        return departures or self.loop_in_words
 
     @cached_property
     def config(self) -> dict[str, Any]:
@@ -472,8 +472,8 @@ class KnownResult(ResultFile):
 
 def label_named(name: str, titled: Mapping[str, str]) -> str:
     """Return the label for a label or a unique display name; any other name is returned."""
-    found = [label for label, title in titled.items() if title == name]
-    return found[0] if name not in titled and len(found) == 1 else name
+    labels = [label for label, title in titled.items() if title == name]
+    return labels[0] if name not in titled and len(labels) == 1 else name
 
 
 def law_title(name: str) -> str:

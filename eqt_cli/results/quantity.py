@@ -237,8 +237,8 @@ class Quantity:
 
     def _chosen_of_part(self, part: str, **known: float) -> dict[str, Any]:
         fields = self.chosen(**known)
-        found = replace(self, **fields).part(part)
-        return {name: getattr(found, name) for name in fields}
+        of_part = replace(self, **fields).part(part)
+        return {name: getattr(of_part, name) for name in fields}
 
     def measure(
         self, over: SampledRuns, signals: Mapping[str, Any], window: Window, **settings: float

@@ -144,7 +144,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         Vehicles of all points of a sweep; a variable stored for one is stored for all. Default:
         the vehicle of the experiment.
     """
-    found, group = [], experiment.group
+    quantities, group = [], experiment.group
     own = next(iter(experiment.loops.values())).vehicle
     vehicles = vehicles or [own]
     for quantity in QUANTITIES.values():
@@ -159,13 +159,13 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         if signal and not any(map(signal.exists_for, laws)):
             continue
         units = quantity.unit(signal.units(group) if signal else "")
-        found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
+        quantities.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
         if signal and (quantity.per is ValuePer.TRAJECTORY or quantity.stored_by_part):
-            found += [
+            quantities += [
                 replace(quantity.part(part.name), units=quantity.unit(signal.unit_in(part)))
                 for part in _parts_of_their_own(quantity, signal, group)
             ]
-    return found
+    return quantities
 
 
 def _exists(quantity: Quantity, group: MatrixLieGroup) -> bool:
@@ -217,7 +217,7 @@ def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
 
     G, runs, labels = experiment.group, experiment.config.ensemble.runs, list(experiment.loops)
     times = experiment.times[:: experiment.config.store.decimate]
-    found = [
+    variables = [
         along("controller", np.array(labels, dtype=object), "control law"),
         along("run", np.arange(runs), "run, with its own initial state", units="1"),
         along("time", times, "time", units="s"),
@@ -226,8 +226,8 @@ def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
         along("axis", np.array(G.axis_names, dtype=object), "algebra coordinate"),
     ]
     members = next(iter(experiment.loops.values())).vehicle.members.items()
-    found += [along(dim, np.array(of, dtype=object), dim) for dim, of in members if of and kept]
+    variables += [along(dim, np.array(of, dtype=object), dim) for dim, of in members if of and kept]
     if 0 < kept < runs:
         stored = np.arange(kept)
-        found.append(along("stored_run", stored, "run whose trajectory is stored", units="1"))
-    return {variable.dims[0]: variable for variable in found}
+        variables.append(along("stored_run", stored, "run whose trajectory is stored", units="1"))
+    return {variable.dims[0]: variable for variable in variables}

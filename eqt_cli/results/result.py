@@ -64,9 +64,9 @@ class StoredRuns(KnownResult):
     @cached_property
     def status(self) -> Array:
         """Status of every run, ``(controllers, runs)``; a sweep has a leading axis of points."""
-        found = self["status"]
-        check_status(self, found)
-        return _fixed(found)
+        status = self["status"]
+        check_status(self, status)
+        return _fixed(status)
 
     @property
     def good(self) -> Array:
@@ -97,8 +97,8 @@ class StoredRuns(KnownResult):
         # Reading all messages of a million runs takes seconds, so only these rows are read.
         axes = [np.unique(where[:, axis], return_inverse=True) for axis in range(where.shape[1])]
         chosen = {dim: k for dim, (k, _) in zip(self.dims("status"), axes, strict=True)}
-        found = self.read("message", **chosen)[tuple(position for _, position in axes)]
-        return [printable(str(message)) for message in found]
+        messages = self.read("message", **chosen)[tuple(position for _, position in axes)]
+        return [printable(str(message)) for message in messages]
 
     def place(self, where: Sequence[int]) -> str:
         """Describe a run given a row of `failures`: ``point 3 eqt run 17``."""
@@ -110,13 +110,13 @@ class StoredRuns(KnownResult):
     @cached_property
     def swept_keys(self) -> list[SweptKey]:
         """Swept keys with more than one value; keys that change together appear once."""
-        found: list[SweptKey] = []
+        keys: list[SweptKey] = []
         for name in self.coordinates:
             if name != POINT and self.dims(name) == (POINT,):
                 key = self._swept_key(name)
-                if max(key.levels) > 0 and key.levels not in [other.levels for other in found]:
-                    found.append(key)
-        return found
+                if max(key.levels) > 0 and key.levels not in [other.levels for other in keys]:
+                    keys.append(key)
+        return keys
 
     def number_and_other(self) -> tuple[SweptKey, SweptKey | None] | None:
         """Return a swept number and the only other swept key; None if there are other keys."""
@@ -130,11 +130,11 @@ class StoredRuns(KnownResult):
         if values.dtype != object:
             return SweptKey(key, values.astype(float), {}, key in self._on_log_scales)
         written = [printable(str(value)) for value in values]
-        numbers = [found for text in written if (found := with_unit(text)) is not None]
+        numbers = [number for text in written if (number := with_unit(text)) is not None]
         units = {unit for _, unit in numbers}
         if len(numbers) == len(written) and len(units) == 1:
             return SweptKey(key, np.array([value for value, _ in numbers]), {}, unit=units.pop())
-        constants = [found for text in written if (found := constant_of(text)) is not None]
+        constants = [value for text in written if (value := constant_of(text)) is not None]
         if len(constants) == len(written):
             return SweptKey(key, np.array([value for value, _ in constants]), dict(constants))
         order: dict[str, float] = {}  # in the order of the points
@@ -341,13 +341,13 @@ class Result(StoredRuns):
         EqtError
             If a quantity or a unit is unknown, or nothing here has the dimension of the unit.
         """
-        found = copy.copy(self)
-        found._wished = tuple(
+        view = copy.copy(self)
+        view._wished = tuple(
             (name.strip(), unit.strip()) for name, _, unit in (t.rpartition("=") for t in texts)
         )
         known = {name: super(Result, self).units(name) for name in self.names}
         known |= {name: self._unit_of(quantity) for name, quantity in self.comparable.items()}
-        for name, wish in found._wished:
+        for name, wish in view._wished:
             if size_of(wish) is None:
                 raise EqtError(f"unit '{wish}': unknown; write for example mN m, deg/s or arcsec")
             if name and name not in known:
@@ -357,13 +357,13 @@ class Result(StoredRuns):
             if not any(in_wished(unit, wish) for unit in known.values()):
                 units = ", ".join(dict.fromkeys(u for u in known.values() if u not in ("", "1")))
                 raise EqtError(f"unit '{wish}': nothing here has its dimension; there are: {units}")
-        return found
+        return view
 
     def shown_in(self, name: str, unit: str) -> tuple[str, float]:
         """Return the unit in which a quantity is shown, and the factor to it."""
         for of, wish in reversed(self._wished):
-            if of in ("", name) and (found := in_wished(unit, wish)) is not None:
-                return found
+            if of in ("", name) and (shown := in_wished(unit, wish)) is not None:
+                return shown
         return unit, 1.0
 
     def units(self, name: str) -> str:
@@ -382,8 +382,8 @@ class Result(StoredRuns):
                 for p in self.group.parts
                 for _ in range(self.group.dimension)[p.axes]
             ]
-        found = [self.shown_in(name, unit)[1] for unit in units]
-        return np.array(found) if len(found) > 1 else found[0]
+        factors = [self.shown_in(name, unit)[1] for unit in units]
+        return np.array(factors) if len(factors) > 1 else factors[0]
 
     def _unit_of(self, quantity: Quantity) -> str:
         """Return the unit in which a number per run is computed or stored."""
@@ -418,8 +418,8 @@ class Result(StoredRuns):
             If there is no number of that name.
         """
         self.check_metrics([name])
-        found = np.where(self.good, self._number(name), np.nan) * self.factor(name)
-        return found if controller is None else found[..., controller, :]
+        values = np.where(self.good, self._number(name), np.nan) * self.factor(name)
+        return values if controller is None else values[..., controller, :]
 
     def _number(self, name: str) -> Array:
         """Return a number of every run as stored, or as it follows from another one."""
@@ -433,8 +433,8 @@ class Result(StoredRuns):
 
     def censored(self, name: str, controller: int | None = None) -> Array:
         """Whether the number of each good run lies beyond the horizon, in the shape of `metric`."""
-        found = self.good & np.isnan(self.metric(name)) & self.quantity(name).censored
-        return found if controller is None else found[..., controller, :]
+        late = self.good & np.isnan(self.metric(name)) & self.quantity(name).censored
+        return late if controller is None else late[..., controller, :]
 
     def counted(self, name: str) -> Array:
         """Return a number of every run, as `metric`, with values for runs beyond the horizon.
@@ -497,33 +497,33 @@ class Result(StoredRuns):
 
         Empty if all parts have the same unit, or the group comes from a plugin.
         """
-        found = self.quantity(name)
-        signal = signal_of(found.signals[0] if found.signals else name)
+        quantity = self.quantity(name)
+        signal = signal_of(quantity.signals[0] if quantity.signals else name)
         parts = () if self.group is None else self.group.parts
         if signal is None or len(parts) < 2:
             return []
         units = [signal.unit_in(part) for part in parts]
         # A metric derives its unit from that of its signal.
-        of = [unit if self.is_over_time(name) else found.unit(unit) for unit in units]
+        of = [unit if self.is_over_time(name) else quantity.unit(unit) for unit in units]
         return list(dict.fromkeys(of)) if len(set(of)) > 1 else []
 
     @cached_property
     def comparable(self) -> dict[str, Quantity]:
         """All numbers per run that the result holds or that can be computed from it, by name."""
-        found: dict[str, Quantity] = {}
+        quantities: dict[str, Quantity] = {}
         for quantity in (self.quantity(row.name) for row in METRICS):
             if quantity.of_turns:
                 for part in (name.removeprefix("pose_error") for name in self.attitude_errors):
-                    found[quantity.name + part] = quantity.part(part[1:]) if part else quantity
+                    quantities[quantity.name + part] = quantity.part(part[1:]) if part else quantity
                 continue
             follows = self._follows(quantity.name)
             if follows or self._has_signals(quantity) or self._metrics_like(quantity):
-                found[quantity.name] = quantity
+                quantities[quantity.name] = quantity
             for part in self._parts_of(quantity):
-                found[f"{quantity.name}_{part}"] = quantity.part(part)
+                quantities[f"{quantity.name}_{part}"] = quantity.part(part)
         for name in self.metrics:
-            found.setdefault(name, self.quantity(name))
-        return found
+            quantities.setdefault(name, self.quantity(name))
+        return quantities
 
     def headline(self) -> list[dict[str, Any]]:
         """Return the summary of every controller: `HEADLINE` over its good runs.
@@ -640,8 +640,8 @@ class Result(StoredRuns):
 
     def _metrics_like(self, quantity: Quantity) -> list[Quantity]:
         """Return the stored metrics that are this number over any window."""
-        found = [self.quantity(name) for name in self.metrics]
-        return [other for other in found if other.is_same_as(quantity)]
+        metrics = [self.quantity(name) for name in self.metrics]
+        return [other for other in metrics if other.is_same_as(quantity)]
 
     def _stored_as(self, quantity: Quantity, window: Window) -> str | None:
         """Return the stored metric that is this number over this window."""

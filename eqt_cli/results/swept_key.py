@@ -60,8 +60,8 @@ class SweptKey:
 
     def value(self, point: int) -> float | str:
         """Return the value at a point as configured."""
-        found = float(self.values[point])
-        return f"{found:g} {self.unit}" if self.unit else self.texts.get(found, found)
+        value = float(self.values[point])
+        return f"{value:g} {self.unit}" if self.unit else self.texts.get(value, value)
 
     @cached_property
     def names(self) -> dict[float, str]:
@@ -82,9 +82,9 @@ class SweptKey:
 
 def with_unit(text: str) -> tuple[float, str] | None:
     """Return number and unit of ``90 deg``; None for other texts."""
-    if found := split(text):
+    if parts := split(text):
         with suppress(ExpressionError):
-            return constant(found[0]), found[1]
+            return constant(parts[0]), parts[1]
     return None
 
 
@@ -107,8 +107,8 @@ def briefly(texts: Sequence[str]) -> list[str]:
             given.append(json.loads(text))
         except (ValueError, RecursionError):
             given.append(text)
-    found = [_in_words(each) for each in _differing(given)]
-    return found if len(set(found)) == len(texts) else [_in_words(each) for each in given]
+    words = [_in_words(each) for each in _differing(given)]
+    return words if len(set(words)) == len(texts) else [_in_words(each) for each in given]
 
 
 def _differing(values: list[Any]) -> list[Any]:

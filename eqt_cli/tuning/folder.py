@@ -35,7 +35,7 @@ _BOUND = {"metric", "bound", "above", "every_run"}
 def fits_tuning(record: dict[str, Any], result: Result) -> bool:
     """Whether a record has the form that `tune` writes, with laws and metrics of the result."""
     with suppress(TypeError, KeyError, AttributeError, ValueError):
-        searches = [found for law in record["laws"] for found in law["searches"]]
+        searches = [search for law in record["laws"] for search in law["searches"]]
         winners = [winner for law in record["laws"] for winner in law["winners"]]
         labels = [*(law["start"] for law in record["laws"]), *(w["label"] for w in winners)]
         wanted = list(record["objectives"])
@@ -44,7 +44,7 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
             *(value for winner in winners for value in winner["values"].values()),
             *(bound["bound"] for bound in record["constraints"]),
             *(record[name] for name in ("generations", "population", "runs")),
-            *(number for found in searches for row in found["objectives"] for number in row),
+            *(number for search in searches for row in search["objectives"] for number in row),
         ]
         order = [
             (result.labels.index(winner["label"]), result.labels.index(law["start"]))
@@ -61,8 +61,8 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
             and len(set(wanted)) == len(wanted)
             and set(metrics) <= set(result.metrics)
             and len(set(labels)) == len(labels)
-            and {*labels, *(found["label"] for found in searches)} - {None} <= set(result.labels)
-            and all(len(row) == len(wanted) for found in searches for row in found["objectives"])
+            and {*labels, *(search["label"] for search in searches)} - {None} <= set(result.labels)
+            and all(len(row) == len(wanted) for search in searches for row in search["objectives"])
             and all(law["searches"] for law in record["laws"])
             and all(isinstance(law["label"], str) for law in record["laws"])
             and all(isinstance(number, int | float) for number in numbers)
@@ -80,10 +80,10 @@ def fits_worst(record: dict[str, Any], result: Result) -> bool:
         labels = [law["label"] for law in laws]
         lines = [line for law in laws for line in law["lines"]]
         ends = [end for line in lines for end in line["points"]]
-        found = [one for law in laws for one in (law, *law["searches"])]
+        searched = [one for law in laws for one in (law, *law["searches"])]
         numbers = [
             *(value for law in laws for value in law["values"].values()),
-            *(one["value"] for one in found if not one["failed"]),
+            *(one["value"] for one in searched if not one["failed"]),
             *(law["first"][name] for law in laws for name in ("runs", "unsettled")),
             *(record[name] for name in ("generations", "population", "runs")),
         ]
@@ -103,7 +103,7 @@ def fits_worst(record: dict[str, Any], result: Result) -> bool:
             and all(isinstance(number, int) for number in (*ends, *counts, *record["seeds"]))
             and all(0 <= line["points"][0] < line["points"][1] <= result.points for line in lines)
             and all(isinstance(number, int | float) for number in numbers)
-            and all(isinstance(one["failed"], bool) for one in found)
+            and all(isinstance(one["failed"], bool) for one in searched)
             and all(isinstance(law["config"], str) for law in laws)
         )
     return False
@@ -167,11 +167,11 @@ def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
     winners = OwnFolder(slug, (*OWN_COPIES, OwnFile(_NUMBERED.name, marked)))
     run = OwnFolder(slug, OWN_RESULT, MANIFEST)
     single = OwnFile(rf"({slug})\.yaml", marked)
-    found: tuple[Own, ...] = (*OWN_COPIES, single, run if kind.runs else winners)
+    own: tuple[Own, ...] = (*OWN_COPIES, single, run if kind.runs else winners)
     return {
         kind.record: OwnFile(re.escape(kind.record)),
         GENERATIONS: OwnFolder(GENERATIONS, (OwnFolder(slug, (one_search,)),)),
-        kind.found: OwnFolder(kind.found, found),
+        kind.found: OwnFolder(kind.found, own),
     }
 
 

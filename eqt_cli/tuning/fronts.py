@@ -130,23 +130,23 @@ class AtEqualCost:
 def fronts(result: Result, record: Record) -> list[Front]:
     """Return the fronts on held-out runs of all laws with at least two points on the front."""
     cost, error = (result.quantity(m).cost(result.counted(m)) for m in record["objectives"])
-    found = []
+    of_laws = []
     for law in record["laws"]:
         labels = [winner["label"] for winner in law["winners"]]
         rows = [result.labels.index(label) for label in labels]
         searches = [np.reshape(search["objectives"], (-1, 2)) for search in law["searches"]]
         front = Front(law["label"], labels, cost[rows], error[rows], searches)
         if len(front.best) > 1:
-            found.append(front)
-    return found
+            of_laws.append(front)
+    return of_laws
 
 
 def at_equal_cost(
-    found: Sequence[Front], how: Resampling, shares: Sequence[float] = SHARES
+    fronts: Sequence[Front], how: Resampling, shares: Sequence[float] = SHARES
 ) -> list[AtEqualCost]:
     """Compare all pairs of laws at several costs that both fronts reach."""
     places = []
-    for one, other in combinations(found, 2):
+    for one, other in combinations(fronts, 2):
         low = max(one.span[0], other.span[0])
         high = min(one.span[1], other.span[1])
         if low < high:

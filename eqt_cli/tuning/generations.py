@@ -56,14 +56,14 @@ class Computing:
 
     def execute(self, source: ConfigSource, out: Path) -> Execution:
         """Compute an experiment, or the missing parts of it."""
-        found = study(source, trust_plugins=True)
+        sweep = study(source, trust_plugins=True)
         there = ResultFolder(out).manifest
         done = execute(
-            found,
+            sweep,
             out,
             executor=self.executor,
             # A search with fewer generations left another result here.
-            force=there is not None and there["digest"] != found.digest,
+            force=there is not None and there["digest"] != sweep.digest,
         )
         if done.was_complete:
             reporter().skip(done.runs)
@@ -132,13 +132,13 @@ def expected(search: Searches[Any], executor: Executor) -> Expected:
             generation = study(_swept(case, _columns(law, shares)), trust_plugins=True)
             if seconds is None:
                 break
-            found = estimate(generation, executor, share)
-            workers = max(workers, found.workers)
-            if found.seconds is None:
+            estimated = estimate(generation, executor, share)
+            workers = max(workers, estimated.workers)
+            if estimated.seconds is None:
                 seconds = None
                 break
             groups = len(generation) if generation.is_ragged else 0
-            seconds += (found.seconds + SWEEP + groups * GROUP) * search.all_generations
+            seconds += (estimated.seconds + SWEEP + groups * GROUP) * search.all_generations
     points = len(search.laws) * search.all_generations * section.population
     if seconds is not None:
         seconds *= search.all_runs / search.searched_runs

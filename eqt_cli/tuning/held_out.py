@@ -47,8 +47,8 @@ class OverCases(Result):
 
     def metric(self, name: str, controller: int | None = None) -> Array:
         """Return the same as in `Result`, combined over the cases."""
-        found = self._over(self.quantity(name), [case.metric(name) for case in self._cases])
-        return found if controller is None else found[controller]
+        values = self._over(self.quantity(name), [case.metric(name) for case in self._cases])
+        return values if controller is None else values[controller]
 
     def counted(self, name: str) -> Array:
         """Return the same as in `Result`, combined over the cases."""
@@ -56,15 +56,15 @@ class OverCases(Result):
 
     def censored(self, name: str, controller: int | None = None) -> Array:
         """Return the same as in `Result`: censored in any case."""
-        found: Array = np.any([case.censored(name) for case in self._cases], axis=0)
-        return found if controller is None else found[controller]
+        late: Array = np.any([case.censored(name) for case in self._cases], axis=0)
+        return late if controller is None else late[controller]
 
     def per_run(self, quantity: Quantity, window: Window = WHOLE) -> PerRun:
         """Return the same as in `Result`, combined over the cases."""
-        found = [case.per_run(quantity, window) for case in self._cases]
-        values = self._over(quantity, [one.values for one in found])
-        censored = np.any([one.censored for one in found], axis=0)
-        return replace(found[0], values=values, censored=censored)
+        per_case = [case.per_run(quantity, window) for case in self._cases]
+        values = self._over(quantity, [one.values for one in per_case])
+        censored = np.any([one.censored for one in per_case], axis=0)
+        return replace(per_case[0], values=values, censored=censored)
 
     def _over(self, quantity: Quantity, values: Sequence[Array]) -> Array:
         """Combine the numbers ``(controllers, runs)`` of all cases."""
@@ -83,10 +83,10 @@ def side_by_side(result: Result) -> list[str]:
     """
     if [one.key for one in result.swept_keys] != [CASE]:
         return []
-    found, record = result.labels, TUNE.beside(result)
+    labels, record = result.labels, TUNE.beside(result)
     if record:
         one = len(record["objectives"]) == 1  # a front has many winners
         laws = [law for law in record["laws"] if law["winners"] and one]
-        found = [law["winners"][0]["label"] for law in laws]
-        found += [law["start"] for law in laws[:1]] if len(found) == 1 else []
-    return found if len(found) == 2 else []
+        labels = [law["winners"][0]["label"] for law in laws]
+        labels += [law["start"] for law in laws[:1]] if len(labels) == 1 else []
+    return labels if len(labels) == 2 else []

@@ -95,16 +95,16 @@ def entries_of(key: str) -> list[str]:
     InputError
         If the range is empty.
     """
-    found = _SLICE.fullmatch(key)
-    if found is None:
+    matched = _SLICE.fullmatch(key)
+    if matched is None:
         return [key]
-    first, end = int(found[2]), int(found[3])
+    first, end = int(matched[2]), int(matched[3])
     if not first < end <= first + MOST_ENTRIES:
         raise InputError(
-            f"expected a range of 1 to {MOST_ENTRIES} entries, such as {found[1]}[0:3] for the "
+            f"expected a range of 1 to {MOST_ENTRIES} entries, such as {matched[1]}[0:3] for the "
             f"first three, got '{key}'"
         )
-    return [f"{found[1]}[{index}]" for index in range(first, end)]
+    return [f"{matched[1]}[{index}]" for index in range(first, end)]
 
 
 def expanded(values: Mapping[str, T]) -> dict[str, T]:
@@ -125,9 +125,9 @@ def range_of(given: TunedAxis, problems: Problems) -> DrawnRange | None:
         axis = DrawnRange(low=given.log[0], high=given.log[1], scale="log")
     else:
         axis = given
-    found = Problems()
-    axis.check(found)
-    for problem in found:
+    own = Problems()
+    axis.check(own)
+    for problem in own:
         problems.add(problem.message)
     return None if problems else axis
 
@@ -149,7 +149,7 @@ def _is_part(name: str) -> bool:
 
 def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch, ...]:
     """Return one search for each law, over its own keys and the shared keys."""
-    found: list[LawSearch] = []
+    laws: list[LawSearch] = []
     shared = base.resolved.get("gains", {})
     ranges = dict(sorted(ranges.items(), key=lambda item: item[0].startswith("controllers[")))
     for index, entry in enumerate(base.resolved["controllers"]):
@@ -163,12 +163,12 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
         keys = {own: key for key in ranges if (own := _own_key(key, index, keeps))}
         axes = {own: ranges[key] for own, key in keys.items()}
         label = str(entry["label"])
-        slug = _slug(label, [other.slug for other in found])
+        slug = _slug(label, [other.slug for other in laws])
         data["name"] = f"{base.name}-{slug}"
         source = replace(base.source, data=data)
         given = tuple(keys.values())
-        found.append(LawSearch(label, slug, source, axes, given, index, _start(data, axes)))
-    return tuple(found)
+        laws.append(LawSearch(label, slug, source, axes, given, index, _start(data, axes)))
+    return tuple(laws)
 
 
 def _own_key(key: str, index: int, keeps: bool) -> str:

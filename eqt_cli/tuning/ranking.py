@@ -111,18 +111,18 @@ def ranks(scores: Scores) -> Array:
     size = len(scores)
     rows, columns = np.divmod(np.arange(size * size), max(size, 1))
     beats = dominates(scores.at(rows), scores.at(columns)).reshape(size, size)
-    found = np.full(size, -1)
+    assigned = np.full(size, -1)
     for rank in range(size):
-        left = found < 0
+        left = assigned < 0
         if not left.any():
             break
-        found[left & ~(beats & left[:, None]).any(axis=0)] = rank
-    return found
+        assigned[left & ~(beats & left[:, None]).any(axis=0)] = rank
+    return assigned
 
 
 def crowding(objectives: Array) -> Array:
     """Return the crowding distance of each point (Deb et al. 2002)."""
-    found = np.zeros(len(objectives))
+    distances = np.zeros(len(objectives))
     for values in objectives.T:
         order = np.argsort(values, kind="stable")
         sorted_ = values[order]
@@ -130,8 +130,8 @@ def crowding(objectives: Array) -> Array:
         gaps = np.full(len(values), np.inf)
         if span > 0:
             gaps[1:-1] = (sorted_[2:] - sorted_[:-2]) / span
-        found[order] += gaps
-    return found
+        distances[order] += gaps
+    return distances
 
 
 def survivors(points: Scores, tried: Scores) -> Array:
@@ -201,17 +201,17 @@ def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Cons
     for bound in constraints:
         violation = violation + excess(bound, values[bound.metric])
     means = [QUANTITIES[name].cost(mean_over_runs(values[name])) for name in objectives]
-    found = np.stack(means, axis=1)
+    costs = np.stack(means, axis=1)
     settling = result.metric("settling_time")[:, 0]
-    return Scores(found, violation, (~good).sum(axis=1), (good & np.isnan(settling)).sum(axis=1))
+    return Scores(costs, violation, (~good).sum(axis=1), (good & np.isnan(settling)).sum(axis=1))
 
 
 def excess(bound: Constraint, values: Array) -> Array:
     """Return the violation of a bound at each point as a share of the bound; 0 where it holds."""
     if bound.every_run:
         reduced = np.nanmax if bound.above else np.nanmin
-        found = np.array([reduced(row) if np.isfinite(row).any() else np.nan for row in values])
+        measured = np.array([reduced(row) if np.isfinite(row).any() else np.nan for row in values])
     else:
-        found = mean_over_runs(values)
-    over = (found - bound.bound) * (1 if bound.above else -1) / (abs(bound.bound) or 1.0)
+        measured = mean_over_runs(values)
+    over = (measured - bound.bound) * (1 if bound.above else -1) / (abs(bound.bound) or 1.0)
     return np.where(np.isfinite(over), np.maximum(over, 0.0), 1.0)

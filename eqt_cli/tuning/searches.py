@@ -98,12 +98,12 @@ class Searches(ABC, Generic[S]):
                 )
         check_overlaps(laws, here.at("over"))
         problems.raise_if_any()
-        found = cls(base, section, laws)
+        search = cls(base, section, laws)
         for law in laws:
-            for name, case in found.in_cases(law).items():
+            for name, case in search.in_cases(law).items():
                 check_ends(case, here.at("over"), f"in case '{name}', " if name else "")
         problems.raise_if_any()
-        return found
+        return search
 
     @classmethod
     @abstractmethod

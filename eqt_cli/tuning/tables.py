@@ -47,7 +47,7 @@ def _means_over(result: Result) -> str:
 
 def seed_labels(law: Record) -> list[str]:
     """Return the labels of the winners of a law's searches."""
-    return [found["label"] for found in law["searches"] if found["label"] is not None]
+    return [search["label"] for search in law["searches"] if search["label"] is not None]
 
 
 def differences(result: Result, record: Record, metric: str) -> list[tuple[str, str, Range]]:
@@ -56,10 +56,10 @@ def differences(result: Result, record: Record, metric: str) -> list[tuple[str, 
     Only laws with at least two successful searches are compared.
     """
     means = dict(zip(result.labels, mean_over_runs(result.counted(metric)).tolist(), strict=True))
-    found = {law["label"]: [means[label] for label in seed_labels(law)] for law in record["laws"]}
-    several = [label for label, values in found.items() if len(values) > 1]
+    by_law = {law["label"]: [means[label] for label in seed_labels(law)] for law in record["laws"]}
+    several = [label for label, values in by_law.items() if len(values) > 1]
     return [
-        (one, two, (min(found[one]) - max(found[two]), max(found[one]) - min(found[two])))
+        (one, two, (min(by_law[one]) - max(by_law[two]), max(by_law[one]) - min(by_law[two])))
         for one, two in combinations(several, 2)
     ]
 
@@ -138,8 +138,8 @@ def _by_case(cases: Mapping[str, Result], record: Record, write: Plain) -> TextT
 
 def _spreads(values: Array, how: Resampling, write: Plain) -> list[str]:
     """Format the mean over runs of each row with half its interval."""
-    found = intervals_of_means(values.T, how)
-    ends = zip(found.mean.tolist(), found.low.tolist(), found.high.tolist(), strict=True)
+    means = intervals_of_means(values.T, how)
+    ends = zip(means.mean.tolist(), means.low.tolist(), means.high.tolist(), strict=True)
     return [write.spread(*three) for three in ends]
 
 
@@ -174,15 +174,15 @@ def compared(result: Result, record: Record) -> Comparison:
 
 def _violated(cases: Mapping[str, Result], record: Record) -> dict[str, list[str]]:
     """Return the metrics whose bounds the held-out runs violate, in any case, by label."""
-    found: dict[str, list[str]] = {}
+    violated: dict[str, list[str]] = {}
     for entry in record["constraints"]:
         bound = Constraint(**entry)
         for result in cases.values():
             over = excess(bound, result.counted(bound.metric))
             for label in [one for one, by in zip(result.labels, over, strict=True) if by > 0]:
-                names = found.setdefault(label, [])
+                names = violated.setdefault(label, [])
                 names += [bound.metric] if bound.metric not in names else []
-    return found
+    return violated
 
 
 def _mark(violated: Mapping[str, Sequence[str]], label: str) -> str:
@@ -206,12 +206,12 @@ def _winners(
             before = write.spread(start.mean, start.low, start.high)
             before += _mark(violated, law["start"])
             for winner in law["winners"]:
-                found = levels[winner["label"]]
-                after = write.spread(found.mean, found.low, found.high)
+                level = levels[winner["label"]]
+                after = write.spread(level.mean, level.low, level.high)
                 change = _relative(values[winner["label"]], values[law["start"]])
                 named = result.title_of[winner["label"]] + _mark(violated, winner["label"])
                 means = [levels[label].mean for label in seed_labels(law)]
-                over = _range(means, (found.high - found.low) / 2)
+                over = _range(means, (level.high - level.low) / 2)
                 rows.append([named, values_text(winner["values"]), before, after, over, change])
             if not law["winners"]:
                 rows.append([law_title(law["label"]), "no feasible point", before, "-", "-", "-"])
@@ -284,7 +284,7 @@ def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iter
     values = result.counted(bound.metric)
     over = excess(bound, values)
     worst = np.nanmax if bound.above else np.nanmin
-    found = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
+    reached = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
     beyond = values > bound.bound if bound.above else values < bound.bound
     for law in record["laws"]:
         for label in [winner["label"] for winner in law["winners"]] or [law["start"]]:
@@ -292,18 +292,18 @@ def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iter
             yield [
                 f"{result.titles[k]}{where}",
                 str(bound),
-                significant(float(found[k])),
+                significant(float(reached[k])),
                 str(int(beyond[k].sum())),
                 "holds" if over[k] == 0 else f"violated by {100 * over[k]:.2g} %",
             ]
 
 
-def _relative(found: Array, start: Array) -> str:
+def _relative(winner: Array, start: Array) -> str:
     """Format the mean change relative to the mean at the starting gains, with its interval."""
-    shares = relative_difference(resolved_differences(found, start), start, Resampling.confidence)
+    shares = relative_difference(resolved_differences(winner, start), start, Resampling.confidence)
     mean, low, high = (f"{100 * share:+.1f}" for share in shares)
     if not math.isfinite(shares.value):  # of too few runs
-        return f"{100 * (found.mean() / start.mean() - 1):+.1f} %" if start.mean() else "-"
+        return f"{100 * (winner.mean() / start.mean() - 1):+.1f} %" if start.mean() else "-"
     return f"{mean} % [{low}, {high}]" if all(map(math.isfinite, shares)) else f"{mean} %"
 
 

@@ -73,11 +73,11 @@ class Search(Searches[TuneSection]):
         return self.section.cases or {}
 
     def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
-        found = {
+        cases = {
             name: replace(law, source=_in_case(law.source, name, settings))
             for name, settings in self.cases.items()
         }
-        return found or super().in_cases(law)
+        return cases or super().in_cases(law)
 
     def over_cases(self, cases: Sequence[Scores]) -> Scores:
         if not self.cases:
@@ -200,14 +200,14 @@ def _build_cases(section: TuneSection, base: Experiment, problems: Problems) -> 
                 require_sweepable(key)
                 if reason := OF_LAWS.get(section_of(key)):
                     raise InputError(f"no case can change it: {section_of(key)} {reason}")
-    found = []
+    cases = []
     for name, settings in section.cases.items() if not here else ():
         try:
-            found.append(build(_in_case(base.source, name, settings), trust_plugins=True))
+            cases.append(build(_in_case(base.source, name, settings), trust_plugins=True))
         except ConfigError as error:
             for problem in error.problems:
                 here.at(name).add(f"{problem.path}: {problem.message}")
-    return found
+    return cases
 
 
 def _in_case(source: ConfigSource, case: str, settings: dict[str, Any]) -> ConfigSource:
@@ -307,29 +307,29 @@ class Tuned:
 
         Empty for a front: only the front of all searches together is confirmed.
         """
-        found: dict[int, str] = {}
+        names: dict[int, str] = {}
         for seed, winners in self.by_seed.items():
             if winners and not self.seeks_front:
                 best = self.searches[seed].shares[winners[0]]
                 same = np.array_equal(best, self.population.shares[self.winners[0]])
-                taken = self.law.label in found.values()
-                found[seed] = self.law.label if same and not taken else seeded(self.law.label, seed)
-        return found
+                taken = self.law.label in names.values()
+                names[seed] = self.law.label if same and not taken else seeded(self.law.label, seed)
+        return names
 
     @property
     def confirmed(self) -> dict[str, dict[str, float]]:
         """Values of all tuned laws in the confirmation, by label: the winners first."""
-        found = dict(zip(self.labels, self.chosen, strict=True))
+        confirmed = dict(zip(self.labels, self.chosen, strict=True))
         for seed, label in self.seed_labels.items():
             shares = self.searches[seed].shares[self.by_seed[seed][0]]
-            found.setdefault(label, self.law.values(shares.tolist()))
-        return found
+            confirmed.setdefault(label, self.law.values(shares.tolist()))
+        return confirmed
 
 
 def tune(search: Search, folder: SearchFolder, do: Computing) -> tuple[Execution, dict[str, Any]]:
     """Search for the best gains of each law, and run the winners on held-out initial states."""
     scored = partial(scores, objectives=search.objectives, constraints=search.constraints)
-    found = []
+    tuned = []
     for law in search.laws:
 
         def after(searches: dict[int, Population], law: LawSearch = law) -> None:
@@ -338,15 +338,15 @@ def tune(search: Search, folder: SearchFolder, do: Computing) -> tuple[Execution
             folder.write_found(law, studies, search.seeks_front)
 
         searches = evolve(search, law, folder, do, scored, after)
-        found.append(Tuned(law, searches, search.seeks_front))
-    chosen = {each.law.label: each.confirmed for each in found}
+        tuned.append(Tuned(law, searches, search.seeks_front))
+    chosen = {each.law.label: each.confirmed for each in tuned}
     confirmed = do.execute(search.confirmation(chosen), folder.path)
     return confirmed, {
         "objectives": list(search.objectives),
         "cases": list(search.cases),
         "over_cases": search.section.over_cases or "mean",
         "constraints": [asdict(bound) for bound in search.constraints],
-        "laws": [_law_record(search, each) for each in found],
+        "laws": [_law_record(search, each) for each in tuned],
     }
 
 
@@ -357,34 +357,34 @@ def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:
     return (best,) if population.scores.feasible[best] else ()
 
 
-def _law_record(search: Search, found: Tuned) -> dict[str, Any]:
-    scored = found.population.scores
+def _law_record(search: Search, tuned: Tuned) -> dict[str, Any]:
+    scored = tuned.population.scores
     return {
-        "label": found.law.label,
-        "over": {key: [axis.low, axis.high] for key, axis in found.law.axes.items()},
-        "start": started(found.law.label),
+        "label": tuned.law.label,
+        "over": {key: [axis.low, axis.high] for key, axis in tuned.law.axes.items()},
+        "start": started(tuned.law.label),
         "least_violation": float(scored.violation.min()),  # 0 if a point is feasible
         "winners": [
             {
                 "label": label,
                 "config": name,
-                "values": found.values(point),
+                "values": tuned.values(point),
                 "objectives": scored.objectives[point].tolist(),
                 "unsettled": int(scored.unsettled[point]),
             }
             for point, label, name in zip(
-                found.winners,
-                found.labels,
-                found_files(TUNE, found.law, len(found.winners), search.seeks_front),
+                tuned.winners,
+                tuned.labels,
+                found_files(TUNE, tuned.law, len(tuned.winners), search.seeks_front),
                 strict=True,
             )
         ],
         "searches": [
             {
                 "seed": seed,
-                "label": found.seed_labels.get(seed),
-                "objectives": left.scores.objectives[list(found.by_seed[seed])].tolist(),
+                "label": tuned.seed_labels.get(seed),
+                "objectives": left.scores.objectives[list(tuned.by_seed[seed])].tolist(),
             }
-            for seed, left in found.searches.items()
+            for seed, left in tuned.searches.items()
         ],
     }

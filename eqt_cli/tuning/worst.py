@@ -108,9 +108,9 @@ class WorstSearch(Searches[WorstSection]):
             points = min(MOST_ON_A_LINE, max(LEAST_ON_A_LINE, affordable))
         return max(2, min(points, MOST_LINE_POINTS // self._lines)) + 1
 
-    def lines(self, found: dict[str, tuple[float, ...]]) -> list[Line]:
+    def lines(self, shares: dict[str, tuple[float, ...]]) -> list[Line]:
         """Return the lines through the points that were found (in the unit cube, by law)."""
-        at = {law.label: law.values(found[law.label]) for law in self.laws}
+        at = {law.label: law.values(shares[law.label]) for law in self.laws}
         given = {
             key: value
             for law in reversed(self.laws)
@@ -191,8 +191,8 @@ def costs_of_runs(result: Result, metric: str) -> Array:
 
     The worst run has the largest cost: ∞ for a failed run, −∞ for a run without a value.
     """
-    found = result.quantity(metric).cost(result.counted(metric))
-    return np.where(result.good, np.where(np.isnan(found), -np.inf, found), np.inf)
+    costs = result.quantity(metric).cost(result.counted(metric))
+    return np.where(result.good, np.where(np.isnan(costs), -np.inf, costs), np.inf)
 
 
 def badness(metric: str, result: Result) -> Scores:
@@ -208,12 +208,12 @@ def worst(
     search: WorstSearch, folder: SearchFolder, do: Computing
 ) -> tuple[Execution, dict[str, Any]]:
     """Search for the worst run of each law, and run all laws along each key through that point."""
-    found, first = {}, {}
+    by_law, first = {}, {}
     scored = partial(badness, search.objective)
     for law in search.laws:
-        found[law.label] = evolve(search, law, folder, do, scored)
+        by_law[law.label] = evolve(search, law, folder, do, scored)
         first[law.label] = [_first(folder.generation(law, k, 0)[0], scored) for k in search.seeds]
-    best = {label: reduce(selected, searches.values()) for label, searches in found.items()}
+    best = {label: reduce(selected, searches.values()) for label, searches in by_law.items()}
     shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
     alone = {}
     for law in search.laws:
@@ -231,7 +231,7 @@ def worst(
             "label": law.label,
             "config": found_files(WORST, law, 1)[0],
             **alone[law.label],
-            **_search_record(search, law, found[law.label], first[law.label], shares[law.label]),
+            **_search_record(search, law, by_law[law.label], first[law.label], shares[law.label]),
             "lines": _line_ranges(lines, law.label),
         }
         for law in search.laws

@@ -92,16 +92,16 @@ class Vehicle:
     @cached_property
     def parts(self) -> dict[str, Any]:
         """All parts by their places in a configuration."""
-        found: dict[str, Any] = {} if self.inertia is None else {INERTIA: self.inertia}
+        by_path: dict[str, Any] = {} if self.inertia is None else {INERTIA: self.inertia}
         for name, parts in (
             (FORCES, self.forces),
             (ACTUATORS, self.actuators),
             (POSE, self.pose_sensors),
             (VELOCITY, self.velocity_sensors),
         ):
-            found |= {f"{name}[{index}]": part for index, part in enumerate(parts)}
-        found |= {} if self.estimator is None else {ESTIMATOR: self.estimator}
-        return found if self.control is None else {**found, CONTROL: self.control}
+            by_path |= {f"{name}[{index}]": part for index, part in enumerate(parts)}
+        by_path |= {} if self.estimator is None else {ESTIMATOR: self.estimator}
+        return by_path if self.control is None else {**by_path, CONTROL: self.control}
 
     @property
     def varies(self) -> bool:
@@ -168,9 +168,9 @@ class Vehicle:
         """Return the states of clocks, sensors and actuators at t = 0, where they are not 0."""
         moving = enumerate(self.moving_sensors)
         starts = {place: part.started(G) for place, part in self._chain()}
-        found = {place: x for place, x in starts.items() if x is not None}
-        found |= {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
-        return {**found, CLOCKS: self.ticks_left(0)} if self.clocks else found
+        started = {place: x for place, x in starts.items() if x is not None}
+        started |= {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
+        return {**started, CLOCKS: self.ticks_left(0)} if self.clocks else started
 
     def read(
         self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
@@ -235,13 +235,13 @@ class Vehicle:
         self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Mapping[str, Array]
     ) -> dict[str, Array]:
         """Return the states of sensors and estimator after a tick with the true Q and V."""
-        found, holding = {}, self.holding(G)
+        read, holding = {}, self.holding(G)
         Q_m, V_m = Q @ errors.pose, self.read(G, V, states)[0] + errors.velocity
         for k, channel in enumerate(holding):
             value, flags = Q_m if channel.signal == "pose" else V_m, errors.arrived[..., k]
-            found[channel.name] = channel.measured(value, states[channel.name], flags)
+            read[channel.name] = channel.measured(value, states[channel.name], flags)
         if self.estimator is None:
-            return found
+            return read
         schedule, own = self.schedule(G), estimator_states(states)
         arrived = {channel.name: errors.arrived[..., k] for k, channel in enumerate(holding)}
         fresh = [
@@ -249,9 +249,9 @@ class Vehicle:
             for fix in schedule.fixes
         ]
         now = stack([flag + 0.0 * V[..., 0] for flag in fresh])
-        measured = Measurement(*self.as_arrived(G, Q_m, V_m, found), now, Q, errors.bias)
+        measured = Measurement(*self.as_arrived(G, Q_m, V_m, read), now, Q, errors.bias)
         after = self.estimator.after(schedule, measured, own)
-        return found | {f"{ESTIMATOR}_{name}": values for name, values in after.items()}
+        return read | {f"{ESTIMATOR}_{name}": values for name, values in after.items()}
 
     # Estimates.
 
@@ -270,8 +270,8 @@ class Vehicle:
             known = sensor.bias_deviation(G)
             if known is not None and place.startswith(VELOCITY):
                 bias[:, axes] += np.array(known)[:, own] ** 2
-        found = [np.sqrt(squares[name]) for name in (POSE, VELOCITY)]
-        return Deviations(*found, *np.sqrt(bias))
+        deviations = [np.sqrt(squares[name]) for name in (POSE, VELOCITY)]
+        return Deviations(*deviations, *np.sqrt(bias))
 
     def estimated(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> tuple[Array, Array]:
         """Return Q̂ and V̂."""
@@ -367,9 +367,9 @@ class Vehicle:
         """Yield the names of states, forces that depend on the velocity, and rates beside them."""
         for place, actuator in self._chain():
             x = states.get(place, V[..., :0])
-            found = actuator.reaction(G, V, x)
-            if found is not None:
-                yield place, *found
+            reaction = actuator.reaction(G, V, x)
+            if reaction is not None:
+                yield place, *reaction
 
     @property
     def thrust_limits(self) -> tuple[Array, Array] | None:
@@ -380,7 +380,7 @@ class Vehicle:
 
     def torque_limits(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
         """Return the least and the largest torque along each axis; None without such limits."""
-        ranges = [found for part in self.actuators if (found := part.torque_range(G)) is not None]
+        ranges = [limits for part in self.actuators if (limits := part.torque_range(G)) is not None]
         if not ranges:
             return None
         lows, highs = zip(*ranges, strict=True)
@@ -409,9 +409,9 @@ class Vehicle:
             f"{ACTUATORS}_{index}": actuator.states(G)
             for index, actuator in enumerate(self.actuators)
         }
-        found = {place: count for place, count in counted.items() if count}
+        lengths = {place: count for place, count in counted.items() if count}
         if self.control is None:
-            return found
+            return lengths
         held = {HELD: G.dimension} if self._at_instants else {}
         moving = enumerate(self.moving_sensors)
         measured = {f"{SENSOR}_{k}": sensor.states(G) for k, sensor in moving}
@@ -420,7 +420,7 @@ class Vehicle:
         if self.clocks:
             held |= {f"{place}_{TAKEN}": G.dimension for place in self.clocks if place != CONTROL}
             held[CLOCKS] = len(self.clocks)
-        return {**commands, **held, **found, **measured, **self.estimator_lengths(G)}
+        return {**commands, **held, **lengths, **measured, **self.estimator_lengths(G)}
 
     def running(self, G: MatrixLieGroup, command: Array) -> dict[str, Array]:
         """Return the states at the start of a run that are not 0, if anything `runs`.
@@ -428,13 +428,13 @@ class Vehicle:
         The first command has then been given before, too.
         """
         parts = self._chain()
-        found = {place: part.running(G, command) for place, part in parts if part.runs}
+        running = {place: part.running(G, command) for place, part in parts if part.runs}
         if self.control is None:
-            return found
+            return running
         before = np.concatenate([command] * (self.control.delay + 1), axis=-1)
         held = {HELD: command} if self._at_instants else {}
         taken = {f"{place}_{TAKEN}": command for place in self.clocks if place != CONTROL}
-        return {**found, COMMANDS: before, **held, **taken}
+        return {**running, COMMANDS: before, **held, **taken}
 
     # Clocks of law and actuators.
 
@@ -449,16 +449,16 @@ class Vehicle:
         """The clocks of law and actuators that do not act at every tick, by the names of states."""
         if self.control is None:
             return {}
-        found = {CONTROL: self.control.clock}
+        clocks = {CONTROL: self.control.clock}
         for place, actuator in self._chain():
             if actuator.period is not None:
-                found[place] = self.control.clock_of(actuator.period, actuator.offset or 0.0)
-        return {place: clock for place, clock in found.items() if not clock.acts_always}
+                clocks[place] = self.control.clock_of(actuator.period, actuator.offset or 0.0)
+        return {place: clock for place, clock in clocks.items() if not clock.acts_always}
 
     def ticks_left(self, tick: int) -> Array:
         """Return the ticks from a tick until each of the `clocks` acts."""
-        found = [(clock.offset - tick) % clock.every for clock in self.clocks.values()]
-        return np.array(found, dtype=float)
+        ticks = [(clock.offset - tick) % clock.every for clock in self.clocks.values()]
+        return np.array(ticks, dtype=float)
 
     def acts(self, states: Mapping[str, Array], place: str = CONTROL) -> Any:
         """Return whether law or actuator acts at the tick of these states; None: at every one."""
@@ -538,14 +538,14 @@ class Vehicle:
 
     def solution(self, G: MatrixLieGroup, asked: Array, states: Mapping[str, Array]) -> Array:
         """Return the solution of the actuator that `solves` at a control instant, ``(runs, n)``."""
-        found = []
+        solutions = []
 
         def solve(actuator: Actuator, command: Array) -> Array:
-            found.append(actuator.solution(G, command))
-            return found[0]
+            solutions.append(actuator.solution(G, command))
+            return solutions[0]
 
         self._after_instant(G, asked, states, solve)
-        return found[0]
+        return solutions[0]
 
     def _after_instant(
         self,
@@ -557,9 +557,9 @@ class Vehicle:
         before = states[COMMANDS]
         asked = self.if_due(states, asked, before[..., -G.dimension :], CONTROL)
         queue = np.concatenate([before[..., G.dimension :], asked], axis=-1)
-        found, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
+        changed, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
         if self.clocks:
-            found[CLOCKS] = self._next_ticks(states[CLOCKS])
+            changed[CLOCKS] = self._next_ticks(states[CLOCKS])
         # The first actuator that moves may also act at ticks.
         for index, (place, actuator) in enumerate(self._chain()):
             if index > self._at_instants:
@@ -568,15 +568,15 @@ class Vehicle:
             period = self.tick
             if place in self.clocks:
                 held = f"{place}_{TAKEN}"
-                command = found[held] = self.if_due(states, command, states[held], place)
+                command = changed[held] = self.if_due(states, command, states[held], place)
                 period = self.clocks[place].every * period
             if place in states:
                 taken = solve(actuator, command) if actuator.solves else command
                 after = actuator.step(G, taken, x, period)
-                x = found[place] = self.if_due(states, after, x, place)
+                x = changed[place] = self.if_due(states, after, x, place)
             if index < self._at_instants:
                 command = actuator.output(G, command, x)
-        return {**found, HELD: command} if self._at_instants else found
+        return {**changed, HELD: command} if self._at_instants else changed
 
     def _inputs(
         self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
@@ -599,11 +599,11 @@ class Vehicle:
 
     def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
         """Return where the input of any actuator exceeds its limit, ``(...)``."""
-        found = np.zeros(command.shape[:-1], dtype=bool)
+        beyond = np.zeros(command.shape[:-1], dtype=bool)
         for actuator, given, x in self._inputs(G, command, states):
             here = actuator.at_limit(G, given, x)
-            found = found if here is None else found | here
-        return found
+            beyond = beyond if here is None else beyond | here
+        return beyond
 
     def acting(self, s: Tracking, torque: Array) -> Array:
         """Return the force that would move the law's model as the true plant moves.

@@ -56,15 +56,15 @@ def trajectory_rows(runs: Iterable[Runs]) -> list[Row]:
 
 def hypothesis_rows(setting: Setting) -> list[Row]:
     """Check every hypothesis."""
-    found = [row for hypothesis in _of_kind(Hypothesis) for row in hypothesis.check(setting)]
-    return _in_order(found)
+    rows = [row for hypothesis in _of_kind(Hypothesis) for row in hypothesis.check(setting)]
+    return _in_order(rows)
 
 
 def _of_kind(kind: type[T]) -> list[T]:
-    return [found() for found in certificates.all() if issubclass(found, kind)]
+    return [certificate() for certificate in certificates.all() if issubclass(certificate, kind)]
 
 
 def _in_order(rows: list[Row]) -> list[Row]:
     """Sort rows by the paper's sections; laws keep their order."""
-    sections = {found.name: (found.section, found.name) for found in certificates.all()}
+    sections = {each.name: (each.section, each.name) for each in certificates.all()}
     return sorted(rows, key=lambda row: sections[row.name])

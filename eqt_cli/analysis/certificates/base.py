@@ -151,38 +151,38 @@ class Identity(Certificate):
         """Compare the largest difference of two sides with the bound of their rounding errors."""
         label = sample.label if self.per_law else ""
         try:
-            found = [discrepancy(left, right) for left, right in self.sides(sample)]
+            discrepancies = [discrepancy(left, right) for left, right in self.sides(sample)]
         except Exception as error:  # a plugin's law may not support these numbers
             reason = f"cannot be evaluated on symbols: {type(error).__name__}: {error}"
             return [self.row(Verdict.UNDECIDED, remark=reason, controller=label)]
-        if not found:
+        if not discrepancies:
             return []
-        return [self.compared(*max(found, key=_excess), controller=label)]
+        return [self.compared(*max(discrepancies, key=_excess), controller=label)]
 
     def _exactly(self, row: Row, states: ExactStates) -> Row:
         """Return the row with the outcome of the proof, or with the reason why there is none."""
         try:
             reason = self.not_rational or states.obstacle
-            found = None if reason else prove(self.sides, states)
+            proof = None if reason else prove(self.sides, states)
         except Exception as error:
-            found, reason = None, _reason(error)
-        if isinstance(found, Refutation):
-            remark = f"left − right = {written(found.difference)}{found.place}"
+            proof, reason = None, _reason(error)
+        if isinstance(proof, Refutation):
+            remark = f"left − right = {written(proof.difference)}{proof.place}"
             return replace(
-                row, verdict=Verdict.FAILS, remark=remark, difference=str(found.difference)
+                row, verdict=Verdict.FAILS, remark=remark, difference=str(proof.difference)
             )
-        if found is None:
+        if proof is None:
             remark = joined(row.remark, f"not proved: {reason}")
             return replace(row, remark=remark, not_proved=reason)
-        shown = f"degree {found.degree}, {found.points} states, p {_at_most(found.probability)}"
-        if found.functions:
-            shown = f"{shown}; {found.functions}"
+        shown = f"degree {proof.degree}, {proof.points} states, p {_at_most(proof.probability)}"
+        if proof.functions:
+            shown = f"{shown}; {proof.functions}"
         return replace(
             row,
             verdict=Verdict.PROVED if row.verdict is Verdict.HOLDS else row.verdict,
-            degree=found.degree,
-            points=found.points,
-            probability=found.probability,
+            degree=proof.degree,
+            points=proof.points,
+            probability=proof.probability,
             remark=joined(row.remark, shown),
         )
 

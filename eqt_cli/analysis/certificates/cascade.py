@@ -58,8 +58,8 @@ class ForceStays(TrajectoryCheck):
 
     def applies(self, runs: Runs) -> bool:
         """Whether the law is a cascade."""
-        found = runs.vehicle
-        return found is not None and isinstance(found.problem.loop.controller, Cascade)
+        vehicle = runs.vehicle
+        return vehicle is not None and isinstance(vehicle.problem.loop.controller, Cascade)
 
     def check(self, runs: Runs) -> Row:
         """Compare the least with the median: samples can miss a zero."""

@@ -92,10 +92,10 @@ class Drift(Identity):
                 yield (G.drift(pushed) > PUSH / 2).astype(float), np.ones(len(Q))
 
 
-def _near(found: Array, V: Array) -> Array:
+def _near(closed_form: Array, V: Array) -> Array:
     """Return the value of a closed form with its allowed rounding error."""
-    size = np.abs(found).max() + np.abs(V).max() + 1
-    return lifted(found, CLOSED_FORM_ROUNDINGS * UNIT * size)
+    size = np.abs(closed_form).max() + np.abs(V).max() + 1
+    return lifted(closed_form, CLOSED_FORM_ROUNDINGS * UNIT * size)
 
 
 class SemidirectGroup(Identity):

@@ -34,20 +34,20 @@ class NavigationFunction(Hypothesis):
     def check(self, setting: Setting) -> list[Row]:
         """The critical sets with their indices."""
         G, K = setting.inside.group, setting.inside.gains.K
-        found = critical_sets(G, K)
-        if found is None:
+        sets = critical_sets(G, K)
+        if sets is None:
             return [self.row(Verdict.UNKNOWN, remark=f"critical points on {G.name} not known")]
-        remark = "; ".join(_described(each) for each in found)
-        sizes = [np.sort(np.abs(each.hessian))[each.nullity :].min() for each in found]
-        return [self.row(_verdict(found), float(min(sizes)), remark=remark)]
+        remark = "; ".join(_described(each) for each in sets)
+        sizes = [np.sort(np.abs(each.hessian))[each.nullity :].min() for each in sets]
+        return [self.row(_verdict(sets), float(min(sizes)), remark=remark)]
 
 
-def _verdict(found: list[CriticalSet]) -> Verdict:
-    minima = [each for each in found if each.index == 0]
-    clean = all(each.nullity == each.dimension for each in found)
-    if minima != found[:1] or not clean:  # the identity comes first, and is a single point
+def _verdict(sets: list[CriticalSet]) -> Verdict:
+    minima = [each for each in sets if each.index == 0]
+    clean = all(each.nullity == each.dimension for each in sets)
+    if minima != sets[:1] or not clean:  # the identity comes first, and is a single point
         return Verdict.VIOLATED
-    return Verdict.MORSE_BOTT if any(each.dimension for each in found) else Verdict.HOLDS
+    return Verdict.MORSE_BOTT if any(each.dimension for each in sets) else Verdict.HOLDS
 
 
 def _described(each: CriticalSet) -> str:

@@ -39,8 +39,8 @@ class Momentum(Identity):
         s, (Q, V, Qd, Vd) = sample.s, sample.drawn
         yield s.Q, Q
         yield s.Qd, Qd
-        for found, velocity, lost in zip((s.V, s.Vd), (V, Vd), sample.lost, strict=True):
-            yield found, granted(velocity, lost)
+        for tracked, velocity, lost in zip((s.V, s.Vd), (V, Vd), sample.lost, strict=True):
+            yield tracked, granted(velocity, lost)
 
 
 class ReferenceMotion(Identity):
@@ -131,10 +131,10 @@ class CriticalPoints(Identity):
             yield gradient(G, K, Q), np.zeros(G.dimension)
             slopes = [rate_of(gradient(G, K, with_rate(Q, each.Q @ E))) for E in G.basis]
             hessian, _ = value_of(stack(slopes))
-            found = np.linalg.eigvalsh((hessian + hessian.T) / 2)
-            scale = np.abs(found).max()
-            yield lifted(each.hessian, roundings * len(found) * scale), found
-            falls, flat = found < -FLAT * scale, np.abs(found) <= FLAT * scale
+            eigenvalues = np.linalg.eigvalsh((hessian + hessian.T) / 2)
+            scale = np.abs(eigenvalues).max()
+            yield lifted(each.hessian, roundings * len(eigenvalues) * scale), eigenvalues
+            falls, flat = eigenvalues < -FLAT * scale, np.abs(eigenvalues) <= FLAT * scale
             yield np.array([each.index, each.nullity]), np.array([falls.sum(), flat.sum()])
 
 

@@ -249,7 +249,7 @@ class Convergence(LyapunovCheck):
     """
 
     def arrived(
-        self, runs: Runs, final: Array, near: Array, found: Approach | None, bound: float | None
+        self, runs: Runs, final: Array, near: Array, left: Approach | None, bound: float | None
     ) -> Row:
         """Count the runs that have not settled, and report the decay rate of L and offsets.
 
@@ -268,20 +268,20 @@ class Convergence(LyapunovCheck):
         if not len(final):
             return self.undecided(runs)
         arrived = near.copy()
-        if found is not None:
-            arrived[: len(found.arrived)] &= found.arrived
+        if left is not None:
+            arrived[: len(left.arrived)] &= left.arrived
         late = int(np.count_nonzero(~arrived))
         rate, span = runs.decay_rate(), float(runs.times[-1] - runs.times[0])
         claimed = runs.claims_decrease and np.isfinite(rate)
         remark = joined(
             f"{late} of {len(final)} runs not converged at {runs.times[-1]:g} s" if late else "",
-            found.offsets if found else NOT_STORED,
+            left.offsets if left else NOT_STORED,
             f"L decays at {rate:.2g} 1/s (median)" if claimed else "",
             runs.remark,
         )
         if runs.departures:
             verdict, remark = Verdict.NOT_COVERED, joined(runs.departures, remark)
-        elif not late and found is not None:
+        elif not late and left is not None:
             verdict = Verdict.HOLDS
         elif not runs.claims_decrease:
             verdict = Verdict.UNCLAIMED
@@ -300,10 +300,10 @@ class PoseConvergence(Convergence):
         """The final pose errors."""
         final, errors, bound = runs.final_pose_error, runs.pose_error, runs.threshold
         L = runs.lyapunov
-        found = None if errors is None else approach(runs.times, errors, runs.rtol, 1.0, L)
+        left = None if errors is None else approach(runs.times, errors, runs.rtol, 1.0, L)
         if runs.settled is not None:
-            return self.arrived(runs, final, runs.settled, found, None)
-        return self.arrived(runs, final, final <= bound, found, bound)
+            return self.arrived(runs, final, runs.settled, left, None)
+        return self.arrived(runs, final, final <= bound, left, bound)
 
 
 class MomentumConvergence(Convergence):
@@ -320,8 +320,8 @@ class MomentumConvergence(Convergence):
         final, errors = runs.final_velocity_error, runs.velocity_error
         if errors is None:
             return self.arrived(runs, final, np.isfinite(final), None, None)
-        found = approach(runs.times, errors, runs.rtol, runs.desired_speed, runs.lyapunov)
-        return self.arrived(runs, found.left, found.arrived, found, LEFT)
+        left = approach(runs.times, errors, runs.rtol, runs.desired_speed, runs.lyapunov)
+        return self.arrived(runs, left.left, left.arrived, left, LEFT)
 
 
 @dataclass(frozen=True)
@@ -350,17 +350,17 @@ class Tracks(TrajectoryCheck):
             ("pose", runs.pose_error, runs.threshold),
             ("velocity", runs.velocity_error, LEFT * runs.desired_speed),
         )
-        found = []
+        endings = []
         for name, errors, near in given:
             if errors is None or not len(errors):
                 return self.undecided(runs, "" if errors is not None else NOT_STORED)
             fifths = Fifths.of(runs.times, errors)
             if fifths is None:
                 return self.undecided(runs, f"{len(runs.times)} samples are too few")
-            found.append(self._ending(runs, name, errors, near, fifths))
-        worst = max(found, key=lambda each: (_WORSE.index(each.verdict), each.left))
-        both = ", ".join(f"{each.name} {each.left:.2g}" for each in found)
-        doubts = dict.fromkeys(each.reason for each in found if each.verdict is worst.verdict)
+            endings.append(self._ending(runs, name, errors, near, fifths))
+        worst = max(endings, key=lambda each: (_WORSE.index(each.verdict), each.left))
+        both = ", ".join(f"{each.name} {each.left:.2g}" for each in endings)
+        doubts = dict.fromkeys(each.reason for each in endings if each.verdict is worst.verdict)
         remark = joined(both, *doubts, runs.remark)
         bound = GROWN if runs.departures else TRACKED
         return self.row(worst.verdict, worst.left, bound, remark, runs.label)

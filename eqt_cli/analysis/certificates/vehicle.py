@@ -42,10 +42,10 @@ class LargestExcess(TrajectoryCheck):
 
     def check(self, runs: Runs) -> Row:
         """Judge that number."""
-        found = list(self.excesses(runs))
-        if not found:
+        excesses = list(self.excesses(runs))
+        if not excesses:
             return self.undecided(runs, runs.remark or self.nothing)
-        measured, bound, remark = max(found, key=_ratio)
+        measured, bound, remark = max(excesses, key=_ratio)
         return self.compared(float(measured), float(bound), remark or runs.remark, runs.label)
 
     @abstractmethod
@@ -53,8 +53,8 @@ class LargestExcess(TrajectoryCheck):
         """Yield numbers with the bounds that they must not exceed."""
 
 
-def _ratio(found: Excess) -> float:
-    measured, bound, _ = found
+def _ratio(excess: Excess) -> float:
+    measured, bound, _ = excess
     return measured / bound if np.isfinite(measured) else np.inf
 
 
@@ -220,5 +220,5 @@ class WhiteInnovations(EstimateCheck):
         yield abs(mean - 1), 1 - low if mean < 1 else high - 1, words
         if squares.sum() > 0:
             products = np.where(squares > 0, squares * correlation, 0.0).sum()
-            found = float(products / squares.sum())
-            yield abs(found), DEVIATIONS / np.sqrt(total), f"correlation {found:.3g}"
+            relation = float(products / squares.sum())
+            yield abs(relation), DEVIATIONS / np.sqrt(total), f"correlation {relation:.3g}"

@@ -103,10 +103,10 @@ class Judgement:
 
 def applicable(sets: Sequence[type[ClaimSet]], kinds: Sequence[str]) -> Iterator[tuple[str, Claim]]:
     """Yield the source and the claim for claims with a row about controllers of the result."""
-    for found in sets:
-        for claim in found.claims:
+    for claim_set in sets:
+        for claim in claim_set.claims:
             if any(set(row.kinds) <= set(kinds) for row in claim.rows):
-                yield found.source, claim
+                yield claim_set.source, claim
 
 
 def measured_by(result: Result, row: Less) -> list[tuple[Quantity, Window]]:
@@ -366,10 +366,10 @@ def _tells(result: Result, quantity: Quantity, window: Window) -> bool:
 
 def _by_kind(result: Result, labels: Sequence[str]) -> dict[str, str]:
     """Return the first controller of each kind among those with these labels."""
-    found: dict[str, str] = {}
+    by_kind: dict[str, str] = {}
     for label in labels:
-        found.setdefault(result.kinds.get(label, label), label)
-    return found
+        by_kind.setdefault(result.kinds.get(label, label), label)
+    return by_kind
 
 
 class _Test(NamedTuple):
@@ -404,8 +404,8 @@ def _judgements(
     by_names = {(_key(pair.measured), pair.first, pair.second): pair for pair in pairs}
 
     def pair_of(key: _Key, first: str, second: str) -> Pair:
-        found = by_names.get((key, first, second))
-        return found or by_names[(key, second, first)].swapped()
+        pair = by_names.get((key, first, second))
+        return pair or by_names[(key, second, first)].swapped()
 
     settles = result.settles
 

@@ -177,11 +177,11 @@ def shares(values: Array, confidence: float = Resampling.confidence) -> Array:
     """Return `share` over the last axis of zeros and ones, NaN for no value; ``(..., 3)``."""
     known = np.isfinite(values)
     counts, runs = np.where(known, values, 0).sum(axis=-1), known.sum(axis=-1)
-    found = [
+    rows = [
         share(int(count), int(of), confidence)
         for count, of in zip(counts.ravel(), runs.ravel(), strict=True)
     ]
-    return np.reshape(np.array(found, dtype=float), (*counts.shape, len(Interval._fields)))
+    return np.reshape(np.array(rows, dtype=float), (*counts.shape, len(Interval._fields)))
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ class PairedShares:
         """Count the runs from arrays of 0 or 1, ``(runs,)``."""
         a, b = first > 0, second > 0
         counts = (a & b, a & ~b, ~a & b, ~a & ~b)
-        return cls(*(int(np.count_nonzero(found)) for found in counts))
+        return cls(*(int(np.count_nonzero(outcome)) for outcome in counts))
 
     @property
     def runs(self) -> int:
@@ -233,8 +233,8 @@ class PairedShares:
         product = (a + b) * (c + d) * (a + c) * (b + d)
         if not product:
             return 0.0
-        found = a * d - b * c
-        return (max(found - self.runs / 2, 0.0) if found > 0 else found) / math.sqrt(product)
+        excess = a * d - b * c
+        return (max(excess - self.runs / 2, 0.0) if excess > 0 else excess) / math.sqrt(product)
 
     @property
     def p_value(self) -> float:

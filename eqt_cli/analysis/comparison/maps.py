@@ -227,9 +227,9 @@ def _p_values(differences: Array) -> Array:
         mean = filled.sum(axis=-1) / count
         spread = np.where(known, differences - mean[..., None], 0.0)
         error = np.sqrt((spread**2).sum(axis=-1) / (count - 1) / count)
-        found = 2 * stdtr(count - 1, -np.abs(mean) / error)
-    found = np.where(mean == 0, 1.0, np.where(error == 0, 0.0, found))
-    return np.where(count >= FEWEST, found, np.nan)
+        p = 2 * stdtr(count - 1, -np.abs(mean) / error)
+    p = np.where(mean == 0, 1.0, np.where(error == 0, 0.0, p))
+    return np.where(count >= FEWEST, p, np.nan)
 
 
 def _adjusted(p_values: Array) -> Array:
@@ -237,17 +237,17 @@ def _adjusted(p_values: Array) -> Array:
     from scipy.stats import false_discovery_control
 
     known = np.isfinite(p_values)
-    found = p_values.copy()
+    adjusted = p_values.copy()
     if known.any():
-        found[known] = false_discovery_control(p_values[known], method="by")
-    return found
+        adjusted[known] = false_discovery_control(p_values[known], method="by")
+    return adjusted
 
 
 MOST_POINTS = 60
 """Largest number of points listed one by one; with more points, wins are only counted."""
 
 
-def map_tables(found: Map, result: Result, write: Plain, *, whole: bool = False) -> list[TextTable]:
+def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) -> list[TextTable]:
     """Return the table of wins of each law, and the table of points.
 
     Parameters
@@ -255,31 +255,31 @@ def map_tables(found: Map, result: Result, write: Plain, *, whole: bool = False)
     whole
         Whether to list all points, however many there are.
     """
-    name = write.name(found.quantity)
-    unit = write.unit(found.unit)
-    points = len(found.cells)
+    name = write.name(wins.quantity)
+    unit = write.unit(wins.unit)
+    points = len(wins.cells)
     counted = [
-        [write.text(title), str(found.wins(law)), *_where(found, result, law, write)]
-        for law, title in enumerate(found.titles)
+        [write.text(title), str(wins.wins(law)), *_where(wins, result, law, write)]
+        for law, title in enumerate(wins.titles)
     ]
-    undecided = sum(cell.winner == NOBODY for cell in found.cells)
+    undecided = sum(cell.winner == NOBODY for cell in wins.cells)
     counted.append(["undecided", str(undecided), "", ""])
     summary = TextTable(
         "winners",
-        f"Which law has the better {name}, at {points} points of {found.runs} runs each",
+        f"Which law has the better {name}, at {points} points of {wins.runs} runs each",
         ["law", "points won", "largest lead", "at"],
         [Block("", counted)],
-        [write.text(note) for note in _notes(found)],
+        [write.text(note) for note in _notes(wins)],
     )
     if points > MOST_POINTS and not whole:
         more = f"{points} points are not listed; a table of all comes with --table points."
         return [replace(summary, notes=[*summary.notes, more])]
     rows = [
-        [str(cell.point), write.text(result.point_name(cell.point)), *_row(found, cell, write)]
-        for cell in found.cells
+        [str(cell.point), write.text(result.point_name(cell.point)), *_row(wins, cell, write)]
+        for cell in wins.cells
     ]
     caption = f"Mean {name} at each point" if not name.startswith("mean") else f"{name}, each point"
-    header = ["point", "at", *map(write.text, found.titles), "winner", "lead", "adjusted p"]
+    header = ["point", "at", *map(write.text, wins.titles), "winner", "lead", "adjusted p"]
     table = TextTable(
         "points",
         caption + (f", {unit}" if unit else ""),
@@ -291,52 +291,52 @@ def map_tables(found: Map, result: Result, write: Plain, *, whole: bool = False)
     return [summary, table]
 
 
-def _notes(found: Map) -> list[str]:
-    share = f"{100 * (1 - found.confidence):g} %"
+def _notes(wins: Map) -> list[str]:
+    share = f"{100 * (1 - wins.confidence):g} %"
     notes = [
         "A law wins at a point where it is better than every other one there, run by run on the "
         "same initial states. The best law of a point is compared with each other one by a paired "
-        f"t-test, and the largest p-value counts. The {found.tests} p-values of the points are "
+        f"t-test, and the largest p-value counts. The {wins.tests} p-values of the points are "
         f"adjusted after Benjamini and Yekutieli (2001): expected share of false wins ≤ {share}."
     ]
     failed, censored = (
-        [sum(getattr(cell, name)[law] for cell in found.cells) for law in range(len(found.labels))]
+        [sum(getattr(cell, name)[law] for cell in wins.cells) for law in range(len(wins.labels))]
         for name in ("failed", "censored")
     )
     if any(failed):
         notes.append(
-            f"Failed runs: {_listed(found, failed)}. A law of which more runs failed than of "
+            f"Failed runs: {_listed(wins, failed)}. A law of which more runs failed than of "
             "another cannot win at that point."
         )
-    if unsettled := sum(cell.settled == 0 for cell in found.cells):
+    if unsettled := sum(cell.settled == 0 for cell in wins.cells):
         notes.append(
-            f"At {unsettled} of {len(found.cells)} points no run of the best law settled; no law "
+            f"At {unsettled} of {len(wins.cells)} points no run of the best law settled; no law "
             "wins there."
         )
     if any(censored):
-        notes.append(f"Runs beyond the horizon, which count with it: {_listed(found, censored)}.")
+        notes.append(f"Runs beyond the horizon, which count with it: {_listed(wins, censored)}.")
     return notes
 
 
-def _listed(found: Map, counts: list[int]) -> str:
-    return ", ".join(f"{title} {n}" for title, n in zip(found.titles, counts, strict=True) if n)
+def _listed(wins: Map, counts: list[int]) -> str:
+    return ", ".join(f"{title} {n}" for title, n in zip(wins.titles, counts, strict=True) if n)
 
 
-def _where(found: Map, result: Result, law: int, write: Plain) -> list[str]:
+def _where(wins: Map, result: Result, law: int, write: Plain) -> list[str]:
     """Return the largest lead of a law and the point where it occurs."""
-    won = [cell for cell in found.cells if cell.winner == law]
+    won = [cell for cell in wins.cells if cell.winner == law]
     if not won:
         return ["-", ""]
     most = max(won, key=lambda cell: abs(cell.lead.value))
     return [_lead(most, write), write.text(f"point {most.point}, {result.point_name(most.point)}")]
 
 
-def _row(found: Map, cell: Cell, write: Plain) -> list[str]:
+def _row(wins: Map, cell: Cell, write: Plain) -> list[str]:
     means = [
-        _mean(found.means[cell.point, law], cell.failed[law], cell.censored[law])
-        for law in range(len(found.labels))
+        _mean(wins.means[cell.point, law], cell.failed[law], cell.censored[law])
+        for law in range(len(wins.labels))
     ]
-    winner = "undecided" if cell.winner == NOBODY else write.text(found.titles[cell.winner])
+    winner = "undecided" if cell.winner == NOBODY else write.text(wins.titles[cell.winner])
     p_value = "-" if cell.p_value != cell.p_value else f"{cell.p_value:.2g}"
     return [*means, winner, _lead(cell, write), p_value]
 
@@ -355,17 +355,17 @@ def _lead(cell: Cell, write: Plain) -> str:
     return write.number(f"{mean} [{low}, {high}]") + write.text(" %")
 
 
-def map_records(found: Map, result: Result) -> list[dict[str, Any]]:
+def map_records(wins: Map, result: Result) -> list[dict[str, Any]]:
     """Return one record per point with full precision."""
     return [
         {
-            "metric": found.quantity.name,
-            "units": found.unit,
+            "metric": wins.quantity.name,
+            "units": wins.unit,
             "point": cell.point,
             **{key.key: key.value(cell.point) for key in result.swept_keys},
-            "winner": None if cell.winner == NOBODY else found.labels[cell.winner],
-            "best": found.labels[cell.best],
-            "next": found.labels[cell.runner_up],
+            "winner": None if cell.winner == NOBODY else wins.labels[cell.winner],
+            "best": wins.labels[cell.best],
+            "next": wins.labels[cell.runner_up],
             "difference": cell.difference.value,
             "low": cell.difference.low,
             "high": cell.difference.high,
@@ -376,14 +376,14 @@ def map_records(found: Map, result: Result) -> list[dict[str, Any]]:
             **{
                 f"{name} of {label}": value
                 for name, values in (
-                    ("mean", found.means[cell.point].tolist()),
+                    ("mean", wins.means[cell.point].tolist()),
                     ("failed", cell.failed),
                     ("censored", cell.censored),
                 )
-                for label, value in zip(found.labels, values, strict=True)
+                for label, value in zip(wins.labels, values, strict=True)
             },
         }
-        for cell in found.cells
+        for cell in wins.cells
     ]
 
 
@@ -472,9 +472,9 @@ def _compared(result: Result) -> Iterator[str]:
             yield from result.in_parts(metric)
 
 
-def _won(found: Map) -> str:
+def _won(wins: Map) -> str:
     """As in ``Points won by mean ‖I − Q_E‖: EqT 3, GT 12, undecided 5``."""
-    counts = {title: found.wins(law) for law, title in enumerate(found.titles)}
-    counts["undecided"] = found.wins(NOBODY)
-    told = ", ".join(f"{name} {count}" for name, count in counts.items())
-    return f"Points won by {Plain().name(found.quantity)}: {told}."
+    counts = {title: wins.wins(law) for law, title in enumerate(wins.titles)}
+    counts["undecided"] = wins.wins(NOBODY)
+    points = ", ".join(f"{name} {count}" for name, count in counts.items())
+    return f"Points won by {Plain().name(wins.quantity)}: {points}."

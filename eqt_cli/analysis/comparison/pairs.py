@@ -118,8 +118,8 @@ class Pair:
         write = Plain()
         interval = write.interval(self.difference, self.low, self.high)
         measured = f"{self.measured.quantity.name} {write.window(self.measured.window)}"
-        found = " ".join(filter(None, [interval, write.unit(self.measured.unit)]))
-        return f"Pair({self.first} − {self.second}, {measured}: {found}, {self.pairs} pairs)"
+        value = " ".join(filter(None, [interval, write.unit(self.measured.unit)]))
+        return f"Pair({self.first} − {self.second}, {measured}: {value}, {self.pairs} pairs)"
 
     @property
     def relative(self) -> float:
@@ -168,8 +168,8 @@ def statistics(
         )
     ]
     table = np.stack(columns, axis=1) if columns else np.empty((good.shape[1], 0))
-    found = intervals_of_means(table, how)
-    ends = iter(map(Interval, found.mean.tolist(), found.low.tolist(), found.high.tolist()))
+    means = intervals_of_means(table, how)
+    ends = iter(map(Interval, means.mean.tolist(), means.low.tolist(), means.high.tolist()))
     levels, pairs = [], []
     for s in measured:
         for c, label in enumerate(labels):
@@ -183,7 +183,7 @@ def statistics(
                 interval = Interval(interval.value, math.nan, math.nan)
             pair = _pair(s, a, b, labels, good, how.confidence, interval)
             pairs.append(pair if counts is None else replace(pair, p_value=counts.p_value))
-    return levels, pairs, found.resamples
+    return levels, pairs, means.resamples
 
 
 def _paired(s: PerRun, a: int, b: int) -> PairedShares:

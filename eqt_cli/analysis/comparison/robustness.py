@@ -105,7 +105,7 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
         )
     across, other = keys
     settled = result.metric("settled") > 0  # NaN (a failed run) is not settled
-    found = []
+    reached = []
     for level in np.unique(other.values) if other else [0.0]:
         points = np.flatnonzero(other.values == level) if other else np.arange(result.points)
         points = points[np.argsort(across.values[points], kind="stable")]
@@ -119,10 +119,10 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
                 for value, n in zip(values.tolist(), counts[:, law].tolist(), strict=True)
             ]
             holds = np.array([each.low >= wanted for each in tested])
-            found.append(
+            reached.append(
                 Reach(label, name, tested, tested[easiest], *_around(values, holds, easiest))
             )
-    return across, found
+    return across, reached
 
 
 def _around(values: Array, holds: Array, start: int) -> tuple[float | None, float | None]:
@@ -141,10 +141,10 @@ def robustness_table(
     result: Result, wanted: float, confidence: float, write: Plain
 ) -> tuple[TextTable, list[dict[str, Any]]]:
     """Return the range of each law as a table, and all tested values as plain data."""
-    across, found = reaches(result, wanted, confidence)
+    across, reached_by = reaches(result, wanted, confidence)
     needed = runs_to_show(wanted, confidence)
     blocks: dict[str, list[list[str]]] = {}
-    for each in found:
+    for each in reached_by:
         row = [write.text(result.title_of[each.law]), *_ends(each, wanted, needed, write)]
         blocks.setdefault(each.other, []).append(row)
     runs = result.runs
@@ -170,7 +170,7 @@ def robustness_table(
     records = [
         {"law": each.law, "key": across.key, "other": each.other, **asdict(tested)}
         | {"within": each.holds_at(tested.value)}
-        for each in found
+        for each in reached_by
         for tested in each.values
     ]
     return table, records

@@ -138,8 +138,8 @@ def findings(comparison: Comparison, titles: Mapping[str, str]) -> list[Finding]
         return [*_ranking(comparison, titles), Finding(str(ClaimVerdict.NOT_COVERED), "", words)]
     claimed = groupby(comparison.judgements, key=lambda judgement: judgement.says)
     level = f"{100 * comparison.confidence:g} %"
-    found = [_of_claim(says, list(rows), titles, level) for says, rows in claimed]
-    return found or list(_ranking(comparison, titles))
+    sentences = [_of_claim(says, list(rows), titles, level) for says, rows in claimed]
+    return sentences or list(_ranking(comparison, titles))
 
 
 def sources(comparison: Comparison) -> str:
@@ -307,8 +307,8 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
     rows = []
     notes = []
     titles = comparison.titles
-    for _, found in groupby(comparison.levels, key=lambda level: id(level.measured)):
-        levels = list(found)
+    for _, group in groupby(comparison.levels, key=lambda level: id(level.measured)):
+        levels = list(group)
         here = levels[0].measured
         name, end = here.quantity.described, f"{here.window.stop:g} s"
         rows.append([*_measure(here, write), *(_value(level, write) for level in levels)])
@@ -389,8 +389,8 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], brief: 
 
     shown = [p for p in comparison.pairs if not against or set(names(p)) & set(against)]
     blocks = []
-    for (first, second), found in groupby(sorted(shown, key=order), key=names):
-        rows = [[*key(pair), *_pair_row(comparison, pair, write)] for pair in found]
+    for (first, second), group in groupby(sorted(shown, key=order), key=names):
+        rows = [[*key(pair), *_pair_row(comparison, pair, write)] for pair in group]
         blocks.append(Block(write.text(_difference(comparison, first, second)), rows))
     caption = "Paired differences from the same initial states"
     if any(math.isfinite(pair.low) for pair in shown):
@@ -457,21 +457,21 @@ def _of_shares(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     tested = [pair for pair in shown if pair.p_value is not None]
     if not tested:
         return []
-    found = "; ".join(
+    tests = "; ".join(
         f"{pair.measured.quantity.plain}, {_difference(comparison, pair.first, pair.second)}: "
         f"p = {pair.p_value:.2g}"
         for pair in tested
     )
     level = f"{100 * comparison.confidence:g} %"
     return [
-        f"Shares of runs: with {level} paired intervals of Newcombe. McNemar's exact test: {found}."
+        f"Shares of runs: with {level} paired intervals of Newcombe. McNemar's exact test: {tests}."
     ]
 
 
 def _claims(comparison: Comparison, write: Plain) -> TextTable:
     blocks = []
-    for says, found in groupby(comparison.judgements, key=lambda judgement: judgement.says):
-        judgements = list(found)
+    for says, group in groupby(comparison.judgements, key=lambda judgement: judgement.says):
+        judgements = list(group)
         rows = [_claim_row(comparison, judgement, write) for judgement in judgements]
         absent = ", ".join(map(law_title, judgements[0].absent))
         without = f" (here without {absent})" if absent else ""
@@ -504,17 +504,17 @@ def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> li
         assert judgement.measured is not None
         law = comparison.titles.get(judgement.controller, judgement.controller)
         what = write.text(f"{law}: {judgement.statement}")
-        found = f"in {judgement.held} of {judgement.runs} runs"
+        outcome = f"in {judgement.held} of {judgement.runs} runs"
         window = write.window(judgement.measured.window)
     else:
         pair = judgement.pair
         symbol = write.name(pair.measured.quantity)
         what = f"{symbol}: {write.text(_difference(comparison, pair.first, pair.second))}"
         interval = write.interval(pair.difference, pair.low, pair.high)
-        found = " ".join(filter(None, [interval, write.unit(pair.measured.unit)]))
-        found += f" ({_relative(pair, write)})"
+        outcome = " ".join(filter(None, [interval, write.unit(pair.measured.unit)]))
+        outcome += f" ({_relative(pair, write)})"
         window = write.window(pair.measured.window)
-    return [what, window, found, str(judgement.verdict), _runs(judgement.runs_to_decide)]
+    return [what, window, outcome, str(judgement.verdict), _runs(judgement.runs_to_decide)]
 
 
 def _measure(measured: PerRun, write: Plain) -> list[str]:

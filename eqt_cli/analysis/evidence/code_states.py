@@ -69,11 +69,11 @@ class States(NamedTuple):
         inputs = {name: x for name, x in self.inputs._asdict().items() if x is not None}
         values: list[Array] = [*inputs.values(), *self.memory.values()]
         rows = [(k, bad) for k in range(len(values)) for bad in (np.nan, np.inf)]
-        found = [np.repeat(np.asarray(part, dtype=float)[:1], len(rows), axis=0) for part in values]
+        parts = [np.repeat(np.asarray(part, dtype=float)[:1], len(rows), axis=0) for part in values]
         for row, (k, bad) in enumerate(rows):
-            found[k][row] = bad
-        given = LawInput(**dict(zip(inputs, found, strict=False)))
-        return States(given, dict(zip(self.memory, found[len(inputs) :], strict=True)))
+            parts[k][row] = bad
+        given = LawInput(**dict(zip(inputs, parts, strict=False)))
+        return States(given, dict(zip(self.memory, parts[len(inputs) :], strict=True)))
 
     @classmethod
     def joined(cls, parts: Sequence[States]) -> States:
@@ -108,22 +108,22 @@ def drawn_states(loop: ClosedLoop, horizon: float, random: np.random.Generator) 
         lengths = loop.controller.memory(G).items()
         memory = {name: random.standard_normal((count, length)) for name, length in lengths}
         shapes = {} if flat is None else flat._asdict()
-        told = {
+        output = {
             name: random.standard_normal((count, *part.shape))
             for name, part in shapes.items()
             if part is not None
         }
-        return States(LawInput(t, Q, V, Qd, moves * Vd, moves * Vd_dot, **told), memory)
+        return States(LawInput(t, Q, V, Qd, moves * Vd, moves * Vd_dot, **output), memory)
 
     def changed(**parts: Any) -> States:
-        found = normal(STRATUM)
-        parts = {name: change(getattr(found.inputs, name)) for name, change in parts.items()}
-        return found._replace(inputs=found.inputs._replace(**parts))
+        states = normal(STRATUM)
+        parts = {name: change(getattr(states.inputs, name)) for name, change in parts.items()}
+        return states._replace(inputs=states.inputs._replace(**parts))
 
     def wrong_by(x: Array) -> States:
-        found = normal(STRATUM)
-        pose = found.inputs.desired_pose @ G.exp(x)
-        return found._replace(inputs=found.inputs._replace(pose=pose))
+        states = normal(STRATUM)
+        pose = states.inputs.desired_pose @ G.exp(x)
+        return states._replace(inputs=states.inputs._replace(pose=pose))
 
     def still(x: Array) -> Array:
         return np.where(random.random((len(x), *[1] * (x.ndim - 1))) < 0.5, 0.0, x)
@@ -196,15 +196,15 @@ class OutcomeSearch:
         """Return up to `RARE` states with an outcome of a decision; none if none is found."""
         seen = self.watch(states)
         there = np.flatnonzero(seen.outcomes[:, decision] & outcome)
-        found = states.of(there) if len(there) else self._crossed(states, seen, decision, outcome)
+        rare = states.of(there) if len(there) else self._crossed(states, seen, decision, outcome)
         for _ in range(3):
-            if not 0 < found.rows < RARE:
+            if not 0 < rare.rows < RARE:
                 break
-            again = found.of(self.random.integers(found.rows, size=4 * RARE))
+            again = rare.of(self.random.integers(rare.rows, size=4 * RARE))
             near = self._moved(again, self._any_steps(again))
             is_there = self.watch(near).outcomes[:, decision] & outcome
-            found = States.joined([found, near.of(np.flatnonzero(is_there))])
-        return found.of(slice(RARE))
+            rare = States.joined([rare, near.of(np.flatnonzero(is_there))])
+        return rare.of(slice(RARE))
 
     def _crossed(self, states: States, seen: Watched, decision: int, outcome: int) -> States:
         """Follow the slope of a comparison until it has the other outcome."""

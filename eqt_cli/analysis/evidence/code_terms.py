@@ -73,8 +73,8 @@ class Question:
         kept = {name: z for name, z in given.items() if name in names}
         s = inputs.tracking(loop.group, loop.inertia, gains, kept)
         with np.errstate(all="ignore"):
-            found, _ = law.answer(s, loop.period)
-        return found + 0.0 * inputs.velocity
+            torque, _ = law.answer(s, loop.period)
+        return torque + 0.0 * inputs.velocity
 
     def of(self, where: Array) -> Question:
         """Return the question at some of the states."""
@@ -144,7 +144,7 @@ def _own_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str, 
     damping = ask(inputs=rest) - ask(inputs=rest, K_d=0.0)
     own_damping = ask(inputs=still) - ask(inputs=still, K_d=0.0)
     unpushed = rest._replace(desired_acceleration=0 * rest.desired_acceleration)
-    found = {
+    parts = {
         "stiffness": stiffness,
         "damping": own_damping,
         "damping of the desired velocity": damping - own_damping,
@@ -152,8 +152,8 @@ def _own_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str, 
     }
     for name in question.memory:
         without = dict(question.memory) | {name: 0 * question.memory[name]}
-        found[name] = ask(inputs=rest) - ask(inputs=rest, memory=without)
-    return found
+        parts[name] = ask(inputs=rest) - ask(inputs=rest, memory=without)
+    return parts
 
 
 def _quadratic(question: Question, inputs: LawInput) -> list[dict[str, Array]]:
@@ -200,12 +200,12 @@ def _fitted(torque: Array, own: dict[str, Array], moving: dict[str, Array]) -> L
     }
     expected = dict.fromkeys(own.keys() & columns.keys(), 1.0)
     rest = torque - sum((columns[name] for name in own if name in columns), 0 * torque)
-    found = _least_squares({name: columns[name] for name in moving if name in columns}, rest)
+    fitted = _least_squares({name: columns[name] for name in moving if name in columns}, rest)
     # Coefficients are multiples of one half, or weights that the user set.
-    expected |= {name: _rounded(value) for name, value in found.items()}
-    for name in [name for name in found if expected[name] < 0]:  # reported as "1.00 of 1"
+    expected |= {name: _rounded(value) for name, value in fitted.items()}
+    for name in [name for name in fitted if expected[name] < 0]:  # reported as "1.00 of 1"
         columns[name], expected[name] = -columns[name], -expected[name]
-    left = rest - sum((expected[n] * columns[n] for n in found), 0 * torque)
+    left = rest - sum((expected[n] * columns[n] for n in fitted), 0 * torque)
     if np.abs(left).max() > EXPLAINED["double"] * scale:
         columns[OTHERS], expected[OTHERS] = left, 1.0
     return LawParts(columns, {name: expected[name] for name in columns})
@@ -222,8 +222,8 @@ def _least_squares(columns: Mapping[str, Array], torque: Array) -> dict[str, flo
         return {}
     matrix = np.stack([column.ravel() for column in columns.values()], axis=1)
     sizes = np.linalg.norm(matrix, axis=0)
-    found = np.linalg.lstsq(matrix / sizes, torque.ravel(), rcond=1e-10)[0] / sizes
-    return dict(zip(columns, found.tolist(), strict=True))
+    shares = np.linalg.lstsq(matrix / sizes, torque.ravel(), rcond=1e-10)[0] / sizes
+    return dict(zip(columns, shares.tolist(), strict=True))
 
 
 # Explanation of code ------------------------------------------------------------------------------
@@ -259,9 +259,9 @@ class TorqueExplanation:
     def changed(self) -> dict[str, tuple[float, float]]:
         """Parts whose coefficients in the code and in the law differ."""
         return {
-            name: (found, expected)
-            for name, (found, expected) in self.coefficients.items()
-            if abs(found - expected) > CHANGED[self.real] * max(1.0, abs(expected))
+            name: (fitted, expected)
+            for name, (fitted, expected) in self.coefficients.items()
+            if abs(fitted - expected) > CHANGED[self.real] * max(1.0, abs(expected))
         }
 
     @property
@@ -281,28 +281,28 @@ class TorqueExplanation:
         if lacking:
             words = ", ".join(_coefficient(n, *pair) for n, pair in lacking.items())
             sentences.append(f"lacks {words}")
-        for name, (found, expected) in other.items():
-            hint = NOT_SKEW if name == SYMMETRIC else _sign(found, expected)
-            sentences.append(f"has {_coefficient(name, found, expected)}{hint}")
+        for name, (fitted, expected) in other.items():
+            hint = NOT_SKEW if name == SYMMETRIC else _sign(fitted, expected)
+            sentences.append(f"has {_coefficient(name, fitted, expected)}{hint}")
         same = [n for n, (_, e) in self.coefficients.items() if n not in self.changed and e]
         if same and (lacking or other):
             sentences.append(f"the same as in the law: {', '.join(same)}")
         return "; ".join(sentences)
 
 
-def _is_zero(found: float, of: TorqueExplanation) -> bool:
-    return abs(found) <= CHANGED[of.real] * 10
+def _is_zero(fitted: float, of: TorqueExplanation) -> bool:
+    return abs(fitted) <= CHANGED[of.real] * 10
 
 
-def _coefficient(name: str, found: float, expected: float) -> str:
-    close = abs(found - expected) < 0.005
-    one = f"{found:.6g}" if close else f"{found:.2f}".replace("-0.00", "0.00")
+def _coefficient(name: str, share: float, expected: float) -> str:
+    close = abs(share - expected) < 0.005
+    one = f"{share:.6g}" if close else f"{share:.2f}".replace("-0.00", "0.00")
     return f"{name}: coefficient {one} of {expected:g}"
 
 
-def _sign(found: float, expected: float) -> str:
+def _sign(share: float, expected: float) -> str:
     return (
-        " (the sign is wrong)" if expected and abs(found + expected) < 0.005 * abs(expected) else ""
+        " (the sign is wrong)" if expected and abs(share + expected) < 0.005 * abs(expected) else ""
     )
 
 
@@ -314,18 +314,18 @@ def explained(question: Question, torque: Array, real: str) -> TorqueExplanation
     finite = np.isfinite(torque).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
     usable = np.flatnonzero(finite)[:ENOUGH]
     few = question.of(usable)
-    found: list[TorqueExplanation] = []
+    explanations: list[TorqueExplanation] = []
     for words, changed, pose, rest in assumptions(few):
         for parts in parts_of(changed, pose, rest):
-            found.append(_explanation(changed, parts, torque[usable], words, real))
-        best = min((each.cost for each in found if each.is_complete), default=np.inf)
+            explanations.append(_explanation(changed, parts, torque[usable], words, real))
+        best = min((each.cost for each in explanations if each.is_complete), default=np.inf)
         if best <= ASSUMED:  # any other explanation assumes more
             break
-    complete = [each for each in found if each.is_complete]
+    complete = [each for each in explanations if each.is_complete]
     if complete:
         return min(complete, key=lambda each: each.cost)
     # An assumed mistake must at least halve what is left.
-    return min(found, key=lambda each: each.left * (2.0 if each.assumed else 1.0))
+    return min(explanations, key=lambda each: each.left * (2.0 if each.assumed else 1.0))
 
 
 def _explanation(
@@ -370,10 +370,10 @@ def _symmetric(question: Question) -> Array:
     return -apply_matrix(stiffness, entries)
 
 
-def sum_of(columns: Mapping[str, Array], found: Array, bound: float) -> str:
+def sum_of(columns: Mapping[str, Array], torque: Array, bound: float) -> str:
     """Describe a vector as a sum of columns with coefficients."""
-    shares = _least_squares(columns, found)
-    left = found - sum((shares[name] * column for name, column in columns.items()), 0 * found)
+    shares = _least_squares(columns, torque)
+    left = torque - sum((shares[name] * column for name, column in columns.items()), 0 * torque)
     if np.abs(left).max() > bound:
         return "otherwise than by any sum of its parts"
     return "by " + ", ".join(
@@ -540,7 +540,7 @@ def explained_cascade(question: Question, wrench: Array, real: str) -> str:
     usable = np.flatnonzero(finite)[:ENOUGH]
     few, wrench = question.of(usable), wrench[usable]
     push = _of_push(few, wrench, real)
-    shares = {name: found for name, (found, _) in push.coefficients.items()}
+    shares = {name: share for name, (share, _) in push.coefficients.items()}
     said, near = push.words, CHANGED[real]
     others = [share for name, share in shares.items() if name != KNOWN]
     if said and push.is_complete and np.ptp(others) < near < abs(others[0] - 1.0):
@@ -551,12 +551,12 @@ def explained_cascade(question: Question, wrench: Array, real: str) -> str:
     changed = _with_force(few, shares, near) if push.is_complete else None
     if changed is None:
         return "; ".join([*words, "the torque was not compared"])
-    found = []
+    candidates = []
     for assumed, each in _with_rates(changed):
         one = explained(*_of_attitude(each, wrench), real)
         cost = one.cost + (ASSUMED if assumed else 0.0) if one.is_complete else np.inf
-        found.append((cost, [assumed, one.words]))
-    of_torque = "; ".join(filter(None, min(found, key=lambda each: each[0])[1]))
+        candidates.append((cost, [assumed, one.words]))
+    of_torque = "; ".join(filter(None, min(candidates, key=lambda each: each[0])[1]))
     for name, symbol in NAMES.items():
         of_torque = of_torque.replace(name, symbol)
     return "; ".join([*words, *([f"torque: {of_torque}"] if of_torque else [])])

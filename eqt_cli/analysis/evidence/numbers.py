@@ -71,8 +71,8 @@ def granted(numbers: Array, error: float) -> Array:
 
 
 def _each(function: Any, *arrays: Array) -> Array:
-    found = np.frompyfunc(function, len(arrays), 1)(*arrays)
-    return np.asarray(found, dtype=object)
+    results = np.frompyfunc(function, len(arrays), 1)(*arrays)
+    return np.asarray(results, dtype=object)
 
 
 UNIT = 2.0**-53
@@ -229,8 +229,8 @@ def discrepancy(left: Array, right: Array) -> tuple[float, float]:
 
 def _read(numbers: Array, attribute: str) -> Array:
     numbers = np.asarray(numbers, dtype=object)
-    found = [getattr(Bounded.of(entry), attribute) for entry in numbers.flat]
-    return np.array(found, dtype=float).reshape(numbers.shape)
+    values = [getattr(Bounded.of(entry), attribute) for entry in numbers.flat]
+    return np.array(values, dtype=float).reshape(numbers.shape)
 
 
 register_symbols(

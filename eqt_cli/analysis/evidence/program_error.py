@@ -142,8 +142,8 @@ def bounded(
             analysis = _Analysis(program, one, by, other, part.stop - part.start)
             blocks.append([analysis.of(output) for output in program.outputs])
     return {
-        output.name: BoundedOutput(*map(np.concatenate, zip(*found, strict=True)))
-        for output, found in zip(program.outputs, zip(*blocks, strict=True), strict=True)
+        output.name: BoundedOutput(*map(np.concatenate, zip(*rows, strict=True)))
+        for output, rows in zip(program.outputs, zip(*blocks, strict=True), strict=True)
     }
 
 

@@ -155,14 +155,14 @@ def _at(sides: Sides, states: ExactStates, index: int, count: int) -> _At | None
     try:
         state = states.state(index, count)
         with noting(state.ledger):
-            found = [
+            values = [
                 ((number, entry), difference(a, b))
                 for number, (left, right) in enumerate(sides(state.sample), start=1)
                 for entry, (a, b) in _entries(left, right)
             ]
     except ZeroDivisionError:
         return None
-    return _At(found, state.ledger)
+    return _At(values, state.ledger)
 
 
 def _entries(left: Array, right: Array) -> Iterator[tuple[tuple[int, ...], tuple[object, object]]]:

@@ -66,7 +66,7 @@ class VehicleRuns:
         G = problem.loop.group
         for place, sensor, clock, _, axes in vehicle.drawings(G):
             count = int(clock.numbers(problem.control_instants)[-1]) + 1
-            period, found = clock.every * self.tick, []
+            period, whitened = clock.every * self.tick, []
             for run in self.numbers.tolist():
                 random = generator_at(self.seed, Stream.VEHICLE, run, place)
                 own = sensor.drawn(random)
@@ -74,9 +74,9 @@ class VehicleRuns:
                 if deviation is None:
                     break
                 errors, deviation = own.errors(G, count, period, random)[:, axes], deviation[axes]
-                found.append(errors[:, deviation > 0] / deviation[deviation > 0])
-            if len(found) == len(self.numbers) and found and found[0].size:
-                yield np.array(found)
+                whitened.append(errors[:, deviation > 0] / deviation[deviation > 0])
+            if len(whitened) == len(self.numbers) and whitened and whitened[0].size:
+                yield np.array(whitened)
 
 
 @dataclass(frozen=True)

@@ -185,17 +185,17 @@ def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
 
 def _with_errors(numbers: dict[str, Array]) -> dict[str, Array]:
     """Return the numbers of a loop with the errors of inverses and of symmetric matrices."""
-    found = dict(numbers)
-    for path in {MATRIX, INITIAL, K} & found.keys():
-        matrix = found[path]
-        found[path] = lifted(matrix, np.abs(matrix - matrix.swapaxes(-1, -2)))
-    if INVERSE in found:
+    widened = dict(numbers)
+    for path in {MATRIX, INITIAL, K} & widened.keys():
+        matrix = widened[path]
+        widened[path] = lifted(matrix, np.abs(matrix - matrix.swapaxes(-1, -2)))
+    if INVERSE in widened:
         matrix, inverse = numbers[MATRIX], numbers[INVERSE]
         condition = np.linalg.norm(matrix) * np.linalg.norm(inverse)
         # Higham, section 14.1: an inverse errs by a few m u cond(A) ‖A⁻¹‖.
         error = 4 * len(matrix) * UNIT * condition * np.abs(inverse).max()
-        found[INVERSE] = lifted(inverse, error)
-    return found
+        widened[INVERSE] = lifted(inverse, error)
+    return widened
 
 
 # Exact states -------------------------------------------------------------------------------------
@@ -223,17 +223,17 @@ class Parameters:
 
     def array(self, *shape: int) -> Array:
         """Draw an array of parameters."""
-        found = np.empty(shape, dtype=object)
+        entries = np.empty(shape, dtype=object)
         for index in np.ndindex(shape):
-            found[index] = self.one()
-        return found
+            entries[index] = self.one()
+        return entries
 
     def symmetric(self, size: int) -> Array:
         """Draw a symmetric matrix."""
-        found = self.array(size, size)
+        matrix = self.array(size, size)
         upper = np.triu_indices(size, 1)
-        found[upper[::-1]] = found[upper]
-        return found
+        matrix[upper[::-1]] = matrix[upper]
+        return matrix
 
     def function(self) -> Expression:
         """Draw an arbitrary function of time."""
@@ -361,14 +361,14 @@ def _with_any_force(vehicle: Vehicle, force: Array) -> Vehicle:
 
 def _freed(loop: ClosedLoop, parameters: Parameters) -> dict[str, Array]:
     """Return free tensors and gains, and the exact values of the law's own numbers."""
-    found = {path: _constants(value) for path, value in leaves(loop).items()}
-    found[K] = parameters.symmetric(len(found[K]))
-    found[K_D] = parameters.array(*found[K_D].shape)
-    for path in {MATRIX, INITIAL} & found.keys():
-        found[path] = parameters.symmetric(len(found[path]))
-    if INVERSE in found:
-        found[INVERSE] = inverse(found[MATRIX])
-    return found
+    free = {path: _constants(value) for path, value in leaves(loop).items()}
+    free[K] = parameters.symmetric(len(free[K]))
+    free[K_D] = parameters.array(*free[K_D].shape)
+    for path in {MATRIX, INITIAL} & free.keys():
+        free[path] = parameters.symmetric(len(free[path]))
+    if INVERSE in free:
+        free[INVERSE] = inverse(free[MATRIX])
+    return free
 
 
 def _constants(values: Array) -> Array:

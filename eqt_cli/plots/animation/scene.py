@@ -129,11 +129,11 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
 
 def _thrusts(results: Result, run: int, shown: list[int]) -> Array:
     actuators = source_of(results).data["actuators"] if results.has("thrust") else ()
-    found = [each["thrusters"] for each in actuators if each.get("thrusters")]
-    if not found:
+    rows = [each["thrusters"] for each in actuators if each.get("thrusters")]
+    if not rows:
         return np.empty((len(shown), len(results.times), 0, 2, 3))
     thrust = results.trajectory("thrust", run)[shown][..., None]
-    at, along = (np.array([[*each[key], 0.0][:3] for each in found[0]]) for key in ("at", "along"))
+    at, along = (np.array([[*each[key], 0.0][:3] for each in rows[0]]) for key in ("at", "along"))
     at, thrust = (each / (np.nanmax(np.abs(each)) or 1.0) for each in (at, thrust))
     along = along / np.linalg.norm(along, axis=-1, keepdims=True)
     return np.stack(np.broadcast_arrays(at, at + thrust * along), axis=-2)

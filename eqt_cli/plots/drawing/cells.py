@@ -156,10 +156,10 @@ def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> Non
 
 def _owner(result: Result, key: str) -> str:
     """Return the owner of a key among several controllers, ``" of TITLE"``; else nothing."""
-    found = re.match(r"controllers\[(\d+)\]", key)
-    if found is None or len(result.labels) < 2 or int(found[1]) >= len(result.titles):
+    match = re.match(r"controllers\[(\d+)\]", key)
+    if match is None or len(result.labels) < 2 or int(match[1]) >= len(result.titles):
         return ""
-    return f" of {result.titles[int(found[1])]}"
+    return f" of {result.titles[int(match[1])]}"
 
 
 def _unit(result: Result, unit: str) -> str:
@@ -231,9 +231,9 @@ class Cells:
 
     def grid(self, values: Array) -> Array:
         """Return values of all points as ``(rows, columns)``; NaN where there is no point."""
-        found = np.full(self.shape, np.nan)
-        found[self.rows, self.columns] = values
-        return found
+        grid = np.full(self.shape, np.nan)
+        grid[self.rows, self.columns] = values
+        return grid
 
     def draw(self, panel: Axes, values: Array, **look: Any) -> Any:
         """Colour the cells by the values of the points."""

@@ -81,15 +81,15 @@ def _places(axes: Axes, names: Sequence[str]) -> list[_NamePlace]:
     curves = [_points(axes, line) for line in axes.lines]
     if any(not len(points) for points in curves[: len(names)]):
         return []
-    found: list[_NamePlace] = []
+    places: list[_NamePlace] = []
     for index, name in enumerate(names):
         others = np.concatenate([*curves[:index], *curves[index + 1 :]])
         room = _size(axes, name) + 2 * max(map(_marked, axes.lines))
-        place = _best(axes, curves[index], others, room, found)
+        place = _best(axes, curves[index], others, room, places)
         if place is None:
             return []
-        found.append(place)
-    return found
+        places.append(place)
+    return places
 
 
 def _best(
@@ -135,8 +135,8 @@ def _points(axes: Axes, line: Line2D) -> Array:
     corners = np.clip(corners, low - 1e4, high + 1e4)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     steps = np.linspace(0, along[-1], max(2, min(5000, int(along[-1] / _STEP))))
-    found = np.column_stack([np.interp(steps, along, corners[:, k]) for k in (0, 1)])
-    return found[((found >= low) & (found <= high)).all(axis=1)]
+    points = np.column_stack([np.interp(steps, along, corners[:, k]) for k in (0, 1)])
+    return points[((points >= low) & (points <= high)).all(axis=1)]
 
 
 def _size(axes: Axes, name: str) -> Array:

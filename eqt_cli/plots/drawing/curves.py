@@ -75,8 +75,8 @@ def draw_band(
     if bands == "quantiles":
         low, high = np.quantile(values, BAND, axis=0)
     elif bands == "bootstrap":
-        found = intervals_of_means(values, RESAMPLING)
-        low, high = found.low, found.high
+        means = intervals_of_means(values, RESAMPLING)
+        low, high = means.low, means.high
     else:
         return
     axes.fill_between(times, low, high, label=name, **band_look(colour))

@@ -105,31 +105,31 @@ def signal_label(result: Result, signal: str) -> str:
 def metric_label(result: Result, metric: str, characters: int) -> str:
     """Return the name of a metric with its unit, in lines of at most `characters`."""
     if result.has(metric):
-        found, unit = result.quantity(metric), result.units(metric)
+        of, unit = result.quantity(metric), result.units(metric)
     else:  # computed from stored signals
-        found = result.comparable_named(metric)
-        unit = result.unit_of(found)
+        of = result.comparable_named(metric)
+        unit = result.unit_of(of)
     words = result.given_names.get(metric, "")
-    if "{}" in found.label and not words:
-        part = _part(result, found)
-        label = found.label.replace(f"{{}} {part_name(part.name)}", "{}") if part else found.label
-        return label.replace("{}", _labelled(result, metric, norm_symbol(result, found), unit))
-    words = free_text(words or found.label or found.long_name, characters)
+    if "{}" in of.label and not words:
+        part = _part(result, of)
+        label = of.label.replace(f"{{}} {part_name(part.name)}", "{}") if part else of.label
+        return label.replace("{}", _labelled(result, metric, norm_symbol(result, of), unit))
+    words = free_text(words or of.label or of.long_name, characters)
     return words + _labelled(result, metric, "", unit).removeprefix("$$")
 
 
-def norm_symbol(result: Result, found: Quantity) -> str:
+def norm_symbol(result: Result, of: Quantity) -> str:
     """Return the symbol of a quantity; of its part on a group of rigid motions."""
-    part = _part(result, found)
+    part = _part(result, of)
     if part is None or result.group is None:
-        return found.symbol
-    rotation, only, one_of_several = _OF_MOTIONS[found.signals[0].removesuffix(f"_{part.name}")]
+        return of.symbol
+    rotation, only, one_of_several = _OF_MOTIONS[of.signals[0].removesuffix(f"_{part.name}")]
     if part.turns:
         return rotation
     return only if len(result.group.parts) == 2 else one_of_several % part.name[0]
 
 
-def _part(result: Result, found: Quantity) -> Part | None:
+def _part(result: Result, quantity: Quantity) -> Part | None:
     """Return the part of a norm, on a group of one rotation and of vectors; else None."""
     parts = () if result.group is None else result.group.parts
     rotations, vectors = parts[:1], parts[1:]
@@ -138,7 +138,7 @@ def _part(result: Result, found: Quantity) -> Part | None:
         return None
     if any(part.turns for part in vectors) or (len(vectors) == 1 and vectors[0].pose_unit != "m"):
         return None
-    of = found.signals[0] if found.signals else ""
+    of = quantity.signals[0] if quantity.signals else ""
     names = {f"{norm}_{part.name}": part for norm in _OF_MOTIONS for part in parts}
     return names.get(of)
 
@@ -226,13 +226,13 @@ def axis_labels(G: MatrixLieGroup) -> list[str]:
     ``x`` stands for ωx and vx: the scales name the quantity.
     """
     names = [G.axis_names[part.axes] for part in G.parts]
-    found = []
+    labels = []
     for k in range(max(map(len, names))):
         here = [axes[k] for axes in names if k < len(axes)]
         directions = {axis[1:] for axis in here}
         shown = directions if len(directions) == 1 and "" not in directions else here
-        found.append(", ".join(f"${component('', each).lstrip('_')}$" for each in shown))
-    return found
+        labels.append(", ".join(f"${component('', each).lstrip('_')}$" for each in shown))
+    return labels
 
 
 def symbols(G: MatrixLieGroup, part: Part, index: str = "") -> tuple[str, str, str]:
@@ -300,17 +300,17 @@ def part_curves(
     degrees = degrees and part.turns
     if name == "pose":
         near = np.radians(near) if degrees and near is not None else near
-        found, symbol, unit = pose_coordinates(G, part, values, index, near)
+        curves, symbol, unit = pose_coordinates(G, part, values, index, near)
     elif name in ("error", "difference"):
-        found, symbol, unit = values[:, part.axes], "", part.error_unit
+        curves, symbol, unit = values[:, part.axes], "", part.error_unit
     else:
         _, velocity, force = symbols(G, part, index)
         of_velocity = name == "velocity"
-        found, symbol = values[:, part.axes], velocity if of_velocity else force
+        curves, symbol = values[:, part.axes], velocity if of_velocity else force
         unit = part.velocity_unit if of_velocity else part.force_unit
     if degrees and unit.startswith("rad"):
-        found, unit = np.degrees(found), unit.replace("rad", "deg")
-    return found, quantity(symbol, unit) if symbol else in_words(name, unit)
+        curves, unit = np.degrees(curves), unit.replace("rad", "deg")
+    return curves, quantity(symbol, unit) if symbol else in_words(name, unit)
 
 
 def without_jumps(vectors: Array, near: Array | None = None) -> Array:
@@ -318,12 +318,12 @@ def without_jumps(vectors: Array, near: Array | None = None) -> Array:
 
     Each is as close as possible to its counterpart in `near`; without `near`, to the one before.
     """
-    found = vectors.copy()
-    pairs = zip(found[1:], found[:-1], strict=True)
-    for now, other in pairs if near is None else zip(found, near, strict=True):
+    unwrapped = vectors.copy()
+    pairs = zip(unwrapped[1:], unwrapped[:-1], strict=True)
+    for now, other in pairs if near is None else zip(unwrapped, near, strict=True):
         angle = np.linalg.norm(now)
         axis = now / angle if angle > 0 else other / max(np.linalg.norm(other), 1.0)
         turns = np.round((other @ axis - angle) / (2 * np.pi))
         if np.isfinite(turns):
             now += 2 * np.pi * turns * axis
-    return found
+    return unwrapped

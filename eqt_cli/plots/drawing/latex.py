@@ -66,10 +66,10 @@ def command(letter: str) -> str | None:
         return _MATHEMATICAL[letter]
     if letter.isascii():
         return None
-    found = mathematical(letter)
+    symbol = mathematical(letter)
     if shift(letter):
-        return f"{{}}{shift(letter)}{{{found}}}"
-    return found if found != letter else None
+        return f"{{}}{shift(letter)}{{{symbol}}}"
+    return symbol if symbol != letter else None
 
 
 _PREAMBLE = r"\usepackage[T1]{fontenc}\usepackage{amsmath}"
@@ -122,8 +122,8 @@ def escaped(text: str) -> str:
 def _escaped_letter(letter: str) -> str:
     if letter in _IN_LATEX:
         return _IN_LATEX[letter]
-    found = command(letter)
-    return letter if found is None else rf"\ensuremath{{{found}}}"
+    symbol = command(letter)
+    return letter if symbol is None else rf"\ensuremath{{{symbol}}}"
 
 
 def sentence(text: str) -> str:
@@ -145,7 +145,7 @@ def mathematics(text: str) -> str:
     """Return Matplotlib's mathematics for LaTeX, with ``%``, ``#`` and ``&`` escaped."""
     safe = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", text)
     return "".join(
-        letter if (found := command(letter)) is None else f"{{{found}}}" for letter in safe
+        letter if (symbol := command(letter)) is None else f"{{{symbol}}}" for letter in safe
     )
 
 
@@ -174,7 +174,7 @@ def explained() -> Iterator[None]:
 def _reason(message: str) -> str:
     """Return the first error in a log, without the lines around it."""
     log = message.partition("\n! ")[2].removeprefix("LaTeX Error: ")
-    found = takewhile(lambda line: not re.match(r"\s*$|l\.|See |Type |<|!", line), log.splitlines())
-    reason = " ".join(" ".join(found).split()).rstrip(".") or "it gives no reason"
+    lines = takewhile(lambda line: not re.match(r"\s*$|l\.|See |Type |<|!", line), log.splitlines())
+    reason = " ".join(" ".join(lines).split()).rstrip(".") or "it gives no reason"
     commands = _COMMAND.findall(log) if reason == "Undefined control sequence" else []
     return " ".join([reason, *commands[:1]])

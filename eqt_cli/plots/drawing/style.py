@@ -54,8 +54,8 @@ def read(name: str) -> Settings:
     if path.is_file() or path.suffix or len(path.parts) > 1:
         return read_file(path)
     if name in style.library:
-        found: Any = style.library[name]
-        return dict(found)
+        settings: Any = style.library[name]
+        return dict(settings)
     hint = suggestion(name, style.available) or f"; Matplotlib has: {', '.join(style.available)}"
     raise EqtError(f"style sheet '{name}' is neither a file nor one of Matplotlib's{hint}")
 
@@ -73,18 +73,18 @@ def read_file(path: Path) -> Settings:
     """
     with refusals(path, "read as a style sheet"):
         text = text_in(path)
-    found: Any = RcParams()
+    settings: Any = RcParams()
     for number, line in enumerate(text.splitlines(), start=1):
         try:
             for key, value in _setting(line):
                 if key == _CYCLE:
                     check_cycle(value)
-                found[key] = value
+                settings[key] = value
                 if key not in OF_A_MACHINE:
-                    check(key, found[key], _DEFAULTS.get(key))
+                    check(key, settings[key], _DEFAULTS.get(key))
         except (ValueError, TypeError) as error:
             raise EqtError(f"{path}:{number}: the style sheet is wrong: {error}") from error
-    return {key: found[key] for key in found if key not in OF_A_MACHINE}
+    return {key: settings[key] for key in settings if key not in OF_A_MACHINE}
 
 
 def _setting(line: str) -> Iterator[tuple[str, str]]:
@@ -337,13 +337,13 @@ def _installed(settings: Settings) -> list[str]:
         own = _DEFAULTS.get(generic, [family])
         wanted += settings.get(generic, own)
     there = set(fontManager.get_font_names())
-    found = [family for family in wanted if family in there]
-    if not found:
+    installed = [family for family in wanted if family in there]
+    if not installed:
         raise EqtError(
             f"none of the fonts that the style asks for is installed: {', '.join(wanted)}; install "
             "one, or name another in font.family"
         )
-    return found
+    return installed
 
 
 HOUSE = Style()
@@ -497,8 +497,8 @@ def _look(look: int | Look) -> Look:
 
 def line_style(look: int | Look) -> dict[str, Any]:
     """Return colour and dashes of a curve, by its look or its index."""
-    found = _look(look)
-    return {"color": found.colour, "linestyle": found.dashes}
+    own = _look(look)
+    return {"color": own.colour, "linestyle": own.dashes}
 
 
 def marker(look: int | Look) -> str:

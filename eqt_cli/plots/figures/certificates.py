@@ -59,39 +59,39 @@ class Certificates(OfCertificates):
 
     rows: CountOrNone = 16
 
-    def compose(self, found: ShownCertificates, width: Width) -> Drawing:
+    def compose(self, shown: ShownCertificates, width: Width) -> Drawing:
         """Draw identities above trajectories, in the paper's order downwards."""
-        worst = {name: max(map(_ratio, found.rows(name))) for name in found.names}
-        nearest = sorted(found.names, key=lambda name: -worst[name])[: self.rows or None]
-        found.keep(nearest)
-        drawing = Drawing(figsize=(WIDTHS[width], 0.5 + _ROW_HEIGHT * len(found.names)))
+        worst = {name: max(map(_ratio, shown.rows(name))) for name in shown.names}
+        nearest = sorted(shown.names, key=lambda name: -worst[name])[: self.rows or None]
+        shown.keep(nearest)
+        drawing = Drawing(figsize=(WIDTHS[width], 0.5 + _ROW_HEIGHT * len(shown.names)))
         axes = drawing.add_subplot(label="certificates")
-        looks = {law.label: _look(law.look) for law in found.laws} | {
+        looks = {law.label: _look(law.look) for law in shown.laws} | {
             "": {"color": ink(_NO_LAW), "marker": "|"}
         }
-        least = _least(found)
-        for height, name in enumerate(found.names):
-            rows = found.rows(name)
+        least = _least(shown)
+        for height, name in enumerate(shown.names):
+            rows = shown.rows(name)
             for row, shift in zip(rows, _shifts(len(rows)), strict=True):
                 _mark(axes, row, height + shift, least, looks[row.controller])
-        _name_rows(axes, found, width)
-        _name_scale(axes, least, max(10.0, *map(_ratio, found.shown)))
-        handles = _legend(found, looks)
+        _name_rows(axes, shown, width)
+        _name_scale(axes, least, max(10.0, *map(_ratio, shown.shown)))
+        handles = _legend(shown, looks)
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
 
-def _legend(found: ShownCertificates, looks: dict[str, dict[str, Any]]) -> dict[str, Artist]:
+def _legend(source: ShownCertificates, looks: dict[str, dict[str, Any]]) -> dict[str, Artist]:
     """Return legend handles of the laws and of the shapes of markers."""
-    shown = {row.controller for row in found.shown}
-    titles = {law.label: law.title for law in found.laws} | {"": "independent of the law"}
+    shown = {row.controller for row in source.shown}
+    titles = {law.label: law.title for law in source.laws} | {"": "independent of the law"}
     handles: dict[str, Artist] = {
         titles[label]: Line2D([], [], **_MARKER, **look)
         for label, look in looks.items()
         if label in shown
     }
     any_law = {"color": ink(_NO_LAW), "marker": "o"}
-    for verdict in found.verdicts:
+    for verdict in source.verdicts:
         handles[str(verdict)] = Line2D([], [], **(_MARKER | any_law | _shape(verdict)))
     return handles
 
@@ -102,9 +102,9 @@ def _ratio(row: Row) -> float:
     return min(abs(row.measured) / row.bound, _MOST) if row.measured else 0.0
 
 
-def _least(found: ShownCertificates) -> float:
+def _least(shown: ShownCertificates) -> float:
     """Return the left end of the scale: a decade below the least ratio that is not 0."""
-    ratios = [ratio for row in found.shown if (ratio := _ratio(row)) > 0]
+    ratios = [ratio for row in shown.shown if (ratio := _ratio(row)) > 0]
     return float(10.0 ** (np.floor(np.log10(min([*ratios, 1.0]))) - 1))
 
 
@@ -135,9 +135,9 @@ def _shape(verdict: Verdict) -> dict[str, Any]:
     return looks.get(verdict, {"markerfacecolor": ink(0)})
 
 
-def _name_rows(axes: Axes, found: ShownCertificates, width: Width) -> None:
+def _name_rows(axes: Axes, shown: ShownCertificates, width: Width) -> None:
     """Name the rows by their statements, with their place in the paper, abbreviated in a column."""
-    firsts = [found.rows(name)[0] for name in found.names]
+    firsts = [shown.rows(name)[0] for name in shown.names]
     places = [row.statement for row in firsts]
     if width == "column":
         places = [re.sub(r"Theorem(s?)", r"Thm\1.", re.sub(_DETAIL, "", each)) for each in places]

@@ -85,19 +85,19 @@ class Commands(Panelled, OverTime):
             axes = {name: free_text(f"{name} ({unit})", most) for name in names}
         places, wanted = list(axes), self.picked(list(axes))
         drawing, rows = law_columns(runs, width, wanted)
-        found = _Kinds()
+        kinds = _Kinds()
         limits = {e.label: runs.limits(e, self.run, signal) for e in runs.shown}
         for name in wanted:
             name_scale(next(iter(rows[name].values())), axes[name])
             for ensemble in runs.shown:
                 k, panel = places.index(name), rows[name][ensemble.label]
-                self._fill(panel, runs, ensemble, k, limits[ensemble.label], found)
-        self._add_legend(drawing, runs, found)
+                self._fill(panel, runs, ensemble, k, limits[ensemble.label], kinds)
+        self._add_legend(drawing, runs, kinds)
         runs.remarks.append(f"Run {self.run}.")
         return drawing
 
     def _fill(
-        self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits, found: "_Kinds"
+        self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits, kinds: "_Kinds"
     ) -> None:
         """Draw one axis, thruster or wheel of a controller; shade where it is at a limit."""
         times, signal = runs.times(ensemble), self._signal
@@ -119,21 +119,21 @@ class Commands(Panelled, OverTime):
         for number, end in enumerate((low, high)):
             if np.isfinite(end) and abs(end) <= reach:
                 axes.axhline(end, label=f"limit {number}", **_limit())
-                found.limits = True
+                kinds.limits = True
         axes.plot(times, given, color=line_style(ensemble.look)["color"], label=_GIVEN[signal])
         if signal == "torque":
             axes.plot(times, asked, color=ink(), label="asked", **_ASKED)
-        found.shaded |= bool(beyond.any())
+        kinds.shaded |= bool(beyond.any())
 
-    def _add_legend(self, drawing: Drawing, runs: ShownRuns, found: "_Kinds") -> None:
+    def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: "_Kinds") -> None:
         alone = line_style(runs.shown[0].look)["color"] if len(runs.shown) == 1 else ink(_ANY)
         given = {**_GIVEN, "torque": "given by the actuators"}[self._signal]
         handles: dict[str, Artist] = {given: Line2D([], [], color=alone)}
         if self._signal == "torque":
             handles["asked by the law"] = Line2D([], [], color=ink(), **_ASKED)
-        if found.limits:
+        if kinds.limits:
             handles["limit"] = Line2D([], [], **_limit())
-        if found.shaded:
+        if kinds.shaded:
             handles["at a limit"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         add_legend(drawing, list(handles.values()), list(handles))
 

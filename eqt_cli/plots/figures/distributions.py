@@ -55,13 +55,13 @@ def draw_box(
     label
         Name of the box, unique in the panel.
     """
-    found = sample.quantiles(LEVELS)
-    known = np.isfinite(found)
-    low, lower, median, upper, high = np.where(known, found, end)
+    quantiles = sample.quantiles(LEVELS)
+    known = np.isfinite(quantiles)
+    low, lower, median, upper, high = np.where(known, quantiles, end)
     top, bottom = row - _HALF, row + _HALF
     solid: dict[str, Any] = {"color": colour, "linewidth": 0.8, "linestyle": "-"}
     axes.plot([low, lower, np.nan, upper, high], [row] * 5, label=f"whiskers {label}", **solid)
-    caps = np.where(known, found, np.nan)[[0, -1]]
+    caps = np.where(known, quantiles, np.nan)[[0, -1]]
     axes.plot(caps, [row, row], "|", color=colour, markersize=4, label=f"ends {label}")
     if known[1]:
         axes.add_patch(Rectangle((lower, top), upper - lower, 2 * _HALF, facecolor=_tint(colour)))

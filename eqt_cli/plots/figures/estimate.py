@@ -93,8 +93,8 @@ class EstimateFigure(OverTime):
 
     def _errors(self, runs: ShownRuns, shown: list[Ensemble]) -> list[str]:
         """Return ``pose``, and ``bias`` where there is one, or one is estimated."""
-        told = ((e, f"bias_estimate_{kind}") for e in shown for kind in ("error", "std"))
-        biased = (np.any(runs.of_run(name, e, self.run)) for e, name in told if e.results.has(name))
+        both = ((e, f"bias_estimate_{kind}") for e in shown for kind in ("error", "std"))
+        biased = (np.any(runs.of_run(name, e, self.run)) for e, name in both if e.results.has(name))
         return ["pose", "bias"] if any(biased) else ["pose"]
 
     def _fill(

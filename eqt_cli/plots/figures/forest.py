@@ -71,8 +71,8 @@ class Forest(OfDifferences):
         drawing = Drawing(figsize=size)
         left, right = drawing.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         first, second = swept.titles
-        found = np.array([self._difference(*of_point) for of_point in values])
-        _draw_differences(left, rows, 100 * found, f"{first} − {second}")
+        differences = np.array([self._difference(*of_point) for of_point in values])
+        _draw_differences(left, rows, 100 * differences, f"{first} − {second}")
         label = metric_label(swept.results, self.metric_of(swept), 40)
         left.set_xlabel(f"{label}\n{first} − {second}, % of {second}")
         for k, look in enumerate(swept.looks):
@@ -87,30 +87,30 @@ class Forest(OfDifferences):
             panel.grid(axis="y", visible=False)
             panel.tick_params(axis="y", length=0)
         add_legend(drawing, right.lines[:2], swept.titles)
-        swept.remarks += self._remarks(swept, found, first)
+        swept.remarks += self._remarks(swept, differences, first)
         return drawing
 
     def _difference(self, first: Array, second: Array) -> tuple[float, float, float]:
         return relative_difference(resolved_differences(first, second), second, self.confidence)
 
-    def _remarks(self, swept: ShownSweep, found: Array, first: str) -> list[str]:
+    def _remarks(self, swept: ShownSweep, differences: Array, first: str) -> list[str]:
         better = {
             "lower": f" Left of 0: {first} is better.",
             "higher": f" Right of 0: {first} is better.",
         }
         quantity = swept.results.quantity(self.metric_of(swept))
-        told = [
+        notes = [
             f"{swept.count} per row.{better.get(quantity.better, '')} "
             f"Intervals of {100 * self.confidence:g} %, each by itself; filled where they exclude "
             "0. Failed runs are no part of the differences."
         ]
-        if not np.isfinite(found).all():
-            told.append(f"No interval from fewer than {FEWEST} runs, or where the mean may be 0.")
-        return told
+        if not np.isfinite(differences).all():
+            notes.append(f"No interval from fewer than {FEWEST} runs, or where the mean may be 0.")
+        return notes
 
 
-def _draw_differences(panel: Axes, rows: Array, found: Array, name: str) -> None:
-    mean, low, high = found.T
+def _draw_differences(panel: Axes, rows: Array, differences: Array, name: str) -> None:
+    mean, low, high = differences.T
     panel.axvline(0, color=ink(0.5), linewidth=0.6, label="no difference")
     known = np.isfinite(low) & np.isfinite(high)
     ends = np.array([mean - low, high - mean])[:, known]
@@ -126,8 +126,8 @@ def _draw_differences(panel: Axes, rows: Array, found: Array, name: str) -> None
     panel.margins(x=0.06)
 
 
-def _draw_shares(panel: Axes, rows: Array, found: Array, of: Look, title: str) -> None:
-    share, low, high = found.T
+def _draw_shares(panel: Axes, rows: Array, shares: Array, of: Look, title: str) -> None:
+    share, low, high = shares.T
     colour = line_style(of)["color"]
     look: Settings = {"marker": marker(of), "markersize": _SMALL, "color": colour}
     panel.plot(share, rows, label=title, linestyle="", **look)

@@ -69,13 +69,13 @@ class ShownFronts:
                 "shows the fronts of `eqt tune` with two `objectives`; this is none",
             )
         self.objectives = list(record["objectives"])
-        found = [front for front in fronts(results, record) if not wanted or front.law in wanted]
-        if not found:
+        drawn = [front for front in fronts(results, record) if not wanted or front.law in wanted]
+        if not drawn:
             raise error_of(results, figure, "finds no front with two points")
-        self.fronts = found
-        firsts = [results.labels.index(front.labels[0]) for front in found]
+        self.fronts = drawn
+        firsts = [results.labels.index(front.labels[0]) for front in drawn]
         self.looks = looks([results], [firsts], figure, chosen, variants=False)
-        self.titles = [results.given_names.get(front.law, law_title(front.law)) for front in found]
+        self.titles = [results.given_names.get(front.law, law_title(front.law)) for front in drawn]
         self.starts = {law["label"]: results.labels.index(law["start"]) for law in record["laws"]}
 
     def values(self, front: Front) -> list[Array]:
@@ -149,8 +149,8 @@ class Fronts(Figure[ShownFronts]):
 
 def _intervals(values: Array) -> Array:
     """Return the mean and the interval of each row, ``(rows, 3)``."""
-    found = intervals_of_means(values.T, RESAMPLING)
-    return np.stack([found.mean, found.low, found.high], axis=-1)
+    means = intervals_of_means(values.T, RESAMPLING)
+    return np.stack([means.mean, means.low, means.high], axis=-1)
 
 
 def _crosses(panel: Axes, points: list[Array], rows: Array, colour: str, name: str) -> None:

@@ -88,21 +88,21 @@ class ShownMeasured:
         G, t = self.group, pair.simulated.times
         errors = pair.errors
         error = G.log(G.inverse(wanted.pose) @ here.pose)
-        found = [
+        rows = [
             ("pose", (seen.times, seen.poses), (t, here.pose)),
             ("error", (seen.times, errors[0].measured), (t, error)),
             ("difference", (seen.times, errors[0].difference), (t, 0 * error)),
             ("velocity", (seen.times, seen.velocities), (t, here.velocity)),
             ("wrench", (seen.times, seen.wrenches), (t, here.wrench)),
         ]
-        found = [row for row in found if not np.isnan(row[1][1]).all()]
+        rows = [row for row in rows if not np.isnan(row[1][1]).all()]
         seen_at = self._time.samples(seen.times, self._error)
         run_at = self._time.samples(t, self._error)
 
         def part(of: tuple[Array, Array], at: Array) -> tuple[Array, Array]:
             return of[0][at], of[1][at]
 
-        return [(name, part(told, seen_at), part(run, run_at)) for name, told, run in found]
+        return [(name, part(model, seen_at), part(run, run_at)) for name, model, run in rows]
 
     def notes(self) -> list[str]:
         """Return notes on what is shown, how it was aligned, and what was not measured."""

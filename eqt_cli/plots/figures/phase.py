@@ -139,8 +139,8 @@ def _half_turns(group: MatrixLieGroup, suffix: str) -> list[float]:
     translations, which are therefore not marked. Any weight gives the rotations: here it is I.
     """
     named = [part for part in group.parts if suffix in ("", f"_{part.name}")]
-    found = critical_sets(group, group.identity)
-    if found is None or len(named) != 1 or not named[0].turns:
+    sets = critical_sets(group, group.identity)
+    if sets is None or len(named) != 1 or not named[0].turns:
         return []
-    blocks = [(group.identity - each.Q)[named[0].entries] for each in found]
+    blocks = [(group.identity - each.Q)[named[0].entries] for each in sets]
     return sorted({round(float(np.linalg.norm(block)), 12) for block in blocks} - {0.0})

@@ -51,18 +51,18 @@ class Region(OfSettled):
         panels = list(grid.ravel())
         for spare in panels[count:]:
             spare.remove()
-        found = 100 * shares(swept.settled(self.by).astype(float))
+        percent = 100 * shares(swept.settled(self.by).astype(float))
         room = (WIDTHS[width] - _SCALES) / columns, height - _AROUND
         look: dict[str, Any] = {"vmin": 0, "vmax": 100, "edgecolors": ink(0), "linewidth": 0.4}
-        told = []
+        written = []
         for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=False)):
-            share, low, high = found[:, index].T
+            share, low, high = percent[:, index].T
             image = cells.draw(panel, share, label=title, **look)
             alone = [_per_cent(number) for number in share]
             ends = map(_interval, low, high)
             both = [f"{text}\n{end}" for text, end in zip(alone, ends, strict=True)]
-            told.append(cells.write(panel, share, image, room, both))
-            if not told[-1]:
+            written.append(cells.write(panel, share, image, room, both))
+            if not written[-1]:
                 cells.write(panel, share, image, room, alone)
             add_title(panel, title, WIDTHS[width] / columns)
             edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
@@ -70,15 +70,15 @@ class Region(OfSettled):
         drawing.set_figheight(height * rows + below)
         when = f"by {self.by:g} s" if self.by else "at the end"
         drawing.colorbar(image, ax=panels[:count], label=f"share settled {when} (%)")
-        swept.remarks.append(f"Each cell: {swept.count}; {_intervals(found, told)}.")
+        swept.remarks.append(f"Each cell: {swept.count}; {_intervals(percent, written)}.")
         return drawing
 
 
-def _intervals(found: Array, told: list[bool]) -> str:
+def _intervals(percent: Array, written: list[bool]) -> str:
     """Return a note on the intervals: in the cells, or their widths if there is no room."""
-    if all(told):
+    if all(written):
         return "below the share, its 95 % Wilson interval"
-    share, low, high = np.moveaxis(found, -1, 0)
+    share, low, high = np.moveaxis(percent, -1, 0)
     most = np.max(np.maximum(high - share, share - low))
     return f"95 % Wilson intervals of at most ±{most:.2g} percentage points"
 

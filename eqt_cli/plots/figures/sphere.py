@@ -159,14 +159,14 @@ class Sphere(OfFirstRuns):
             name = runs.results[0].group_name
             raise runs.error(f"does not know group '{name}', which a plugin of the result defines")
         turning = [part for part in runs.group.parts if part.turns]
-        found = [part for part in turning if part.entries[0].stop - part.entries[0].start == 3]
-        if not found:
+        rotations = [part for part in turning if part.entries[0].stop - part.entries[0].start == 3]
+        if not rotations:
             has = "turns in a plane only" if turning else "has none"
             raise runs.error(
                 f"shows rotations in space, and {runs.group.name} {has}; "
                 "figure 'runs' shows its errors over time"
             )
-        return runs.group, found
+        return runs.group, rotations
 
 
 def _draw_grid(axes: Axes, centre: int, numbered: Sequence[int]) -> None:

@@ -84,8 +84,8 @@ class SweepFigure(OfOneMetric):
         order = np.argsort(axis.values, kind="stable")
         lines = []
         for k, (look, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
-            found = values[order, k]
-            mean, band = np.mean(found, axis=-1), self._band(swept, found)
+            chosen = values[order, k]
+            mean, band = np.mean(chosen, axis=-1), self._band(swept, chosen)
             lines += draw_points(panel, axis.values[order], mean, band, look, title)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)

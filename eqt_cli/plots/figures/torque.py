@@ -77,8 +77,8 @@ class Torque(Panelled, OverTime):
             rows = {name: {e.label: panels[name] for e in runs.shown} for name in wanted}
         for k, (name, _) in enumerate(runs.axes):
             for ensemble in runs.shown if name in wanted else ():
-                found = values[ensemble.label][..., k]
-                panel, drawn = rows[name][ensemble.label], abs(found) if self.log else found
+                torques = values[ensemble.label][..., k]
+                panel, drawn = rows[name][ensemble.label], abs(torques) if self.log else torques
                 draw_mean(panel, runs.times(ensemble), drawn, self.bands, ensemble)
         first = list(dict.fromkeys(rows[wanted[0]].values()))
         lines = [line for axes in first for line in axes.lines[: len(runs.shown)]]

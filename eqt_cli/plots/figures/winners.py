@@ -47,7 +47,7 @@ class Winners(OfDifferences):
         axes = swept.one_or_two()
         swept.results.check_metrics([self.metric_of(swept)], who=f"figure '{self.name}'")
         resampling = replace(RESAMPLING, confidence=self.confidence)
-        found = compare_map(swept.results, self.metric_of(swept), resampling, swept.controllers)
+        wins = compare_map(swept.results, self.metric_of(swept), resampling, swept.controllers)
         cells = Cells(*axes)
         rows, columns = cells.shape
         height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
@@ -56,48 +56,48 @@ class Winners(OfDifferences):
         own = [look.colour for look in swept.looks]
         # Cells have no dashes: a colour that the style gives to several laws is paler for each.
         colours = [ink(0), *(mixed(c, ink(0), 0.5 ** own[:k].count(c)) for k, c in enumerate(own))]
-        winners = np.array([cell.winner - NOBODY for cell in found.cells], dtype=float)
+        winners = np.array([cell.winner - NOBODY for cell in wins.cells], dtype=float)
         look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
         look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
         panel.grid(False)
         panel.tick_params(length=0)
         cells.draw(panel, winners, cmap=ListedColormap(colours), **look)
-        failed = [cell.point for cell in found.cells if any(cell.failed)]
+        failed = [cell.point for cell in wins.cells if any(cell.failed)]
         cells.hatch(panel, failed, FAILED)
         room = (WIDTHS[width] - _SCALE) / columns
         if room >= _NUMBER and height / rows >= _CELL * 0.6:
-            _number_leads(panel, cells, found, int(room / _LETTER))
+            _number_leads(panel, cells, wins, int(room / _LETTER))
         below = cells.scales(panel, swept.results, WIDTHS[width] - _SCALE)
         drawing.set_figheight(height + below)
         add_title(
             panel, f"better {metric_label(swept.results, self.metric_of(swept), 60)}", WIDTHS[width]
         )
-        _explain(drawing, colours, found, bool(failed))
+        _explain(drawing, colours, wins, bool(failed))
         share = f"{100 * (1 - self.confidence):g} %"
         swept.remarks += [
             "Numbers: lead over the next law in per cent of its mean.",
-            f"{found.tests} points tested, {found.runs} runs each; expected share of false wins "
+            f"{wins.tests} points tested, {wins.runs} runs each; expected share of false wins "
             f"≤ {share}.",
         ]
         return drawing
 
 
-def _number_leads(panel: Axes, cells: Cells, found: Map, characters: int) -> None:
+def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None:
     """Write each lead, and the law if its name fits in a line of `characters`."""
-    for cell in found.cells:
+    for cell in wins.cells:
         if cell.winner != NOBODY and np.isfinite(cell.lead.value):
             place = cells.columns[cell.point], cells.rows[cell.point]
-            lead, title = f"{100 * abs(cell.lead.value):.2g}", found.titles[cell.winner]
+            lead, title = f"{100 * abs(cell.lead.value):.2g}", wins.titles[cell.winner]
             text = f"{title} {lead}" if len(title) + len(lead) < characters else lead
             panel.annotate(text, place, ha="center", va="center", fontsize="small")
 
 
-def _explain(drawing: Drawing, colours: Sequence[str], found: Map, failed: bool) -> None:
+def _explain(drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool) -> None:
     """Add a legend of the laws that win somewhere."""
     frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
     patches = {"undecided": Patch(facecolor=colours[0], **frame)}
-    for law, title in enumerate(found.titles):
-        name = f"{title}: {found.wins(law)}"
+    for law, title in enumerate(wins.titles):
+        name = f"{title}: {wins.wins(law)}"
         patches[name] = Patch(facecolor=(colours[law + 1], _TINT), **frame)
     if failed:
         hatched = Patch(fill=False, hatch=FAILED, edgecolor=ink(0.35), linewidth=0)

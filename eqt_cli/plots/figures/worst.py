@@ -186,8 +186,8 @@ def _draw(panel: Axes, line: Profile) -> Any:
     hollow = look | mark | {"markersize": _SMALL, "markerfacecolor": "none"}
     (drawn,) = panel.plot(line.values, line.worst, label=line.title, **hollow)
     found_look = hollow | {"markersize": _LARGE, "linestyle": "", "clip_on": False}
-    found = [line.values[line.found]], [line.worst[line.found]]
-    panel.plot(*found, label=f"{line.title}, found", **found_look)
+    point = [line.values[line.found]], [line.worst[line.found]]
+    panel.plot(*point, label=f"{line.title}, found", **found_look)
     if line.failed.any():
         x = line.values[line.failed]
         top: dict[str, Any] = {

@@ -37,8 +37,8 @@ class TimeRange(NamedTuple):
         """
         low = -np.inf if self.start is None else self.start - _ROUNDING
         high = np.inf if self.end is None else self.end + _ROUNDING
-        found = np.flatnonzero((times >= low) & (times <= high))
-        if len(found) < 2:
+        inside = np.flatnonzero((times >= low) & (times <= high))
+        if len(inside) < 2:
             ends = (
                 (times[0] if self.start is None else self.start),
                 (times[-1] if self.end is None else self.end),
@@ -47,7 +47,7 @@ class TimeRange(NamedTuple):
                 "needs two samples or more in the time that it shows, got {:g} s to {:g} s; the "
                 "result holds {:g} s to {:g} s".format(*ends, times[0], times[-1])
             )
-        return found
+        return inside
 
 
 ALWAYS = TimeRange()
@@ -246,14 +246,14 @@ def looks(
     focus = {_law(results, laws, name, figure, "to focus on") for name in chosen.focus}
     coloured = (focus or set(shown[:MOST_COLOURS])) | own.keys()
     colours = _colours([law for law in shown if law in coloured], every)
-    found: list[CurvePlace] = []
+    curves: list[CurvePlace] = []
     for number, k in places:
         law = laws[number][k][0]
-        grey = None if law in coloured else sum(place.grey is not None for place in found)
+        grey = None if law in coloured else sum(place.grey is not None for place in curves)
         position = colours.get(law, every.index(law))
         of_law = (variant[number, k], most * len(results)) if several else (0, 1)
-        found.append(CurvePlace(position, *of_law, grey, own.get(law, "")))
-    return distinct(found)
+        curves.append(CurvePlace(position, *of_law, grey, own.get(law, "")))
+    return distinct(curves)
 
 
 def _colour(results: Sequence[Result], figure: str, name: str, colour: str) -> str:
@@ -267,13 +267,13 @@ def _colour(results: Sequence[Result], figure: str, name: str, colour: str) -> s
 def _laws(result: Result) -> list[tuple[str, int]]:
     """Return the law and the variant of each controller: a search has its start and its winners."""
     record = TUNE.beside(result)
-    found: dict[str, tuple[str, int]] = {}
+    laws: dict[str, tuple[str, int]] = {}
     for law in record["laws"] if record else ():
         winners = [winner["label"] for winner in law["winners"]]
         others = [each["label"] for each in law["searches"]]
         variants = list(dict.fromkeys([*winners[:1], law["start"], *winners[1:], *others]))
-        found |= {label: (law["label"], number) for number, label in enumerate(variants)}
-    return [found.get(label, (label, 0)) for label in result.labels]
+        laws |= {label: (law["label"], number) for number, label in enumerate(variants)}
+    return [laws.get(label, (label, 0)) for label in result.labels]
 
 
 def _law(
@@ -310,13 +310,13 @@ def _ensembles(
     results: Sequence[Result], kept: Sequence[Sequence[int]], of: Sequence[Look]
 ) -> list[Ensemble]:
     """Return the ensembles of the controllers at these positions of each result."""
-    found: list[Ensemble] = []
+    ensembles: list[Ensemble] = []
     for number, (one, name) in enumerate(zip(results, names(results), strict=True)):
         end = f", {name}" if len(results) > 1 else ""
         for k in kept[number]:
             label, title = one.labels[k] + end, one.titles[k] + end
-            found.append(Ensemble(one, k, of[len(found)], label, title, one.good[k]))
-    return found
+            ensembles.append(Ensemble(one, k, of[len(ensembles)], label, title, one.good[k]))
+    return ensembles
 
 
 def error_of(result: Result, figure: str, message: str) -> EqtError:

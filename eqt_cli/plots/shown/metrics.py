@@ -54,8 +54,8 @@ class MetricValues:
         places = (self.values.size - 1) * np.asarray(levels)
         if not seen.size:
             return np.full(len(places), np.inf)
-        found = np.interp(places, np.arange(seen.size), seen)
-        return np.where(np.ceil(places) < seen.size, found, np.inf)
+        values = np.interp(places, np.arange(seen.size), seen)
+        return np.where(np.ceil(places) < seen.size, values, np.inf)
 
 
 class ShownMetrics(ShownControllers):
@@ -122,11 +122,11 @@ class ShownMetrics(ShownControllers):
 def _sample(name: str, ensemble: Ensemble) -> MetricValues:
     result, controller = ensemble.results, ensemble.controller
     if name in result.metrics:
-        found, late = result.metric(name, controller), result.censored(name, controller)
+        measured, late = result.metric(name, controller), result.censored(name, controller)
         good = ensemble.good
     else:  # computed from the trajectories
         of = result.per_run(result.comparable_named(name))
-        found, late = of.values[controller], of.censored[controller]
-        good = np.isfinite(found)
-    values = np.where(late, np.inf, found)
+        measured, late = of.values[controller], of.censored[controller]
+        good = np.isfinite(measured)
+    values = np.where(late, np.inf, measured)
     return MetricValues(values[good & ~np.isnan(values)])

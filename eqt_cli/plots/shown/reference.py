@@ -56,11 +56,11 @@ class ShownReference:
     ) -> tuple[MatrixLieGroup, tuple[Array, Array, Array, Array]]:
         """Return the group, and times, poses, velocities and torques over the whole horizon."""
         if isinstance(source, Experiment):
-            found = reference_over_horizon(source)
+            desired = reference_over_horizon(source)
             problems = Problems(lambda path: "")
-            jumps = check_reference(found, None, problems)
+            jumps = check_reference(desired, None, problems)
             self._remarks += [problem.message for problem in problems] + jumps
-            return source.group, (found.times, found.pose, found.velocity, found.torque)
+            return source.group, (desired.times, desired.pose, desired.velocity, desired.torque)
         source.single(f"figure '{figure}' shows single experiments")
         positions([source], figure, chosen)
         needed = ("desired_pose", "desired_velocity", "desired_torque")

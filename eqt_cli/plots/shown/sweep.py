@@ -121,10 +121,10 @@ class ShownSweep:
         EqtError
             If no point has a finite mean.
         """
-        found: Array = np.mean(self.metric(name), axis=-1)
-        if not np.isfinite(found).any():
+        means: Array = np.mean(self.metric(name), axis=-1)
+        if not np.isfinite(means).any():
             raise self.error(f"finds no point at which every run has a {name}")
-        return found
+        return means
 
     @property
     def failed_runs(self) -> Array:

@@ -102,10 +102,10 @@ class ShownRuns(ShownControllers):
         EqtError
             If the run failed, or the result does not hold its trajectory.
         """
-        found: Array = ensemble.results.trajectory(signal, run)[ensemble.controller]
+        values: Array = ensemble.results.trajectory(signal, run)[ensemble.controller]
         if not ensemble.results.good[ensemble.controller, run]:
             raise self.error(f"cannot show run {run} of {ensemble.label}, which failed")
-        return found[self._samples(ensemble.results)] * ensemble.results.factor(signal)
+        return values[self._samples(ensemble.results)] * ensemble.results.factor(signal)
 
     def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
         """Return `values` of a norm; with `degrees`, rotations are angles and in deg/s."""
@@ -142,8 +142,8 @@ class ShownRuns(ShownControllers):
     def desired(self, signal: str, ensemble: Ensemble) -> Array:
         """Return a signal of the reference, ``(samples, …)``: ``torque`` for τ_d."""
         self._check_stored(ensemble.results, f"desired_{signal}")
-        found = self._desired(signal, ensemble)
-        return found * ensemble.results.factor(f"desired_{signal}")
+        values = self._desired(signal, ensemble)
+        return values * ensemble.results.factor(f"desired_{signal}")
 
     def _desired(self, signal: str, ensemble: Ensemble) -> Array:
         return ensemble.results[f"desired_{signal}"][self._samples(ensemble.results)]
@@ -164,7 +164,7 @@ class ShownRuns(ShownControllers):
             )
         loop = result.experiment().loops[ensemble.law]
         poses, velocities = (self._stored(name, ensemble) for name in ("pose", "velocity"))
-        found = np.empty_like(velocities)
+        torque = np.empty_like(velocities)
         for k, t in enumerate(self.times(ensemble)):
             inertia = loop.inertia.at(t)
             state = Tracking(
@@ -185,8 +185,8 @@ class ShownRuns(ShownControllers):
                     "which of its terms are feedforward; choose others with the option "
                     "'controllers'"
                 )
-            found[:, k] = given
-        return found * result.factor("torque")
+            torque[:, k] = given
+        return torque * result.factor("torque")
 
     @cached_property
     def parts(self) -> list[str]:
@@ -239,9 +239,9 @@ class ShownRuns(ShownControllers):
         random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, run)
         flying = vehicle.of_run(experiment.group, random_of)
         known = {"thrust": flying.thrust_limits, "wheel_momentum": flying.momentum_limits}
-        found = known[signal] if signal in known else flying.torque_limits(experiment.group)
+        limits = known[signal] if signal in known else flying.torque_limits(experiment.group)
         factor = ensemble.results.factor(signal)
-        return found and (found[0] * factor, found[1] * factor)
+        return limits and (limits[0] * factor, limits[1] * factor)
 
     def notes(self) -> list[str]:
         """Return notes on loops and stored runs, then `ShownControllers.notes`."""

@@ -57,10 +57,10 @@ class Thruster:
         along = np.array(self.along, dtype=float)
         along = along / np.linalg.norm(along)
         point = np.append(np.array(self.at, dtype=float), 1.0)
-        found = np.einsum("a,iab,b->i", along, G.basis[:, : G.space], point)
+        wrench = np.einsum("a,iab,b->i", along, G.basis[:, : G.space], point)
         if G.space == G.rotations:
-            found[: G.rotations] += ratio * self.turns * along
-        return found
+            wrench[: G.rotations] += ratio * self.turns * along
+        return wrench
 
 
 @dataclass(frozen=True)
@@ -235,27 +235,27 @@ class Thrusters(Actuator):
 
     def running(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the states of rotors that have long had a command."""
-        asked = self.solution(G, command) if self.sampled else self._asked(command, command)
-        return np.concatenate([asked] * self.sampled + [self._followed(asked)], axis=-1)
+        thrusts = self.solution(G, command) if self.sampled else self._asked(command, command)
+        return np.concatenate([thrusts] * self.sampled + [self._followed(thrusts)], axis=-1)
 
-    def _followed(self, asked: Array) -> Array:
+    def _followed(self, thrusts: Array) -> Array:
         """Return what the lag follows: the thrusts asked for, or their speeds."""
         if self.thrust_constant is None:
-            return asked
-        return sqrt(maximum(asked, 0.0) / self.thrust_constant)
+            return thrusts
+        return sqrt(maximum(thrusts, 0.0) / self.thrust_constant)
 
     def _asked(self, command: Array, x: Array) -> Array:
         """Return the commanded thrusts, within the limits."""
         if self.sampled:
             return x[..., : self.count]
-        asked = apply_matrix(self.inverse, command)
-        return clip(asked, self.low, self.high) if self.limits else asked
+        thrusts = apply_matrix(self.inverse, command)
+        return clip(thrusts, self.low, self.high) if self.limits else thrusts
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (asked − x) / T, and 0 for thrusts that are solved for at the next instant."""
-        asked = self._asked(command, x)
-        rate: Array = (self._followed(asked) - x[..., -self.count :]) / self.time_constant
-        return np.concatenate([0.0 * asked, rate], axis=-1) if self.sampled else rate
+        thrusts = self._asked(command, x)
+        rate: Array = (self._followed(thrusts) - x[..., -self.count :]) / self.time_constant
+        return np.concatenate([0.0 * thrusts, rate], axis=-1) if self.sampled else rate
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """Return the states with the thrusts that were solved for; thrusts that lag stay."""
@@ -272,21 +272,21 @@ class Thrusters(Actuator):
             for name, count in axes.items()
             for values in [getattr(self, name)]
         ]
-        found = np.empty((*runs, self.count))
+        thrusts = np.empty((*runs, self.count))
         for run in np.ndindex(runs):
-            found[run] = _nearest(command[run], *(each[run] for each in numbers))
-        return found
+            thrusts[run] = _nearest(command[run], *(each[run] for each in numbers))
+        return thrusts
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Return where a commanded thrust is beyond its limit, or at it where it is solved for."""
         if not self.limits:
             return None
         if self.sampled:
-            asked = x[..., : self.count]
-            there = (asked <= self.low) | (asked >= self.high)
+            thrusts = x[..., : self.count]
+            there = (thrusts <= self.low) | (thrusts >= self.high)
         else:
-            asked = apply_matrix(self.inverse, command)
-            there = (asked < self.low) | (asked > self.high)
+            thrusts = apply_matrix(self.inverse, command)
+            there = (thrusts < self.low) | (thrusts > self.high)
         return np.array(there.any(axis=-1))
 
     def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:

@@ -202,8 +202,8 @@ class Wheels(Actuator):
     def speeds(self, V: Array, x: Array) -> Array:
         """Return the speeds relative to the body."""
         A: Any = self.matrix
-        found: Array = self.momenta(x) / self.inertia - apply_matrix(A.swapaxes(-1, -2), V)
-        return found
+        speeds: Array = self.momenta(x) / self.inertia - apply_matrix(A.swapaxes(-1, -2), V)
+        return speeds
 
     @property
     def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
@@ -219,13 +219,13 @@ class Wheels(Actuator):
         if not self.faces:
             return apply_matrix(self.inverse, command)
         # Each pair of wheels spans a face of the torques that are possible (Markley et al. 2010).
-        found, most = apply_matrix(self.faces[0][..., 1:, :], command), 0.0 * command[..., :1]
+        torques, most = apply_matrix(self.faces[0][..., 1:, :], command), 0.0 * command[..., :1]
         for face in self.faces:
             size = absolute(apply_matrix(face[..., :1, :], command))
             larger = less(most, size)
-            found = where(larger, apply_matrix(face[..., 1:, :], command), found)
+            torques = where(larger, apply_matrix(face[..., 1:, :], command), torques)
             most = where(larger, size, most)
-        return found
+        return torques
 
     def _asked(self, command: Array, x: Array) -> Array:
         """Return the torques for a command, without limits."""
@@ -344,7 +344,7 @@ def _faces(A: Array, turns: Any) -> list[Array]:
     Where |c·τ| is the largest of all pairs, M τ is the allocation of which the largest torque is
     least: all other wheels give ± c·τ, and the pair gives the rest.
     """
-    found = []
+    faces = []
     for pair in map(list, combinations(range(A.shape[1]), 2)):
         normal = np.zeros(len(A))
         normal[turns] = np.cross(*A[turns][:, pair].T)
@@ -353,5 +353,5 @@ def _faces(A: Array, turns: Any) -> list[Array]:
         c, M = normal / np.abs(along).sum(), np.zeros(A.T.shape)
         M += np.outer(np.sign(along), c)
         M[pair] = np.linalg.pinv(A[:, pair]) @ (np.eye(len(A)) - A @ M)
-        found.append(np.concatenate([c[None], M]))
-    return found
+        faces.append(np.concatenate([c[None], M]))
+    return faces

@@ -164,17 +164,17 @@ class Estimator(VehiclePart):
         G, depth = schedule.G, schedule.depth
         m, n = G.dimension, 2 * G.dimension * self.has_covariance
         own = {"pose": G.pose_length, "bias": m, "covariance": n * (n + 1) // 2}
-        found = {**own, "velocity": m, "error": 2 * m, "begun": 1, "past_velocity": (depth + 1) * m}
+        sizes = {**own, "velocity": m, "error": 2 * m, "begun": 1, "past_velocity": (depth + 1) * m}
         if self.has_covariance:
-            found |= {"innovations": INNOVATIONS, "last_innovation": m, "lost": 1}
+            sizes |= {"innovations": INNOVATIONS, "last_innovation": m, "lost": 1}
         if depth:
-            found |= {f"behind_{name}": length for name, length in own.items()}
-            found |= {"past_live": depth, "past_fresh": depth * len(schedule.fixes)}
-            found |= {
+            sizes |= {f"behind_{name}": length for name, length in own.items()}
+            sizes |= {"past_live": depth, "past_fresh": depth * len(schedule.fixes)}
+            sizes |= {
                 f"past_fix_{channel.part.name}": schedule.waits(channel) * channel.size
                 for channel in schedule.fixes
             }
-        return {name: length for name, length in found.items() if length}
+        return {name: length for name, length in sizes.items() if length}
 
     def after(
         self, schedule: Schedule, measured: Measurement, states: Mapping[str, Array]
@@ -193,20 +193,20 @@ class Estimator(VehiclePart):
         here = self.predicted(schedule, here, past.velocity(0), past.duration(0))
         here, innovations = self.corrected(schedule, here, past.fix(0, here.pose, self._given))
         arrived = past.fix(0, here.pose, self._given).arrived
-        found = self._stored(G, here, "behind_") if depth else {}
+        changed = self._stored(G, here, "behind_") if depth else {}
         for step in range(1, depth + 1):
             here = self.predicted(schedule, here, past.velocity(step), past.duration(step))
             if any(schedule.available(step)):
                 here, _ = self.corrected(schedule, here, past.fix(step, here.pose))
-        found |= self._stored(G, here) | past.later
+        changed |= self._stored(G, here) | past.later
         error = G.log(G.inverse(here.pose) @ measured.true_pose)
-        found["velocity"] = past.latest - here.bias
-        found["error"] = np.concatenate([error, measured.true_bias - here.bias], axis=-1)
-        found["begun"] = 1.0 + 0.0 * begun
+        changed["velocity"] = past.latest - here.bias
+        changed["error"] = np.concatenate([error, measured.true_bias - here.bias], axis=-1)
+        changed["begun"] = 1.0 + 0.0 * begun
         if innovations is not None:
-            found |= _summed(innovations, arrived, states)
-            found["lost"] = indefinite(here.covariance)[..., None]
-        return found
+            changed |= _summed(innovations, arrived, states)
+            changed["lost"] = indefinite(here.covariance)[..., None]
+        return changed
 
     def _start(self, schedule: Schedule, measured: Measurement) -> Estimate:
         G, Q = schedule.G, measured.true_pose
@@ -225,11 +225,11 @@ class Estimator(VehiclePart):
         return Estimate(pose, bias, symmetric(states[f"{prefix}covariance"], 2 * G.dimension))
 
     def _stored(self, G: MatrixLieGroup, now: Estimate, prefix: str = "") -> dict[str, Array]:
-        found = {f"{prefix}pose": G.pack(now.pose), f"{prefix}bias": now.bias}
+        stored = {f"{prefix}pose": G.pack(now.pose), f"{prefix}bias": now.bias}
         if self.has_covariance:
             rows, columns = np.triu_indices(2 * G.dimension)
-            found[f"{prefix}covariance"] = now.covariance[..., rows, columns]
-        return found
+            stored[f"{prefix}covariance"] = now.covariance[..., rows, columns]
+        return stored
 
 
 class _Past:
@@ -261,10 +261,10 @@ class _Past:
         rings = {"velocity": self._velocities, "live": self._live, "fresh": self._fresh}
         for channel, values in zip(self._schedule.fixes, self._values, strict=True):
             rings[f"fix_{channel.part.name}"] = values
-        found = {
+        by_name = {
             name: np.concatenate(ring[1:], axis=-1) for name, ring in rings.items() if ring[1:]
         }
-        return {f"past_{name}": ring for name, ring in found.items()}
+        return {f"past_{name}": ring for name, ring in by_name.items()}
 
     @property
     def latest(self) -> Array:
@@ -288,7 +288,7 @@ class _Past:
 
     def fix(self, step: int, pose: Array, at_start: bool = False) -> Fix:
         """Return the fix at the end of a step; the first fix counts only with `at_start`."""
-        found, arrived = pose.copy(), 0.0 * self._measured.velocity
+        fixed, arrived = pose.copy(), 0.0 * self._measured.velocity
         for number, channel in self._schedule.available(step):
             count = self._live[step] * self._fresh[step][..., number, None]
             value = self._values[number][step]
@@ -298,9 +298,9 @@ class _Past:
             was = pose[channel.entries]
             value = value.reshape(was.shape)
             counts = less(0.5, count.reshape(*count.shape[:-1], *(1,) * len(channel.shape)))
-            found[channel.entries] = where(counts, value, was)
+            fixed[channel.entries] = where(counts, value, was)
             arrived[..., channel.part.axes] = count
-        return Fix(found, arrived)
+        return Fix(fixed, arrived)
 
 
 def _cut(ring: Array | None, length: int, count: int) -> list[Array]:

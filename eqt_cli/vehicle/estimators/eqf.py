@@ -41,8 +41,8 @@ class Eqf(ErrorStateFilter):
         step = G.exp(by[..., :m])
         bias = now.bias + apply_matrix(G.jacobian(-by[..., :m]), by[..., m:])
         carry = G.Ad_matrix(G.inverse(step))
-        found = np.zeros_like(S)
+        covariance = np.zeros_like(S)
         for rows in (slice(0, m), slice(m, 2 * m)):
             for columns in (slice(0, m), slice(m, 2 * m)):
-                found[..., rows, columns] = carry @ S[..., rows, columns] @ transpose(carry)
-        return Estimate(now.pose @ step, bias, mirrored(found))
+                covariance[..., rows, columns] = carry @ S[..., rows, columns] @ transpose(carry)
+        return Estimate(now.pose @ step, bias, mirrored(covariance))

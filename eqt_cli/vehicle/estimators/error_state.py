@@ -93,17 +93,17 @@ class ErrorStateFilter(Estimator):
             "bias_walk": known.walk,
             "initial_bias_std": known.bias,
         }
-        found = {name: value.tolist() for name, value in said.items()}
-        own = {name: getattr(self, name) for name in found}
-        return with_fields(self, **found | {k: v for k, v in own.items() if v is not None})
+        given = {name: value.tolist() for name, value in said.items()}
+        own = {name: getattr(self, name) for name in given}
+        return with_fields(self, **given | {k: v for k, v in own.items() if v is not None})
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the filter of one run, with its start where that is drawn."""
-        found = super().of_run(G, random)
+        drawn = super().of_run(G, random)
         if self.initial_pose_std is None or self.initial_error is not None:
-            return found
+            return drawn
         normal = np.zeros(G.dimension) if random is None else random.standard_normal(G.dimension)
-        return with_fields(found, initial_error=_of(found).initial_pose_std * normal)
+        return with_fields(drawn, initial_error=_of(drawn).initial_pose_std * normal)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note negative or too many deviations, and a start without a deviation."""
@@ -186,10 +186,10 @@ class ErrorStateFilter(Estimator):
         noise, walk = duration * own.velocity_std, own.bias_walk
         top = pose @ transpose(A) + both @ transpose(B) + _diagonal(held * noise * noise)
         rest = S[..., m:, m:] + _diagonal(duration * walk * walk)
-        found = np.zeros_like(S)
-        found[..., :m, :m], found[..., m:, m:] = top, rest
-        found[..., :m, m:] = both
-        return Estimate(now.pose @ step, now.bias, mirrored(found))
+        covariance = np.zeros_like(S)
+        covariance[..., :m, :m], covariance[..., m:, m:] = top, rest
+        covariance[..., :m, m:] = both
+        return Estimate(now.pose @ step, now.bias, mirrored(covariance))
 
     def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, Array]:
         """Return the estimate corrected coordinate by coordinate, and its whitened innovations.

@@ -54,11 +54,11 @@ class Schedule:
 
     def of_axes(self, signal: str, option: str, default: int) -> Array:
         """Return ``every`` or ``delay`` of each coordinate of a signal, ``(m,)``."""
-        found = np.full(self.G.dimension, default)
+        values = np.full(self.G.dimension, default)
         for channel in self.channels:
             if channel.signal == signal:
-                found[channel.part.axes] = getattr(channel, option)
-        return found
+                values[channel.part.axes] = getattr(channel, option)
+        return values
 
     @property
     def intervals(self) -> Array:

@@ -112,24 +112,24 @@ class Channel:
         fresh = less(0.5 * MEASURED, arrived[..., None])
         first = less(0.5 * (MEASURED + FIRST), arrived[..., None])
         waiting = [held[..., k : k + self.size] for k in range(self.size, self.states, self.size)]
-        found = [where(first, now, entry) for entry in waiting]
-        return np.concatenate([*found, where(fresh, now, last)], axis=-1)
+        kept = [where(first, now, entry) for entry in waiting]
+        return np.concatenate([*kept, where(fresh, now, last)], axis=-1)
 
     def read(self, value: Array, held: Array) -> Array:
         """Return the value with the part as it has arrived."""
-        found = value.copy()
-        found[self.entries] = held[..., : self.size].reshape(*held.shape[:-1], *self.shape)
-        return found
+        values = value.copy()
+        values[self.entries] = held[..., : self.size].reshape(*held.shape[:-1], *self.shape)
+        return values
 
     def arrivals(self, instants: int, random: np.random.Generator) -> Array:
         """Return the events, ``(instants,)``; the first do not depend on how many there are."""
-        found, due = np.full(instants, NOTHING), self.clock.is_due(np.arange(instants))
+        flags, due = np.full(instants, NOTHING), self.clock.is_due(np.arange(instants))
         due[:1] = True
-        found[due] = MEASURED
+        flags[due] = MEASURED
         if self.loses is not None:
-            found[np.flatnonzero(due)[self.loses.lost(int(due.sum()), random)]] = NOTHING
-        found[:1] = FIRST
-        return found
+            flags[np.flatnonzero(due)[self.loses.lost(int(due.sum()), random)]] = NOTHING
+        flags[:1] = FIRST
+        return flags
 
 
 def channels(
