@@ -467,25 +467,18 @@ class MeasuredRun:
         G, seen = self.recording.group, self.recording
         run, wanted = self.simulated.at(seen.times), self.reference.at(seen.times)
 
-        def between(Q: Array, P: Array) -> Array:
+        def apart(P: Array, Q: Array) -> Array:
             return G.log(G.inverse(Q) @ P)
 
-        errors = [
-            Error(
-                "pose",
-                between(wanted.pose, seen.poses),
-                between(wanted.pose, run.pose),
-                between(run.pose, seen.poses),
+        return [
+            Error(name, less(known, desired), less(here, desired), less(known, here))
+            for name, less, known, here, desired in (
+                ("pose", apart, seen.poses, run.pose, wanted.pose),
+                ("velocity", np.subtract, seen.velocities, run.velocity, wanted.velocity),
+                ("wrench", np.subtract, seen.wrenches, run.wrench, wanted.wrench),
             )
+            if not np.isnan(known).all()
         ]
-        for quantity, measured, here, desired in (
-            ("velocity", seen.velocities, run.velocity, wanted.velocity),
-            ("wrench", seen.wrenches, run.wrench, wanted.wrench),
-        ):
-            if not np.isnan(measured).all():
-                differences = measured - desired, here - desired, measured - here
-                errors.append(Error(quantity, *differences))
-        return errors
 
     @property
     def notes(self) -> list[str]:

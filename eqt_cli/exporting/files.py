@@ -131,7 +131,7 @@ def above(value: float) -> str:
 
 def row(values: Array) -> str:
     """Return doubles as an array in C on one line."""
-    return f"{{{', '.join(repr(float(value)) for value in values)}}}"
+    return braced(values, DOUBLE)
 
 
 EXAMPLES = 32

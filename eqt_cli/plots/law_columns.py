@@ -27,7 +27,6 @@ def law_columns(
     width: Width,
     rows: Sequence[str],
     shows: Callable[[str, Ensemble], bool] = lambda row, law: True,
-    tallest: float = _TALLEST,
 ) -> tuple[Drawing, dict[str, Row]]:
     """Return the figure and the panels of each row, which share the scale of its first panel.
 
@@ -37,8 +36,6 @@ def law_columns(
         Names of the rows.
     shows
         Whether a row shows a law.
-    tallest
-        Height of all rows at most, in.
 
     Raises
     ------
@@ -52,7 +49,7 @@ def law_columns(
             f"{MOST[width]}, not {len(laws)}; choose some with the option 'controllers'"
         )
     mosaic = [[f"{row} {e.label}" if shows(row, e) else layout.EMPTY for e in laws] for row in rows]
-    drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), tallest)
+    drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST)
     by_row: dict[str, Row] = {row: {} for row in rows}
     for row, names in zip(rows, mosaic, strict=True):
         for law, name in zip(laws, names, strict=True):

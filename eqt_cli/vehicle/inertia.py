@@ -21,7 +21,7 @@ class TrueInertia(ABC):
     @property
     def varies(self) -> bool:
         """Whether the numbers differ from run to run."""
-        return False
+        return any(map(is_drawn, vars(self).values()))
 
     @abstractmethod
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
@@ -43,11 +43,6 @@ class RelativeInertia(TrueInertia):
     """
 
     relative: Number
-
-    @property
-    def varies(self) -> bool:
-        """Whether r is drawn."""
-        return is_drawn(self.relative)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the inertia with an r for which 1 + r is greater than 0."""
@@ -75,11 +70,6 @@ class ConstantInertia(TrueInertia):
 
     matrix: Matrix
     inverse: Any = field(default=None, init=False, repr=False)
-
-    @property
-    def varies(self) -> bool:
-        """Whether an entry is drawn."""
-        return is_drawn(self.matrix)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the inertia with matrix and inverse; draws that are not definite are repeated."""

@@ -92,16 +92,12 @@ class Vehicle:
     @cached_property
     def parts(self) -> dict[str, Any]:
         """All parts by their places in a configuration."""
-        by_path: dict[str, Any] = {} if self.inertia is None else {INERTIA: self.inertia}
-        for name, parts in (
-            (FORCES, self.forces),
-            (ACTUATORS, self.actuators),
-            (POSE, self.pose_sensors),
-            (VELOCITY, self.velocity_sensors),
-        ):
-            by_path |= {f"{name}[{index}]": part for index, part in enumerate(parts)}
-        by_path |= {} if self.estimator is None else {ESTIMATOR: self.estimator}
-        return by_path if self.control is None else {**by_path, CONTROL: self.control}
+        lists: dict[str, tuple[Any, ...]] = {FORCES: self.forces, ACTUATORS: self.actuators}
+        lists |= {POSE: self.pose_sensors, VELOCITY: self.velocity_sensors}
+        listed = {f"{name}[{k}]": one for name, each in lists.items() for k, one in enumerate(each)}
+        alone = {ESTIMATOR: self.estimator, CONTROL: self.control}
+        by_place = {INERTIA: self.inertia, **listed, **alone}
+        return {place: part for place, part in by_place.items() if part is not None}
 
     @property
     def varies(self) -> bool:
@@ -161,8 +157,7 @@ class Vehicle:
 
     def sensors(self) -> dict[str, Sensor]:
         """Return all sensors by their places in a configuration."""
-        pairs = (POSE, self.pose_sensors), (VELOCITY, self.velocity_sensors)
-        return {f"{name}[{k}]": part for name, parts in pairs for k, part in enumerate(parts)}
+        return {place: part for place, part in self.parts.items() if isinstance(part, Sensor)}
 
     def started(self, G: MatrixLieGroup, V: Array) -> dict[str, Array]:
         """Return the states of clocks, sensors and actuators at t = 0, where they are not 0."""

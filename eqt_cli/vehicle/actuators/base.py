@@ -1,7 +1,7 @@
 """The base class of actuators; it knows no law, plant or engine."""
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
@@ -161,6 +161,12 @@ class Actuator(VehiclePart):
         `wanted` are the directions in which a law asks for a torque, ``(k, m)``.
         """
         yield from ()
+
+
+def of_each(part: Actuator, names: Iterable[str], count: int) -> dict[str, Any]:
+    """Return the options that are given, of these names, with a number for each of k members."""
+    given = {name: getattr(part, name) for name in names}
+    return {name: np.full(count, x, dtype=float) for name, x in given.items() if x is not None}
 
 
 class PassThrough(Actuator):

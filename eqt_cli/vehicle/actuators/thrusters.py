@@ -13,7 +13,7 @@ from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.option_types import Real, Scale, Unit
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup, rigid_motions
-from eqt_cli.vehicle.actuators.base import Actuator, against
+from eqt_cli.vehicle.actuators.base import Actuator, against, of_each
 from eqt_cli.vehicle.component import Numbers, check_limits, check_numbers, drawn, lowest
 
 SPEEDS = ("low_speed", "high_speed")
@@ -194,11 +194,8 @@ class Thrusters(Actuator):
         """Return thrusters with B, its weighted pseudo-inverse, and an entry for each thruster."""
         part = self.drawn(random)
         B = part.columns(G)
-        each = {
-            name: np.broadcast_to(np.array(value, dtype=float), (self.count,)).copy()
-            for name in ("low", "high", "time_constant", "thrust_constant", *SPEEDS)
-            if (value := getattr(part, name)) is not None
-        }
+        names = "low", "high", "time_constant", "thrust_constant", *SPEEDS
+        each = of_each(part, names, self.count)
         for name, speed in zip(("low", "high"), SPEEDS, strict=True):
             if speed in each:
                 each[name] = each["thrust_constant"] * each.pop(speed) ** 2

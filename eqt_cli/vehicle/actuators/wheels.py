@@ -11,7 +11,7 @@ from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import STRUCTURE, with_fields
 from eqt_cli.core.option_types import Angle, Positive, Real, Unit
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.actuators.base import Actuator, of_each
 from eqt_cli.vehicle.component import Numbers, check_numbers
 
 CREEP = 1.0
@@ -165,11 +165,7 @@ class Wheels(Actuator):
         part, turns, unit = self.drawn(random), _turns(G), self.unit_axes()
         A = np.zeros((G.dimension, self.count))
         A[turns] = unit
-        each: dict[str, Any] = {
-            name: np.broadcast_to(np.array(value, dtype=float), (self.count,)).copy()
-            for name in OF_EACH
-            if (value := getattr(part, name)) is not None
-        }
+        each = of_each(part, OF_EACH, self.count)
         if "speed" in each:
             each["momentum"] = each["inertia"] * each.pop("speed")
         inverse, each["start"] = np.linalg.pinv(A), each.get("start", np.zeros(self.count))
