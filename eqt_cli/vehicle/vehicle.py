@@ -525,30 +525,6 @@ class Vehicle:
         solved
             The `solution`, where it is known.
         """
-
-        def solve(actuator: Actuator, command: Array) -> Array:
-            return actuator.solution(G, command) if solved is None else solved
-
-        return self._after_instant(G, asked, states, solve)
-
-    def solution(self, G: MatrixLieGroup, asked: Array, states: Mapping[str, Array]) -> Array:
-        """Return the solution of the actuator that `solves` at a control instant, ``(runs, n)``."""
-        solutions = []
-
-        def solve(actuator: Actuator, command: Array) -> Array:
-            solutions.append(actuator.solution(G, command))
-            return solutions[0]
-
-        self._after_instant(G, asked, states, solve)
-        return solutions[0]
-
-    def _after_instant(
-        self,
-        G: MatrixLieGroup,
-        asked: Array,
-        states: Mapping[str, Array],
-        solve: Callable[[Actuator, Array], Array],
-    ) -> dict[str, Array]:
         before = states[COMMANDS]
         asked = self.if_due(states, asked, before[..., -G.dimension :], CONTROL)
         queue = np.concatenate([before[..., G.dimension :], asked], axis=-1)
@@ -566,12 +542,20 @@ class Vehicle:
                 command = changed[held] = self.if_due(states, command, states[held], place)
                 period = self.clocks[place].every * period
             if place in states:
-                taken = solve(actuator, command) if actuator.solves else command
+                taken = command
+                if actuator.solves:
+                    taken = actuator.solution(G, command) if solved is None else solved
                 after = actuator.step(G, taken, x, period)
                 x = changed[place] = self.if_due(states, after, x, place)
             if index < self._at_instants:
                 command = actuator.output(G, command, x)
         return {**changed, HELD: command} if self._at_instants else changed
+
+    def solution(self, G: MatrixLieGroup, asked: Array, states: Mapping[str, Array]) -> Array:
+        """Return the solution of the actuator that `solves` at a control instant, ``(runs, n)``."""
+        after = self.after_instant(G, asked, states, np.zeros((len(asked), self.solves)))
+        inputs = self._inputs(G, asked, after)
+        return next(each.solution(G, command) for each, command, _ in inputs if each.solves)
 
     def _inputs(
         self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
