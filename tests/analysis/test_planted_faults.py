@@ -694,21 +694,19 @@ def test_a_fault_turns_the_rows_red_that_are_about_it(fault, monkeypatch):
 @pytest.mark.parametrize(
     ("fault", "laws"),
     [
-        pytest.param("damping: sign", ALL, marks=pytest.mark.slow("one of many faults")),
+        ("damping: sign", ALL),
         pytest.param("gradient term: sign", ALL, marks=pytest.mark.slow("one of many faults")),
-        ("stabilising damping: sign", "with"),
+        pytest.param(
+            "stabilising damping: sign", "with", marks=pytest.mark.slow("one of many faults")
+        ),
     ],
 )
 def test_a_law_that_drives_the_error_up_is_seen_on_its_runs(fault, laws, monkeypatch):
     experiment, plant = PLANTS[fault]
     plant(monkeypatch)
-    assert on(laws, "decrease of L") <= red_rows(experiment)
-
-
-def test_a_growing_error_speaks_against_convergence(monkeypatch):
-    _, plant = PLANTS["damping: sign"]
-    plant(monkeypatch)
-    assert on(ALL, "Q → Q_d", "P → P_d") <= red_rows("paper")
+    rows = red_rows(experiment)
+    assert on(laws, "decrease of L") <= rows
+    assert fault != "damping: sign" or on(laws, "Q → Q_d", "P → P_d") <= rows
 
 
 # The table of all of them -------------------------------------------------------------------------

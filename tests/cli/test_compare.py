@@ -46,13 +46,15 @@ def test_a_pair_of_laws_can_be_chosen_in_every_format(
     invoke("animate", folder, *pair, "--format", "html", "--out", tmp_path)
 
 
-def claim(invoke, paper_result, text):
-    document = json.loads(invoke("compare", paper_result, "--json").stdout)
-    return [row for row in document["claims"] if text in row["claim"]]
+@pytest.fixture(scope="module")
+def claim(invoke, paper_result):
+    """The rows of the claims in which a text stands."""
+    rows = json.loads(invoke("compare", paper_result, "--json").stdout)["claims"]
+    return lambda text: [row for row in rows if text in row["claim"]]
 
 
-def test_eqt_needs_less_control_action_than_gt_in_the_first_5_s(invoke, paper_result):
-    (row,) = claim(invoke, paper_result, "requires less control action")
+def test_eqt_needs_less_control_action_than_gt_in_the_first_5_s(claim):
+    (row,) = claim("requires less control action")
     assert (row["metric"], row["window_start"], row["window_stop"]) == ("mean_torque", 0, 5)
     assert row["verdict"] == "seen, not all settled"
     # 0.23 N m in the paper's experiment; the interval of 60 runs is some 0.12 wide to each side.
@@ -60,8 +62,8 @@ def test_eqt_needs_less_control_action_than_gt_in_the_first_5_s(invoke, paper_re
     assert row["high"] < 0
 
 
-def test_eqt_tracks_attitude_slightly_slower_than_gt(invoke, paper_result):
-    (row,) = claim(invoke, paper_result, "slightly slower attitude tracking")
+def test_eqt_tracks_attitude_slightly_slower_than_gt(claim):
+    (row,) = claim("slightly slower attitude tracking")
     assert (row["metric"], row["window_stop"], row["first"]) == ("mean_pose_error", 20, "gt")
     assert row["verdict"] == "seen, not all settled"
     # 0.10 in the paper's experiment; the interval of 60 runs is some 0.042 wide to each side.
@@ -69,8 +71,8 @@ def test_eqt_tracks_attitude_slightly_slower_than_gt(invoke, paper_result):
     assert row["high"] < 0
 
 
-def test_superiority_is_measured_row_by_row(invoke, paper_result):
-    rows = claim(invoke, paper_result, "superior to the two approximations")
+def test_superiority_is_measured_row_by_row(claim):
+    rows = claim("superior to the two approximations")
     assert [(row["metric"], row["first"], row["second"]) for row in rows] == [
         (metric, first, second)
         for metric in ("mean_pose_error", "mean_torque")
@@ -82,14 +84,14 @@ def test_superiority_is_measured_row_by_row(invoke, paper_result):
     assert verdicts["mean_pose_error", "eqt", "asym"] == "not supported"
 
 
-def test_all_four_are_stabilising(invoke, paper_result):
-    rows = claim(invoke, paper_result, "stabilising")
+def test_all_four_are_stabilising(claim):
+    rows = claim("stabilising")
     assert [(row["first"], row["held"], row["verdict"]) for row in rows] == [
         (label, 60, "seen, not all settled") for label in ("eqt", "gt", "nog", "asym")
     ]
 
 
-def test_by_default_the_differences_then_the_means_then_the_claims(invoke, paper_result):
+def test_differences_then_means_then_claims_and_verbose_has_all_pairs(invoke, paper_result):
     done = invoke("compare", paper_result)
     lines = done.stdout.splitlines()
     pairs = "Paired differences from the same initial states, with 95 % bootstrap intervals"
@@ -105,6 +107,13 @@ def test_by_default_the_differences_then_the_means_then_the_claims(invoke, paper
         r"  mean ‖τ‖, 0–5 s, N m +-0\.\d+ \[-0\.\d+, -0\.\d+\] +EqT \d+ of 60 +-\d+\.\d %", first
     )
     assert done.stderr == "next: --verbose prints all pairs and claims, --list all metrics\n"
+    verbose = invoke("compare", paper_result, "--verbose")
+    assert verbose.stdout.endswith(done.stdout.partition("Claims of")[2])
+    titled = [line for line in verbose.stdout.splitlines() if line.startswith(("EqT −", "GT −"))]
+    assert titled == ["EqT − GT", "EqT − nog", "EqT − asym", "GT − nog", "GT − asym"]
+    asked = "Claims of Hampsey et al. (2025), section 7, tested on this experiment"
+    assert f"{asked}, at 60 runs per law" in verbose.stdout.splitlines()
+    assert verbose.stderr == ""
 
 
 def test_two_results_are_refused_with_what_to_do(invoke, paper_result):
@@ -118,17 +127,6 @@ def test_two_results_are_refused_with_what_to_do(invoke, paper_result):
     done = invoke("report", "a", "b", "c", code=2)
     assert done.stderr.startswith("eqt: report takes one result; got 3. To compare across ")
     assert done.stderr.endswith(" To draw all in one figure: `eqt plot a b c --out figures/all`\n")
-
-
-def test_verbose_adds_all_pairs_to_the_findings(invoke, paper_result):
-    brief, done = invoke("compare", paper_result), invoke("compare", paper_result, "--verbose")
-    _, _, findings = brief.stdout.partition("Claims of")
-    assert done.stdout.endswith(findings)
-    titled = [line for line in done.stdout.splitlines() if line.startswith(("EqT −", "GT −"))]
-    assert titled == ["EqT − GT", "EqT − nog", "EqT − asym", "GT − nog", "GT − asym"]
-    asked = "Claims of Hampsey et al. (2025), section 7, tested on this experiment"
-    assert f"{asked}, at 60 runs per law" in done.stdout.splitlines()
-    assert done.stderr == ""
 
 
 def test_against_chooses_pairs(invoke, paper_result):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import controllers
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import frobenius
 from eqt_cli.core.expressions import parse
@@ -99,8 +100,10 @@ def assert_same(one, other):
         np.testing.assert_allclose(left, right, rtol=0, atol=TOLERANCE)
 
 
-def test_lemma_6_1_on_every_group(law_on_group):
-    loop = closed_loop(*law_on_group)
+@pytest.mark.parametrize("name", ["gt", "nog", "goodarzi2013", "quaternion"])
+def test_lemma_6_1_for_laws(name):
+    """In space and in the body, with memory and without; it holds for any torque."""
+    loop = closed_loop(group_named("SO3"), controllers.get(name)())
     assert_same(*both(loop, engines.get("solve_ivp")(rtol=RTOL, atol=1e-11)))
 
 

@@ -39,6 +39,8 @@ def _in_a_folder(tmp_path, monkeypatch):
     if compiler.missing():
         pytest.skip("needs a C compiler")
     monkeypatch.chdir(tmp_path)
+    # All states of a fault are worse than the bound, and 400 bounds take half of the time.
+    monkeypatch.setattr("eqt_cli.analysis.code_rows.MOST_BOUNDED", 20)
 
 
 @pytest.fixture

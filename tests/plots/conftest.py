@@ -25,7 +25,7 @@ CONFIG = {
     },
     "ensemble": {"runs": RUNS, "seed": 1},
     "time": {"duration": 4.0, "samples": 41},
-    "solver": {"rtol": 1e-5},
+    "solver": {"rtol": 1e-5, "cross_check": 0, "error_estimate": False},
 }
 
 
