@@ -27,6 +27,7 @@ import pytest
 import typer.main
 from hypothesis import settings
 from hypothesis import strategies as st
+from small_experiment import configuration
 
 from eqt_cli.cli import main
 from eqt_cli.cli.shared import progress
@@ -360,6 +361,30 @@ def _stencil(a: Array, b: Array, c: Array, d: Array, h: float) -> Array:
 
 
 @dataclass(frozen=True)
+class Done:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Done]:
+    """Calls the command within this process."""
+
+    def call(*arguments: object) -> Done:
+        monkeypatch.setattr(sys, "argv", ["eqt", *map(str, arguments)])
+        # Click would call the program after the module that Python was started with.
+        monkeypatch.setattr(sys.modules["__main__"], "__package__", None)
+        with pytest.raises(SystemExit) as exit_:
+            main()
+        return Done(int(exit_.value.code or 0), *capsys.readouterr())
+
+    return call
+
+
+@dataclass(frozen=True)
 class Called:
     """What a command printed."""
 
@@ -386,26 +411,6 @@ def invoke() -> Callable[..., Called]:
         return Called(out.getvalue(), err.getvalue())
 
     return call
-
-
-LINES = {
-    "group": "SO3",
-    "inertia": "[2, 1, 3]",
-    "gains": "{kp: 1.0, kd: 0.5}",
-    "reference": '{torque: ["cos(t)", "sin(t)", "0"]}',
-    "controllers": "[eqt, gt]",
-    "initial": "{pose: haar, velocity: normal}",
-    "ensemble": "{runs: 3, seed: 1}",
-    "time": "{duration: 1.0, samples: 11}",
-    "solver": "{rtol: 1.0e-6, cross_check: 0}",
-}
-"""A configuration that is fine: one section a line, from line 1 on."""
-
-
-def configuration(**changes: str | None) -> str:
-    """`LINES` with sections replaced, left out (None) or, where new, added at the end."""
-    lines = {**LINES, **changes}
-    return "".join(f"{key}: {value}\n" for key, value in lines.items() if value is not None)
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """Every command and snippet of the documentation works as it stands, and says what is true."""
 
 import ast
-import importlib.util
 import re
 import shutil
 import subprocess
@@ -9,6 +8,7 @@ import sys
 from pathlib import Path
 from pkgutil import resolve_name
 
+import docs_runner
 import pytest
 import yaml
 
@@ -18,12 +18,6 @@ from eqt_cli.plots.figures import figures
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-SPEC = importlib.util.spec_from_file_location(
-    "docs_runner", Path(__file__).with_name("docs_runner.py")
-)
-docs_runner = importlib.util.module_from_spec(SPEC)
-sys.modules["docs_runner"] = docs_runner
-SPEC.loader.exec_module(docs_runner)
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.glob("**/*.md"))
 EQUATIONS = yaml.safe_load((DOCS / "explanation" / "equations.yaml").read_text(encoding="utf-8"))
 

@@ -7,29 +7,16 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
+from small_experiment import configuration
 
-from eqt_cli.cli import main
 from eqt_cli.core import registry
 
-CONFIG = """\
-group: SO3
-inertia: [2, 1, 3]
-gains: {kp: 1.0, kd: 0.5}
-reference: {torque: ["cos(t)", "sin(t)", "0"]}
-controllers: [eqt, gt]
-initial: {pose: haar, velocity: normal}
-ensemble: {runs: 3, seed: 1}
-time: {duration: 1.0, samples: 11}
-solver: {rtol: 1.0e-6, cross_check: 0}
-"""
 
-
-@dataclass(frozen=True)
-class Done:
+class Done(NamedTuple):
     """How a command ended."""
 
     code: int
@@ -54,7 +41,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "c.yaml").write_text(CONFIG, encoding="utf-8")
+    (tmp_path / "c.yaml").write_text(configuration(), encoding="utf-8")
     return tmp_path
 
 
@@ -66,9 +53,8 @@ def _kept() -> dict[tuple[str, ...], tuple[Done, Path]]:
 
 @pytest.fixture
 def eqt(
+    eqt: Eqt,
     folder: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
     tmp_path_factory: pytest.TempPathFactory,
     _kept: dict[tuple[str, ...], tuple[Done, Path]],
 ) -> Eqt:
@@ -82,25 +68,17 @@ def eqt(
         makes = words[:1] in (("run",), ("sweep",)) and words[1:2] == ("c.yaml",)
         makes = makes and bool({"-q", "--quiet"} & set(words))
         config = folder / "c.yaml"
-        alone = makes and list(folder.iterdir()) == [config] and config.read_text() == CONFIG
+        alone = makes and list(folder.iterdir()) == [config]
+        alone = alone and config.read_text() == configuration()
         if alone and words in _kept:
             done, copy = _kept[words]
             shutil.copytree(copy, folder, dirs_exist_ok=True)
             return done
-        done = called(words)
+        done = eqt(*words)
         if alone:
             _kept[words] = done, tmp_path_factory.mktemp("kept") / "folder"
             shutil.copytree(folder, _kept[words][1])
         return done
-
-    def called(words: tuple[str, ...]) -> Done:
-        monkeypatch.setattr(sys, "argv", ["eqt", *words])
-        # Click would call the program after the module that Python was started with.
-        monkeypatch.setattr(sys.modules["__main__"], "__package__", None)
-        with pytest.raises(SystemExit) as exit_:
-            main()
-        out, err = capsys.readouterr()
-        return Done(int(exit_.value.code or 0), out, err)
 
     return call
 

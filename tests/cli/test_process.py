@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from plugin_sources import EVERY_KIND
 
 import eqt_cli
 
@@ -203,54 +204,6 @@ def test_show_on_an_unfinished_folder_does_without_numpy(folder: Path) -> None:
 
 # Components of other distributions ----------------------------------------------------------------
 
-MODULE = '''\
-"""One component of every kind, each a copy of one of eqt's under another name."""
-
-from dataclasses import dataclass
-from typing import ClassVar
-
-from eqt_cli.controllers.eqt import EqT
-from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.ensemble.poses.haar import Haar
-from eqt_cli.ensemble.velocities.normal import Normal
-from eqt_cli.groups.so3 import SO3
-from eqt_cli.plots.figures.runs import RunsFigure
-from eqt_cli.references.torque import TorqueReference
-
-
-class MyGroup(SO3):
-    name: ClassVar[str] = "MyGroup"
-
-
-@dataclass(frozen=True)
-class MyLaw(EqT):
-    name: ClassVar[str] = "my_law"
-
-
-@dataclass(frozen=True)
-class MyReference(TorqueReference):
-    name: ClassVar[str] = "my_reference"
-
-
-@dataclass(frozen=True)
-class MyPoses(Haar):
-    name: ClassVar[str] = "my_poses"
-
-
-@dataclass(frozen=True)
-class MyVelocities(Normal):
-    name: ClassVar[str] = "my_velocities"
-
-
-@dataclass(frozen=True)
-class MyEngine(SolveIvp):
-    name: ClassVar[str] = "my_engine"
-
-
-@dataclass(frozen=True)
-class MyFigure(RunsFigure):
-    name: ClassVar[str] = "my_figure"
-'''
 DECLARED = {
     "groups": "MyGroup",
     "controllers": "MyLaw",
@@ -273,7 +226,7 @@ solver: {engine: my_engine, rtol: 1.0e-6, cross_check: 0}
 """
 
 
-def install(folder: Path, declared: dict[str, str], module: str = MODULE) -> dict[str, str]:
+def install(folder: Path, declared: dict[str, str], module: str = EVERY_KIND) -> dict[str, str]:
     """Lay out an installed distribution; returns the environment that finds it."""
     site = folder / "site"
     information = site / "mine-1.0.dist-info"
@@ -292,7 +245,7 @@ def test_entry_points_of_every_kind_run(process: Eqt, folder: Path) -> None:
     assert process("run", "mine.yaml", **environment).code == 0
     listed = json.loads(process("list", "--json", **environment).out)
     found = {entry["name"] for kind in listed.values() for entry in kind}
-    own = {line.split('"')[1] for line in MODULE.splitlines() if "name: ClassVar" in line}
+    own = {line.split('"')[1] for line in EVERY_KIND.splitlines() if "name: ClassVar" in line}
     assert len(own) == len(DECLARED)
     assert own <= found
 

@@ -10,39 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plugin_sources import ESCAPE, SHIFTED
 
 from eqt_cli.engines.native import Native
 from eqt_cli.store.reader import open_results
 
 Eqt = Callable[..., Any]
 
-ESCAPE = """\
-from dataclasses import dataclass
-from typing import ClassVar
-from eqt_cli.controllers import Controller
-
-@dataclass(frozen=True)
-class Escape(Controller):
-    name: ClassVar[str] = "escape"
-    title: ClassVar[str] = "Escape"
-
-    def torque(self, s):
-        return 20 * s.V_tilde**3
-"""
-SHIFTED = """\
-from dataclasses import dataclass
-from typing import ClassVar
-from eqt_cli.engines.solve_ivp import SolveIvp
-
-@dataclass(frozen=True)
-class Shifted(SolveIvp):
-    name: ClassVar[str] = "shifted"
-
-    def solve(self, problem, workers=1, progress=lambda runs: None):
-        solution = super().solve(problem, workers, progress)
-        solution.states[:] += 0.01
-        return solution
-"""
 FAILING = (
     *("--set", "plugins=[escape.py]", "--set", "controllers=[escape, eqt]"),
     *("--set", "solver.rtol=1e-3"),  # how it fails is soon known

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from plugin_sources import ESCAPE
 
 from eqt_cli.config import shipped
 
@@ -28,19 +29,6 @@ class Away(EqT):
 
     def dissipation(self, s):
         return super().dissipation(s)
-"""
-ESCAPE = """\
-from dataclasses import dataclass
-from typing import ClassVar
-from eqt_cli.controllers import Controller
-
-@dataclass(frozen=True)
-class Escape(Controller):
-    name: ClassVar[str] = "escape"
-    title: ClassVar[str] = "Escape"
-
-    def torque(self, s):
-        return 20 * s.V_tilde**3
 """
 CERTIFICATE = '''\
 from typing import ClassVar

@@ -1,8 +1,6 @@
 """C files as users write them, and configurations that name them."""
 
-import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ import pytest
 import eqt_cli
 from eqt_cli.analysis.code_rows import code_rows
 from eqt_cli.analysis.evidence.program_error import DOUBLE
-from eqt_cli.cli import main
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines.native import compiler
 from eqt_cli.exporting import exported
@@ -94,27 +91,6 @@ def judged():
         return {row.name: row.remark for row in rows if row.verdict != "holds"}
 
     return judge
-
-
-class Done(NamedTuple):
-    """What a command said."""
-
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def eqt(capsys, monkeypatch):
-    """Calls the command within this process."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["eqt", *map(str, arguments)])
-        with pytest.raises(SystemExit) as exit_:
-            main()
-        return Done(int(exit_.value.code or 0), *capsys.readouterr())
-
-    return call
 
 
 # Exported laws -----------------------------------------------------------------------------------

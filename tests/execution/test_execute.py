@@ -12,6 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from small_experiment import configuration
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError, EqtError
@@ -29,17 +30,13 @@ from eqt_cli.experiment.read_study import add_grids, study
 from eqt_cli.results.result import open_result
 from eqt_cli.store.reader import open_results
 
-CONFIG = """\
-group: SO3
-inertia: [1, 2, 3]
-gains: {kp: 1.0, kd: 0.5}
-reference: {torque: ["cos(t)", "sin(t)", "0"]}
-controllers: [eqt, gt]
-initial: {pose: {kind: haar}, velocity: {kind: normal}}
-ensemble: {runs: 7, seed: 1}
-time: {duration: 0.5, samples: 6}
-solver: {rtol: 1.0e-6, block: 3, cross_check: 2}
-"""
+CONFIG = configuration(
+    inertia="[1, 2, 3]",
+    initial="{pose: {kind: haar}, velocity: {kind: normal}}",
+    ensemble="{runs: 7, seed: 1}",
+    time="{duration: 0.5, samples: 6}",
+    solver="{rtol: 1.0e-6, block: 3, cross_check: 2}",
+)
 FLIGHT = """\
 plant: {inertia: {relative: {uniform: [-0.1, 0.1]}}}
 actuators: [{kind: limit, limit: {uniform: [0.8, 1.2]}}, {kind: lag, time_constant: 0.1}]

@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from small_experiment import configuration
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError, ResultError
@@ -20,17 +21,12 @@ from eqt_cli.experiment.read_study import MOST_GROUPS, add_grids, study
 from eqt_cli.results.result import open_result
 from eqt_cli.store.reader import open_results
 
-CONFIG = """\
-group: SO3
-inertia: 2
-gains: {kp: 1.0, kd: 0.5}
-reference: {torque: ["cos(t)", "sin(t)", "0"]}
-controllers: [eqt, gt]
-initial: {pose: haar, velocity: normal}
-ensemble: {runs: 5, seed: 1}
-time: {duration: 0.5, samples: 6}
-solver: {rtol: 1.0e-6, block: 5, cross_check: 1}
-"""
+CONFIG = configuration(
+    inertia="2",
+    ensemble="{runs: 5, seed: 1}",
+    time="{duration: 0.5, samples: 6}",
+    solver="{rtol: 1.0e-6, block: 5, cross_check: 1}",
+)
 GROUPS = """\
 sweep:
   - grid: {gains.kp: [1, 2]}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from small_experiment import configuration
 
 from eqt_cli.core import registry
 
@@ -38,17 +39,7 @@ class Push(Force):
     def acting(self, G, t, Q, V):
         return BODY
 """
-CONFIG = """\
-group: SO3
-inertia: [2, 1, 3]
-gains: {kp: 1.0, kd: 0.5}
-reference: {torque: ["cos(t)", "sin(t)", "0"]}
-controllers: [eqt, CONTROLLERS]
-initial: {pose: haar, velocity: normal}
-ensemble: {runs: 3, seed: 1}
-time: {duration: 1.0, samples: 11}
-plugins: [own.py]
-"""
+CONFIG = configuration(controllers="[eqt, CONTROLLERS]", solver=None, plugins="[own.py]")
 OWN = "{kind: own, gain: 2.0}"
 TOGETHER = "fails when runs are solved together, with every number of a law as an array (runs, 1): "
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plugin_sources import EVERY_KIND
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core import registry
@@ -27,49 +28,6 @@ Build = Callable[..., Experiment]
 Message = Callable[..., str]
 
 PLUGINS = Path(__file__).parents[1] / "plugins"
-
-EVERY_KIND = '''\
-"""One component of every kind, each a copy of one of eqt's under another name."""
-
-from dataclasses import dataclass
-from typing import ClassVar
-
-from eqt_cli.controllers.eqt import EqT
-from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.ensemble.poses.haar import Haar
-from eqt_cli.ensemble.velocities.normal import Normal
-from eqt_cli.groups.so3 import SO3
-from eqt_cli.references.torque import TorqueReference
-
-
-class MyGroup(SO3):
-    name: ClassVar[str] = "MyGroup"
-
-
-@dataclass(frozen=True)
-class MyLaw(EqT):
-    name: ClassVar[str] = "my_law"
-
-
-@dataclass(frozen=True)
-class MyReference(TorqueReference):
-    name: ClassVar[str] = "my_reference"
-
-
-@dataclass(frozen=True)
-class MyPoses(Haar):
-    name: ClassVar[str] = "my_poses"
-
-
-@dataclass(frozen=True)
-class MyVelocities(Normal):
-    name: ClassVar[str] = "my_velocities"
-
-
-@dataclass(frozen=True)
-class MyEngine(SolveIvp):
-    name: ClassVar[str] = "my_engine"
-'''
 
 MINE = {
     "plugins": "[mine.py]",

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plugin_sources import ESCAPE, SHIFTED
 
 from eqt_cli.execution.run_study import Execution
 from eqt_cli.store.reader import ResultFile, open_results
@@ -241,21 +242,9 @@ def test_some_samples_of_some_runs_are_kept_and_compressed(
 
 # Runs that fail ---------------------------------------------------------------------------------
 
-ESCAPE = '''\
-from dataclasses import dataclass
-from typing import ClassVar
-from eqt_cli.controllers import Controller
-
-@dataclass(frozen=True)
-class Escape(Controller):
-    """Grows like dV/dt = V^3, to infinity in finite time."""
-
-    name: ClassVar[str] = "escape"
-    title: ClassVar[str] = "Escape"
-
-    def torque(self, s):
-        return 20 * s.V_tilde**3
-
+UNDEFINED = (
+    ESCAPE
+    + '''
 @dataclass(frozen=True)
 class Undefined(Controller):
     """Has no value anywhere, not even on the reference."""
@@ -266,13 +255,14 @@ class Undefined(Controller):
     def torque(self, s):
         return s.V_tilde * float("nan")
 '''
+)
 
 
 @pytest.mark.parametrize("engine", ["solve_ivp", "native"])
 def test_a_failed_run_is_a_row_and_harms_no_other(
     results: Callable[..., ResultFile], folder: Path, engine: str
 ) -> None:
-    (folder / "law.py").write_text(ESCAPE, encoding="utf-8")
+    (folder / "law.py").write_text(UNDEFINED, encoding="utf-8")
     solver = f"{{engine: {engine}, rtol: 1.0e-6, cross_check: 0}}"
     alone = results(out="alone", controllers="[eqt]", solver=solver)
     found = results(plugins="[law.py]", controllers="[escape, eqt]", solver=solver)
@@ -292,7 +282,7 @@ def test_a_failed_run_is_a_row_and_harms_no_other(
 def test_a_law_that_fails_on_the_reference_leaves_it_to_the_others(
     results: Callable[..., ResultFile], folder: Path
 ) -> None:
-    (folder / "law.py").write_text(ESCAPE, encoding="utf-8")
+    (folder / "law.py").write_text(UNDEFINED, encoding="utf-8")
     alone = results(out="alone", controllers="[eqt]")
     found = results(plugins="[law.py]", controllers="[undefined, eqt]")
     assert (found["status"] != 0).tolist() == [[True] * 3, [False] * 3]
@@ -319,21 +309,6 @@ def test_the_largest_error_allowed(results: Callable[..., ResultFile]) -> None:
 
 
 # The cross-check --------------------------------------------------------------------------------
-
-SHIFTED = """\
-from dataclasses import dataclass, replace
-from typing import ClassVar
-from eqt_cli.engines.solve_ivp import SolveIvp
-
-@dataclass(frozen=True)
-class Shifted(SolveIvp):
-    name: ClassVar[str] = "shifted"
-
-    def solve(self, problem, workers=1, progress=lambda runs: None):
-        solution = super().solve(problem, workers, progress)
-        solution.states[:] += 0.01
-        return solution
-"""
 
 
 def checked(results: ResultFile) -> dict[str, object]:
@@ -388,7 +363,7 @@ def test_an_engine_that_is_wrong_is_found_out(
 def test_where_every_run_failed_there_is_nothing_to_check(
     results: Callable[..., ResultFile], folder: Path
 ) -> None:
-    (folder / "law.py").write_text(ESCAPE, encoding="utf-8")
+    (folder / "law.py").write_text(UNDEFINED, encoding="utf-8")
     found = results("solver.cross_check=1", plugins="[law.py]", controllers="[undefined]")
     assert np.isnan(checked(found)["difference"])
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from eqt_cli.cli import main
 from eqt_cli.core import registry
 
 CONFIG = """\
@@ -23,15 +21,6 @@ ensemble: {runs: 2, seed: 1}
 time: {duration: 0.1, samples: 2}
 solver: {rtol: 1.0e-3, cross_check: 0}
 """
-
-
-@dataclass(frozen=True)
-class Done:
-    """How a command ended."""
-
-    code: int
-    out: str
-    err: str
 
 
 @pytest.fixture(autouse=True)
@@ -53,15 +42,12 @@ def sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Done]:
-    """Calls the command within this process."""
+def eqt(eqt: Callable[..., Any]) -> Callable[..., Any]:
+    """Calls the command within this process; no error is a traceback."""
 
-    def call(*arguments: object) -> Done:
-        monkeypatch.setattr(sys, "argv", ["eqt", *map(str, arguments)])
-        with pytest.raises(SystemExit) as exit_:
-            main()
-        out, err = capsys.readouterr()
-        assert "Traceback" not in err
-        return Done(int(exit_.value.code or 0), out, err)
+    def call(*arguments: object) -> Any:
+        done = eqt(*arguments)
+        assert "Traceback" not in done.err
+        return done
 
     return call

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_experiment import configuration
 from typer.main import get_command
 
 import eqt_cli
@@ -43,17 +44,12 @@ from eqt_cli.tuning.tune import Search
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="links need rights on Windows")
 
-CONFIG = """\
-group: SO3
-inertia: [2, 1, 3]
-gains: {kp: 1.0, kd: 0.5}
-reference: {torque: ["cos(t)", "sin(t)", "0"]}
-controllers: [eqt]
-initial: {pose: haar, velocity: normal}
-ensemble: {runs: 2, seed: 1}
-time: {duration: 0.5, samples: 6}
-solver: {rtol: 1.0e-3, cross_check: 0, error_estimate: false}
-"""
+CONFIG = configuration(
+    controllers="[eqt]",
+    ensemble="{runs: 2, seed: 1}",
+    time="{duration: 0.5, samples: 6}",
+    solver="{rtol: 1.0e-3, cross_check: 0, error_estimate: false}",
+)
 ONE = "tune: {over: {gains.kp: [0.1, 10]}, objective: mean_pose_error"
 MANY = "tune: {over: {gains.kp: [0.1, 10]}, objectives: [mean_pose_error, effort]"
 BUDGET = ", budget: 1, population: 5, seeds: 1, confirm: {runs: 2}}\n"

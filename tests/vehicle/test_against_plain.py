@@ -4,16 +4,11 @@ Both integrate at rtol 1e-12 or 1e-10; errors grow by less than a factor 100 ove
 that 1e-6 is far above either, and far below any effect of a wrong term.
 """
 
-import importlib.util
 from functools import cache
-from pathlib import Path
 
 import numpy as np
+import plain
 import pytest
-
-SPEC = importlib.util.spec_from_file_location("plain", Path(__file__).with_name("plain.py"))
-plain = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(plain)
 
 TOLERANCE = 1e-6
 INERTIA = {"SO3": [1.0, 2.0, 2.5], "SE3": [1.0, 2.0, 2.5, 3.0, 4.0, 5.0]}

@@ -1,24 +1,19 @@
 """Loops whose law, sensors and actuators have clocks of their own, in ticks."""
 
-import importlib.util
 import os
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import h5py
 import numpy as np
+import plain
 import pytest
 
 from eqt_cli.closed_loop.linearised import linearised
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.experiment.horizon import along_reference, reference_over_horizon
-
-SPEC = importlib.util.spec_from_file_location("plain", Path(__file__).with_name("plain.py"))
-plain = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(plain)
 
 INERTIA, TICK, DURATION = [1.0, 2.0, 2.5], 0.05, 1.5
 LAG, LIMIT = 0.3, 1.0

@@ -4,10 +4,8 @@ The truth is that of eqt's own run, at the control instants, and the errors of m
 that the run drew. So nothing is integrated twice, and only rounding can differ.
 """
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
+import plain_filters as plain
 import pytest
 from scipy.linalg import block_diag, solve_discrete_are
 
@@ -22,12 +20,6 @@ from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors.bias import Bias
 from eqt_cli.vehicle.sensors.channels import Errors
 from eqt_cli.vehicle.sensors.noise import Noise
-
-SPEC = importlib.util.spec_from_file_location(
-    "plain_filters", Path(__file__).with_name("plain_filters.py")
-)
-plain = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(plain)
 
 FILTERS = {"invariant": plain.InvariantFilter, "eqf": plain.EquivariantFilter}
 DIMENSION = {"R1": 1, "R3": 3, "SO2": 1, "SO3": 3, "SE2": 3, "SE3": 6, "SE23": 9}

@@ -1,10 +1,10 @@
 """Thrusters and currents: against plain programs, against SciPy, and through whole experiments."""
 
-import importlib.util
 from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
+import plain_thrusters as plain
 import pytest
 import yaml
 from scipy.optimize import lsq_linear
@@ -25,12 +25,6 @@ from eqt_cli.vehicle.component import Normal, Uniform
 from eqt_cli.vehicle.forces.drag import Drag
 from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.vehicle import Vehicle
-
-SPEC = importlib.util.spec_from_file_location(
-    "plain_thrusters", Path(__file__).with_name("plain_thrusters.py")
-)
-plain = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(plain)
 
 TOLERANCE = 1e-6
 """As in test_against_plain.py."""

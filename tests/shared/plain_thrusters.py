@@ -3,17 +3,9 @@
 It shares no line with eqt. Each thruster is a point with a direction; the medium moves past it.
 """
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
+import plain
 from scipy.optimize import lsq_linear
-
-SPEC = importlib.util.spec_from_file_location("plain", Path(__file__).with_name("plain.py"))
-plain = importlib.util.module_from_spec(SPEC)
-sys.modules["plain"] = plain
-SPEC.loader.exec_module(plain)
 
 
 def column(at, along, turns=0.0):
