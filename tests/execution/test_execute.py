@@ -663,37 +663,31 @@ def test_a_large_sweep_keeps_trajectories_only_if_asked(make, monkeypatch):
 
 @pytest.mark.parametrize(
     ("sweep", "message"),
-    [
-        (
-            "  - grid: {gains.kp: [1, -2]}",
-            "config.yaml:11:26: gains.kp: must be positive, so that small errors on SO3 have",
+    {
+        "  - grid: {gains.kp: [1, -2]}": (
+            "config.yaml:11:26: gains.kp: must be positive, so that small errors on SO3 have"
         ),
-        (
-            "  - grid: {gains.kq: [1]}",
-            "config.yaml:11:23: gains.kq: unknown key; expected one of kp, kd",
+        "  - grid: {gains.kq: [1]}": (
+            "config.yaml:11:23: gains.kq: unknown key; expected one of kp, kd"
         ),
-        ("  - grid: {gans.kp: [1]}", "config.yaml:11:22: sweep[0].grid.gans.kp[0]: unknown key"),
-        (
-            '  - grid: {"controllers[5]": [eqt]}',
+        "  - grid: {gans.kp: [1]}": "config.yaml:11:22: sweep[0].grid.gans.kp[0]: unknown key",
+        '  - grid: {"controllers[5]": [eqt]}': (
             "config.yaml:11:31: controllers[5]: no entry 5; controllers has 2 entries, counted "
-            "from 0",
+            "from 0"
         ),
-        (
-            "  - grid: {group: [SO3, SE3]}",
-            "config.yaml:4:13: reference.torque: expected 6 expressions for SE3, got 3",
+        "  - grid: {group: [SO3, SE3]}": (
+            "config.yaml:4:13: reference.torque: expected 6 expressions for SE3, got 3"
         ),
-        (
-            '  - grid: {"controllers[0]": [eqt, nog]}',
+        '  - grid: {"controllers[0]": [eqt, nog]}': (
             "config.yaml:10:1: sweep: point 1: the controllers are nog, gt, but eqt, "
-            "gt at point 0; give each a `label` that is the same at all points",
+            "gt at point 0; give each a `label` that is the same at all points"
         ),
-        (
-            '  - grid: {"controllers[0]": [{kind: eqt, label: a}, {kind: goodarzi2013, label: a}]}',
+        '  - grid: {"controllers[0]": [{kind: eqt, label: a}, {kind: goodarzi2013, label: a}]}': (
             "config.yaml:10:1: sweep: point 1: the loop of controller 'a' has 28 "
             "states, but 25 at point 0; run laws with different numbers of states, "
-            "and references that are integrated differently, as separate experiments",
+            "and references that are integrated differently, as separate experiments"
         ),
-    ],
+    }.items(),
 )
 def test_what_is_wrong_with_a_point_is_said_where_it_was_written(make, sweep, message):
     with pytest.raises(ConfigError) as caught:

@@ -44,80 +44,65 @@ def test_the_last_override_counts(experiment: Build) -> None:
 
 @pytest.mark.parametrize(
     ("override", "said"),
-    [
-        ("gains.kp", "overrides[0]: expected KEY=VALUE, got 'gains.kp'"),
-        ("=2", "overrides[0]: expected KEY=VALUE, got '=2'"),
-        (
-            "gains.=2",
-            "overrides[0]: expected a key such as gains.kp or controllers[0].label, got 'gains.'",
+    {
+        "gains.kp": "overrides[0]: expected KEY=VALUE, got 'gains.kp'",
+        "=2": "overrides[0]: expected KEY=VALUE, got '=2'",
+        "gains.=2": (
+            "overrides[0]: expected a key such as gains.kp or controllers[0].label, got 'gains.'"
         ),
-        (
-            "gains..kp=2",
-            "overrides[0]: expected a key such as gains.kp or controllers[0].label, "
-            "got 'gains..kp'",
+        "gains..kp=2": (
+            "overrides[0]: expected a key such as gains.kp or controllers[0].label, got 'gains..kp'"
         ),
-        (
-            "controllers[x]=gt",
+        "controllers[x]=gt": (
             "overrides[0]: expected a key such as gains.kp or controllers[0].label, got "
-            "'controllers[x]'",
+            "'controllers[x]'"
         ),
-        (
-            "inertia[²]=1",
+        "inertia[²]=1": (
             "overrides[0]: expected a key such as gains.kp or controllers[0].label, "
-            "got 'inertia[²]'",
+            "got 'inertia[²]'"
         ),
-        ("gains.kp=[1,", "overrides[0]: gains.kp: a '[' or '{' is never closed"),
-        ("time.duration=017", "overrides[0]: time.duration: 017 is ambiguous: write 17 or 0o17"),
-        ("gains={kp: 1, kp: 2}", "overrides[0]: gains.kp: duplicate key"),
-        ("gains.kpp=2", "overrides[0]: gains.kpp: unknown key; did you mean 'kp'?"),
-        (
-            "controllers[5]=gt",
-            "overrides[0]: controllers[5]: no entry 5; controllers has 2 entries, counted from 0",
+        "gains.kp=[1,": "overrides[0]: gains.kp: a '[' or '{' is never closed",
+        "time.duration=017": "overrides[0]: time.duration: 017 is ambiguous: write 17 or 0o17",
+        "gains={kp: 1, kp: 2}": "overrides[0]: gains.kp: duplicate key",
+        "gains.kpp=2": "overrides[0]: gains.kpp: unknown key; did you mean 'kp'?",
+        "controllers[5]=gt": (
+            "overrides[0]: controllers[5]: no entry 5; controllers has 2 entries, counted from 0"
         ),
-        (
-            "controllers[0].label=x",
+        "controllers[0].label=x": (
             "overrides[0]: controllers[0].label: controllers[0] is 'eqt', not a mapping; set "
-            "all of controllers[0] instead",
+            "all of controllers[0] instead"
         ),
-        (
-            "inertia[0][1]=5",
+        "inertia[0][1]=5": (
             "overrides[0]: inertia[0][1]: inertia[0] is 2, not a list; set all of inertia[0] "
-            "instead",
+            "instead"
         ),
-        (
-            "ensemble[0]=1",
+        "ensemble[0]=1": (
             "overrides[0]: ensemble[0]: ensemble is a mapping, not a list; set all of ensemble "
-            "instead",
+            "instead"
         ),
-        (
-            "initial.pose.kind=euler",
+        "initial.pose.kind=euler": (
             "overrides[0]: initial.pose.kind: initial.pose is 'haar', not a mapping; set "
-            "all of initial.pose instead",
+            "all of initial.pose instead"
         ),
-        (
-            "gains.kp=",
+        "gains.kp=": (
             "overrides[0]: gains.kp: expected a number, a list (the diagonal) or a list of rows, "
-            "got null",
+            "got null"
         ),
-        (
-            "time.samples=1",
-            "overrides[0]: time.samples: expected a whole number of at least 2, got 1",
+        "time.samples=1": (
+            "overrides[0]: time.samples: expected a whole number of at least 2, got 1"
         ),
-        (
-            "time={samples: 5}",
-            "overrides[0]: time.duration: missing; this key is required: Length of the horizon, s",
+        "time={samples: 5}": (
+            "overrides[0]: time.duration: missing; this key is required: Length of the horizon, s"
         ),
-        (
-            "controllers=[eqt, eqt]",
+        "controllers=[eqt, eqt]": (
             "overrides[0]: controllers[1]: an earlier controller has the label 'eqt'; "
-            "give this one another `label`",
+            "give this one another `label`"
         ),
-        (
-            "gains.kp=1=2",
+        "gains.kp=1=2": (
             "overrides[0]: gains.kp: expected a number, got '1=2': unexpected character '=' at "
-            "column 2",
+            "column 2"
         ),
-    ],
+    }.items(),
 )
 def test_a_wrong_override(message: Message, override: str, said: str) -> None:
     assert message(override) == said

@@ -5,9 +5,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.arrays import cos, sin, stack
+from eqt_cli.core.errors import Problems
 from eqt_cli.core.jets import Jet
 from eqt_cli.groups import group_named
-from eqt_cli.mechanics.flatness import attitude, third_axis
+from eqt_cli.mechanics.flatness import (
+    attitude,
+    check_along,
+    check_rigid_body,
+    only_direction,
+    third_axis,
+    unit_vector,
+)
+from eqt_cli.mechanics.inertia import Inertia
 
 AXES = [
     (0.0, 0.0, -1.0),
@@ -84,3 +93,43 @@ def test_rates_above_the_order_of_the_force_are_0():
     both = commanded(AXES[0], Jet.time(np.array([0.4]), 2))
     np.testing.assert_array_equal(first.velocity, both.velocity)
     assert not first.acceleration.any()
+
+
+@pytest.mark.parametrize(
+    ("across", "found"), [(0.0, [0.0, 0.0, -1.0]), (1e-10, [0.0, 0.0, -1.0]), (1e-8, None)]
+)
+def test_pushes_along_one_line_have_a_direction(across, found):
+    """That of the largest."""
+    pushes = np.array([[0.0, across, 0.0], [0.0, 0.0, 0.0], [1.0, 2.0, -4.0]])
+    direction = only_direction(pushes)
+    assert found is None or direction.tolist() == pytest.approx(found, abs=1e-9)
+    assert (direction is None) == (found is None)
+
+
+@pytest.mark.parametrize(
+    ("along", "fits"), [([0, 0, 2], True), ([0, 0, 0], False), ([0, 1], False), (None, True)]
+)
+def test_a_body_axis_is_a_direction_in_space(along, fits):
+    problems = Problems()
+    check_along(along, 3, problems)
+    assert (not list(problems)) == fits
+    assert not fits or along is None or unit_vector(along) == (0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("entry", "size", "said"),
+    [
+        ((3, 3), 1e-14, None),
+        ((0, 3), 1e-14, None),
+        ((0, 3), 1e-9, "couples rotation and translation"),
+        ((4, 4), 1e-9, "masses that differ by direction"),
+        ((3, 4), 1e-9, "masses that differ by direction"),
+    ],
+)
+def test_the_inertia_of_a_rigid_body_about_its_centre_of_mass(entry, size, said):
+    M = np.diag([1.0, 2.0, 3.0, 2.0, 2.0, 2.0])
+    M[entry] += size
+    problems = Problems()
+    check_rigid_body(group_named("SE3"), Inertia(M, np.linalg.inv(M)), problems)
+    messages = [each.message for each in problems]
+    assert [said in each for each in messages] == [True] * (said is not None)

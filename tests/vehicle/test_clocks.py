@@ -14,6 +14,7 @@ import pytest
 from eqt_cli.closed_loop.linearised import linearised
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.experiment.horizon import along_reference, reference_over_horizon
+from eqt_cli.vehicle.sampling import Clock, Sampling
 
 INERTIA, TICK, DURATION = [1.0, 2.0, 2.5], 0.05, 1.5
 LAG, LIMIT = 0.3, 1.0
@@ -102,6 +103,22 @@ def test_ticks_left_until_law_and_lag_act(experiment_of, tick, left):
     """The law acts at 1, 3, 5, … and the lag at 2, 6, 10, …"""
     [loop] = experiment_of(TEXT).loops.values()
     assert loop.vehicle.ticks_left(tick).tolist() == left
+
+
+def test_a_clock_counts_its_instants_and_measures_at_0_whatever_its_offset():
+    clock = Clock(3, 1)
+    assert clock.is_due(np.arange(6)).tolist() == [False, True, False, False, True, False]
+    assert clock.numbers(8).tolist() == [0, 1, 1, 1, 2, 2, 2, 3]
+    assert Clock(2).numbers(5).tolist() == [0, 0, 1, 1, 2]
+    assert [each.acts_always for each in (Clock(), Clock(2), clock)] == [True, False, False]
+
+
+def test_times_of_parts_are_ticks():
+    law = Sampling(period=0.2, clock=Clock(4, 1))
+    assert law.tick == pytest.approx(0.05)
+    given = [(None, None), (0.15, None), (None, 0.1), (0.15, 0.05)]
+    assert [law.clock_of(*each) for each in given] == [(4, 1), (3, 0), (4, 2), (3, 1)]
+    assert [law.ticks_of(delay) for delay in (2, "150 ms")] == [8, 3]
 
 
 def test_a_finer_tick_changes_nothing(solved):

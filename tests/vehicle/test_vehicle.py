@@ -735,50 +735,40 @@ def test_numbers_that_must_be_positive_are_drawn_until_they_are():
 
 @pytest.mark.parametrize(
     ("section", "message"),
-    [
-        (
-            "actuators: [{kind: limit, limit: -1}]",
-            "actuators[0].limit: expected a number greater than 0, got -1",
+    {
+        "actuators: [{kind: limit, limit: -1}]": (
+            "actuators[0].limit: expected a number greater than 0, got -1"
         ),
-        (
-            "actuators: [{kind: limit, limit: true}]",
+        "actuators: [{kind: limit, limit: true}]": (
             "actuators[0].limit: expected a number, {uniform: [least, greatest]} or "
-            "{normal: [mean, std]}, got true",
+            "{normal: [mean, std]}, got true"
         ),
-        (
-            "actuators: [{kind: lag, time_constant: [1, 2]}]",
-            "actuators[0].time_constant: expected 3 entries for SO3, got 2",
+        "actuators: [{kind: lag, time_constant: [1, 2]}]": (
+            "actuators[0].time_constant: expected 3 entries for SO3, got 2"
         ),
-        (
-            "actuators: [{kind: limiter}]",
-            "actuators[0].kind: unknown actuator 'limiter'; did you mean 'limit'?",
+        "actuators: [{kind: limiter}]": (
+            "actuators[0].kind: unknown actuator 'limiter'; did you mean 'limit'?"
         ),
-        (
-            "actuators: [{kind: limit, limit: {uniform: [2, 1]}}]",
-            "actuators[0].limit.uniform: expected the smaller number first, got [2, 1]",
+        "actuators: [{kind: limit, limit: {uniform: [2, 1]}}]": (
+            "actuators[0].limit.uniform: expected the smaller number first, got [2, 1]"
         ),
-        (
-            "actuators: [{kind: limit, limit: {normal: [1, -0.1]}}]",
-            "actuators[0].limit.normal: expected a standard deviation of at least 0, got -0.1",
+        "actuators: [{kind: limit, limit: {normal: [1, -0.1]}}]": (
+            "actuators[0].limit.normal: expected a standard deviation of at least 0, got -0.1"
         ),
-        (
-            "plant: {inertia: {relative: -1.5}}",
-            "plant.inertia.relative: expected a number greater than -1, got -1.5",
+        "plant: {inertia: {relative: -1.5}}": (
+            "plant.inertia.relative: expected a number greater than -1, got -1.5"
         ),
-        ("plant: {inertia: [1, 2]}", "plant.inertia: expected 3 diagonal entries for SO3, got 2"),
-        (
-            "plant: {forces: [{kind: restoring, weight: 1}]}",
-            "plant.forces[0]: restoring needs group SE2 or SE3, got SO3",
+        "plant: {inertia: [1, 2]}": "plant.inertia: expected 3 diagonal entries for SO3, got 2",
+        "plant: {forces: [{kind: restoring, weight: 1}]}": (
+            "plant.forces[0]: restoring needs group SE2 or SE3, got SO3"
         ),
-        (
-            "plant: {forces: [{kind: gust, std: -0.1, time_constant: 1}]}",
-            "plant.forces[0].std: expected a standard deviation of at least 0, got -0.1",
+        "plant: {forces: [{kind: gust, std: -0.1, time_constant: 1}]}": (
+            "plant.forces[0].std: expected a standard deviation of at least 0, got -0.1"
         ),
-        (
-            "plant: {forces: [{kind: gust, std: 0.1, time_constant: 0}]}",
-            "plant.forces[0].time_constant: expected a number greater than 0, got 0",
+        "plant: {forces: [{kind: gust, std: 0.1, time_constant: 0}]}": (
+            "plant.forces[0].time_constant: expected a number greater than 0, got 0"
         ),
-    ],
+    }.items(),
 )
 def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
     path = tmp_path / "c.yaml"
@@ -798,37 +788,32 @@ def test_a_rate_limit_is_judged_by_the_change_of_the_torque():
 
 @pytest.mark.parametrize(
     ("limit", "warning"),
-    [
-        (
-            "limit: [1, 0.2, 1]",
+    {
+        "limit: [1, 0.2, 1]": (
             "actuators[0]: limit gives at most 0.2, but the reference alone needs 0.3 "
-            "at t = 1 s; no law can follow it there",
+            "at t = 1 s; no law can follow it there"
         ),
-        (
-            "limit: 0.4, norm: true",
+        "limit: 0.4, norm: true": (
             "actuators[0]: limit gives at most 0.4, but the reference alone needs 0.5 "
-            "at t = 1 s; no law can follow it there",
+            "at t = 1 s; no law can follow it there"
         ),
-        ("limit: [0.5, 0.3, 1]", None),
-        ("kind: rate_limit, rate: 0.41", None),
-        (
-            "kind: momentum_limit, momentum: [0.19, 1, 1]",
+        "limit: [0.5, 0.3, 1]": (None),
+        "kind: rate_limit, rate: 0.41": (None),
+        "kind: momentum_limit, momentum: [0.19, 1, 1]": (
             "actuators[0]: momentum_limit gives at most a momentum of 0.19, but the reference "
-            "alone needs 0.2 at t = 1 s; no law can follow it there",
+            "alone needs 0.2 at t = 1 s; no law can follow it there"
         ),
-        ("kind: momentum_limit, momentum: [0.21, 0.16, 1]", None),
-        (
-            "low: [0, -0.2, -1], high: 1",
+        "kind: momentum_limit, momentum: [0.21, 0.16, 1]": (None),
+        "low: [0, -0.2, -1], high: 1": (
             "actuators[0]: limit gives at most 0.2, but the reference alone needs 0.3 "
-            "at t = 1 s; no law can follow it there",
+            "at t = 1 s; no law can follow it there"
         ),
-        ("low: [0, -0.3, -1], high: [0.4, 0, 1]", None),
-        (
-            "low: [-1, 0, -1], high: 1",
+        "low: [0, -0.3, -1], high: [0.4, 0, 1]": (None),
+        "low: [-1, 0, -1], high: 1": (
             "actuators[0]: limit gives at most 0, but the reference alone needs 0.00015 "
-            "at t = 0.0005 s; no law can follow it there",
+            "at t = 0.0005 s; no law can follow it there"
         ),
-    ],
+    }.items(),
 )
 def test_a_limit_below_what_the_reference_takes_is_warned_of(tmp_path, invoke, limit, warning):
     path = tmp_path / "c.yaml"
