@@ -797,18 +797,18 @@ def test_a_rate_limit_is_judged_by_the_change_of_the_torque():
             "actuators[0]: limit gives at most 0.4, but the reference alone needs 0.5 "
             "at t = 1 s; no law can follow it there"
         ),
-        "limit: [0.5, 0.3, 1]": (None),
-        "kind: rate_limit, rate: 0.41": (None),
+        "limit: [0.5, 0.3, 1]": None,
+        "kind: rate_limit, rate: 0.41": None,
         "kind: momentum_limit, momentum: [0.19, 1, 1]": (
             "actuators[0]: momentum_limit gives at most a momentum of 0.19, but the reference "
             "alone needs 0.2 at t = 1 s; no law can follow it there"
         ),
-        "kind: momentum_limit, momentum: [0.21, 0.16, 1]": (None),
+        "kind: momentum_limit, momentum: [0.21, 0.16, 1]": None,
         "low: [0, -0.2, -1], high: 1": (
             "actuators[0]: limit gives at most 0.2, but the reference alone needs 0.3 "
             "at t = 1 s; no law can follow it there"
         ),
-        "low: [0, -0.3, -1], high: [0.4, 0, 1]": (None),
+        "low: [0, -0.3, -1], high: [0.4, 0, 1]": None,
         "low: [-1, 0, -1], high: 1": (
             "actuators[0]: limit gives at most 0, but the reference alone needs 0.00015 "
             "at t = 0.0005 s; no law can follow it there"
@@ -824,6 +824,7 @@ def test_a_limit_below_what_the_reference_takes_is_warned_of(tmp_path, invoke, l
         text.format(f"{clock}actuators: [{{{kind}{limit}}}]\nensemble: {{runs: 1}}"),
         encoding="utf-8",
     )
-    for arguments in (("config", "check", path), ("run", path, "--out", tmp_path / "out")):
+    commands = [("config", "check", path), ("run", path, "--out", tmp_path / "out")]
+    for arguments in commands if limit == "limit: [1, 0.2, 1]" else commands[:1]:
         said = invoke(*arguments).stderr.splitlines()
         assert [line for line in said if "actuators" in line] == [f"eqt: {warning}"] * bool(warning)
