@@ -30,7 +30,7 @@ from hypothesis import strategies as st
 from small_experiment import configuration
 
 from eqt_cli.cli import main
-from eqt_cli.cli.shared import progress
+from eqt_cli.cli.shared import progress, run_and_report
 from eqt_cli.config.source import read_config
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array, transpose
@@ -127,6 +127,7 @@ for number in ASKED_BY:
 
 # What is printed must not depend on how fast this machine is.
 progress.SHOW_AFTER = threading.TIMEOUT_MAX
+run_and_report.LONG = math.inf
 
 # No test needs its files after a power cut.
 os.fsync = lambda file: None
