@@ -14,6 +14,7 @@ import json
 import re
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -215,39 +216,55 @@ def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
 def components(kind: str) -> Iterator[str]:
     """The components of one kind with their options, or the properties of every group."""
     from eqt_cli.config.catalogue import registry
-    from eqt_cli.config.json_schema import options_of
-    from eqt_cli.core.option_types import has_options
     from eqt_cli.core.registry import summary
 
     if kind == "groups":
         yield from _groups()
         return
-    for component in registry(kind).all():
+    rows = {component: _options(component) for component in registry(kind).all()}
+    counts = Counter(tuple(row) for own in rows.values() for row in own)
+    everywhere = [list(row) for row, count in counts.items() if count == len(rows) > 1]
+    shared = [list(row) for row, count in counts.items() if SEVERAL <= count < len(rows)]
+    header = ["option", "value", "default", "meaning"]
+    for words, common in (("All", everywhere), ("Several", shared)):
+        if common:
+            yield f"{words} of them have:"
+            yield from table(header, common)
+    for component, all_options in rows.items():
         yield f"### {component.name}"
         yield ""
         yield escaped(summary(component))
         yield ""
-        shared: dict[str, Any] = {}
-        options = options_of(component, shared) if has_options(component) else {}
-        if options.get("properties"):
-            yield from _option_table(component, options | {"$defs": shared})
+        if also := ", ".join(row[0] for row in all_options if row in shared):
+            yield f"Also: {also}."
+            yield ""
+        if own := [row for row in all_options if row not in (*everywhere, *shared)]:
+            yield from table(header, own)
 
 
-def _option_table(component: type, schema: dict[str, Any]) -> Iterator[str]:
-    from eqt_cli.config.json_schema import default_of, value_of
+SEVERAL = 3
+"""An option of so many components that is the same in all of them is described once."""
+
+
+def _options(component: type) -> list[list[str]]:
+    """Name, value, default and meaning of each option."""
+    from eqt_cli.config.json_schema import default_of, options_of, value_of
+    from eqt_cli.core.option_types import has_options
     from eqt_cli.core.registry import meanings, option_of_field
 
+    shared: dict[str, Any] = {}
+    schema = options_of(component, shared) if has_options(component) else {}
+    schema |= {"$defs": shared}
     said = {option_of_field(name): text for name, text in meanings(component).items()}
-    rows = [
+    return [
         [
             code(name),
             value_of(entry, schema),
-            default_of(name, entry, schema["required"]),
+            default_of(name, entry, schema.get("required", [])),
             escaped(said.get(name) or entry.get("description", "")),
         ]
-        for name, entry in schema["properties"].items()
+        for name, entry in schema.get("properties", {}).items()
     ]
-    yield from table(["option", "value", "default", "meaning"], rows)
 
 
 def _groups() -> Iterator[str]:
@@ -270,6 +287,8 @@ def _groups() -> Iterator[str]:
 
 # Variables ----------------------------------------------------------------------------------------
 
+FIRST = "SO3"
+
 SMALLEST = """\
 name: smallest
 group: {group}
@@ -283,7 +302,14 @@ time: {{duration: 1, samples: 2}}
 
 @part
 def variables(group: str) -> Iterator[str]:
-    """Every variable of a result file on a group, from a file that `eqt run` has written."""
+    """Every variable of a result file on a group, from a file that `eqt run` has written.
+
+    Of other groups than SO3, those that SO3 has not.
+    """
+    known: set[str] = set()
+    if group != FIRST:
+        with smallest_result(FIRST) as first:
+            known = set(first.names)
     with smallest_result(group) as results:
         rows = [
             [
@@ -293,6 +319,7 @@ def variables(group: str) -> Iterator[str]:
                 escaped(results.long_name(name)),
             ]
             for name in results.names
+            if name not in known
         ]
     yield from table(["variable", "dimensions", "units", "meaning"], rows)
 
@@ -427,21 +454,16 @@ def proofs() -> Iterator[str]:
         proved = [row for row in rows if row.verdict is Verdict.PROVED]
         others = [row.name for row in rows if row.not_proved]
         degrees = [row.degree for row in proved]
-        points = sorted({row.points for row in proved})
         lines.append(
             [
                 code(path.stem),
-                experiment.group.name,
                 str(len(proved)),
                 f"{min(degrees)} to {max(degrees)}",
-                " or ".join(map(str, points)),
                 f"{max(row.probability for row in proved):.0e}",
                 str(len(others)),
             ]
         )
-    yield from table(
-        ["configuration", "group", "proved", "degree", "states", "largest p", "not proved"], lines
-    )
+    yield from table(["configuration", "proved", "degree", "largest p", "not proved"], lines)
 
 
 @part

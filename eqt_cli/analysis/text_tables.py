@@ -4,10 +4,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+_UNIT = r"(?:%|\(N m\)² s|N m\b|(?:deg|rad|kg|1|N|J|m|s)\b(?:/s)?)"
+
 WORD = re.compile(
-    r"(?:‖[^‖]*‖|\|\|[^|]*\|\||∫.*? dt|\[[-−+\d.e, ]{1,40}\]|\d %|p = \d|[-−+\d.e]+ N m\b|\S)+"
+    r"(?:‖[^‖]*‖|\|\|[^|]*\|\||∫.*? dt|\[[-−+\d.e, ]{1,40}\]|p = \d|N m\b|\(N m\)² s"
+    rf"|(?<=[\d\]]) {_UNIT}|\S)+"
 )
-"""A piece of a text that stays on one line: a word, a norm, an integral, an interval, a share."""
+"""A piece of a text that stays on one line: a word, a norm, an integral, a number with its unit."""
 
 
 def words(text: str) -> list[str]:

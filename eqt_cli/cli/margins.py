@@ -82,10 +82,10 @@ def _pieces(found: Margins) -> Iterator[str | Text]:
     titles, sampled = found.experiment.titles, found.period is not None
     eigenvalue = "largest |eigenvalue|" if sampled else "largest real part, 1/s"
     gains = _gains(found)
-    header = ["law", eigenvalue, "at", "delay margin", *gains, "verdict"]
+    header = ["law", eigenvalue, "delay margin", *gains, "verdict"]
     rows = [[titles[law.label], *_cells(law, found.period, gains)] for law in found.laws]
     notes = list(_notes(found))
-    yield laid_out(TextTable("margins", "", header, [Block("", rows)], notes, spare=("both", "at")))
+    yield laid_out(TextTable("margins", "", header, [Block("", rows)], notes, spare=("both",)))
 
 
 def _notes(found: Margins) -> Iterator[str]:
@@ -111,10 +111,11 @@ def _notes(found: Margins) -> Iterator[str]:
             "indicative: the loop without the parts that are left out decides nothing about the "
             "whole loop"
         )
-    if any(law.changes for law in found.laws):
+    changing = [f"{titles[law.label]} {law.growth.at:.3g} s" for law in found.laws if law.changes]
+    if changing:
         yield (
             "indicative: the loop changes in time; then eigenvalues at single times do not decide "
-            "whether it is stable, and all numbers are those at the worst time"
+            f"whether it is stable. All numbers are those at the worst time: {', '.join(changing)}"
         )
     if found.left_out:
         yield f"left out: {', '.join(found.left_out)}"
@@ -131,13 +132,7 @@ def _gains(found: Margins) -> list[str]:
 def _cells(law: LawMargins, period: float | None, names: list[str]) -> list[str]:
     """Return the cells of a row except the name."""
     gains = ["-" if not law.growth.is_stable else _factors(law.gains.get(name)) for name in names]
-    return [
-        f"{law.size:.{3 if period is None else 6}g}",
-        f"{law.growth.at:.3g} s" if law.changes else "-",
-        _delay(law),
-        *gains,
-        _verdict(law),
-    ]
+    return [f"{law.size:.{3 if period is None else 6}g}", _delay(law), *gains, _verdict(law)]
 
 
 def _verdict(law: LawMargins) -> str:

@@ -136,12 +136,9 @@ def _pieces(found: Verification, *, verbose: bool) -> Iterator[str | Text]:
     rows = with_titles(found.rows, found.experiment.titles)
     if (made := certificate_table(rows, brief=not verbose)) is not None:
         for block in made.blocks:
-            blocks = [Block("", block.rows)]
+            notes = made.notes if block is made.blocks[-1] else []
             yield block.title
-            yield laid_out(replace(made, caption="", blocks=blocks, notes=[]))
-            yield ""
-        if made.notes:
-            yield from made.notes
+            yield laid_out(replace(made, caption="", blocks=[Block("", block.rows)], notes=notes))
             yield ""
     experiment = found.experiment
     counted = f"{found.runs} runs with engine {' and '.join(found.engines)}"

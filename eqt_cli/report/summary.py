@@ -288,7 +288,7 @@ def _stored(result: Result) -> Mapping[str, Any]:
 
 def _parts(config: Mapping[str, Any], result: Result) -> Iterator[StatedValue]:
     group = result.group
-    yield _stated("Group", "", f"{result.group_name}: {summary(type(group))}" if group else "")
+    yield _stated("Group", "", f"{_group(result)}: {summary(type(group))}" if group else "")
     yield _quantity("Inertia", "𝕀", config.get("inertia"))
     gains = config.get("gains") or {}
     yield _quantity("Weight of the navigation function", "K", gains.get("kp"))

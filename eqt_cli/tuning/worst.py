@@ -31,7 +31,6 @@ from eqt_cli.tuning.law_search import (
     expanded,
     require_metric,
     value_at,
-    values_text,
     without_search,
 )
 from eqt_cli.tuning.ranking import Scores
@@ -141,9 +140,8 @@ class WorstSearch(Searches[WorstSection]):
 
     def so_far(self, law: LawSearch, population: Population) -> str:
         """Describe the worst run of a law so far."""
-        values = values_text(law.values(population.shares[population.best].tolist()))
         cost = QUANTITIES[self.objective].cost(-population.scores.objectives[population.best, 0])
-        return f"worst so far: {self.objective} {cost:.4g} at {values}"
+        return f"worst so far: {self.objective} {cost:.4g}"
 
     @classmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:

@@ -739,7 +739,11 @@ def table():
 def _rows(red):
     """Names of rows, with the laws where only some of those that run are meant."""
     named = {name: sorted(law for row, law in red if row == name) for name, _ in sorted(red)}
-    return [name + (f" ({', '.join(laws)})" if any(laws) else "") for name, laws in named.items()]
+    said = {
+        name: "all" if laws == sorted(ALL.split(",")) else ", ".join(laws)
+        for name, laws in named.items()
+    }
+    return [name + (f" ({laws})" if laws else "") for name, laws in said.items()]
 
 
 def test_the_page_has_the_table_of_all_faults():

@@ -134,9 +134,8 @@ def documented() -> dict[str, set[Verdict]]:
     lines = lines.split("## What the shipped experiments show")[1].split("\n## ")[0]
     rows = [line.split("|")[1:-1] for line in lines.splitlines() if line.startswith("| `")]
     return {
-        name.strip(" `"): {Verdict(word) for word in said.strip(" -").split(", ") if word}
-        | ({Verdict.MORSE_BOTT} if "Υ" in bott else set())
-        for name, said, bott, *_ in rows
+        name.strip(" `"): {Verdict(word) for word in said.strip().split(", ") if word}
+        for name, said, *_ in rows
     }
 
 
