@@ -176,7 +176,7 @@ class Horizon:
     velocity, acceleration, torque : (n, m)
         V_d, V̇_d and τ_d in the body frame; NaN where the reference is not finite.
     jumps
-        Jumps of Q_d, V_d or τ_d as (time, name, size).
+        Jumps of Q_d, V_d or τ_d as (time, name, size with its unit if all coordinates share it).
     spent
         Number of evaluations after which the integration stopped, at the last of the times; None if
         it reached the end.
@@ -187,7 +187,7 @@ class Horizon:
     velocity: Array
     acceleration: Array
     torque: Array
-    jumps: list[tuple[float, str, float]]
+    jumps: list[tuple[float, str, str]]
     spent: int | None = None
 
     @property
@@ -233,7 +233,9 @@ def reference_over_horizon(experiment: Experiment, also: Iterable[float] = ()) -
             system.tracking(np.nextafter(instants, towards), states[where])
             for towards in (-np.inf, np.inf)
         ]
-        jumps = list(_jumps(shown, instants, *sides))
+        parts = experiment.group.parts
+        units = (parts[0].velocity_unit, parts[0].force_unit) if len(parts) == 1 else ("", "")
+        jumps = list(_jumps(shown, instants, *sides, units))
     return replace(shown, jumps=sorted(jumps))
 
 
@@ -244,17 +246,17 @@ def _affordable(experiment: Experiment) -> int:
 
 
 def _jumps(
-    shown: Horizon, instants: Array, left: Tracking, right: Tracking
-) -> Iterator[tuple[float, str, float]]:
-    for what, scale, size in (
-        ("Q_d", shown.pose, frobenius(right.Qd - left.Qd)),
-        ("V_d", shown.velocity, norm(right.Vd - left.Vd)),
-        ("τ_d", shown.torque, norm(right.tau_d - left.tau_d + 0 * left.P)),
+    shown: Horizon, instants: Array, left: Tracking, right: Tracking, units: tuple[str, str]
+) -> Iterator[tuple[float, str, str]]:
+    for what, scale, size, unit in (
+        ("Q_d", shown.pose, frobenius(right.Qd - left.Qd), ""),
+        ("V_d", shown.velocity, norm(right.Vd - left.Vd), units[0]),
+        ("τ_d", shown.torque, norm(right.tau_d - left.tau_d + 0 * left.P), units[1]),
     ):
         largest = np.nanmax(np.abs(scale)) if np.isfinite(scale).any() else 0.0
         for t, by in zip(instants, size, strict=True):
             if by > JUMP * largest:
-                yield float(t), what, float(by)
+                yield float(t), what, f"{by:.3g} {unit}".strip()
 
 
 def check_reference(shown: Horizon, most_torque: float | None, problems: Problems) -> list[str]:
@@ -276,7 +278,7 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
         )
     at: dict[str, list[str]] = {}
     for t, what, by in shown.jumps:
-        at.setdefault(f"{what} jumps by {by:.3g} at t =", []).append(f"{t:g}")
+        at.setdefault(f"{what} jumps by {by} at t =", []).append(f"{t:g}")
     remarks = [f"{jump} {', '.join(instants)} s" for jump, instants in at.items()]
     if shown.spent is not None:
         until = f"t = {shown.times[-1]:.4g} s only, after {shown.spent:,} evaluations"

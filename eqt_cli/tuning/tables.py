@@ -261,7 +261,7 @@ def _counted(result: Result) -> Iterator[str]:
     """Count the held-out runs that failed, or had not settled at the end."""
     unsettled = result.censored("settling_time").sum(axis=-1)
     if (unsettled == result.runs).all():
-        yield f"All {result.runs} runs of every law are unsettled at the end: lengthen time.duration."
+        yield f"All {result.runs} runs of every law are unsettled at the end; see time.duration."
         unsettled = 0 * unsettled
     for what, counts in (("failed", result.failed.values()), ("unsettled at the end", unsettled)):
         listed = [f"{x}: {n}" for x, n in zip(result.titles, counts, strict=True) if n]

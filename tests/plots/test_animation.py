@@ -221,4 +221,4 @@ def test_bodies_stand_two_by_two(count, columns, results):
 def test_the_gif_says_how_fast_it_is_played(flight):
     stage = _Stage(flight, 2.5)
     stage.picture(0)
-    assert stage.clock.get_text() == "run 2,  $t$ = 0.0 s,  played 2.5 times as fast"
+    assert stage.clock.get_text() == "run 2,  $t$ = 0.0 s,  2.5 times as fast.  Grey: reference"

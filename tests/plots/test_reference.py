@@ -76,6 +76,10 @@ def test_jumps_are_said_below():
     rates = ["0", "0", "step(t, 4)", "0", "0", "0"]
     shown = ShownReference(experiment(reference={"kind": "rates", "rates": rates}), "reference")
     assert shown.notes() == ["The reference: $V_{\\mathrm{d}}$ jumps by 1 at t = 4 s."]
+    turns = {"kind": "rates", "rates": rates[:3]}
+    of_turns = experiment(group="SO3", inertia=[1, 2, 3], reference=turns)
+    shown = ShownReference(of_turns, "reference")
+    assert shown.notes() == ["The reference: $V_{\\mathrm{d}}$ jumps by 1 rad/s at t = 4 s."]
 
 
 def test_other_figures_need_a_run():

@@ -481,7 +481,7 @@ def test_a_region_has_the_share_that_settles_in_every_cell_with_its_interval(swe
         "initial angular speed $(\\mathrm{rad/s})$",
     )
     assert (top.get_title(), bottom.get_title()) == ("EqT", "GT")
-    said = "Each cell: 6 runs; below the share, its 95 % Wilson interval."
+    said = "A cell per tested value, of 6 runs; below the share, its 95 % Wilson interval."
     assert drawing.get_supxlabel() == said
 
 

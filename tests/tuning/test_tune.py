@@ -225,6 +225,8 @@ def test_the_luck_of_the_searches_is_in_the_tables(
         "1. The best of these searches is shown; over searches: the smallest and the largest mean "
         "of their winners."
     )
+    unsettled = "All 3 runs of every law are unsettled at the end; see time.duration."
+    assert tuned.notes[1:] == [unsettled]
     ends = [f"{end:.3g}" for end in (two[0] - two[1], two[1] - two[0])]
     assert luck.blocks[0].rows == [["EqT − family", *ends, "no"]]
 

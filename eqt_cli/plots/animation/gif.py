@@ -38,6 +38,9 @@ COLOURS = 160
 """Size of the palette that all pictures share, so that nothing flickers."""
 
 _PAPER = 245
+_PAUSE = 1500
+"""Additional duration of the last picture, ms."""
+
 _WIDTH, _BODIES, _LOWEST, _PANEL = 6.1, 3.7, 2.2, 0.7
 """Widths of the picture and of its bodies, and least heights of it and of a panel, in."""
 _GROUND, _GHOST = 0.16, 0.45
@@ -87,13 +90,14 @@ def _encoded(pictures: Sequence[Image.Image], milliseconds: float) -> bytes:
     colours[colours.min(axis=1) >= _PAPER] = 255  # make the paper exactly white
     palette.putpalette(colours.ravel().tolist())
     reduced = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    each = max(20, 10 * round(milliseconds / 10))
     buffer = BytesIO()
     reduced[0].save(
         buffer,
         format="GIF",
         save_all=True,
         append_images=reduced[1:],
-        duration=max(20, 10 * round(milliseconds / 10)),
+        duration=[each] * (len(reduced) - 1) + [each + _PAUSE],
         loop=0,
         optimize=True,
         comment=f"eqt {__version__}".encode(),
@@ -130,7 +134,7 @@ class _Stage:
 
     def _time(self, sample: int) -> str:
         now = f"$t$ = {self.motion.times[sample]:.1f} s"
-        return f"run {self.motion.run},  {now},  played {self.speed:.2g} times as fast"
+        return f"run {self.motion.run},  {now},  {self.speed:.2g} times as fast.  Grey: reference"
 
     def picture(self, sample: int) -> Image.Image:
         """Return the picture at a sample."""

@@ -70,7 +70,9 @@ class Region(OfSettled):
         drawing.set_figheight(height * rows + below)
         when = f"by {self.by:g} s" if self.by else "at the end"
         drawing.colorbar(image, ax=panels[:count], label=f"share settled {when} (%)")
-        swept.remarks.append(f"Each cell: {swept.count}; {_intervals(percent, written)}.")
+        swept.remarks.append(
+            f"A cell per tested value, of {swept.count}; {_intervals(percent, written)}."
+        )
         return drawing
 
 

@@ -95,7 +95,7 @@ def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None
 def _explain(drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool) -> None:
     """Add a legend of the laws that win somewhere."""
     frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
-    patches = {"undecided": Patch(facecolor=colours[0], **frame)}
+    patches = {f"undecided: {wins.wins(NOBODY)}": Patch(facecolor=colours[0], **frame)}
     for law, title in enumerate(wins.titles):
         name = f"{title}: {wins.wins(law)}"
         patches[name] = Patch(facecolor=(colours[law + 1], _TINT), **frame)
