@@ -235,7 +235,7 @@ def reference_over_horizon(experiment: Experiment, also: Iterable[float] = ()) -
         ]
         parts = experiment.group.parts
         units = (parts[0].velocity_unit, parts[0].force_unit) if len(parts) == 1 else ("", "")
-        jumps = list(_jumps(shown, instants, *sides, units))
+        jumps = list(_jumps(shown, instants, units, *sides))
     return replace(shown, jumps=sorted(jumps))
 
 
@@ -246,7 +246,7 @@ def _affordable(experiment: Experiment) -> int:
 
 
 def _jumps(
-    shown: Horizon, instants: Array, left: Tracking, right: Tracking, units: tuple[str, str]
+    shown: Horizon, instants: Array, units: tuple[str, str], left: Tracking, right: Tracking
 ) -> Iterator[tuple[float, str, str]]:
     for what, scale, size, unit in (
         ("Q_d", shown.pose, frobenius(right.Qd - left.Qd), ""),

@@ -382,9 +382,11 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], brief: 
     def order(pair: Pair) -> tuple[int, int]:
         return position[pair.first], position[pair.second]
 
+    whole = f"0–{comparison.horizon:g} s"
+
     def key(pair: Pair) -> list[str]:
         name, window, unit = _measure(pair.measured, write)
-        named = filter(None, [pair.measured.quantity.plain, window, unit])
+        named = filter(None, [pair.measured.quantity.plain, window.replace(whole, ""), unit])
         return [", ".join(named)] if brief else [name, window, unit]
 
     shown = [p for p in comparison.pairs if not against or set(names(p)) & set(against)]
@@ -397,7 +399,8 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], brief: 
         caption += f", with {_level_name(comparison, write)} intervals"
     keys = ["measure"] if brief else ["measure", "window", "unit"]
     header = [*keys, "difference", "better in", "relative", *IN_FULL]
-    notes = _plain(_pair_notes(comparison, shown), write)
+    notes = [f"Over {whole} where no time is named."] if brief else []
+    notes += _plain(_pair_notes(comparison, shown), write)
     spare = ("runs to decide", "d", "relative", "better in")
     table = TextTable("pairs", caption, header, blocks, notes, spare, len(keys))
     return table.without(IN_FULL) if brief else table
