@@ -716,7 +716,7 @@ def explained_table(explanations: Sequence[Explanation], write: Plain, *, axes: 
         "it is farther.",
         *(f"{note}." for note in explanations[0].notes),
     ]
-    whose = "each controller" if several else explanations[0].title
+    whose = "each law" if several else explanations[0].title
     return TextTable(
         "measured",
         write.text(f"How much of the measured error run {explanations[0].run} of {whose} explains"),

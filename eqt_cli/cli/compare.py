@@ -202,7 +202,7 @@ def _of_recording(
     )
     axes = whole or len(found) == 1
     table = explained_table(found, write, axes=axes)
-    remarks = [] if axes else ["next: --verbose prints every axis, --against LAW one controller"]
+    remarks = [] if axes else ["next: --verbose prints every axis, --against LAW one law"]
     document = {"measured": str(measured), "controllers": [asdict(one) for one in found]}
     return _Found(document, records(found), [table], remarks)
 
@@ -341,7 +341,7 @@ def _of_experiment(
         more = "these are the pairs; --table controllers and --table claims print the others"
         remarks = [more] if table is None else []
     elif not shown:
-        alone = "the result holds one controller, so there are no pairs"
+        alone = "the result holds one law, so there are no pairs"
         none = "no claim is known about these controllers"
         remarks.append(f"nothing to show: {alone if len(comparison.labels) < 2 else none}")
     elif briefly and len(comparison.labels) > 1:

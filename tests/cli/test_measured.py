@@ -44,7 +44,7 @@ def test_the_table(invoke, paper_result, log):
 def test_all_controllers_by_their_parts(invoke, paper_result, log):
     found = invoke("compare", paper_result, "--measured", log, "--run", 1)
     lines = found.stdout.splitlines()
-    assert lines[0] == "How much of the measured error run 1 of each controller explains"
+    assert lines[0] == "How much of the measured error run 1 of each law explains"
     assert [line for line in lines[4:20] if not line.startswith(" ")] == [
         "EqT",
         "GT",
@@ -52,7 +52,7 @@ def test_all_controllers_by_their_parts(invoke, paper_result, log):
         "asym",
     ]
     assert sum(line.split()[1:3] == ["rotation", "all"] for line in lines) == 12
-    assert found.stderr == "next: --verbose prints every axis, --against LAW one controller\n"
+    assert found.stderr == "next: --verbose prints every axis, --against LAW one law\n"
 
 
 def test_as_plain_data(invoke, paper_result, log):
