@@ -89,28 +89,44 @@ def escaped(text: str) -> str:
 
 @part
 def commands() -> Iterator[str]:
-    """Every command of `eqt` with its arguments and options."""
+    """Every command of `eqt` with its arguments and options; what many share, once."""
     import typer
 
     from eqt_cli.cli.app import app
 
-    yield from _commands("eqt", typer.main.get_command(app))
+    found = dict(_commands("eqt", typer.main.get_command(app)))
+    counts = Counter(row for command in found.values() for row in _options_of(command))
+    shared = [row for row, count in counts.items() if count >= MANY]
+    yield "Many commands have these options:"
+    yield from table(["option", "meaning"], [list(row) for row in shared])
+    for path, command in found.items():
+        yield from _command(path, command, shared)
 
 
-def _commands(path: str, command: Any) -> Iterator[str]:
+MANY = 10
+"""An option of so many commands is described once."""
+
+
+def _commands(path: str, command: Any) -> Iterator[tuple[str, Any]]:
     for name, child in getattr(command, "commands", {}).items():
         if hasattr(child, "commands"):
             yield from _commands(f"{path} {name}", child)
         else:
-            yield from _command(f"{path} {name}", child)
+            yield f"{path} {name}", child
 
 
-def _command(path: str, command: Any) -> Iterator[str]:
-    given = [
-        one for one in command.params if one.name != "help" and not getattr(one, "hidden", False)
+def _options_of(command: Any) -> list[tuple[str, str]]:
+    return [
+        (code(_flags(entry)), _help(entry))
+        for entry in command.params
+        if entry.param_type_name == "option"
+        if entry.name != "help" and not getattr(entry, "hidden", False)
     ]
-    arguments = [entry for entry in given if entry.param_type_name == "argument"]
-    options = [entry for entry in given if entry.param_type_name == "option"]
+
+
+def _command(path: str, command: Any, shared: list[tuple[str, str]]) -> Iterator[str]:
+    arguments = [entry for entry in command.params if entry.param_type_name == "argument"]
+    options = _options_of(command)
     shown = [_metavar(entry) for entry in arguments]
     yield f"## {path}"
     yield ""
@@ -120,8 +136,13 @@ def _command(path: str, command: Any) -> Iterator[str]:
     yield " ".join([path, *shown, "[OPTIONS]"])
     yield "```"
     rows = [[code(_metavar(entry)), _help(entry)] for entry in arguments]
-    rows += [[code(_flags(entry)), _help(entry)] for entry in options]
-    yield from table(["argument or option", "meaning"], rows)
+    rows += [list(row) for row in options if row not in shared]
+    if rows:
+        yield from table(["argument or option", "meaning"], rows)
+    if also := ", ".join(flags for flags, _ in filter(shared.__contains__, options)):
+        yield ""
+        yield f"Also: {also}."
+        yield ""
 
 
 def _metavar(entry: Any) -> str:
