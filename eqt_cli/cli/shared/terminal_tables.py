@@ -76,7 +76,7 @@ class _Column:
 
     @cached_property
     def numeric(self) -> bool:
-        """Return whether the column holds only numbers, which are aligned right."""
+        """Return whether the column holds only numbers or per cents, which are aligned right."""
         return all(_is_number(cell) for cell in self.cells)
 
 
@@ -273,7 +273,7 @@ def _is_whole(cell: str) -> bool:
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        float(text.removesuffix(" %"))
     except ValueError:
         return text in ("", "-")
     return True
