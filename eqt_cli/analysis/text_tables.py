@@ -18,6 +18,11 @@ def words(text: str) -> list[str]:
     return WORD.findall(text)
 
 
+def listed(words: Sequence[str]) -> str:
+    """Join words: ``a, b and c``."""
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+
+
 @dataclass(frozen=True)
 class Block:
     """Rows under a common heading, which may be empty."""

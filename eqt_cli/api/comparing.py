@@ -6,8 +6,8 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from eqt_cli.analysis.comparison import Comparison, Window
-from eqt_cli.analysis.comparison import compare as compare_results
+from eqt_cli.analysis.comparison.compare import Comparison
+from eqt_cli.analysis.comparison.compare import compare as compare_results
 from eqt_cli.analysis.comparison.intervals import Resampling
 from eqt_cli.analysis.comparison.maps import Map, compare_map
 from eqt_cli.analysis.measured import Explanation, explained, measured_runs
@@ -15,6 +15,7 @@ from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.loading import ResultPath, path_from
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.result import Result, open_result
+from eqt_cli.results.time_windows import Window
 from eqt_cli.tuning.folder import TUNE
 
 

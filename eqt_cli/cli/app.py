@@ -5,28 +5,14 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
+from typer.main import get_group
 
-from eqt_cli.cli import (
-    compare,
-    config,
-    diff,
-    export,
-    fit,
-    listing,
-    log,
-    margins,
-    plot,
-    report,
-    run,
-    search,
-    show,
-    verify,
-)
 from eqt_cli.cli.shared.options import COMPUTE, LOOK_UP, READ, Command, Group, example
 from eqt_cli.cli.shared.streams import drop_stdout
 from eqt_cli.core.errors import EqtError, suggestion
@@ -111,8 +97,53 @@ MOST_COLUMNS = 1000
 """Maximum width assumed of the terminal, since lines are padded with spaces to their width."""
 
 
+COMMANDS = {
+    "run": ("run.run", COMPUTE, "configs/paper.yaml --set gains.kp=2"),
+    "sweep": ("run.sweep", COMPUTE, "configs/paper.yaml --grid gains.kp=1,2"),
+    "tune": ("search.tune", COMPUTE, "configs/tune_paper.yaml"),
+    "worst": ("search.worst", COMPUTE, "late.yaml --fail-above 0.2"),
+    "replay": ("fit.replay", COMPUTE, "model.yaml --measured flown.csv"),
+    "fit": ("fit.fit", COMPUTE, "model.yaml --measured flown.csv --over plant.inertia"),
+    "pack": ("run.pack", COMPUTE, "results/sweep_gains"),
+    "export": ("export.export", COMPUTE, "configs/paper.yaml --controller eqt --out law"),
+    "show": ("show.show", READ, "results/paper --failed"),
+    "compare": ("compare.compare", READ, "results/paper --metric mean_torque"),
+    "diff": ("diff.diff", READ, "results/paper results/again"),
+    "verify": ("verify.verify", READ, "configs/paper.yaml"),
+    "margins": ("margins.margins", READ, "configs/paper.yaml"),
+    "plot": ("plot.plot", READ, "results/paper --figure torque --format pdf"),
+    "animate": ("plot.animate", READ, "results/paper --run 1 --format gif"),
+    "report": ("report.report", READ, "results/paper --out report.html"),
+    "cite": ("report.cite", READ, "results/paper > refs.bib"),
+    "list": ("listing.list_components", LOOK_UP, "controllers"),
+    "docs": ("listing.docs", LOOK_UP, "--address"),
+    "config": ("config.app", LOOK_UP, ""),
+    "log": ("log.app", LOOK_UP, ""),
+}
+"""The commands, in the order of the help: the function in this folder, or the app of a group of
+commands; the group of commands that it is in; the arguments of its example."""
+
+
 class _Commands(Group):
-    """The commands; a reader may close their output early."""
+    """The commands, each built when it is asked for, since all of them take 0.1 s.
+
+    A reader may close their output early.
+    """
+
+    @property
+    def commands(self) -> Any:
+        """All commands by name."""
+        return {name: self.get_command(None, name) for name in COMMANDS}
+
+    @commands.setter
+    def commands(self, none: Any) -> None:
+        self._built = none
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command; None if there is none of this name."""
+        if cmd_name in COMMANDS and cmd_name not in self._built:
+            self._built[cmd_name] = _command(cmd_name)
+        return self._built.get(cmd_name)
 
     def main(self, *args: Any, **extra: Any) -> Any:
         """Run a command, with the width of the terminal limited to a plausible one."""
@@ -168,30 +199,15 @@ def main(
     """Experiments with equivariant tracking control on matrix Lie groups: from YAML to figure."""
 
 
-def _add(name: str, command: Callable[..., None], group: str, arguments: str) -> None:
-    """Add a command, with arguments for the example in its help."""
-    epilog = example(f"eqt {name}", arguments)
-    app.command(name, cls=Command, rich_help_panel=group, epilog=epilog)(command)
-
-
-_add("run", run.run, COMPUTE, "configs/paper.yaml --set gains.kp=2")
-_add("sweep", run.sweep, COMPUTE, "configs/paper.yaml --grid gains.kp=1,2")
-_add("tune", search.tune, COMPUTE, "configs/tune_paper.yaml")
-_add("worst", search.worst, COMPUTE, "late.yaml --fail-above 0.2")
-_add("replay", fit.replay, COMPUTE, "model.yaml --measured flown.csv")
-_add("fit", fit.fit, COMPUTE, "model.yaml --measured flown.csv --over plant.inertia")
-_add("pack", run.pack, COMPUTE, "results/sweep_gains")
-_add("export", export.export, COMPUTE, "configs/paper.yaml --controller eqt --out law")
-_add("show", show.show, READ, "results/paper --failed")
-_add("compare", compare.compare, READ, "results/paper --metric mean_torque")
-_add("diff", diff.diff, READ, "results/paper results/again")
-_add("verify", verify.verify, READ, "configs/paper.yaml")
-_add("margins", margins.margins, READ, "configs/paper.yaml")
-_add("plot", plot.plot, READ, "results/paper --figure torque --format pdf")
-_add("animate", plot.animate, READ, "results/paper --run 1 --format gif")
-_add("report", report.report, READ, "results/paper --out report.html")
-_add("cite", report.cite, READ, "results/paper > refs.bib")
-app.add_typer(config.app, name="config", rich_help_panel=LOOK_UP)
-app.add_typer(log.app, name="log", rich_help_panel=LOOK_UP)
-_add("list", listing.list_components, LOOK_UP, "controllers")
-_add("docs", listing.docs, LOOK_UP, "--address")
+def _command(name: str) -> Any:
+    """Return a command, or a group of commands."""
+    place, panel, arguments = COMMANDS[name]
+    module, _, found = place.partition(".")
+    function = getattr(import_module(f"eqt_cli.cli.{module}"), found)
+    alone = typer.Typer()
+    if isinstance(function, typer.Typer):
+        alone.add_typer(function, name=name, rich_help_panel=panel)
+    else:
+        epilog = example(f"eqt {name}", arguments)
+        alone.command(name, cls=Command, rich_help_panel=panel, epilog=epilog)(function)
+    return get_group(alone).commands[name]

@@ -13,7 +13,7 @@ from eqt_cli.cli.shared.table_formats import as_csv, as_latex
 from eqt_cli.core.errors import EqtError, suggestion
 
 if TYPE_CHECKING:
-    from eqt_cli.analysis.comparison import Comparison
+    from eqt_cli.analysis.comparison.compare import Comparison
     from eqt_cli.analysis.comparison.intervals import Resampling
     from eqt_cli.analysis.comparison.maps import Map
     from eqt_cli.analysis.comparison.notation import Plain

@@ -94,7 +94,8 @@ SettlingThreshold = Annotated[
 class Section(BaseModel):
     """A mapping with known keys only."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
+    # Built when first used: a section inside another is built with that one, and never alone.
+    model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
 
 
 KP, KD = Scale("k_p", STIFFNESS, is_symbol=True), Scale("k_d", DAMPING, is_symbol=True)

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from hashlib import sha256
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, ClassVar, Generic, TypeVar
@@ -79,12 +78,18 @@ class Registry(Generic[T]):
         _registries.append(self)
 
     @cached_property
-    def _found(self) -> dict[str, type[T]]:
-        found: dict[str, type[T]] = {}
+    def _own(self) -> dict[str, type[T]]:
         package = importlib.import_module(self.package)
-        for info in pkgutil.iter_modules(package.__path__, self.package + "."):
-            for component in self._components(importlib.import_module(info.name)):
-                found[_name(component)] = component
+        modules = pkgutil.iter_modules(package.__path__, self.package + ".")
+        return {
+            _name(component): component
+            for info in modules
+            for component in self._components(importlib.import_module(info.name))
+        }
+
+    @cached_property
+    def _found(self) -> dict[str, type[T]]:
+        found = dict(self._own)
         for point in _entry_points().select(group=self.entry_point_group):
             try:
                 component = point.load()
@@ -102,6 +107,15 @@ class Registry(Generic[T]):
             self._check_complete(component)
             found.setdefault(_name(component), component)
         return found
+
+    @lru_cache  # noqa: B019  # registries live as long as the process
+    def _in_its_file(self, name: str) -> type[T] | None:
+        """Return a component in the file of its name; importing all files takes much longer."""
+        module = f"{self.package}.{name}"
+        if not name.isidentifier() or name.startswith("_") or not importlib.util.find_spec(module):
+            return None
+        components = self._components(importlib.import_module(module))
+        return next((each for each in components if _name(each) == name), None)
 
     def _components(self, module: ModuleType) -> Iterator[type[T]]:
         for _, member in inspect.getmembers(module, inspect.isclass):
@@ -133,12 +147,16 @@ class Registry(Generic[T]):
         ComponentError
             If there is none; the message names the closest, or else all components.
         """
-        component = self._found.get(name) or self._plugins.get(name)
+        component = self._in_its_file(name) or self._found.get(name) or self._plugins.get(name)
         if component is None:
             names = self.names()
             hint = suggestion(name, names) or f"; known: {', '.join(names)}"
             raise ComponentError(f"unknown {self.kind} '{name}'{hint}")
         return component
+
+    def own(self) -> list[type[T]]:
+        """Return the components of eqt: to find one of them, no other distribution is asked."""
+        return list(self._own.values())
 
     def all(self) -> list[type[T]]:
         """Return every component, in the order of `names`."""
@@ -222,7 +240,8 @@ def _executed(path: Path, text: str, digest: str) -> ModuleType:
 
 def is_foreign(module: str) -> bool:
     """Whether a module is a plugin, or belongs to a distribution that declares components."""
-    return module.startswith(_PLUGIN) or module.partition(".")[0] in _foreign_packages()
+    package = module.partition(".")[0]
+    return module.startswith(_PLUGIN) or (package != "eqt_cli" and package in _foreign_packages())
 
 
 @lru_cache(maxsize=1)
@@ -232,8 +251,12 @@ def _foreign_packages() -> frozenset[str]:
     return frozenset(value.partition(":")[0].partition(".")[0] for value in found)
 
 
-_entry_points = lru_cache(maxsize=1)(entry_points)
-"""All entry points; cached, because finding them takes 10 ms and every registry needs them."""
+@lru_cache(maxsize=1)
+def _entry_points() -> Any:
+    """All entry points; cached, because finding them takes 10 ms and many registries need them."""
+    from importlib.metadata import entry_points  # which takes 20 ms
+
+    return entry_points()
 
 
 def _name(component: type) -> str:

@@ -7,7 +7,7 @@ import platform
 import re
 import sys
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -114,7 +114,7 @@ def provenance(folder: Path, engine: Engine) -> dict[str, Any]:
     return {
         "eqt": __version__,
         "python": platform.python_version(),
-        **{name: found for name in PACKAGES if (found := _version(name))},
+        **{name: import_module(name).__version__ for name in PACKAGES},
         "platform": platform.platform(),
         "machine": platform.machine(),
         **engine.provenance(),
@@ -151,10 +151,3 @@ def differences(other: dict[str, Any], origin: dict[str, Any]) -> str:
 
 def _numeric(origin: dict[str, Any]) -> tuple[Any, ...]:
     return tuple(origin.get(name) for name in NUMERIC)
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None

@@ -1,7 +1,7 @@
 """The sections `solver` and `settling`: the engine of the runs, and when a run has settled."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from itertools import repeat
 from typing import Any
@@ -57,8 +57,11 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     name = section.get("engine", DEFAULT_ENGINE)
     with problems.catching("engine"):
         _require_available(name)
-    owners: list[type[Any]] = [SolverChecks, *engines.all()]
-    known = ["engine", *dict.fromkeys(key for own in owners for key in option_names(own))]
+    kinds = engines.own()
+    if all(kind.name != name for kind in kinds) or set(section) - set(_keys(kinds)):
+        kinds = engines.all()
+    owners: list[type[Any]] = [SolverChecks, *kinds]
+    known = _keys(kinds)
     for key in section:
         if key not in known:
             problems.at(key).add(unknown_key(key, known))
@@ -75,6 +78,12 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     keys = {**section, **asdict(engine), **asdict(judgement), "engine": name}
     given = {key: value for key, value in keys.items() if value is not None}
     return Solver(engine, judgement, {"engine": name} | given)
+
+
+def _keys(kinds: Iterable[type[Engine]]) -> list[str]:
+    """Return the keys of the section, where these are the engines."""
+    owners: list[type[Any]] = [SolverChecks, *kinds]
+    return ["engine", *dict.fromkeys(key for own in owners for key in option_names(own))]
 
 
 def _require_available(name: Any) -> None:

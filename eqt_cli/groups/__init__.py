@@ -1,5 +1,7 @@
 """Matrix Lie groups: one file per group, found by scanning this folder."""
 
+from itertools import chain
+
 from eqt_cli.core.errors import ComponentError, suggestion
 from eqt_cli.core.registry import Registry
 from eqt_cli.groups.base import MatrixLieGroup, Part
@@ -15,7 +17,7 @@ def group_named(name: str) -> MatrixLieGroup:
     ComponentError
         If there is none; the message names the closest group, or else examples.
     """
-    for kind in groups.all():
+    for kind in chain(groups.own(), groups.all()):
         group = kind.named(name)
         if group is not None:
             return group

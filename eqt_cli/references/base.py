@@ -78,7 +78,7 @@ def check_rising(points: Sequence[Any], problems: Problems) -> None:
 
 def instants_of(expressions: Iterable[Expression], until: float) -> Array:
     """Return the sorted times at which expressions change their piece, and of short pulses."""
-    return np.unique([t for expression in expressions for t in expression.instants(until)])
+    return np.array(sorted({t for each in expressions for t in each.instants(until)}))
 
 
 class Desired(NamedTuple):

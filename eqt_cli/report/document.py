@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from eqt_cli.analysis.certificate_table import certificate_table, with_titles
 from eqt_cli.analysis.certificates.base import Row
-from eqt_cli.analysis.comparison import compare
+from eqt_cli.analysis.comparison.compare import compare
 from eqt_cli.analysis.comparison.maps import sweep_tables
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import findings, text_tables

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.comparison.intervals import shares
-from eqt_cli.analysis.comparison.tables import listed
+from eqt_cli.analysis.text_tables import listed
 from eqt_cli.config.schema import DEFAULT_ENGINE, SolverChecks
 from eqt_cli.config.source import source_of
 from eqt_cli.controllers import controllers

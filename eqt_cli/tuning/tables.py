@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.comparison import Comparison, compare
+from eqt_cli.analysis.comparison.compare import Comparison, compare
 from eqt_cli.analysis.comparison.intervals import (
     FEWEST,
     Resampling,
@@ -17,8 +17,8 @@ from eqt_cli.analysis.comparison.intervals import (
 )
 from eqt_cli.analysis.comparison.notation import Plain, in_one_form, significant
 from eqt_cli.analysis.comparison.pairs import resolved_differences
-from eqt_cli.analysis.comparison.tables import listed, text_tables
-from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.analysis.comparison.tables import text_tables
+from eqt_cli.analysis.text_tables import Block, TextTable, listed
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result, mean_over_runs

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from eqt_cli.analysis.comparison import Window, compare
 from eqt_cli.analysis.comparison.claims import AtMost
-from eqt_cli.analysis.comparison.compare import judge_at_most, judge_less
+from eqt_cli.analysis.comparison.compare import compare, judge_at_most, judge_less
 from eqt_cli.analysis.comparison.intervals import Resampling
 from eqt_cli.analysis.comparison.notation import Latex, Plain
 from eqt_cli.analysis.comparison.pairs import resolved_differences
@@ -17,6 +16,7 @@ from eqt_cli.analysis.comparison.tables import records
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.over_time import Samples
 from eqt_cli.results.metrics import decay_rate, largest_rise
+from eqt_cli.results.time_windows import Window
 
 RUNS = 40
 NOISE = np.random.default_rng(5).normal(size=RUNS)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.comparison import compare
+from eqt_cli.analysis.comparison.compare import compare
 from eqt_cli.analysis.comparison.tables import findings
 
 TITLES = {"eqt": "EqT", "gt": "GT", "nog": "nog", "asym": "asym", "a": "A", "b": "B"}

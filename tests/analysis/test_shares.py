@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from eqt_cli.analysis.comparison import compare
+from eqt_cli.analysis.comparison.compare import compare
 from eqt_cli.analysis.comparison.intervals import PairedShares, share, shares
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import records, text_tables

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.comparison import compare
+from eqt_cli.analysis.comparison.compare import compare
 from eqt_cli.core.over_time import Samples
 from eqt_cli.results.quantity_table import quantity_of
 from eqt_cli.results.result import open_result

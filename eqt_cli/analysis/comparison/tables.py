@@ -11,7 +11,7 @@ from eqt_cli.analysis.comparison.compare import ClaimVerdict, Comparison, Judgem
 from eqt_cli.analysis.comparison.intervals import FEWEST, POWER, SHARE
 from eqt_cli.analysis.comparison.notation import Plain, percent
 from eqt_cli.analysis.comparison.pairs import LEAST_SEEN, Level, Pair
-from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.analysis.text_tables import Block, TextTable, listed
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import PerRun
 
@@ -258,11 +258,6 @@ def _measure_in_words(measured: PerRun) -> str:
 def _number(row: Pair | Level, value: float, measured: PerRun) -> str:
     unit = _WRITE.unit(measured.unit)
     return " ".join(filter(None, [_WRITE.interval(value, row.low, row.high), unit]))
-
-
-def listed(words: Sequence[str]) -> str:
-    """Join words: ``a, b and c``."""
-    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
 IN_FULL = ("d", "runs to decide")

@@ -10,11 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.intervals import Resampling, share
-from eqt_cli.analysis.comparison.maps import COMPARED, NOBODY, sweep_tables, winners
 from eqt_cli.analysis.comparison.notation import significant
-from eqt_cli.analysis.comparison.tables import listed
-from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.analysis.text_tables import Block, TextTable, listed
 from eqt_cli.cli.shared import output
 from eqt_cli.cli.shared.table_formats import csv_cell
 from eqt_cli.core.errors import EqtError, printable, suggestion
@@ -65,6 +62,8 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
 
 def _of_sweep(result: Result) -> Iterator[str | Text]:
     """Yield the tables of a sweep; none over all points, since that means little."""
+    from eqt_cli.analysis.comparison.maps import COMPARED, sweep_tables
+
     for table in sweep_tables(result, COMPARED):
         yield output.laid_out(table)
         yield ""
@@ -72,6 +71,8 @@ def _of_sweep(result: Result) -> Iterator[str | Text]:
 
 def outcome_record(result: Result) -> dict[str, Any]:
     """Return the outcome for programs: each law's headline, or the points that it wins."""
+    from eqt_cli.analysis.comparison.maps import NOBODY, winners
+
     if not result.is_sweep:
         return {"controllers": result.headline()}
     won = {
@@ -140,6 +141,8 @@ def _shares(result: Result) -> Iterator[str]:
 
 def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
     """Yield the shares of unsettled runs, for laws where few of many did not settle."""
+    from eqt_cli.analysis.comparison.intervals import Resampling, share
+
     runs = result.good[..., 0, :].size
     few = {title: count for title, count in unsettled.items() if count < RARE * runs}
     if runs < MANY or not few:
