@@ -1,7 +1,5 @@
 """Matrix Lie groups: one file per group, found by scanning this folder."""
 
-from itertools import chain
-
 from eqt_cli.core.errors import ComponentError, suggestion
 from eqt_cli.core.registry import Registry
 from eqt_cli.groups.base import MatrixLieGroup, Part
@@ -17,9 +15,8 @@ def group_named(name: str) -> MatrixLieGroup:
     ComponentError
         If there is none; the message names the closest group, or else examples.
     """
-    for kind in chain(groups.own(), groups.all()):
-        group = kind.named(name)
-        if group is not None:
+    for kinds in (groups.own, groups.all):
+        if group := next(filter(None, (kind.named(name) for kind in kinds())), None):
             return group
     known = [example for kind in groups.all() for example in kind.examples()]
     simple = [example for example in known if "*" not in example]

@@ -30,7 +30,7 @@ from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.plots.base import NO_EXTRAS, Extras, Figure
 from eqt_cli.plots.drawing.latex import sentence
 from eqt_cli.plots.drawing.layout import COLOUR_SCALE, NO_NUMBERS
-from eqt_cli.plots.drawing.style import ENLARGED, HOUSE, WIDTHS, Style, house_style
+from eqt_cli.plots.drawing.style import ENLARGED, HOUSE, WIDTHS, Style, house_style, replaced
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.shown.controllers import names
 from eqt_cli.results.result import Result
@@ -76,17 +76,6 @@ def _enlarged(svg: bytes, times: float) -> bytes:
     return _SIZE.sub(lambda size: b'%s="%gpt"' % (size[1], times * float(size[2])), svg, count=2)
 
 
-@contextmanager
-def _replaced(owner: Any, name: str, by: Any) -> Iterator[None]:
-    """Replace an attribute within a block."""
-    own = vars(owner)[name]  # static methods as they are
-    setattr(owner, name, by)
-    try:
-        yield
-    finally:
-        setattr(owner, name, own)
-
-
 def _larger_pages(times: float) -> AbstractContextManager[None]:
     """Enlarge the pages of PDF files by a factor, with all that is on them."""
     from matplotlib.backends.backend_pdf import Op, PdfFile  # slow to import
@@ -97,7 +86,7 @@ def _larger_pages(times: float) -> AbstractContextManager[None]:
         own(self, times * width, times * height)
         self.output(times, 0, 0, times, 0, 0, Op.concat_matrix)
 
-    return _replaced(PdfFile, "newPage", new_page) if times != 1 else nullcontext()
+    return replaced(PdfFile, "newPage", new_page) if times != 1 else nullcontext()
 
 
 @contextmanager
@@ -137,7 +126,7 @@ def _steady_names_of_fonts() -> AbstractContextManager[None]:
     name = "_get_subset_prefix"
     if name not in vars(PdfFile):  # Matplotlib before 3.10 embeds fonts of TeX whole
         return nullcontext()
-    return _replaced(PdfFile, name, staticmethod(prefix))
+    return replaced(PdfFile, name, staticmethod(prefix))
 
 
 def _metadata(format: Format, title: str, description: str) -> dict[str, str | None]:

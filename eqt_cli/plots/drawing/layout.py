@@ -3,12 +3,13 @@
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from string import ascii_lowercase
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -237,9 +238,35 @@ def freeze(figure: Figure) -> None:
     """
     figure.align_ylabels()
     arrange(figure)
+    scales = [scale for axes in figure.axes for scale in (axes.xaxis, axes.yaxis)]
+    measured = _numbers(scales)
     _fit_to_rows(figure)
-    arrange(figure)  # again, since the new room may have changed the numbers
+    for scale in scales:
+        scale.get_majorticklabels()
+    if _numbers(scales) != measured:  # the new room has changed them, or their size
+        arrange(figure)
     figure.set_layout_engine("none")
+    for axes in figure.axes:
+        _keep_titles(axes)
+    for scale in scales:
+        scale.get_tightbbox()  # which places its label
+    for scale in scales:
+        x, y = scale.label.get_transform().transform(scale.label.get_position())
+        scale.set_label_coords(*scale.axes.transAxes.inverted().transform((x, y)))
+
+
+def _numbers(scales: Iterable[Axis]) -> list[tuple[str, Any, Any]]:
+    """Return the numbers and words along scales, their sizes, and the sizes of the names."""
+    texts = [(tick.label1, scale.label) for scale in scales for tick in scale.majorTicks]
+    return [(text.get_text(), text.get_fontsize(), name.get_fontsize()) for text, name in texts]
+
+
+def _keep_titles(axes: Axes) -> None:
+    """Leave titles where they are, if at the edge: Matplotlib seeks their place in every format."""
+    places: tuple[Literal["right", "center", "left"], ...] = ("right", "center", "left")
+    free = [place for place in places if not axes.get_title(place)]
+    if free and axes.title.get_position()[1] == 1.0:
+        axes.set_title("", loc=free[0], y=1.0)
 
 
 def _fit_to_rows(figure: Figure) -> None:

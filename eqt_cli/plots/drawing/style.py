@@ -10,10 +10,10 @@ import math
 import re
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from io import BytesIO
 from itertools import product
 from math import lcm
@@ -22,10 +22,12 @@ from typing import Any, Literal
 
 import matplotlib
 import numpy as np
-from matplotlib import RcParams, style
+from matplotlib import RcParams, style, textpath
+from matplotlib.backends import backend_agg
 from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager
+from matplotlib.mathtext import MathTextParser
 from matplotlib.style import use
 
 from eqt_cli.core.errors import EqtError, suggestion
@@ -369,8 +371,32 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
             # From a sheet without a grid; eqt shows one, and it must not hide the curves.
             _PRESENT["grid.color"] = ink(_GRID)
         explained = latex.explained() if settings["text.usetex"] else nullcontext()
-        with explained, _moderate_numbers():
+        with explained, _moderate_numbers(), _one_reader_of_formulas(style):
             yield
+
+
+@contextmanager
+def _one_reader_of_formulas(style: Style) -> Iterator[None]:
+    """Share what is read of formulas: each renderer of Matplotlib otherwise reads all of them."""
+    shared, name = _reader_of_formulas(style), "MathTextParser"
+    with replaced(backend_agg, name, shared), replaced(textpath, name, shared):
+        yield
+
+
+@lru_cache(maxsize=1)
+def _reader_of_formulas(style: Style) -> Callable[[str], Any]:
+    return lru_cache(MathTextParser)
+
+
+@contextmanager
+def replaced(owner: Any, name: str, by: Any) -> Iterator[None]:
+    """Replace an attribute within a block."""
+    own = vars(owner)[name]  # static methods as they are
+    setattr(owner, name, by)
+    try:
+        yield
+    finally:
+        setattr(owner, name, own)
 
 
 @contextmanager
