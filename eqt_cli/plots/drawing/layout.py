@@ -236,7 +236,6 @@ def freeze(figure: Figure) -> None:
     EqtError
         If a style's type is so large that it leaves no room for the panels.
     """
-    figure.align_ylabels()
     arrange(figure)
     scales = [scale for axes in figure.axes for scale in (axes.xaxis, axes.yaxis)]
     measured = _numbers(scales)
@@ -248,11 +247,25 @@ def freeze(figure: Figure) -> None:
     figure.set_layout_engine("none")
     for axes in figure.axes:
         _keep_titles(axes)
+    _keep_names(scales)
+
+
+def _keep_names(scales: Iterable[Axis]) -> None:
+    """Leave the names of scales where they are; those left of the panels of a column line up.
+
+    Matplotlib would compare all numbers of the column for each of its scales, for every format.
+    """
+    places, lines = list[tuple[Axis, int, float]](), dict[int, float]()
     for scale in scales:
-        scale.get_tightbbox()  # which places its label
-    for scale in scales:
+        scale.get_tightbbox()  # which places the name
         x, y = scale.label.get_transform().transform(scale.label.get_position())
-        scale.set_label_coords(*scale.axes.transAxes.inverted().transform((x, y)))
+        spec, side = scale.axes.get_subplotspec(), str(scale.get_label_position())
+        column = spec.colspan.start if spec and side == "left" else -1 - len(places)
+        lines[column] = min(x, lines.get(column, x))
+        places.append((scale, column, y))
+    for scale, column, y in places:
+        place = scale.axes.transAxes.inverted().transform((lines[column], y))
+        scale.set_label_coords(*place)
 
 
 def _numbers(scales: Iterable[Axis]) -> list[tuple[str, Any, Any]]:

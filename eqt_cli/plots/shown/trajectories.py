@@ -164,9 +164,11 @@ class ShownRuns(ShownControllers):
             )
         loop = result.experiment().loops[ensemble.law]
         poses, velocities = (self._stored(name, ensemble) for name in ("pose", "velocity"))
+        desired = [self._desired(name, ensemble) for name in ("pose", "velocity", "torque")]
         torque = np.empty_like(velocities)
         for k, t in enumerate(self.times(ensemble)):
             inertia = loop.inertia.at(t)
+            Qd, Vd, tau_d = (each[k] for each in desired)
             state = Tracking(
                 G=loop.group,
                 inertia=inertia,
@@ -174,9 +176,9 @@ class ShownRuns(ShownControllers):
                 t=t,
                 Q=poses[:, k],
                 P=inertia.momentum(velocities[:, k]),
-                Qd=self._desired("pose", ensemble)[k],
-                Pd=inertia.momentum(self._desired("velocity", ensemble)[k]),
-                tau_d=self._desired("torque", ensemble)[k],
+                Qd=Qd,
+                Pd=inertia.momentum(Vd),
+                tau_d=tau_d,
             )
             given = loop.controller.feedforward_torque(state)
             if given is None:
