@@ -242,7 +242,7 @@ def _estimates(found: list[EstimatorTime]) -> str:
 def _commands(commands: list[Command]) -> str:
     """Now, before where it was measured, and the ratios."""
     head = ["", "time, s", "CPU, s", "peak memory, MB", "before: time, s", "CPU, s", "MB"]
-    head += ["before / now: time", "CPU", "plain loop / now", "CPU / imports"]
+    head += ["before / now: time", "CPU", "plain loop / now", "CPU / imports", "before"]
     sentence = (
         "`eqt`, a process from start to end with warm caches; the memory is that of all its "
         "processes. Before: the same by an earlier commit, measured in turn. The plain loop "
@@ -262,7 +262,8 @@ def _command(command: Command) -> list[str]:
         )
     row += [f"{before.wall / now.wall:.2f}", f"{before.cpu / now.cpu:.2f}"] if before else ["-"] * 2
     row.append(f"{command.plain / now.wall:,.0f}" if command.plain else "-")
-    return [*row, f"{now.cpu / command.floor:.1f}"]
+    row.append(f"{now.cpu / command.floor:.1f}")
+    return [*row, f"{before.cpu / command.floor:.1f}" if before else "-"]
 
 
 def _profiles(profiles: list[Profile]) -> str:

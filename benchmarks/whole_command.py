@@ -104,6 +104,8 @@ def _plan(many: Sequence[int]) -> Iterator[tuple[str, list[str], int]]:
         yield f"run {FLIGHTS} runs of each law with eight thrusters by {engine}", thrusters, 0
     yield "run paper by solve_ivp", [*paper, "solve_ivp"], PAPER
     yield "run paper by native", [*paper, "native"], PAPER
+    unchecked = [*paper, "native", "--set", "solver.cross_check=0"]
+    yield "run paper by native without a cross-check", unchecked, PAPER
     for command in READERS:
         yield f"{command} paper", [command], 0
     for command in ("config check", "margins", "verify"):

@@ -138,8 +138,10 @@ auto.WORTH_STARTING = auto.WORTH_LEAVING_THREADS = math.inf
 # The tests compile more laws than a user keeps, and what was forgotten is compiled in every run. So
 # they have a cache of their own, from which no command of the user removes the oldest.
 native_cache.KEPT = 5000
-if native_cache._base().name != "eqt-tests":  # as the workers of pytest-xdist have it already
-    OWN_CACHE = native_cache._base() / "eqt-tests"
+if (
+    native_cache.caches_of_user().name != "eqt-tests"
+):  # as the workers of pytest-xdist have it already
+    OWN_CACHE = native_cache.caches_of_user() / "eqt-tests"
     OWN_CACHE.mkdir(mode=0o700, parents=True, exist_ok=True)
     os.environ["XDG_CACHE_HOME"] = str(OWN_CACHE)
 

@@ -6,10 +6,11 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import profile, sampled, whole_command
+from benchmarks import figure, profile, sampled, table, whole_command
 from benchmarks.cases import errors, load
 from benchmarks.contenders.plain_loop import WRITTEN_OUT, body, literal
-from benchmarks.process import spent
+from benchmarks.machine import machine
+from benchmarks.process import Spent, spent
 from eqt_cli.engines.solve_ivp import SolveIvp
 
 
@@ -116,3 +117,38 @@ def test_whole_commands_run_configurations_that_there_are():
     ran = [arguments[1] for _, arguments, _ in whole_command._plan([]) if arguments[0] == "run"]
     assert "configs/se3_bluerov2_thrusters.yaml" in ran
     assert all((whole_command.ROOT / name).exists() for name in ran)
+
+
+def measured(floor=0.25):
+    """Results with one command, by two trees."""
+    spent = {whole_command.NOW: Spent(3.0, 1.0, 4e7), whole_command.BEFORE: Spent(5.0, 2.5, 6e7)}
+    command = whole_command.Command("margins paper", spent, floor=floor)
+    return table.Results(machine(), "2026-01-01", {}, {}, commands=[command], load=[0.0])
+
+
+def test_the_table_of_commands_tells_cpu_time_as_a_multiple_of_the_imports():
+    [row] = [r for r in table.as_markdown(measured()).splitlines() if "margins paper" in r]
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells[-2:] == ["4.0", "10.0"]
+
+
+def test_the_bars_of_commands_are_these_multiples():
+    panel, *_ = figure.commands(measured()).axes
+    assert sorted(bar.get_width() for bar in panel.patches) == [4.0, 10.0]
+    assert [label.get_text() for label in panel.get_yticklabels()] == ["margins paper"]
+
+
+def test_a_command_and_the_imports_are_measured_in_turn(monkeypatch, tmp_path):
+    order = []
+
+    def measure(arguments, tree=None, environment=None):
+        order.append((arguments[0], tree))
+        return Spent(1.0, float(len(order)), 1)
+
+    monkeypatch.setattr(whole_command, "spent", measure)
+    trees = {whole_command.NOW: "new", whole_command.BEFORE: "old"}
+    found, floor = whole_command._in_turn(["margins"], trees, tmp_path, 2)
+    assert order == 2 * [("-c", None), ("-m", "new"), ("-m", "old")]
+    # The first pass fills the caches of the trees, and counts for the imports alone.
+    assert floor == 1.0
+    assert {tree: each.cpu for tree, each in found.items()} == {"now": 5.0, "before": 6.0}

@@ -527,7 +527,8 @@ def fields_of(
                 problems.at(name).add(f"{MISSING}: {_meanings(model)[name]}")
             value = None
         else:
-            value = field.get_default(call_default_factory=True)
+            make: Any = field.default_factory  # pydantic would inspect its signature every time
+            value = make() if make else field.get_default()
         if value is not None:
             found[name] = value
     return found

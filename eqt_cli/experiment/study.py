@@ -100,7 +100,11 @@ PART_BYTES = 64 * 2**20
 WITHOUT_TRAJECTORIES = 4
 """Factor of the number of runs of a part without stored trajectories."""
 
-CACHED_POINTS = 1024
+CACHED_POINTS = 10_000
+"""Number of points kept once they are built, for 5 ms each; one of a small body takes 18 KiB."""
+
+POINTS_OF_A_PART = 1024
+"""Largest number of points of a part, which are in memory at once."""
 
 SHAPING = frozenset({"group", "time"})
 """Sections that determine the shapes of arrays or the sample times."""
@@ -199,8 +203,7 @@ class Study:
         if not self.kept:
             limit *= WITHOUT_TRAJECTORIES
         wanted = max(base.engine.part_runs, self._all_runs // MANY_PARTS)
-        # The points of a part are built once, also for the next law.
-        size = base.engine.runs_at_once(min(wanted, limit, CACHED_POINTS * runs))
+        size = base.engine.runs_at_once(min(wanted, limit, POINTS_OF_A_PART * runs))
         return Plan(len(self), runs, len(base.loops), size)
 
     # Points that differ in shape.

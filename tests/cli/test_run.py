@@ -339,3 +339,50 @@ def test_json_lists_every_cause_and_the_lower_code_wins(eqt: Eqt, plugins: None)
     assert document["failed"] == 3
     assert document["controllers"][0]["early_torque"] is None
     assert document["cross_check"]["holds"] is False
+
+
+# A faster engine ----------------------------------------------------------------------------------
+
+FASTER = (
+    "faster: --engine native, which took a seventh of the time of solve_ivp for "
+    "configs/paper.yaml; EQT_ENGINE=native makes it your default\n"
+)
+
+
+@pytest.fixture
+def new_user(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A user with a compiler and no caches, for whom every run is long."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
+    monkeypatch.setattr("eqt_cli.cli.shared.run_and_report.LONG", -1.0)
+    monkeypatch.setattr(Native, "unavailable", lambda: None)
+
+
+def told_by_run(eqt: Eqt, out: str, *more: str) -> int:
+    """How often a run names a faster engine."""
+    done = eqt("run", "c.yaml", "--out", out, *more)
+    assert done.code == 0
+    return int(done.err.count(FASTER))
+
+
+@pytest.mark.usefixtures("new_user")
+def test_a_long_run_names_a_faster_engine_once_to_a_user(eqt: Eqt) -> None:
+    assert [told_by_run(eqt, out) for out in ("a", "b")] == [1, 0]
+
+
+@pytest.mark.usefixtures("new_user")
+def test_quiet_does_not_name_a_faster_engine(eqt: Eqt) -> None:
+    assert told_by_run(eqt, "out", "--quiet") == 0
+
+
+@pytest.mark.usefixtures("new_user")
+def test_a_run_without_a_compiler_names_no_faster_engine(
+    eqt: Eqt, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Native, "unavailable", lambda: "no compiler")
+    assert told_by_run(eqt, "out") == 0
+
+
+@pytest.mark.skipif(bool(Native.unavailable()), reason="there is no compiler")
+@pytest.mark.usefixtures("new_user")
+def test_a_run_by_native_names_no_faster_engine(eqt: Eqt) -> None:
+    assert told_by_run(eqt, "out", "--engine", "native") == 0

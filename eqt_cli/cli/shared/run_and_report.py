@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ import typer
 from eqt_cli.cli.shared import options, output
 from eqt_cli.cli.shared.options import cores
 from eqt_cli.core.errors import EqtError, InterruptedRun
+from eqt_cli.core.files import new_file
 from eqt_cli.core.interruptions import Interrupted
 from eqt_cli.execution.part_files import unfinished
 
@@ -98,14 +99,23 @@ def run_experiment(
 
 
 def _say_faster() -> None:
-    """Say what compiled laws save, where a compiler is at hand."""
+    """Say what compiled laws save, where a compiler is at hand; once to a user."""
     from eqt_cli.engines.native import Native
+    from eqt_cli.engines.native.cache import caches_of_user
 
-    if not Native.unavailable():
-        output.say(
-            "faster: --engine native, which took a seventh of the time of solve_ivp for "
-            f"configs/paper.yaml; {options.ENGINE}=native makes it your default"
-        )
+    if Native.unavailable():
+        return
+    with suppress(OSError, RuntimeError):  # no folder: it is said again
+        told = caches_of_user() / "eqt" / "told_of_native"
+        told.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        try:
+            new_file(told, b"")
+        except FileExistsError:
+            return
+    output.say(
+        "faster: --engine native, which took a seventh of the time of solve_ivp for "
+        f"configs/paper.yaml; {options.ENGINE}=native makes it your default"
+    )
 
 
 def report(

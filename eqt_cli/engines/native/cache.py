@@ -81,7 +81,7 @@ def _own_content(path: Path) -> bytes | None:
 def own_cache() -> Cache | None:
     """Return the cache of this user; None if there is none that only the user can write to."""
     with suppress(OSError, RuntimeError):  # RuntimeError: there is no home
-        folder = _base() / "eqt" / "native"
+        folder = caches_of_user() / "eqt" / "native"
         folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)
         if os.name == "nt":
@@ -105,7 +105,7 @@ def _tell(folder: Path) -> None:
     )
 
 
-def _base() -> Path:
+def caches_of_user() -> Path:
     """Return the folder of the user's caches."""
     if os.name == "nt":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
