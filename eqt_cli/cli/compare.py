@@ -185,13 +185,13 @@ def _of_recording(
     whole: bool,
 ) -> _Found | None:
     """Return how much of the errors in a recording the run of each controller explains."""
-    from eqt_cli import api
-    from eqt_cli.analysis.measured import explained_table, records
-
     measured, mapping, kind, run = recorded
     if measured is None:
         options.require_measured(mapping, kind, run)
         return None
+    from eqt_cli import api
+    from eqt_cli.analysis.measured import explained_table, records
+
     if narrowed:
         raise EqtError(
             "--measured compares with a recording; leave --metric, --window, --table and --robust "

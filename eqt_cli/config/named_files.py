@@ -14,7 +14,6 @@ from eqt_cli.core.errors import ComponentError, EqtError, InputError, Problems, 
 from eqt_cli.core.files import refusals, text_of
 from eqt_cli.core.option_types import shown
 from eqt_cli.core.registry import load_plugin
-from eqt_cli.engines.native.c_files import gathered, is_gathered
 from eqt_cli.logs.ulog import recording_text
 from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.store.reader import ResultFile, open_results
@@ -159,6 +158,8 @@ def code_text(source: ConfigSource, name: str, trusted: bool) -> str:
         text = trusted_text(source, name, trusted, "C file")
     except ComponentError as error:
         raise InputError(str(error.args[0]), *error.remedies) from error
+    from eqt_cli.engines.native.c_files import gathered, is_gathered  # with all of native
+
     if source.stored_plugins is not None or is_gathered(text):
         return text
     return gathered(source.folder / name)

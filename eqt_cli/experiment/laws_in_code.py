@@ -15,7 +15,6 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import Problems
 from eqt_cli.core.leaves import leaves
 from eqt_cli.engines import Engine
-from eqt_cli.engines.native.own_code import OwnCode, compiled, try_out
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import rigid_motions
 from eqt_cli.mechanics.flatness import ORDER
@@ -58,6 +57,9 @@ class LawsInCode:
             text = code_text(self.source, needed.file, self.trusted)
         if problems:
             return None
+        # With all of native, which other laws do without.
+        from eqt_cli.engines.native.own_code import OwnCode, compiled, try_out
+
         self.texts[needed.file] = text
         with problems.catching():
             space = G.space if rigid_motions(G) else 0
@@ -77,7 +79,7 @@ class LawsInCode:
         return None
 
 
-_tried: set[OwnCode] = set()
+_tried: set[object] = set()
 """Code that was already tried out successfully, whatever its numbers."""
 
 
