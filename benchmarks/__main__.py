@@ -46,6 +46,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--part", action="append", choices=PARTS, help="repeatable; default: all")
     parser.add_argument("--before", metavar="COMMIT", help="measure its commands in turn with ours")
     parser.add_argument(
+        "--command", action="append", help="its name in the table, repeatable; default: all"
+    )
+    parser.add_argument(
         "--many",
         type=int,
         action="append",
@@ -168,7 +171,7 @@ def _command(options: argparse.Namespace, results: Results) -> Iterator[None]:
             except LookupError as error:
                 results.skipped[f"the commit {options.before}"] = str(error)
                 _say(f"skipped {options.before}: {error}")
-        for found in commands(before, options.many or MANY):
+        for found in commands(before, options.many or MANY, options.command or ()):
             results.commands.append(found)
             seconds = ", ".join(f"{tree} {each.wall:.2f} s" for tree, each in found.spent.items())
             _say(f"eqt {found.name}: {seconds}")

@@ -81,17 +81,19 @@ def earlier(commit: str) -> Iterator[Path]:
 
 
 def commands(
-    before: Path | None, many: Sequence[int] = MANY, repeats: int = 2
+    before: Path | None, many: Sequence[int] = MANY, chosen: Sequence[str] = (), repeats: int = 2
 ) -> Iterator[Command]:
-    """Every command, by this tree and, where it is given, by the one before."""
+    """Every command, or the chosen ones, by this tree and, where it is given, by the one before."""
     trees = {NOW: ROOT} | ({BEFORE: before} if before else {})
-    plain = _plain_per_run()
+    plain = None if chosen else _plain_per_run()
     with TemporaryDirectory() as folder:
         for name, arguments, runs in _plan(many):
+            if chosen and name not in chosen:
+                continue
             # Many runs are run once; by then the paper's 800 have filled the caches.
             passes = 1 if runs > PAPER else repeats + 1
             found, floor = _in_turn(arguments, trees, Path(folder), passes)
-            yield Command(name, found, plain * runs if runs else None, floor)
+            yield Command(name, found, plain * runs if plain and runs else None, floor)
 
 
 def _plan(many: Sequence[int]) -> Iterator[tuple[str, list[str], int]]:
@@ -103,9 +105,9 @@ def _plan(many: Sequence[int]) -> Iterator[tuple[str, list[str], int]]:
         thrusters = ["run", "configs/se3_bluerov2_thrusters.yaml", "--engine", engine, *few]
         yield f"run {FLIGHTS} runs of each law with eight thrusters by {engine}", thrusters, 0
     yield "run paper by solve_ivp", [*paper, "solve_ivp"], PAPER
-    yield "run paper by native", [*paper, "native"], PAPER
     unchecked = [*paper, "native", "--set", "solver.cross_check=0"]
     yield "run paper by native without a cross-check", unchecked, PAPER
+    yield "run paper by native", [*paper, "native"], PAPER
     for command in READERS:
         yield f"{command} paper", [command], 0
     for command in ("config check", "margins", "verify"):
