@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.api import opening, reporting
+from eqt_cli.analysis import verification
+from eqt_cli.api import opening
 from eqt_cli.core.errors import ConfigError, EqtError, ResultError
 from eqt_cli.results.result import Result
 
@@ -319,7 +320,7 @@ def test_a_page_that_cannot_be_written_is_refused_before_the_work(result, monkey
     def work(*arguments, **options):
         raise AssertionError("began")
 
-    monkeypatch.setattr(reporting, "verify_stored", work)
+    monkeypatch.setattr(verification, "verify_stored", work)
     target = Path(result) / "results.h5"
     with pytest.raises(EqtError, match=r"results\.h5: "):
         eqt_cli.write_report(result, out=target)

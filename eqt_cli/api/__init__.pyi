@@ -9,6 +9,7 @@ from eqt_cli.api.differing import diff as diff
 from eqt_cli.api.drawing import Shown as Shown
 from eqt_cli.api.drawing import animate as animate
 from eqt_cli.api.drawing import plot as plot
+from eqt_cli.api.drawing import write_report as write_report
 from eqt_cli.api.exporting import ExportedFiles as ExportedFiles
 from eqt_cli.api.exporting import export as export
 from eqt_cli.api.fitting import fit as fit
@@ -18,7 +19,6 @@ from eqt_cli.api.loading import Configuration as Configuration
 from eqt_cli.api.loading import ResultPath as ResultPath
 from eqt_cli.api.loading import load_experiment as load_experiment
 from eqt_cli.api.opening import open_results as open_results
-from eqt_cli.api.reporting import write_report as write_report
 from eqt_cli.api.running import StoredResult as StoredResult
 from eqt_cli.api.running import choose_executor as choose_executor
 from eqt_cli.api.running import pack as pack

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
 
 from eqt_cli.api.loading import path_from
 from eqt_cli.config import yaml_source
@@ -16,8 +17,6 @@ from eqt_cli.logs.check import LogCheck, check_text
 from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat, literal
 from eqt_cli.logs.recording import Recording, read_recording
 from eqt_cli.logs.ulog import recording_text
-
-Found = TypeVar("Found")
 
 LOG_BYTES = 400_000_000
 """Largest size of a recording, bytes: a million rows of 20 numbers."""
@@ -66,12 +65,8 @@ def check_log(
     ('SO3', 100.0, [])
     """
     G = None if group is None else group_named(group)
-    return _read(
-        path,
-        mapping,
-        format,
-        lambda text, name, kind, columns: check_text(text, name, kind, columns, G),
-    )
+    with _read(path, mapping, format) as given:
+        return check_text(*given, G)
 
 
 def read_measured(
@@ -81,28 +76,24 @@ def read_measured(
     format: str = "csv",
 ) -> Recording:
     """Read a recording as a motion on a group; arguments and errors as for `check_log`."""
-    return _read(
-        path,
-        mapping,
-        format,
-        lambda text, name, kind, columns: read_recording(text, name, kind, G, columns),
-    )
+    with _read(path, mapping, format) as (text, name, kind, columns):
+        return read_recording(text, name, kind, G, columns)
 
 
+@contextmanager
 def _read(
     path: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
     format: str,
-    use: Callable[[str, str, TrajectoryFormat, LogMapping], Found],
-) -> Found:
-    """Read a file by its mapping, and note a problem of the mapping at its place."""
+) -> Iterator[tuple[str, str, TrajectoryFormat, LogMapping]]:
+    """Yield text, name, format and mapping; note a problem of the mapping at its place."""
     kind, file = literal(TrajectoryFormat, "format", format), path_from("path", path)
     parsed, problems = _mapping(mapping)
     problems.raise_if_any()
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
     text = recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
     try:
-        return use(text, str(file), kind, parsed)
+        yield text, str(file), kind, parsed
     except MappingError as error:
         problems.at(*error.path).add(str(error))
         problems.raise_if_any()

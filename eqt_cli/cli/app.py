@@ -56,10 +56,10 @@ def _told(error: Any, context: Any) -> str:
         return f"{name}: missing"
     said = error.message
     for pattern, words in _REWRITTEN:
-        if found := re.fullmatch(pattern, said):
-            told = found.expand(words)
+        if match := re.fullmatch(pattern, said):
+            told = match.expand(words)
             break
-    typed = getattr(error, "option_name", None) or (found and found.groups() and found[1]) or ""
+    typed = getattr(error, "option_name", None) or (match and match.groups() and match[1]) or ""
     hint = _hint(typed, context) if told.startswith("unknown ") and not name else ""
     given = f", got '{_given(parameter)}'" if told.startswith("expected ") and name else ""
     return ": ".join(filter(None, [name, told + given + hint]))
@@ -108,9 +108,9 @@ COMMANDS = {
     "export": ("export.export", COMPUTE, "configs/paper.yaml --controller eqt --out law"),
     "show": ("show.show", READ, "results/paper --failed"),
     "compare": ("compare.compare", READ, "results/paper --metric mean_torque"),
-    "diff": ("diff.diff", READ, "results/paper results/again"),
+    "diff": ("compare.diff", READ, "results/paper results/again"),
     "verify": ("verify.verify", READ, "configs/paper.yaml"),
-    "margins": ("margins.margins", READ, "configs/paper.yaml"),
+    "margins": ("verify.margins", READ, "configs/paper.yaml"),
     "plot": ("plot.plot", READ, "results/paper --figure torque --format pdf"),
     "animate": ("plot.animate", READ, "results/paper --run 1 --format gif"),
     "report": ("report.report", READ, "results/paper --out report.html"),
@@ -118,7 +118,7 @@ COMMANDS = {
     "list": ("listing.list_components", LOOK_UP, "controllers"),
     "docs": ("listing.docs", LOOK_UP, "--address"),
     "config": ("config.app", LOOK_UP, ""),
-    "log": ("log.app", LOOK_UP, ""),
+    "log": ("config.log_app", LOOK_UP, ""),
 }
 """The commands, in the order of the help: the function in this folder, or the app of a group of
 commands; the group of commands that it is in; the arguments of its example."""

@@ -1,4 +1,4 @@
-"""`eqt compare`: paired statistics of a result, and tests of the paper's claims."""
+"""`eqt compare` and `eqt diff`: paired statistics and claims, and what differs in two results."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
 
 from eqt_cli.cli.shared import options, output
 from eqt_cli.cli.shared.table_formats import as_csv, as_latex
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from eqt_cli.analysis.comparison.intervals import Resampling
     from eqt_cli.analysis.comparison.maps import Map
     from eqt_cli.analysis.comparison.notation import Plain
+    from eqt_cli.analysis.differences import Change, Dataset, Differences
     from eqt_cli.analysis.text_tables import TextTable
     from eqt_cli.results.result import Result
 
@@ -132,17 +135,17 @@ def compare(
     write = Latex() if format is TableFormat.LATEX else Plain()
     recorded = measured, mapping, log_format, run
     narrowed = bool(metric or window or table or robust)
-    found = _of_recording(
+    shown = _of_recording(
         result, recorded, narrowed, against or (), point, write, unit or (), whole=verbose
     )
-    if found is None and robust:
-        found = _robustness(result, share, confidence, write)
-    elif found is None and point is None:
+    if shown is None and robust:
+        shown = _robustness(result, share, confidence, write)
+    elif shown is None and point is None:
         narrow = bool(window or against or without_start)
-        found = _of_whole(
+        shown = _of_whole(
             result, metric or (), table, controller or (), narrow, how, write, unit or ()
         )
-    if found is None:
+    if shown is None:
         _require_table_of_experiment(table)
         comparison = api.compare(
             result,
@@ -158,18 +161,18 @@ def compare(
         chosen = metric or window or against or table or format is not TableFormat.TEXT
         whole = None if chosen else verbose
         as_rows = rows is Rows.CONTROLLERS or (rows is None and format is TableFormat.LATEX)
-        found = _of_experiment(
+        shown = _of_experiment(
             comparison, table, against, format, write, whole=whole, laws_as_rows=as_rows
         )
     if json:
-        output.print_json({"path": str(result), **found.document})
+        output.print_json({"path": str(result), **shown.document})
     elif format is TableFormat.CSV:
-        output.print_verbatim(as_csv(found.records))
+        output.print_verbatim(as_csv(shown.records))
     else:
-        _print_tables(found.tables, format)
-        if found.findings:
-            output.print_text(*([""] * bool(found.tables)), *found.findings)
-    for remark in () if json else found.remarks:
+        _print_tables(shown.tables, format)
+        if shown.findings:
+            output.print_text(*([""] * bool(shown.tables)), *shown.findings)
+    for remark in () if json else shown.remarks:
         output.say(remark)
 
 
@@ -197,14 +200,14 @@ def _of_recording(
             "--measured compares with a recording; leave --metric, --window, --table and --robust "
             "out"
         )
-    found = api.compare_measured(
+    parts = api.compare_measured(
         result, measured, mapping, format=kind, run=run, controllers=laws, point=point, units=units
     )
-    axes = whole or len(found) == 1
-    table = explained_table(found, write, axes=axes)
+    axes = whole or len(parts) == 1
+    table = explained_table(parts, write, axes=axes)
     remarks = [] if axes else ["next: --verbose prints every axis, --against LAW one law"]
-    document = {"measured": str(measured), "controllers": [asdict(one) for one in found]}
-    return _Found(document, records(found), [table], remarks)
+    document = {"measured": str(measured), "controllers": [asdict(one) for one in parts]}
+    return _Found(document, records(parts), [table], remarks)
 
 
 def _print_tables(tables: Sequence[TextTable], format: TableFormat) -> None:
@@ -241,9 +244,9 @@ def _of_whole(
     with api.open_results(path, "arrays") as opened:
         result = opened.in_units(units)
         plain = not (metrics or laws or narrowed) and table in (None, TableName.FRONTS)
-        found = _of_fronts(result, how, write) if plain else None
-        if found or not result.is_sweep:
-            return found
+        fronts = _of_fronts(result, how, write) if plain else None
+        if fronts or not result.is_sweep:
+            return fronts
         if narrowed or table not in (None, TableName.WINNERS, TableName.POINTS):
             raise EqtError(
                 "--window, --against, --without-start and the tables of pairs and claims are of "
@@ -267,9 +270,9 @@ def _of_sweep(maps: Sequence[Map], result: Result, table: TableName | None, writ
     """Return which law wins at each point of a sweep."""
     from eqt_cli.analysis.comparison.maps import map_records, map_tables
 
-    records = [record for found in maps for record in map_records(found, result)]
+    records = [record for one in maps for record in map_records(one, result)]
     whole = table is TableName.POINTS
-    made = [each for found in maps for each in map_tables(found, result, write, whole=whole)]
+    made = [each for one in maps for each in map_tables(one, result, write, whole=whole)]
     shown = [each for each in made if table is None or each.name == table]
     return _Found({"points": records}, records, shown)
 
@@ -348,8 +351,8 @@ def _of_experiment(
         remarks.append("next: --verbose prints all pairs and claims, --list all metrics")
     elif narrowed and len(comparison.labels) > 2 and not against:
         remarks.append("next: --table pairs prints every pair, --list all metrics")
-    found = () if whole is None else _findings(comparison)
-    return _Found(document, rows[table or TableName.PAIRS], shown, remarks, found)
+    sentences = () if whole is None else _findings(comparison)
+    return _Found(document, rows[table or TableName.PAIRS], shown, remarks, sentences)
 
 
 def _findings(comparison: Comparison) -> list[str]:
@@ -359,12 +362,12 @@ def _findings(comparison: Comparison) -> list[str]:
     judged = comparison.judgements and not comparison.departures
     about = f"Claims of {sources(comparison)}" if judged else "Findings"
     lines = [f"{about}, tested on {output.count_of(comparison.runs, 'run')} per law"]
-    for found in findings(comparison, comparison.titles):
-        if found.claim:
-            without = f" (without {found.absent})" if found.absent else ""
-            lines += [f"  {found.verdict}: “{found.claim}”{without}", f"    {found.words}"]
+    for each in findings(comparison, comparison.titles):
+        if each.claim:
+            without = f" (without {each.absent})" if each.absent else ""
+            lines += [f"  {each.verdict}: “{each.claim}”{without}", f"    {each.words}"]
         else:
-            lines.append(f"{found.verdict}: {found.words}" if found.verdict else f"  {found.words}")
+            lines.append(f"{each.verdict}: {each.words}" if each.verdict else f"  {each.words}")
     return [_wrapped(line) for line in lines]
 
 
@@ -396,5 +399,134 @@ def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Found | None:
         return None
     result = held_out(result, record)
     table = equal_cost_table(result, record, write, how)
-    found = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
-    return _Found({"objectives": record["objectives"], "fronts": found}, found, [table])
+    pairs = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
+    return _Found({"objectives": record["objectives"], "fronts": pairs}, pairs, [table])
+
+
+# Differences --------------------------------------------------------------------------------------
+
+
+LONGEST = 120
+"""Maximum number of characters of a value in a table."""
+
+
+def diff(
+    first: Annotated[
+        Path, typer.Argument(metavar="FIRST", help="Result folder, or the results.h5 in it.")
+    ],
+    second: Annotated[
+        Path, typer.Argument(metavar="SECOND", help="The result to compare it with.")
+    ],
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Show what differs between two results; exit 4 if they are not equal.
+
+    This compares the configurations, and all numbers bit by bit. Versions, machine, time and
+    command may differ between equal results; they are shown, too.
+    """
+    from eqt_cli import api
+
+    diffs = api.diff(first, second)
+    if json:
+        output.print_json(_differences_document(first, second, diffs))
+    else:
+        _print_differences(diffs)
+    if not diffs.equal:
+        raise typer.Exit(4)
+
+
+def _print_differences(diffs: Differences) -> None:
+    for heading, changes in (
+        ("configuration", diffs.configuration),
+        ("attribute", diffs.attributes),
+        ("provenance", diffs.provenance),
+    ):
+        if changes:
+            rows = [
+                [each.key, _value_shown(each.first), _value_shown(each.second)] for each in changes
+            ]
+            output.print_text(output.table([heading, "first", "second"], rows), "")
+    if diffs.datasets:
+        header = ["dataset", "entries", "different", "largest difference", "relative", "at"]
+        output.print_text(output.table(header, [_dataset_row(each) for each in diffs.datasets]), "")
+    output.print_text(_outcome(diffs))
+
+
+def _outcome(diffs: Differences) -> str:
+    """Return the outcome in a sentence."""
+    datasets = output.count_of(diffs.compared, "dataset")
+    if diffs.equal:
+        if diffs.provenance:
+            return f"equal: provenance differs, the {datasets} do not"
+        return f"equal: {datasets}, configuration and provenance"
+    keys = [
+        f"{output.count_of(len(changes), noun)} of the {whole}"
+        for changes, noun, whole in (
+            (diffs.configuration, "key", "configuration"),
+            (diffs.attributes, "attribute", "files"),
+        )
+        if changes
+    ]
+    differing = f"{len(diffs.datasets) or 'none'} of {datasets}"
+    only_nan = diffs.datasets and all(map(_differs_in_nan_only, diffs.datasets))
+    return f"different: {', '.join([*keys, differing])}{' (only the bits of NaN)' * bool(only_nan)}"
+
+
+def _differs_in_nan_only(each: Dataset) -> bool:
+    return 0 < each.different == each.nan_bits
+
+
+def _dataset_row(each: Dataset) -> list[str]:
+    first, second = each.shapes
+    if first is None or second is None:
+        where = "second" if first is None else "first"
+        return [each.name, f"only in the {where}", "-", "-", "-", "-"]
+    if first != second:
+        return [each.name, f"{_size(first)}, {_size(second)}", "-", "-", "-", "-"]
+    entries = _size(first)
+    if each.types[0] != each.types[1]:
+        entries = f"{entries} {each.types[0]}, {each.types[1]}"
+    largest, relative = ("-" if x is None else f"{x:.3g}" for x in (each.largest, each.relative))
+    if _differs_in_nan_only(each):
+        largest, relative = "bits of NaN", "-"
+    at = "-" if each.place is None else f"[{', '.join(map(str, each.place))}]"
+    return [each.name, entries, str(each.different), largest, relative, at]
+
+
+def _size(shape: Sequence[int]) -> str:
+    return "×".join(map(str, shape)) or "1"
+
+
+def _value_shown(value: Any) -> str:
+    """Return a value as shown in a table."""
+    from eqt_cli.analysis.differences import Absent
+
+    if value is Absent.ABSENT:
+        return "-"
+    text = str(value)
+    if len(text) > LONGEST or "\n" in text:
+        return f"a text of {len(text)} characters"
+    return text
+
+
+def _differences_document(first: Path, second: Path, diffs: Differences) -> dict[str, Any]:
+    return {
+        "first": str(first),
+        "second": str(second),
+        "equal": diffs.equal,
+        "configuration": [_change(each) for each in diffs.configuration],
+        "attributes": [_change(each) for each in diffs.attributes],
+        "provenance": [_change(each) for each in diffs.provenance],
+        "compared": diffs.compared,
+        "datasets": [
+            {**vars(each), "only_nan_bits": _differs_in_nan_only(each)} for each in diffs.datasets
+        ],
+    }
+
+
+def _change(each: Change) -> dict[str, Any]:
+    """Return a change for programs, without a side that lacks the key."""
+    from eqt_cli.analysis.differences import Absent
+
+    return {name: value for name, value in vars(each).items() if value is not Absent.ABSENT}

@@ -1,4 +1,4 @@
-"""`eqt config`: write, check and describe configurations."""
+"""`eqt config` and `eqt log`: configurations, and recordings of a motion."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ import typer
 
 from eqt_cli.cli.shared import completion, options, output
 from eqt_cli.cli.shared.options import Command, Group, example
+from eqt_cli.cli.shared.output import complain, print_json, print_text, table
 from eqt_cli.config import shipped
 from eqt_cli.core.errors import ConfigError, EqtError, Problems
 from eqt_cli.core.files import new_file, refusals
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
+    from eqt_cli.logs.check import LogCheck
+
 
 MOST_CHECKED = 300
 """Maximum number of points of a sweep that are checked, spread over all of them."""
@@ -95,13 +98,13 @@ def check(
 
     source = options.source_of(config, set_)
     try:
-        found = study(source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED)
-        check_resources(found, Path("results") / found.name, most_shapes=MOST_CHECKED)
+        checked = study(source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED)
+        check_resources(checked, Path("results") / checked.name, most_shapes=MOST_CHECKED)
         problems = Problems(source.place)
-        shown = reference_over_horizon(found.base)
+        shown = reference_over_horizon(checked.base)
         jumps = check_reference(shown, most_torque, problems.at("reference"))
         problems.raise_if_any()
-        untried = rehearse(found, problems)
+        untried = rehearse(checked, problems)
         problems.raise_if_any()
         if source.data.get("tune"):
             from eqt_cli.tuning.tune import Search
@@ -118,22 +121,22 @@ def check(
         raise typer.Exit(error.exit_code) from error
     if resolved:
         if json:
-            output.print_json(found.resolved)
+            output.print_json(checked.resolved)
         else:
-            output.print_verbatim(dump(found.resolved))
+            output.print_verbatim(dump(checked.resolved))
         return
-    experiment = found.base
+    experiment = checked.base
     for remark in remarks(experiment, shown):
         output.warn(remark)
     if not json:
         output.say(f"{config}: valid")
-    if len(found) > MOST_CHECKED and not json:
+    if len(checked) > MOST_CHECKED and not json:
         output.say(
-            f"{config}: {MOST_CHECKED} of its {len(found)} points were checked; a run checks all"
+            f"{config}: {MOST_CHECKED} of its {len(checked)} points were checked; a run checks all"
         )
     text = (
         f"{experiment.name}: {experiment.group.name}, "
-        + (f"{len(found)} points × " if found.sweep else "")
+        + (f"{len(checked)} points × " if checked.sweep else "")
         + f"{output.count_of(len(experiment.loops), 'controller')} × "
         f"{output.count_of(experiment.config.ensemble.runs, 'run')}, "
         f"{experiment.config.time.duration:g} s, engine {experiment.engine.name}"
@@ -141,18 +144,18 @@ def check(
     wheels = wheels_needed(experiment, shown)
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, by the reference"]
     text = "\n".join([text, *needed, *(f"reference: {jump}" for jump in jumps), *untried])
-    output.print_found(_document(config, [], found), text, json=json)
+    output.print_found(_document(config, [], checked), text, json=json)
 
 
 def _document(
     path: Path, problems: list[dict[str, str]], study: Study | None = None
 ) -> dict[str, Any]:
     """Return the findings of `check` for programs: an editor, or continuous integration."""
-    found: dict[str, Any] = {"config": str(path), "fine": not problems, "problems": problems}
+    record: dict[str, Any] = {"config": str(path), "fine": not problems, "problems": problems}
     if study is None:
-        return found
+        return record
     config = study.base.config
-    return found | {
+    return record | {
         "name": study.name,
         "group": study.base.group.name,
         "points": len(study),
@@ -178,10 +181,10 @@ def keys(
     """Describe the keys of a configuration: value, default and meaning."""
     from eqt_cli.config.json_schema import json_schema, keys_of, within
 
-    found = keys_of(json_schema())
+    listed = keys_of(json_schema())
     if key is not None:
-        found = within(found, key)
-    rows = [[text.replace("`", "") for text in asdict(each).values()] for each in found]
+        listed = within(listed, key)
+    rows = [[text.replace("`", "") for text in asdict(each).values()] for each in listed]
     output.print_records(["key", "value", "default", "meaning"], rows, json=json)
 
 
@@ -191,3 +194,85 @@ def schema() -> None:
     from eqt_cli.config.json_schema import json_schema
 
     output.print_json(json_schema())
+
+
+# Recordings ---------------------------------------------------------------------------------------
+
+
+MOST_GAPS = 5
+"""Maximum number of gaps that are listed; further gaps are counted."""
+
+log_app = typer.Typer(
+    cls=Group,
+    help="Look at recordings of a motion.",
+    epilog=example("eqt log", "check flown.csv"),
+    no_args_is_help=True,
+)
+
+
+@log_app.callback()
+def log() -> None:
+    """Look at recordings of a motion."""
+
+
+@log_app.command("check", cls=Command, epilog=example("eqt log check", "flown.csv"))
+def check_log(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Recording: CSV, TUM, EuRoC or PX4 (.ulg).")
+    ],
+    mapping: Annotated[Path | None, options.option("--mapping")] = None,
+    format_: Annotated[
+        str, options.option("--format", autocompletion=completion.words("csv", "tum", "euroc"))
+    ] = "csv",
+    group: Annotated[str | None, options.option("--group")] = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Say what a recording holds; exit 2 if it cannot be used.
+
+    It names each column and what it is taken for, the units, the rate, the gaps, and what does not
+    fit together.
+
+    Options
+    -------
+    Experiment
+        --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
+        --format NAME  csv, tum or euroc. Default: csv.
+        --group NAME  Group of the poses. Default: what fits the columns.
+    """
+    from eqt_cli import api
+
+    checked = api.check_log(file, mapping, format=format_, group=group)
+    if json:
+        print_json(asdict(checked))
+    else:
+        _print_log(checked)
+    if checked.problems:
+        raise typer.Exit(2)
+
+
+def _print_log(checked: LogCheck) -> None:
+    rows = [
+        [one.heading, one.name or "-", one.use, f"{one.unit}{' (assumed)' * one.assumed}" or "-"]
+        for one in checked.columns
+    ]
+    print_text(table(["column", "name", "use", "unit"], rows), "")
+    lines = [
+        f"poses     {checked.group}, format {checked.format}",
+        f"rows      {checked.rows}, from {checked.begin:.9g} to {checked.end:.9g} s",
+        f"rate      {checked.rate:.4g} Hz",
+        f"gaps      {_gaps(checked)}",
+    ]
+    if checked.norms:
+        lines.append("norms     {:.6g} to {:.6g} of quaternions".format(*checked.norms))
+    print_text("\n".join(lines))
+    print_text(*(f"note      {note}" for note in checked.notes))
+    for problem in checked.problems:
+        complain(problem)
+
+
+def _gaps(checked: LogCheck) -> str:
+    listed = [f"{length:.4g} s after {begin:.6g} s" for begin, length in checked.gaps[:MOST_GAPS]]
+    more = len(checked.gaps) - len(listed)
+    also = f", and {more} more" if more else ""
+    return f"{len(checked.gaps)}: {', '.join(listed)}{also}" if listed else "none"

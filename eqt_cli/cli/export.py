@@ -53,7 +53,7 @@ def export(
     if real not in REALS:
         raise EqtError(f"--real: expected double or float, got '{real}'")
     source = options.source_of(target, set_)
-    found = api.export(
+    exported = api.export(
         options.study_at(source, point, trust_plugins=trust_plugins, doing="exported without"),
         out,
         controllers=controller or (),
@@ -61,20 +61,20 @@ def export(
         reference=reference,
         workers=workers or options.cores(),
     )
-    _report(found, json=json)
+    _report(exported, json=json)
 
 
-def _report(found: ExportedFiles, *, json: bool) -> None:
+def _report(exported: ExportedFiles, *, json: bool) -> None:
     from eqt_cli.analysis.comparison.notation import significant
 
     header = ["law", "file", "operations", "largest error", "apart", "flash", "stack"]
     rows = []
-    for law in found.laws:
+    for law in exported.laws:
         cost = [f"{law[name]}" if law[name] is not None else "-" for name in ("flash", "stack")]
         bound = law["bound"]
         assert isinstance(bound, list)
         largest = significant(max(bound), 2) if bound else "-"
         told = [law["label"], f"{law['name']}.c", law["operations"], largest, law["singular"]]
         rows.append([*map(str, told), *cost])
-    document = {"folder": str(found.folder), "files": found.files, "laws": found.laws}
-    print_found(document, table(header, rows), f"\nexported  {found.folder}", json=json)
+    document = {"folder": str(exported.folder), "files": exported.files, "laws": exported.laws}
+    print_found(document, table(header, rows), f"\nexported  {exported.folder}", json=json)

@@ -54,7 +54,7 @@ def replay(
     from eqt_cli import api
     from eqt_cli.fitting.growth import growth_table
 
-    found = api.replay(
+    growth = api.replay(
         options.source_of(config, set_, engine),
         measured,
         mapping,
@@ -66,7 +66,7 @@ def replay(
         out=out,
         trust_plugins=trust_plugins,
     )
-    print_found(_plain(found), laid_out(growth_table(found)), json=json)
+    print_found(_plain(growth), laid_out(growth_table(growth)), json=json)
     if out is not None:
         say(f"figure in {out}")
 
@@ -110,7 +110,7 @@ def fit(
     if "=" in over:
         key = over.partition("=")[0].strip()
         raise EqtError(f"--over: expected keys without values, such as '{key}', got '{over}'")
-    found = api.fit(
+    fitted = api.fit(
         options.source_of(config, set_, engine),
         measured,
         [key.strip() for key in over.split(",") if key.strip()],
@@ -122,13 +122,13 @@ def fit(
         out=out,
         trust_plugins=trust_plugins,
     )
-    numbers, residuals = map(laid_out, fit_tables(found))
-    print_found(_plain(found), numbers, "", residuals, "", str(found.config), json=json)
+    numbers, residuals = map(laid_out, fit_tables(fitted))
+    print_found(_plain(fitted), numbers, "", residuals, "", str(fitted.config), json=json)
 
 
-def _plain(found: Growth | PlantFit) -> dict[str, Any]:
+def _plain(findings: Growth | PlantFit) -> dict[str, Any]:
     """Return the findings in types that JSON can hold."""
-    values = {each.name: getattr(found, each.name) for each in fields(found)}
+    values = {each.name: getattr(findings, each.name) for each in fields(findings)}
     return {name: _entry(value) for name, value in values.items() if name != "source"}
 
 

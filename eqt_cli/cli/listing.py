@@ -111,10 +111,10 @@ def docs(
     json: options.Json = False,
 ) -> None:
     """Open the documentation in a browser: pages built by make docs, or those online."""
-    found = _address()
-    if not address and not json and not webbrowser.open(found):
+    pages = _address()
+    if not address and not json and not webbrowser.open(pages):
         say("no browser could be opened; the documentation is at:")
-    print_found({"documentation": found}, found, json=json)
+    print_found({"documentation": pages}, pages, json=json)
 
 
 def _address() -> str:

@@ -205,13 +205,13 @@ def _options(
     from eqt_cli.plots.render import options_of
 
     known = {name: options_of(name) for name in names}
-    found: dict[str, dict[str, Any]] = {name: {} for name in names}
+    by_figure: dict[str, dict[str, Any]] = {name: {} for name in names}
     for flag, (key, wish) in flags.items():
         takers = [name for name in known if key in known[name]]
         if wish is not None and not takers:
             raise EqtError(f"{flag}: {_WITHOUT[key].format(' and '.join(known))}")
         for name in takers if wish is not None else ():
-            found[name][key] = wish
+            by_figure[name][key] = wish
     for index, text in enumerate(given):
         place = f"--option[{index}]"
         left, equals, right = text.partition("=")
@@ -228,8 +228,8 @@ def _options(
             hint = suggestion(key, keys) or f"; they have: {', '.join(keys)}"
             raise EqtError(f"{place}: none of {', '.join(known)} has an option '{key}'{hint}")
         for name in takers or known:
-            found[name][key] = value
-    return found
+            by_figure[name][key] = value
+    return by_figure
 
 
 class AnimationFormat(StrEnum):

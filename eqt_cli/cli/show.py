@@ -58,9 +58,9 @@ def show(
         (unsettled, _unsettled),
     )
     view = next((view for wanted, view in asked if wanted), None)
-    found = None if view or table else unfinished(result)
-    if found is not None:
-        _unfinished(result, found, json)
+    state = None if view or table else unfinished(result)
+    if state is not None:
+        _unfinished(result, state, json)
         return
 
     from eqt_cli import api
@@ -76,25 +76,25 @@ def show(
             (view or _summary)(results, json)
 
 
-def _unfinished(path: Path, found: Unfinished, json: bool) -> None:
+def _unfinished(path: Path, state: Unfinished, json: bool) -> None:
 
-    share = 100 * found.done / found.runs
+    share = 100 * state.done / state.runs
     running = "no; the same eqt run or eqt sweep continues"
-    if found.writer is not None:
-        by = f" by process {found.writer['pid']} on {found.writer['host']}" if found.writer else ""
+    if state.writer is not None:
+        by = f" by process {state.writer['pid']} on {state.writer['host']}" if state.writer else ""
         running = f"yes{by}"
     lines = [
-        f"{found.name}, unfinished  ({path})",
-        f"begun    {found.begun}",
-        f"done     {found.done} of {found.runs} runs ({share:.1f} %)",
-        f"failed   {found.failed}",
+        f"{state.name}, unfinished  ({path})",
+        f"begun    {state.begun}",
+        f"done     {state.done} of {state.runs} runs ({share:.1f} %)",
+        f"failed   {state.failed}",
         f"running  {running}",
     ]
-    if found.rate is not None:
-        lines.append(f"rate     {found.rate:.1f} runs/s")
-    if found.remaining is not None:
-        lines.append(f"left     about {output.duration(found.remaining)}")
-    document = {"path": str(path), **asdict(found), "remaining_s": found.remaining}
+    if state.rate is not None:
+        lines.append(f"rate     {state.rate:.1f} runs/s")
+    if state.remaining is not None:
+        lines.append(f"left     about {output.duration(state.remaining)}")
+    document = {"path": str(path), **asdict(state), "remaining_s": state.remaining}
     output.print_found(document, "\n".join(lines), json=json)
 
 
@@ -148,11 +148,11 @@ def _config(results: Result, json: bool) -> None:
 
 def _variables(results: Result, json: bool) -> None:
 
-    found = [
+    rows = [
         (name, results.dims(name), results.units(name), results.long_name(name))
         for name in results.names
     ]
-    output.print_records(["variable", "dimensions", "units", "meaning"], found, json=json)
+    output.print_records(["variable", "dimensions", "units", "meaning"], rows, json=json)
 
 
 def _failed(results: Result, json: bool) -> None:

@@ -1,23 +1,24 @@
-"""`eqt verify`: the statements of the paper, checked on a configuration or a result."""
+"""`eqt verify` and `eqt margins`: the statements of the paper, and the stability margins."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.analysis.text_tables import Block
+from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import complain, laid_out, print_found
+from eqt_cli.cli.shared.output import complain, count_of, laid_out, print_found
 from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
     from rich.text import Text
 
     from eqt_cli.analysis.certificates.base import Row
+    from eqt_cli.analysis.margins import GainMargin, LawMargins, Margins
     from eqt_cli.analysis.verification import Verification
     from eqt_cli.experiment.study import Study
 
@@ -71,7 +72,7 @@ def verify(
         doing = "verified without"
         subject = options.study_at(source, point, trust_plugins=trust_plugins, doing=doing)
         point = None  # the configuration is already that of the point
-    found = api.verify(
+    result = api.verify(
         subject,
         runs=runs,
         point=point,
@@ -79,13 +80,15 @@ def verify(
         workers=workers or options.cores(),
         exact=exact,
     )
-    print_found(_document(target, found), *_pieces(found, verbose=verbose), json=json)
+    print_found(_document(target, result), *_pieces(result, verbose=verbose), json=json)
     if quiet and not json:
-        for cause in _causes(with_titles(found.rows, found.experiment.titles), found.failed_runs):
+        for cause in _causes(
+            with_titles(result.rows, result.experiment.titles), result.failed_runs
+        ):
             complain(f"eqt: {target}: {cause}")
-    if found.failed_runs:
+    if result.failed_runs:
         raise typer.Exit(3)
-    if found.failures:
+    if result.failures:
         raise typer.Exit(4)
 
 
@@ -114,38 +117,198 @@ def _causes(rows: Sequence[Row], failed_runs: int) -> list[str]:
     return causes
 
 
-def _document(target: Path, found: Verification) -> dict[str, object]:
+def _document(target: Path, result: Verification) -> dict[str, object]:
 
     return {
         "verified": str(target),
-        "name": found.experiment.name,
-        "group": found.experiment.group.name,
-        "engine": found.experiment.engine.name,
-        "runs": found.runs,
-        "failed": found.failed_runs,
-        "holds": not found.failures,
-        "causes": _causes(found.rows, found.failed_runs),
-        "rows": [asdict(row) for row in found.rows],
+        "name": result.experiment.name,
+        "group": result.experiment.group.name,
+        "engine": result.experiment.engine.name,
+        "runs": result.runs,
+        "failed": result.failed_runs,
+        "holds": not result.failures,
+        "causes": _causes(result.rows, result.failed_runs),
+        "rows": [asdict(row) for row in result.rows],
     }
 
 
-def _pieces(found: Verification, *, verbose: bool) -> Iterator[str | Text]:
+def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
     """Yield the printed text: the rows that do not hold, or all; then totals, doubts and causes."""
     from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally, with_titles
 
-    rows = with_titles(found.rows, found.experiment.titles)
+    rows = with_titles(result.rows, result.experiment.titles)
     if (made := certificate_table(rows, brief=not verbose)) is not None:
         for block in made.blocks:
             notes = made.notes if block is made.blocks[-1] else []
             yield block.title
             yield laid_out(replace(made, caption="", blocks=[Block("", block.rows)], notes=notes))
             yield ""
-    experiment = found.experiment
-    counted = f"{found.runs} runs with engine {' and '.join(found.engines)}"
+    experiment = result.experiment
+    counted = f"{result.runs} runs with engine {' and '.join(result.engines)}"
     yield f"{experiment.name} on {experiment.group.name}: {tally(rows)}, {counted}"
     yield from (f"hypothesis {doubt}" for doubt in doubtful(rows))
-    yield from _causes(rows, found.failed_runs)
+    yield from _causes(rows, result.failed_runs)
     if not verbose:
         assumed = sum(row.kind == "hypothesis" for row in rows)
         checked = f"{len(rows) - assumed} statements and {assumed} hypotheses were checked"
         yield f"{checked}; --verbose lists them all"
+
+
+# Margins ------------------------------------------------------------------------------------------
+
+
+VERDICTS = {True: "stable", False: "unstable", None: "undecided"}
+
+
+def margins(
+    config: options.Config,
+    set_: options.Set = None,
+    point: options.Point = None,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Print eigenvalues, delay and gain margins of each law; exit 4 if a loop is unstable.
+
+    The loop is linearised about its reference. Limits, steps and noise are left out and named.
+    Nothing is run.
+    """
+    from eqt_cli import api
+
+    source = options.source_of(config, set_)
+    result = api.margins(
+        options.study_at(source, point, trust_plugins=trust_plugins, doing="without")
+    )
+    causes = [f"the loop of '{law.label}' is unstable" for law in result.laws if law.is_unstable]
+    print_found(_margins_document(result, causes), *_margins_pieces(result), json=json)
+    if quiet and not json:
+        for cause in causes:
+            complain(f"eqt: {config}: {cause}")
+    if causes:
+        raise typer.Exit(4)
+
+
+def _margins_document(result: Margins, causes: list[str]) -> dict[str, Any]:
+    return {
+        "name": result.experiment.name,
+        "group": result.experiment.group.name,
+        "period": result.period,
+        "left_out": result.left_out,
+        "causes": causes,
+        "laws": [
+            {
+                "label": law.label,
+                "verdict": _verdict(law),
+                "largest_eigenvalue": law.size,
+                "eigenvalue": [law.growth.eigenvalue.real, law.growth.eigenvalue.imag],
+                "at": law.growth.at if law.changes else None,
+                "cycle": law.cycle,
+                "growth_rate": law.growth.rate,
+                "offset": law.offset.tolist(),
+                "delay_margin": law.delay,
+                "delay_margin_periods": law.delay_periods,
+                "delay_margin_is_least": law.delay_is_least,
+                "gain_margins": {
+                    name: {"lower": gain.lower, "upper": gain.upper}
+                    for name, gain in law.gains.items()
+                },
+            }
+            for law in result.laws
+        ],
+    }
+
+
+def _margins_pieces(result: Margins) -> Iterator[str | Text]:
+    """Yield the printed text: the table, and notes on how to read it."""
+    titles, sampled = result.experiment.titles, result.period is not None
+    eigenvalue = "largest |eigenvalue|" if sampled else "largest real part, 1/s"
+    gains = _gains(result)
+    header = ["law", eigenvalue, "delay margin", *gains, "verdict"]
+    rows = [[titles[law.label], *_cells(law, result.period, gains)] for law in result.laws]
+    notes = list(_notes(result))
+    yield laid_out(TextTable("margins", "", header, [Block("", rows)], notes, spare=("both",)))
+
+
+def _notes(result: Margins) -> Iterator[str]:
+    """Say what the columns mean, and what is left out."""
+    from eqt_cli.analysis.margins import LARGEST_FACTOR
+
+    titles = result.experiment.titles
+    yield "delay margin: further delay of the command with which the loop is still stable"
+    yield (
+        "kp, kd, both: factors of these gains with which the loop is stable; "
+        f"any: at least from 1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"
+    )
+    if "position" in _gains(result):
+        yield "of a cascade, kp and kd are those of its attitude law, and position is kx, kv and ki"
+    for law in result.laws:
+        if beside := _beside(result, law):
+            yield f"{titles[law.label]} stays {beside} beside its reference; linearised there"
+    for cycle in sorted({law.cycle for law in result.laws if law.cycle} - {result.period}):
+        of = ", ".join(titles[law.label] for law in result.laws if law.cycle == cycle)
+        yield f"eigenvalues of {of}: of {cycle:g} s, after which all that is slower is due together"
+    if any(law.is_indicative and not law.changes for law in result.laws):
+        yield (
+            "indicative: the loop without the parts that are left out decides nothing about the "
+            "whole loop"
+        )
+    changing = [f"{titles[law.label]} {law.growth.at:.3g} s" for law in result.laws if law.changes]
+    if changing:
+        yield (
+            "indicative: the loop changes in time; then eigenvalues at single times do not decide "
+            f"whether it is stable. All numbers are those at the worst time: {', '.join(changing)}"
+        )
+    if result.left_out:
+        yield f"left out: {', '.join(result.left_out)}"
+
+
+def _gains(result: Margins) -> list[str]:
+    """Return the names of the gain margins: that of the position where a law has it."""
+    from eqt_cli.analysis.margins import GAINS
+
+    cascades = any(loop.controller.reads_flat_output for loop in result.experiment.loops.values())
+    return [name for name in GAINS if cascades or name != "position"]
+
+
+def _cells(law: LawMargins, period: float | None, names: list[str]) -> list[str]:
+    """Return the cells of a row except the name."""
+    gains = ["-" if not law.growth.is_stable else _factors(law.gains.get(name)) for name in names]
+    return [f"{law.size:.{3 if period is None else 6}g}", _delay(law), *gains, _verdict(law)]
+
+
+def _verdict(law: LawMargins) -> str:
+    return "indicative" if law.is_indicative else VERDICTS[law.growth.is_stable]
+
+
+def _delay(law: LawMargins) -> str:
+    if law.delay is None:
+        return "-"
+    if law.delay == float("inf"):
+        return "any"
+    periods = law.delay_periods
+    whole = "" if periods is None else f" ({count_of(periods, 'period')})"
+    least = "at least " if law.delay_is_least else ""
+    return f"{least}{law.delay:.4g} s{whole}"
+
+
+def _factors(gain: GainMargin | None) -> str:
+    if gain is None:
+        return "not used"
+    if gain.lower is None:
+        return "any" if gain.upper is None else f"below {gain.upper:.3g}"
+    if gain.upper is None:
+        return f"above {gain.lower:.3g}"
+    return f"{gain.lower:.3g} to {gain.upper:.3g}"
+
+
+def _beside(result: Margins, law: LawMargins) -> str:
+    """Return the offset of a loop from its reference, part by part; empty if it has none."""
+    import numpy as np
+
+    from eqt_cli.closed_loop.linearised import AT_REST
+
+    sizes = [
+        (float(np.linalg.norm(law.offset[part.axes])), part.velocity_unit.removesuffix("/s"))
+        for part in result.experiment.group.parts
+    ]
+    return " and ".join(f"{size:.3g} {unit}" for size, unit in sizes if size > AT_REST)

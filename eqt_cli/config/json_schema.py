@@ -125,8 +125,8 @@ def _key_at(place: str, schema: dict[str, Any]) -> dict[str, Any]:
     section = schema
     *names, key = place.split(".")
     for name in names:
-        found = choices(section["properties"][name], schema)
-        section = next(each for each in found if "properties" in each)
+        alternatives = choices(section["properties"][name], schema)
+        section = next(each for each in alternatives if "properties" in each)
     return section["properties"][key]
 
 
@@ -360,19 +360,19 @@ def within(keys: Sequence[Key], requested: str) -> list[Key]:
         If there is no such key.
     """
     plain = re.sub(r"\[\d+\]", "[0]", requested)
-    found = [
+    inside = [
         each
         for each in keys
         if each.key == plain or each.key.startswith((f"{plain}.", f"{plain}["))
     ]
-    if not found:
+    if not inside:
         names = [each.key for each in keys]
         last = [name for name in names if name.rpartition(".")[2] == plain]
         hint = f"; did you mean '{last[0]}'?" if last else suggestion(plain, names)
         top = [name for name in names if not re.search(r"[.\[]", name)]
         known = hint or f"; known are: {', '.join(top)}"
         raise EqtError(f"no key '{requested}' in a configuration{known}")
-    return found
+    return inside
 
 
 def _joined(key: str, entries: list[tuple[Schema, list[str]]], schema: Schema) -> Key:
@@ -398,7 +398,7 @@ def choices(entry: Schema, schema: Schema) -> list[Schema]:
     several = entry.get("anyOf") or entry.get("allOf")
     if not several or "properties" in entry:
         return [entry]
-    return [found for choice in several for found in choices(choice, schema)]
+    return [inner for choice in several for inner in choices(choice, schema)]
 
 
 def described(entry: Schema, schema: Schema) -> str:

@@ -49,7 +49,7 @@ from eqt_cli.core.option_types import (
     seconds,
 )
 from eqt_cli.ensemble.axes import DrawnRange
-from eqt_cli.groups.angles import distance_of_turn
+from eqt_cli.groups.rotations import distance_of_turn
 from eqt_cli.logs.mapping import LogMapping
 from eqt_cli.vehicle.component import Matrix as DrawnMatrix
 from eqt_cli.vehicle.component import Number

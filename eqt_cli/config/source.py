@@ -190,26 +190,6 @@ def changed_at(config: ConfigSource, path: KeyPath, value: Any, place: str) -> C
     return replace(config, data=data, overrides=overrides)
 
 
-def _unfit(container: Any, path: KeyPath, step: str | int) -> str | None:
-    """Return why the value at `path` cannot hold `step`; None if it can."""
-    name = dotted(path)
-    if isinstance(step, str):
-        if isinstance(container, dict):
-            return None
-        return f"{name} is {_kind(container)}, not a mapping; set all of {name} instead"
-    if not isinstance(container, list):
-        return f"{name} is {_kind(container)}, not a list; set all of {name} instead"
-    if step < len(container):
-        return None
-    return f"no entry {step}; {name} has {len(container)} entries, counted from 0"
-
-
-def _kind(value: Any) -> str:
-    if isinstance(value, dict | list):
-        return "a mapping" if isinstance(value, dict) else "a list"
-    return shown(value)
-
-
 def with_value(data: Any, path: KeyPath, value: Any, place: str = "") -> Any:
     """Return a copy of `data` with the value at `path` replaced; unchanged parts are shared.
 
@@ -230,11 +210,15 @@ def with_value(data: Any, path: KeyPath, value: Any, place: str = "") -> Any:
 def _replaced(data: Any, path: KeyPath, value: Any, depth: int = 0) -> Any:
     if depth == len(path):
         return value
-    step = path[depth]
-    error = None if data is None and isinstance(step, str) else _unfit(data, path[:depth], step)
-    if error:
-        raise InputError(error)
-    if isinstance(step, int):
+    step, name = path[depth], dotted(path[:depth])
+    if isinstance(step, str) and (data is None or isinstance(data, dict)):
+        known = data or {}
+        return known | {step: _replaced(known.get(step), path, value, depth + 1)}
+    if isinstance(step, int) and isinstance(data, list):
+        if step >= len(data):
+            raise InputError(f"no entry {step}; {name} has {len(data)} entries, counted from 0")
         return [*data[:step], _replaced(data[step], path, value, depth + 1), *data[step + 1 :]]
-    known = data or {}
-    return known | {step: _replaced(known.get(step), path, value, depth + 1)}
+    expected = "a mapping" if isinstance(step, str) else "a list"
+    kinds: dict[type, str] = {dict: "a mapping", list: "a list"}
+    kind = kinds.get(type(data)) or shown(data)
+    raise InputError(f"{name} is {kind}, not {expected}; set all of {name} instead")

@@ -197,8 +197,8 @@ class ConfigError(EqtError):
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return `; did you mean 'x'?` for the known word closest to `word`, or an empty text."""
-    found = closest(word, known)
-    return f"; did you mean '{found}'?" if found else ""
+    nearest = closest(word, known)
+    return f"; did you mean '{nearest}'?" if nearest else ""
 
 
 def closest(word: str, known: Iterable[str]) -> str | None:

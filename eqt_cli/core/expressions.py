@@ -485,12 +485,12 @@ class Expression:
             for t in self._places(until) if len(self.text) <= LONGEST else ():
                 if all(abs(t - other) > 10 * width for other, width in pulses):
                     pulses += [(t, width) for width in self._widths(t, until)]
-        found = {t + side * width for t, width in pulses for side in (-1, 0, 1)}
-        return tuple(sorted(instants | {t for t in found if AWAY[0] * until < t < until}))
+        edges = {t + side * width for t, width in pulses for side in (-1, 0, 1)}
+        return tuple(sorted(instants | {t for t in edges if AWAY[0] * until < t < until}))
 
     def _places(self, until: float) -> list[float]:
         """Return the zeros and extrema of all parts: there a function of a part may be steep."""
-        step, found = until / GRID, list[float]()
+        step, located = until / GRID, list[float]()
         grid = step * np.arange(-1.0, GRID + 2.0)
 
         def visit(node: Node, operands: tuple[Any, ...]) -> Any:
@@ -499,13 +499,13 @@ class Expression:
             for w in (size, -size):
                 least = (w[1:-1] < w[:-2]) & (w[1:-1] <= w[2:])
                 places = grid[1:-1][least]
-                if 0 < len(places) <= MOST_PLACES - len(found):
+                if 0 < len(places) <= MOST_PLACES - len(located):
                     part = Expression("", self.variables, node)
-                    found.extend(_located(part, places, step, 1.0 if w is size else -1.0))
+                    located.extend(_located(part, places, step, 1.0 if w is size else -1.0))
             return value
 
         fold(self.tree, visit)
-        return [t for t in dict.fromkeys(found) if 0 <= t <= until]
+        return [t for t in dict.fromkeys(located) if 0 <= t <= until]
 
     def _widths(self, t: float, until: float) -> list[float]:
         """Return the half-width of a short pulse about a time; beyond it, nothing changes long."""

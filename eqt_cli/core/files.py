@@ -19,6 +19,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import islice
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -319,14 +320,14 @@ def near(path: Path, fits: Callable[[Path], bool]) -> str:
     fits
         Whether an entry may be suggested.
     """
-    found: dict[str, Path] = {}
+    entries: dict[str, Path] = {}
     for folder in dict.fromkeys((path.parent, Path("results"))):
         with suppress(OSError):
             for entry in islice(folder.iterdir(), MAX_LISTED):
-                found.setdefault(entry.stem.lower(), entry)
-    for name in get_close_matches(path.stem.lower(), list(found), n=3, cutoff=0.6):
-        if fits(found[name]):
-            return f"; did you mean '{found[name]}'?"
+                entries.setdefault(entry.stem.lower(), entry)
+    for name in get_close_matches(path.stem.lower(), list(entries), n=3, cutoff=0.6):
+        if fits(entries[name]):
+            return f"; did you mean '{entries[name]}'?"
     return ""
 
 
@@ -416,9 +417,9 @@ def check_kind(path: Path, expected: str) -> None:
     EqtError
         With the kind of the entry, and what to do.
     """
-    found = kind_of(path)
-    if found not in (None, expected):
-        raise foreign(path, found or "", expected)
+    kind = kind_of(path)
+    if kind not in (None, expected):
+        raise foreign(path, kind or "", expected)
 
 
 def check_within(home: Path, path: Path) -> None:
@@ -442,10 +443,10 @@ def check_entries(folder: Path, own: Sequence[Own]) -> None:
             check_kind(path, FILE)
 
 
-def foreign(path: Path, found: str, expected: str) -> EqtError:
+def foreign(path: Path, kind: str, expected: str) -> EqtError:
     """Return the error for an entry that is not eqt's at a place where eqt writes."""
     return EqtError(
-        f"{path}: is {found}; expected {expected} that eqt wrote, or no such entry",
+        f"{path}: is {kind}; expected {expected} that eqt wrote, or no such entry",
         Remedy("rename or remove it"),
     )
 
@@ -596,15 +597,6 @@ def is_eqts(path: Path) -> bool:
     with path.open("rb") as stream:
         head = stream.read(_HEAD)
         if head.startswith(_PDF):
-            return _holds(stream, head, _PDF_MARK)
+            with mmap(stream.fileno(), 0, access=ACCESS_READ) as whole:
+                return whole.find(_PDF_MARK) >= 0
     return any(mark.match(head) for mark in _MARKS)
-
-
-def _holds(stream: BinaryIO, read: bytes, mark: bytes) -> bool:
-    """Whether a mark is in the bytes that were read, or in the rest of the file."""
-    while read:
-        if mark in read:
-            return True
-        more = stream.read(2**20)
-        read = read[-len(mark) :] + more if more else b""
-    return False

@@ -31,8 +31,8 @@ from eqt_cli.core.expressions import Expression, power
 def series(expression: Expression, values: Mapping[str, Any], order: int) -> Jet:
     """Return an expression as a series in ``t`` about its value; other variables are constants."""
     with np.errstate(all="ignore"):
-        found = expression.evaluate({**values, "t": Jet.time(values["t"], order)})
-    return found if isinstance(found, Jet) else Jet([found, *[None] * order])
+        result = expression.evaluate({**values, "t": Jet.time(values["t"], order)})
+    return result if isinstance(result, Jet) else Jet([result, *[None] * order])
 
 
 def value_and_derivative(expression: Expression, values: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -49,8 +49,8 @@ def value_and_derivative(expression: Expression, values: Mapping[str, Any]) -> t
         The value of `Expression.evaluate`; the derivative is 0.0 if the expression does not
         depend on ``t``.
     """
-    found = series(expression, values, 1)
-    return found.value, found.derivative(1)
+    result = series(expression, values, 1)
+    return result.value, result.derivative(1)
 
 
 _SLOPES: dict[str, Callable[[Any], Any]] = {
@@ -108,8 +108,8 @@ class Jet:
     @classmethod
     def of(cls, derivatives: Sequence[Any]) -> Jet:
         """Return the series with a value and its derivatives, None for zero."""
-        found = enumerate(derivatives)
-        return cls([x if k < 2 or x is None else x / math.factorial(k) for k, x in found])
+        numbered = enumerate(derivatives)
+        return cls([x if k < 2 or x is None else x / math.factorial(k) for k, x in numbered])
 
     @property
     def value(self) -> Any:
@@ -123,10 +123,10 @@ class Jet:
 
     def derivative(self, k: int) -> Any:
         """Return the k-th derivative."""
-        found = self.coefficients[k]
-        if found is None:
+        coefficient = self.coefficients[k]
+        if coefficient is None:
             return np.broadcast_to(0.0, self.shape) if self.shape else 0.0
-        return _scaled(found, math.factorial(k))
+        return _scaled(coefficient, math.factorial(k))
 
     @property
     def rate(self) -> Jet:
@@ -170,11 +170,11 @@ class Jet:
 
     def __truediv__(self, other: Any) -> Jet:
         a, b = zip(*self._with(other), strict=True)
-        found: list[Any] = []
+        quotient: list[Any] = []
         for k, numerator in enumerate(a):
-            rest = _difference(numerator, _convolved((*found, None), b, k))
-            found.append(None if rest is None else rest / b[0])
-        return Jet(found)
+            rest = _difference(numerator, _convolved((*quotient, None), b, k))
+            quotient.append(None if rest is None else rest / b[0])
+        return Jet(quotient)
 
     def __rtruediv__(self, other: Any) -> Jet:
         return self._constant(other) / self
@@ -188,10 +188,10 @@ class Jet:
         if exponent == 0.5:
             return self._root()
         if exponent % 1 == 0:  # products are right at 0, too
-            found = self._constant(1.0) if exponent == 0 else self
+            product = self._constant(1.0) if exponent == 0 else self
             for _ in range(abs(int(exponent)) - 1):
-                found = found * self
-            return 1.0 / found if exponent < 0 else found
+                product = product * self
+            return 1.0 / product if exponent < 0 else product
         value = self.value**exponent
         return self._with_rate(value, lambda u: exponent * u ** (exponent - 1) * self.rate)
 
@@ -284,12 +284,12 @@ class Jet:
 
     def _root(self) -> Jet:
         root = _of("sqrt", self.value)
-        found = [root]
+        terms = [root]
         for k, c in enumerate(self.coefficients[1:], 1):
-            known = _total([_product(found[j], found[k - j]) for j in range(1, k)])
+            known = _total([_product(terms[j], terms[k - j]) for j in range(1, k)])
             rest = _difference(c, known)
-            found.append(None if rest is None else rest / (2 * root))
-        return Jet(found)
+            terms.append(None if rest is None else rest / (2 * root))
+        return Jet(terms)
 
     # Coefficients.
 

@@ -28,7 +28,7 @@ def leaves(component: Any, fields: Iterable[str] | None = None) -> dict[str, Arr
 
     `fields` are all of them, or the ones to look into.
     """
-    names = _with_numbers(component) if fields is None else fields
+    names = _with_numbers(component.__class__) if fields is None else fields
     return {
         path: np.atleast_1d(number) if isinstance(number, float) else number
         for name in names
@@ -80,14 +80,14 @@ def _numbers(value: Any, path: str) -> Iterator[tuple[str, Any]]:
         if np.size(value):
             yield path, value
     elif _is_component(value):
-        for name in _with_numbers(value):
+        for name in _with_numbers(value.__class__):
             yield from _numbers(getattr(value, name), f"{path}.{name}")
     elif isinstance(value, tuple):
         for k, entry in enumerate(value):
             yield from _numbers(entry, f"{path}[{k}]")
 
 
-def _mapped(component: T, new: Callable[[str, Any], Any], prefix: str = "") -> T:
+def _mapped(component: Any, new: Callable[[str, Any], Any], prefix: str = "") -> Any:
     """Return the component with each leaf replaced by `new` of its path and its number."""
 
     def mapped(value: Any, path: str) -> Any:
@@ -99,7 +99,7 @@ def _mapped(component: T, new: Callable[[str, Any], Any], prefix: str = "") -> T
             return tuple(mapped(entry, f"{path}[{k}]") for k, entry in enumerate(value))
         return value
 
-    names = _with_numbers(component)
+    names = _with_numbers(component.__class__)
     values = {name: mapped(getattr(component, name), prefix + name) for name in names}
     return with_fields(component, **values)
 
@@ -116,13 +116,9 @@ def _structure(field: dataclasses.Field[Any], value: Any) -> Hashable:
     return repr(value)
 
 
-def _with_numbers(component: Any) -> tuple[str, ...]:
-    """Return the names of the fields of a component that may hold leaves."""
-    return _names(component.__class__)
-
-
 @cache
-def _names(kind: type) -> tuple[str, ...]:
+def _with_numbers(kind: Any) -> tuple[str, ...]:
+    """Return the names of the fields of a class of components that may hold leaves."""
     fields = dataclasses.fields(kind)
     return tuple(field.name for field in fields if not field.metadata.get("is_structure"))
 

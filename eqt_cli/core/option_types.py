@@ -102,15 +102,15 @@ class Place(NamedTuple):
         """Return the unit of each part by name, with its coordinates."""
         if unit == MEASURED:
             unit = VELOCITY if self.path.startswith("sensors.velocity") else POSE
-        found = {}
+        by_part = {}
         for part in self.group.parts:
             of, _, per = part.velocity_unit.partition("/")
             if self.of in ("", part.name):
-                found[part.name] = (
+                by_part[part.name] = (
                     _OF_PART[unit].format(force=part.force_unit, of=of, per=per),
                     part.axes,
                 )
-        return found
+        return by_part
 
 
 class Written(str):
@@ -161,15 +161,15 @@ class _InUnit:
                     for of, per, force in _PARTS
                 ],
             )
-        found = place.units(self.unit)
-        by_axis = [unit for unit, axes in found.values() for _ in range(axes.start, axes.stop)]
+        by_part = place.units(self.unit)
+        by_axis = [unit for unit, axes in by_part.values() for _ in range(axes.start, axes.stop)]
         units = list(dict.fromkeys(by_axis))
         if isinstance(value, list) and not any(isinstance(entry, list) for entry in value):
             by_entry = [[unit] for unit in by_axis]
             own = by_entry if len(value) == len(by_axis) else [units] * len(value)
             return [_tagged(entry, some) for entry, some in zip(value, own, strict=True)]
-        if isinstance(value, dict) and value.keys() <= found.keys():
-            return {name: _tagged(entry, [found[name][0]]) for name, entry in value.items()}
+        if isinstance(value, dict) and value.keys() <= by_part.keys():
+            return {name: _tagged(entry, [by_part[name][0]]) for name, entry in value.items()}
         return _tagged(value, units, mixed=len(units) > 1 and not isinstance(value, list))
 
 
@@ -350,12 +350,12 @@ def periods_in(time: float, period: float, least: int = 0, name: str = "periods"
 
 def common_divisor(times: Iterable[float]) -> float:
     """Return the greatest time of which all times are whole multiples, up to decimals."""
-    found = 0.0
+    divisor = 0.0
     for time in times:
-        rest, floor = time, ROUNDING * max(time, found) * EXACT ** (1 / 3)
+        rest, floor = time, ROUNDING * max(time, divisor) * EXACT ** (1 / 3)
         while rest > floor:
-            found, rest = rest, abs(math.remainder(found, rest))
-    return found
+            divisor, rest = rest, abs(math.remainder(divisor, rest))
+    return divisor
 
 
 def check_period(
@@ -506,17 +506,17 @@ def validated(
 
 def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> frozenset[KeyPath]:
     """Return the keys that unknown keys probably mean."""
-    found = (
+    likely = (
         (path, closest(str(path[-1]), known_keys(kind, path[:-1], common))) for path in unknown
     )
-    return frozenset((*path[:-1], name) for path, name in found if name)
+    return frozenset((*path[:-1], name) for path, name in likely if name)
 
 
 def fields_of(
     model: type[BaseModel], data: Any, problems: Problems, group: Any = None
 ) -> dict[str, Any]:
     """Return the valid fields of a model by name, and defaults; each is validated by itself."""
-    found = {}
+    valid = {}
     unknown = [(str(name),) for name in data if name not in model.model_fields]
     meant = _meant(unknown, model, ())
     for name, field in model.model_fields.items():
@@ -530,8 +530,8 @@ def fields_of(
             make: Any = field.default_factory  # pydantic would inspect its signature every time
             value = make() if make else field.get_default()
         if value is not None:
-            found[name] = value
-    return found
+            valid[name] = value
+    return valid
 
 
 @cache
@@ -544,10 +544,10 @@ def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[s
     for step in path:
         hints = [get_type_hints(owner) for owner in owners(kind)]
         kind = next((hint[str(step)] for hint in hints if str(step) in hint), kind)
-    found = dict.fromkeys(() if path else common, "")
+    keys = dict.fromkeys(() if path else common, "")
     for owner in owners(kind):
-        found |= _meanings(owner)
-    return found
+        keys |= _meanings(owner)
+    return keys
 
 
 @cache
@@ -570,7 +570,7 @@ def owners(kind: Any) -> list[type]:
     """Return the models and dataclasses that a value of a type may be or contain."""
     if isinstance(kind, type) and (dataclasses.is_dataclass(kind) or issubclass(kind, BaseModel)):
         return [kind]
-    return [found for part in get_args(kind) for found in owners(part)]
+    return [inner for part in get_args(kind) for inner in owners(part)]
 
 
 def _note_errors(
@@ -717,10 +717,10 @@ def component(
         return None
     with at_kind.catching():
         known = ("kind", *common)
-        found: Any = validated(registry.get(kind), options, problems, known, group)
-        if found is not None and group is not None and check:
-            found.check(group, problems)
-        return found
+        built: Any = validated(registry.get(kind), options, problems, known, group)
+        if built is not None and group is not None and check:
+            built.check(group, problems)
+        return built
     return None
 
 

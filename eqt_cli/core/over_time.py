@@ -7,7 +7,6 @@ order, so that both round alike.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, Self
 
@@ -19,10 +18,10 @@ Cut = Callable[[Array, Array], tuple[Array, Array]]
 """Cuts times ``(samples,)`` and values ``(runs, samples, …)`` to a window."""
 
 
-class SampledRuns(ABC):
-    """The samples of runs, and the operations on values at them.
+class SampledRuns:
+    """The samples of runs, and the operations on values at them, ``(..., samples)``.
 
-    Values are arrays ``(..., samples)``, or a symbol for one sample.
+    In a traced program, a class derived from it has the same operations on symbols of one sample.
 
     Attributes
     ----------
@@ -58,55 +57,17 @@ class SampledRuns(ABC):
         return self.weighted(simpson_weights(self.times), values)
 
     @property
-    @abstractmethod
-    def time(self) -> Any:
-        """The time of a sample, s."""
-
-    @abstractmethod
-    def within(self, cut: Cut, columns: Sequence[Any]) -> tuple[Self, list[Any]]:
-        """Return the samples in a window, and values at them."""
-
-    @abstractmethod
-    def weighted(self, weights: Array, values: Any) -> Any:
-        """Return Σ w x over the samples in order; samples of weight 0 are skipped."""
-
-    @abstractmethod
-    def largest(self, values: Any) -> Any:
-        """Return the largest value; NaN if any value is NaN."""
-
-    @abstractmethod
-    def smallest(self, values: Any) -> Any:
-        """Return the smallest value; NaN if any value is NaN."""
-
-    @abstractmethod
-    def initial(self, values: Any) -> Any:
-        """Return the first value, for computations at any sample."""
-
-    @abstractmethod
-    def final(self, values: Any) -> Any:
-        """Return the last value."""
-
-    @abstractmethod
-    def before(self, values: Any) -> Any:
-        """Return at each sample the previous value, at the first sample its own."""
-
-    @abstractmethod
-    def latest(self, values: Any, condition: Any) -> Any:
-        """Return the value at the last sample where a condition of `less` holds; 0 if none does."""
-
-
-class Samples(SampledRuns):
-    """All samples in arrays."""
-
-    @property
     def time(self) -> Array:
+        """The time of a sample, s."""
         return self.times
 
-    def within(self, cut: Cut, columns: Sequence[Array]) -> tuple[Samples, list[Array]]:
-        found = [cut(self.times, values) for values in columns]
-        return Samples(found[0][0]), [values for _, values in found]
+    def within(self, cut: Cut, columns: Sequence[Array]) -> tuple[Self, list[Array]]:
+        """Return the samples in a window, and values at them."""
+        cuts = [cut(self.times, values) for values in columns]
+        return type(self)(cuts[0][0]), [values for _, values in cuts]
 
     def weighted(self, weights: Array, values: Array) -> Array:
+        """Return Σ w x over the samples in order; samples of weight 0 are skipped."""
         used = np.flatnonzero(weights)
         if not used.size:
             return np.zeros(values.shape[:-1])
@@ -115,24 +76,30 @@ class Samples(SampledRuns):
         return np.cumsum(products, axis=-1, out=products)[..., -1]
 
     def largest(self, values: Array) -> Any:
+        """Return the largest value; NaN if any value is NaN."""
         return values.max(axis=-1)
 
     def smallest(self, values: Array) -> Any:
+        """Return the smallest value; NaN if any value is NaN."""
         return values.min(axis=-1)
 
     def initial(self, values: Array) -> Array:
+        """Return the first value, for computations at any sample."""
         return values[..., :1]
 
     def final(self, values: Array) -> Array:
+        """Return the last value."""
         return values[..., -1]
 
     def before(self, values: Array) -> Array:
+        """Return at each sample the previous value, at the first sample its own."""
         return np.concatenate([values[..., :1], values[..., :-1]], axis=-1)
 
     def latest(self, values: Array, condition: Array) -> Array:
+        """Return the value at the last sample where a condition of `less` holds; 0 if none does."""
         last = condition.shape[-1] - 1 - condition[..., ::-1].argmax(axis=-1)
-        found = np.take_along_axis(values, last[..., None], axis=-1)[..., 0]
-        return np.where(condition.any(axis=-1), found, 0.0)
+        chosen = np.take_along_axis(values, last[..., None], axis=-1)[..., 0]
+        return np.where(condition.any(axis=-1), chosen, 0.0)
 
 
 def trapezoidal_weights(times: Array) -> Array:

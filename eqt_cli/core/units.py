@@ -101,8 +101,8 @@ def _times(
 
 def split(text: str) -> tuple[str, str] | None:
     """Return the number and the unit of ``20 ms`` or ``pi/2 rad``; None for a text without unit."""
-    found = _NUMBER_AND_UNIT.fullmatch(text.strip().replace("**", "^").translate(_UNIT_SIGNS))
-    return (found[1].replace("^", "**"), found[2]) if found else None
+    match = _NUMBER_AND_UNIT.fullmatch(text.strip().replace("**", "^").translate(_UNIT_SIGNS))
+    return (match[1].replace("^", "**"), match[2]) if match else None
 
 
 _UNIT_SIGNS = {sign: other for sign, other in _ALIKE.items() if sign != ord("*")}
@@ -136,12 +136,12 @@ def in_wished(unit: str, wish: str) -> tuple[str, float] | None:
     """
     square = re.fullmatch(r"(?:\((.+)\)|([A-Za-z]+))\^2 s", unit)
     inner = (square[1] or square[2]) if square else unit
-    found = factor(inner, wish) if ("J" in inner) == ("J" in wish) else None
-    if found is None:
+    ratio = factor(inner, wish) if ("J" in inner) == ("J" in wish) else None
+    if ratio is None:
         return None
     if square:
-        return f"{wish if wish.isalpha() else f'({wish})'}^2 s", found**2
-    return wish, found
+        return f"{wish if wish.isalpha() else f'({wish})'}^2 s", ratio**2
+    return wish, ratio
 
 
 def base_of(unit: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import Problems
-from eqt_cli.core.over_time import SampledRuns, Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.core.registry import Component
 from eqt_cli.engines.problem import Problem, Progress, Solution
 from eqt_cli.engines.walk import Integrator, walked
@@ -146,7 +146,7 @@ class Engine(Component):
         solution = self.solve(problem, workers, progress)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
             found = self.evaluate(function, problem, solution.states, *rows)
-            numbers = dict(reduction(Samples(problem.times), found))
+            numbers = dict(reduction(SampledRuns(problem.times), found))
         return Measured(solution, numbers, found)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:

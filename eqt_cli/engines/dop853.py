@@ -26,7 +26,7 @@ def _coefficients() -> dict[str, Array]:
     They are those of the C header, which names the source.
     """
     text = files("eqt_cli.engines").joinpath("native/dop853.h").read_text(encoding="utf-8")
-    found: dict[str, Array] = {"c": np.zeros(16)}
+    by_name: dict[str, Array] = {"c": np.zeros(16)}
     for block in text.split("#define EQT_")[2:-1]:
         rows = block.split("STAGE(")[1:] or [block]
         weights = np.zeros((len(rows), 16))
@@ -35,9 +35,9 @@ def _coefficients() -> dict[str, Array]:
                 row[int(place)] = float(value)
             if len(rows) > 1:
                 number, time = words.split(", ")[:2]
-                found["c"][int(number)] = float(time)
-        found[block.split()[0].partition("(")[0]] = weights
-    return found
+                by_name["c"][int(number)] = float(time)
+        by_name[block.split()[0].partition("(")[0]] = weights
+    return by_name
 
 
 def solve(

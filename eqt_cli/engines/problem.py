@@ -116,7 +116,7 @@ class Problem:
         ends = np.array([start, *inner, stop])
         # A sample at an instant belongs to the span after it; the last one to the last span.
         first = np.append(np.searchsorted(self.times, ends[:-1]), len(self.times))
-        found = []
+        spans = []
         for index, (one, other) in enumerate(pairwise(ends.tolist())):
             inside = self.times[first[index] : first[index + 1]]
             later = inside[inside > one]
@@ -126,8 +126,8 @@ class Problem:
                 other if other == stop else float(np.nextafter(other, one)),
             )
             at, sampled = int(first[index + 1]) - len(later), len(later) < len(inside)
-            found.append(Span(one, other, within, grid, at, len(later), sampled, ticks.get(one)))
-        return found
+            spans.append(Span(one, other, within, grid, at, len(later), sampled, ticks.get(one)))
+        return spans
 
     @property
     def control_instants(self) -> int:
@@ -141,8 +141,8 @@ class Problem:
             return {}
         numbers = np.arange(np.ceil(start / control.tick), np.ceil(stop / control.tick) + 1)
         times = _nearest(numbers * control.tick, self.times)
-        found = zip(times.tolist(), numbers.astype(int).tolist(), strict=True)
-        return {t: k for t, k in found if start <= t < stop}
+        ticks = zip(times.tolist(), numbers.astype(int).tolist(), strict=True)
+        return {t: k for t, k in ticks if start <= t < stop}
 
     def select(self, runs: slice | Array) -> Problem:
         """Return the problem for some of its runs."""

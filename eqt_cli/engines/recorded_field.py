@@ -60,14 +60,14 @@ class RecordedField:
         behind = self._evaluations - WORTH_RECORDING
         if self._recording is not None and behind > COMPARED:
             return self._recording.repeat(t, states, *self._held.values())
-        found = self._field(t, states)
+        rates = self._field(t, states)
         if behind == 0:
             self._recording = self._recorded(t, states)
         elif self._recording is not None:
             repeated = self._recording.repeat(t, states, *self._held.values())
-            if not _agree(repeated, found):  # the field depends on more than it is given
+            if not _agree(repeated, rates):  # the field depends on more than it is given
                 self._recording = None
-        return found
+        return rates
 
     def _recorded(self, t: float, states: Array) -> RecordedCalls | None:
         def field(t: Any, states: Any, *numbers: Any) -> Any:
@@ -100,10 +100,10 @@ class RecordedCalls:
         self._runs = len(states)
         self._known: dict[Any, tuple[Recorded, Any]] = {}
         self._given = [self._kept(values) for values in (t, states, *held)]
-        found = field(*(Recorded(self, values) for values in self._given))
-        if not isinstance(found, Recorded) or found.shape != states.shape:
+        rates = field(*(Recorded(self, values) for values in self._given))
+        if not isinstance(rates, Recorded) or rates.shape != states.shape:
             raise NotRecordable
-        self._rates: Array = found.value
+        self._rates: Array = rates.value
         self._known.clear()
 
     def repeat(self, t: float, states: Array, *held: Array) -> Array:
@@ -117,9 +117,9 @@ class RecordedCalls:
     def _kept(self, values: Any) -> Array:
         """Return a new array with these values."""
         values = np.asarray(values)
-        found = self.empty(values.shape, values.dtype)
-        found[...] = values
-        return found
+        array = self.empty(values.shape, values.dtype)
+        array[...] = values
+        return array
 
     def empty(self, shape: tuple[int, ...], dtype: Any) -> Array:
         """Return an array with the runs along its last axis in memory."""
@@ -135,12 +135,12 @@ class RecordedCalls:
         key = function, *map(_identity, arguments), repr(options)
         if key not in self._known:
             out = self._kept(function(*values, **options))
-            found = self._note(out, partial(function, *values, **options, out=out))
-            self._known[key] = found, values  # while they live, no other array has their identity
-            return found
-        found, _ = self._known[key]
-        found.memory.shared = True
-        return found
+            result = self._note(out, partial(function, *values, **options, out=out))
+            self._known[key] = result, values  # while they live, no other array has their identity
+            return result
+        result, _ = self._known[key]
+        result.memory.shared = True
+        return result
 
     def copied(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Recorded:
         """Record any other function of arrays, whose result is copied."""
@@ -217,9 +217,9 @@ class Recorded(NDArrayOperatorsMixin):
 
     def _selected(self, select: Callable[[Array], Array]) -> Recorded:
         """Return a view of selected entries, or a recorded copy if NumPy has no view."""
-        found = np.asarray(select(self.value))
-        if np.may_share_memory(found, self.value):
-            return self._view(found)
+        selected = np.asarray(select(self.value))
+        if np.may_share_memory(selected, self.value):
+            return self._view(selected)
         return self.recording.copied(select, self)
 
     def swapaxes(self, one: int, other: int) -> Recorded:

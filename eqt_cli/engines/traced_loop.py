@@ -96,15 +96,15 @@ def trace(loop: ClosedLoop) -> LoopPrograms:
         return {"derivative": rates[0]}
 
     with _explained(loop):
-        found = traced(field, _inputs(loop, loop.moving_length))
+        program = traced(field, _inputs(loop, loop.moving_length))
     if loop.vehicle.control is None:
-        return LoopPrograms(found, None)
+        return LoopPrograms(program, None)
     instant = at_instants(loop)
     if instant.law is None:
-        return LoopPrograms(found, None, instant)
+        return LoopPrograms(program, None, instant)
     if loop.vehicle.solves:
-        return LoopPrograms(found, None, instant, instant.asked(loop))
-    return LoopPrograms(found, instant.chained(loop))
+        return LoopPrograms(program, None, instant, instant.asked(loop))
+    return LoopPrograms(program, instant.chained(loop))
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,8 @@ class InstantPrograms:
         """Return the program of ``torque``, ``memory`` if there is any, and the measured state."""
         chain, inputs = self._begun()
         torque, memory, measured = self._answer(loop, chain, inputs)
-        found = {"torque": torque} | ({"memory": memory} if memory else {}) | measured
-        return chain.program({name: ((len(places),), places) for name, places in found.items()})
+        outputs = {"torque": torque} | ({"memory": memory} if memory else {}) | measured
+        return chain.program({name: ((len(places),), places) for name, places in outputs.items()})
 
     def _begun(self) -> tuple[Chain, dict[str, Places]]:
         chain = Chain(dict(self.told.inputs))
@@ -190,8 +190,8 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         symbolic, (t,), state = _symbolic(loop, given), given["time"], given["state"][None]
         errors = _errors(loop, given)
         state = symbolic.measured(t, state, errors)
-        found = symbolic.told(t, state, errors)._asdict() | ({"state": state} if holds else {})
-        arrays = {name: np.asarray(value) for name, value in found.items() if value is not None}
+        law_input = symbolic.told(t, state, errors)._asdict() | ({"state": state} if holds else {})
+        arrays = {name: np.asarray(value) for name, value in law_input.items() if value is not None}
         return {name: value if name == "t" else value[0] for name, value in arrays.items()}
 
     def answered(given: Arrays) -> Mapping[str, Array]:
@@ -246,8 +246,8 @@ def sampled(function: SampledFunction, one: LoopKey, lengths: tuple[int, ...]) -
 
     def arrays(given: Arrays) -> Mapping[str, Array]:
         rows = np.split(given["state"][None], np.cumsum(lengths)[:-1], axis=1)
-        found = function(_symbolic(one.loop, given), given["time"][0], *rows)
-        return {name: np.asarray(values)[0] for name, values in found.items()}
+        computed = function(_symbolic(one.loop, given), given["time"][0], *rows)
+        return {name: np.asarray(values)[0] for name, values in computed.items()}
 
     try:
         return traced(arrays, _inputs(one.loop, sum(lengths)))
@@ -304,20 +304,20 @@ def running(
     def at_sample(given: Arrays) -> Mapping[str, Array]:
         nonlocal memory
         rows = np.split(given["state"][None], np.cumsum(lengths)[:-1], axis=1)
-        found = function(_symbolic(loop, given), given["time"][0], *rows)
+        computed = function(_symbolic(loop, given), given["time"][0], *rows)
         memory = Memory(given["memory"], given["columns"])
-        reduction(Running(over, memory), found)
-        shapes.update({name: np.shape(values) for name, values in found.items()})
-        stretches = [np.ravel(found[name]) for name in kept]
+        reduction(Running(over, memory), computed)
+        shapes.update({name: np.shape(values) for name, values in computed.items()})
+        stretches = [np.ravel(computed[name]) for name in kept]
         return {
             "memory": np.array(memory.after, dtype=object),
             "kept": np.concatenate([np.empty(0, dtype=object), *stretches]),
         }
 
     def ended(given: Arrays) -> Mapping[str, Array]:
-        found = {name: np.zeros(shape) for name, shape in shapes.items()}
+        blank = {name: np.zeros(shape) for name, shape in shapes.items()}
         behind = Memory(given["memory"], np.zeros(len(memory.columns)), ended=True)
-        numbers = reduction(Running(over, behind), found)
+        numbers = reduction(Running(over, behind), blank)
         return {name: np.asarray(number)[0] for name, number in numbers.items()}
 
     inputs = _inputs(loop, sum(lengths))

@@ -210,10 +210,10 @@ def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Pro
             failed = {place: (span, why) for place, why in ending.items()} | failed
             going[list(ending)] = False
             states = np.where(going[:, None], states, problem.states[runs])  # where steps are long
-        found = _advanced(integrator, span, states, solution.states)
-        states, steps = found.states, found.steps
-        solution.steps[runs] += np.where(going, found.steps, 0) if failed else found.steps
-        ended: dict[int, Failure | None] = dict(found.failed)
+        result = _advanced(integrator, span, states, solution.states)
+        states, steps = result.states, result.steps
+        solution.steps[runs] += np.where(going, result.steps, 0) if failed else result.steps
+        ended: dict[int, Failure | None] = dict(result.failed)
         if not np.isfinite(states).all():
             lost = np.flatnonzero(~np.isfinite(states).all(axis=1)).tolist()
             ended = {**dict.fromkeys(lost, Failure()), **ended}
@@ -273,13 +273,13 @@ def _advanced(integrator: Integrator, span: Span, states: Array, kept: Array) ->
         integrator.problem.loop.moving_length,
         slice(span.first, span.first + span.later),
     )
-    found, runs = integrator.advance(span, states[:, :moving]), integrator.runs
-    if span.later and found.samples.base is not kept:
-        kept[runs, later, :moving] = found.samples
+    result, runs = integrator.advance(span, states[:, :moving]), integrator.runs
+    if span.later and result.samples.base is not kept:
+        kept[runs, later, :moving] = result.samples
     if moving == states.shape[1]:
-        return found
+        return result
     kept[runs, later, moving:] = states[:, None, moving:]
-    return replace(found, states=np.concatenate([found.states, states[:, moving:]], axis=1))
+    return replace(result, states=np.concatenate([result.states, states[:, moving:]], axis=1))
 
 
 def _note(solution: Solution, problem: Problem, run: int, span: Span, failure: Failure) -> None:

@@ -16,7 +16,7 @@ from eqt_cli.closed_loop.estimates import of_pose
 from eqt_cli.closed_loop.signals import at_state, knows_energy
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
-from eqt_cli.core.over_time import SampledRuns, Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.core.registry import blamed
 from eqt_cli.core.reporting import working_for
 from eqt_cli.engines import Solution, Status
@@ -349,7 +349,7 @@ def measured(
     function, reduction = _functions(batch, names)
     states, times = solution.states, batch.problem.times
     found = batch.engine.evaluate(function, batch.problem, states, _in_rows(reference))
-    return found | reduction(Samples(times), found)
+    return found | reduction(SampledRuns(times), found)
 
 
 def _in_rows(reference: Desired) -> Array:

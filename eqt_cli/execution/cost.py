@@ -95,7 +95,7 @@ def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | No
         if time.monotonic() > ends:
             raise TimeoutError
 
-    found, before, took = None, 0.0, 0.0
+    seconds, before, took = None, 0.0, 0.0
     try:
         problems = list(batches(study, label, np.arange(part.start, part.stop)))
         for batch in problems:  # compiles laws, which is not timed
@@ -108,21 +108,21 @@ def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | No
             took = time.monotonic() - started
             # The difference leaves out what every solve takes at its start.
             rate = max(took - earlier, 0.0) / (share - before)
-            found = took + (1 - share) * rate
-            found *= 2 if study.base.solver.estimates_errors else 1
+            seconds = took + (1 - share) * rate
+            seconds *= 2 if study.base.solver.estimates_errors else 1
             before = share
             if share == 1.0 or time.monotonic() + GROWING * took > ends:
                 break
             share = min(1.0, GROWING * share)
-        if time.monotonic() + 2 * found <= ends:
+        if time.monotonic() + 2 * seconds <= ends:
             shared = None if study.desired_varies else shared_reference(study)
             for _ in range(2):  # twice, because the first time may include a compilation
                 started = time.monotonic()
                 compute_part(study, part, shared, TaskContext(within, threads))
-                found = time.monotonic() - started
+                seconds = time.monotonic() - started
     except TimeoutError:
         pass
-    return None if found is None else found / len(part)
+    return None if seconds is None else seconds / len(part)
 
 
 def _beginning(problem: Problem, share: float) -> Problem:

@@ -14,7 +14,7 @@ from eqt_cli.closed_loop import ClosedLoop, OwnStarts
 from eqt_cli.closed_loop.system import STARTS
 from eqt_cli.config.schema import SolverChecks
 from eqt_cli.core.arrays import Array, maximum, sqrt, stack
-from eqt_cli.core.over_time import SampledRuns, Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.core.reporting import reporter
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -99,7 +99,7 @@ def chosen_entries(study: Study) -> Array:
 
 def cross_check(
     study: Study,
-    found: Mapping[str, Sequence[Array]],
+    stored: Mapping[str, Sequence[Array]],
     work: Mapping[str, Sequence[Array]],
     deadline: float = np.inf,
 ) -> CrossCheck | None:
@@ -117,7 +117,7 @@ def cross_check(
     chosen = chosen_entries(study)
     if not len(chosen):
         return None
-    groups = _by_kind(study, chosen, found)
+    groups = _by_kind(study, chosen, stored)
     steps = {label: np.concatenate(own) for label, own in work.items()}
     differences, redone = _differences(study, groups, steps, deadline)
     other = independent(study.base.engine)
@@ -270,7 +270,7 @@ def _differences(
 ) -> tuple[Array, _Pieces]:
     """Return the difference of each run that did not fail, and the pieces that were repeated."""
     part = _affordable(study, len(groups), steps)
-    found, redone = [np.empty(0)], []
+    differences, redone = [np.empty(0)], []
     everything = _Pieces((0,), len(study.base.times))
     for group in groups:
         engine = independent(group[0][0].engine)
@@ -290,8 +290,8 @@ def _differences(
             continue
         with np.errstate(all="ignore"):  # the other engine may fail or diverge
             distances = pieces.differences(whole, states, again)
-        found.append(np.nan_to_num(distances, nan=np.inf))
-    return np.concatenate(found), min(redone, key=_Pieces.reach, default=everything)
+        differences.append(np.nan_to_num(distances, nan=np.inf))
+    return np.concatenate(differences), min(redone, key=_Pieces.reach, default=everything)
 
 
 def _again(
@@ -329,12 +329,12 @@ def _again(
 
 
 def _by_kind(
-    study: Study, chosen: Array, found: Mapping[str, Sequence[Array]]
+    study: Study, chosen: Array, stored: Mapping[str, Sequence[Array]]
 ) -> list[list[tuple[Batch, Array]]]:
     """Group the chosen runs of all controllers and points that one vectorised solve can take."""
     groups: dict[Hashable, list[tuple[Batch, Array]]] = {}
     for label in study.base.loops:
-        states = np.concatenate(found[label])
+        states = np.concatenate(stored[label])
         for batch in batches(study, label, chosen):
             groups.setdefault(batch.kind, []).append((batch, states[batch.rows]))
     return list(groups.values())
@@ -343,7 +343,7 @@ def _by_kind(
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
     """Return max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(runs, samples, n) -> (runs,)``."""
     a, b = loop.tracking(times, one), loop.tracking(times, other)
-    return largest(Samples(times), squares(a.Q - b.Q, a.V - b.V))
+    return largest(SampledRuns(times), squares(a.Q - b.Q, a.V - b.V))
 
 
 def squares(pose: Array, velocity: Array) -> Array:

@@ -197,8 +197,8 @@ class ResultFolder:
 
 def _results_in(folder: Path) -> list[str]:
     """Return the names of the first few results in subfolders of a folder."""
-    found = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
-    return [*found[:MOST_NAMES], "…"] if len(found) > MOST_NAMES else found
+    names = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
+    return [*names[:MOST_NAMES], "…"] if len(names) > MOST_NAMES else names
 
 
 _ABSENT = object()

@@ -143,9 +143,9 @@ def _opened(path: Path, shared: bool) -> tuple[int, bool]:
 
 def _check_own(handle: int, path: Path) -> None:
     """Refuse a file that eqt did not write: one with several hard links or with other content."""
-    found = os.fstat(handle)
-    if found.st_nlink > 1:
-        raise foreign(path, f"a file with {found.st_nlink} hard links", FILE)
+    status = os.fstat(handle)
+    if status.st_nlink > 1:
+        raise foreign(path, f"a file with {status.st_nlink} hard links", FILE)
     if not _BEGINNING.startswith(_text(handle)[: len(_BEGINNING)]):
         raise foreign(path, "a file with another content", "a lock")
 
@@ -188,8 +188,8 @@ def _lock(handle: int, path: Path, shared: bool) -> bool:
 def _read(handle: int) -> dict[str, Any] | None:
     """Return the content of a lock file; None if it names no process."""
     with suppress(OSError, ValueError):
-        found = json.loads(_text(handle))
-        return found if isinstance(found, dict) and {"pid", "host"} <= set(found) else None
+        content = json.loads(_text(handle))
+        return content if isinstance(content, dict) and {"pid", "host"} <= set(content) else None
     return None
 
 

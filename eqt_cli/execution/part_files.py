@@ -53,18 +53,18 @@ class PartFiles:
 
     def listed(self) -> dict[int, FinishedPart]:
         """Return the finished parts, by number."""
-        found: dict[int, FinishedPart] = {}
+        parts: dict[int, FinishedPart] = {}
         try:
             names = sorted(os.listdir(self.folder))  # noqa: PTH208  # thousands, quickly
         except FileNotFoundError:
-            return found
+            return parts
         for name in names:
             if match := _NAME.fullmatch(name):
                 number, failed = int(match[1]), int(match[2] or 0)
                 # During a rerun a part can have two files; the one with fewer failures counts.
-                if number not in found or failed < found[number].failed:
-                    found[number] = FinishedPart(self.folder / name, failed)
-        return found
+                if number not in parts or failed < parts[number].failed:
+                    parts[number] = FinishedPart(self.folder / name, failed)
+        return parts
 
     def save(self, number: int, table: Table, failed: int) -> None:
         """Write a finished part atomically."""
@@ -146,16 +146,16 @@ def unfinished(path: Path) -> Unfinished | None:
 def _rate(plan: Plans, parts: dict[int, FinishedPart], since: str | None) -> float | None:
     """Return the runs per second of the latest parts (of the current session if there is one)."""
     start = datetime.fromisoformat(since).timestamp() if since else 0.0
-    found = []
+    times = []
     for number, part in parts.items():
         with suppress(FileNotFoundError):
             finished = os.stat(part.path).st_mtime  # noqa: PTH116  # thousands, quickly
             if finished >= start:
-                found.append((finished, number))
-    found = sorted(found)[-RECENT:]
-    if len(found) < 2:
+                times.append((finished, number))
+    times = sorted(times)[-RECENT:]
+    if len(times) < 2:
         return None
-    end = time.time() if since else found[-1][0]
-    first = found[0][0]
-    runs = sum(plan.runs_of(number) for _, number in found[1:])
+    end = time.time() if since else times[-1][0]
+    first = times[0][0]
+    runs = sum(plan.runs_of(number) for _, number in times[1:])
     return runs / max(end - first, 1e-3)

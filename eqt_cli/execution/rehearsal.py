@@ -96,9 +96,9 @@ def _rates(problem: Problem) -> Array:
 
 def _first_that_is_none(loop: ClosedLoop, rates: Array) -> tuple[str, float]:
     """The stretch of a state that has a rate which is no number, and that number."""
-    found = loop.layout.split(rates)
-    name = next(name for name, values in found.items() if not np.isfinite(values).all())
-    return name.replace("_", " "), float(found[name][~np.isfinite(found[name])][0])
+    stretches = loop.layout.split(rates)
+    name = next(name for name, values in stretches.items() if not np.isfinite(values).all())
+    return name.replace("_", " "), float(stretches[name][~np.isfinite(stretches[name])][0])
 
 
 @contextmanager
@@ -116,9 +116,9 @@ def _blaming(components: list[LoopPart], problems: Problems) -> Iterator[None]:
     except Exception as error:
         if not any(component.is_foreign for component in components):
             raise
-        found, place = _culprit(error, components), place_of(error)
+        culprit, place = _culprit(error, components), place_of(error)
         at = f" at {place}" if place else ""
-        problems.at(*found.path).add(f"{found.name} fails {TOGETHER}: {described(error)}{at}")
+        problems.at(*culprit.path).add(f"{culprit.name} fails {TOGETHER}: {described(error)}{at}")
 
 
 def _culprit(error: BaseException, components: list[LoopPart]) -> LoopPart:

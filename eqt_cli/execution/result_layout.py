@@ -64,8 +64,8 @@ class Layout:
 
     def __init__(self, study: Study) -> None:
         self.study = study
-        found = quantities(study.base, study.vehicles)
-        self.quantities = [entry for entry in found if self._is_kept(entry)]
+        every = quantities(study.base, study.vehicles)
+        self.quantities = [entry for entry in every if self._is_kept(entry)]
         self.varies = {
             ValuePer.INITIAL: study.initial_varies,
             ValuePer.DESIRED: study.desired_varies,
@@ -87,12 +87,12 @@ class Layout:
         self, wanted: Iterable[Quantity] | None = None, *, single: bool = False
     ) -> dict[str, Blank]:
         """Return all or the wanted variables, for a `single` point or for all points."""
-        found = {}
+        blanks = {}
         for entry in self.quantities if wanted is None else wanted:
             point = ("point",) if self.by_point(entry) and not single else ()
             dims = (*point, *self._leading(entry.per), *entry.dims)
-            found[entry.name] = Blank(dims, entry.dtype, entry.attributes)
-        return found
+            blanks[entry.name] = Blank(dims, entry.dtype, entry.attributes)
+        return blanks
 
     def _leading(self, per: ValuePer) -> tuple[str, ...]:
         stored = "run" if self.study.kept == self.study.plan.runs else "stored_run"
@@ -139,14 +139,14 @@ def _shared(first: Layout, others: Sequence[Layout]) -> list[Quantity]:
 def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
     """Open the result file of a study for writing; the file appears when the block ends."""
     layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
-    blanks, found = _root(study, layouts)
+    blanks, coords = _root(study, layouts)
     laws = law_names(study)
     if laws is not None:
         meaning = {"long_name": "registered law without options that the controller equals"}
         blanks[LAW] = Blank(("point", "controller"), None, meaning)
     sizes = {"point": len(study)} if study.sweep else {}
     gzip = study.base.config.store.compression == "gzip"
-    with assemble(path, sizes | _sizes(found), found, blanks, "gzip" if gzip else None) as file:
+    with assemble(path, sizes | _sizes(coords), coords, blanks, "gzip" if gzip else None) as file:
         if laws is not None:
             file.put(LAW, laws)
         if not study.is_ragged:
@@ -186,16 +186,16 @@ def _agreed(attributes: list[Mapping[str, Attribute]]) -> dict[str, Attribute]:
 
 def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly:
     """Create the group of a point, with the layout of the result of a single experiment."""
-    found = layout.coordinates
-    group = file.group(point_group(point), _sizes(found), found, layout.blanks(single=True))
+    coords = layout.coordinates
+    group = file.group(point_group(point), _sizes(coords), coords, layout.blanks(single=True))
     experiment = study.experiment(point)
     config = dump(experiment.resolved | {"store": study.resolved["store"]})
     group.describe({"config": config, "group": experiment.group.name})
     return group
 
 
-def _sizes(found: Mapping[str, Variable]) -> dict[str, int]:
-    return {name: len(found[name].data) for name in found if found[name].dims == (name,)}
+def _sizes(given: Mapping[str, Variable]) -> dict[str, int]:
+    return {name: len(given[name].data) for name in given if given[name].dims == (name,)}
 
 
 class _Spread:
@@ -231,18 +231,18 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
     """Return a coordinate along `point` for each swept key: numbers, texts, or JSON texts."""
     if study.sweep is None:
         return {}
-    found = {}
+    swept = {}
     columns = list(zip(*map(study.sweep.values, range(len(study))), strict=True))
     for key, values in zip(study.sweep.keys, columns, strict=True):
         name = key.replace("[", ".").replace("]", "")
         attributes = {"long_name": f"{key}, swept", "key": key}
         if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
-            found[name] = Variable(("point",), np.array(values), attributes)
+            swept[name] = Variable(("point",), np.array(values), attributes)
         else:
             plain = all(isinstance(value, str) for value in values)
             texts = values if plain else [json.dumps(v, ensure_ascii=False) for v in values]
-            found[name] = Variable(("point",), np.array(texts, dtype=object), attributes)
-    return found
+            swept[name] = Variable(("point",), np.array(texts, dtype=object), attributes)
+    return swept
 
 
 def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:

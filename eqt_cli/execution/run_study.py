@@ -79,11 +79,11 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
     chosen: list[tuple[int, StudyPart]] = []
     for item in range(len(study.plans)):
         index, part = PartTask(study, PartFiles(folder)).part(item)
-        found = by_piece[index][part.controller, part.start : part.stop]
-        if (found == Status.WORKER_LOST).all():
+        statuses = by_piece[index][part.controller, part.start : part.stop]
+        if (statuses == Status.WORKER_LOST).all():
             chosen.append((index, part))
             continue
-        failed = (part.start + np.flatnonzero(found)).tolist()
+        failed = (part.start + np.flatnonzero(statuses)).tolist()
         chosen += [(index, replace(part, start=entry, stop=entry + 1)) for entry in failed]
     return PartTask(study, PartFiles(folder), tuple(chosen))
 
@@ -513,15 +513,15 @@ def _put_parts(task: PartTask, file: NewResultFile) -> tuple[_ByController, _ByC
                 digest = task.study.digest
                 if results.attributes.get("digest", digest) != digest:
                     raise ResultError(f"{listed.path}: is a part of another experiment")
-                found = read_part(results, layout.quantities)
+                variables = read_part(results, layout.quantities)
                 for entry in layout.quantities:
-                    if entry.name in found:
-                        _put(place, layout, entry, found[entry.name], part)
+                    if entry.name in variables:
+                        _put(place, layout, entry, variables[entry.name], part)
                 chosen = chosen_entries(study)
                 if ((chosen >= part.start) & (chosen < part.stop)).any():
                     states[index][label].append(checked_states(results, loop.layout))
-                if "steps" in found:
-                    work[index][label].append(found["steps"])
+                if "steps" in variables:
+                    work[index][label].append(variables["steps"])
         except ResultError as error:
             raise BrokenPart(listed.path, str(error)) from error
         reporter().advance(1)

@@ -33,9 +33,8 @@ from eqt_cli.ensemble.velocities import VelocityDistribution, velocity_distribut
 from eqt_cli.experiment.desired_trajectory import DesiredTrajectory, check_horizon, desired_from
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.horizon import reference_over_horizon
-from eqt_cli.experiment.inertia import inertia_from
+from eqt_cli.experiment.inertia import gains_from, inertia_from
 from eqt_cli.experiment.laws_in_code import LawsInCode, check_calls
-from eqt_cli.experiment.matrices import gains_from
 from eqt_cli.experiment.solver import check_thresholds, solver_from
 from eqt_cli.experiment.trial import probe, probe_parts
 from eqt_cli.experiment.vehicle import SECTIONS as VEHICLE
@@ -140,9 +139,9 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     problems = Problems(source.place)
     plugins = load_plugins(source, trust_plugins, problems)
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
-    found, code = _Parts(source, problems), LawsInCode(source, trust_plugins)
-    group, sections, laws = found.group, found.sections, found.laws
-    found.read_controllers(code)
+    parts, code = _Parts(source, problems), LawsInCode(source, trust_plugins)
+    group, sections, laws = parts.group, parts.sections, parts.laws
+    parts.read_controllers(code)
     task, initial = sections["task"], sections["initial"]
     desired = inertia = start = solver = None
     gains: dict[str, Gains | None] = {}
@@ -160,14 +159,14 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     if group and sections["inertia"] is not None:
         inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
     if group:
-        gains = found.gains(group)
+        gains = parts.gains(group)
         if inertia and vehicle and desired and sections["time"]:
-            desired = found.with_model(group, inertia, vehicle, desired)
+            desired = parts.with_model(group, inertia, vehicle, desired)
         if isinstance(thresholds := sections["settling_threshold"], dict):
             check_thresholds(thresholds, group, problems.at("settling_threshold"))
     if initial:
-        start = found.start(initial, desired)
-    config = found.config(desired, start)
+        start = parts.start(initial, desired)
+    config = parts.config(desired, start)
     problems.raise_if_any()
     assert config and group and desired and inertia and vehicle and start and solver
     complete = config.model_dump(exclude=set(SEARCHES), exclude_none=True, warnings="none") | {
@@ -193,7 +192,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         start.velocities,
         solver,
         replace(source, stored_plugins=plugins | code.texts),
-        desired.files | start.files | found.files,
+        desired.files | start.files | parts.files,
     )
     probe_parts(experiment, problems)
     problems.raise_if_any()
@@ -265,14 +264,14 @@ class _Parts:
         data, here = self.source.data, self.problems.at("gains")
         given = data.get("gains")
         known = fields_of(GainsSection, given, here, G) if isinstance(given, dict) else {}
-        shared, found = gains_from(known, G, here), dict[str, Gains | None]()
+        shared, by_label = gains_from(known, G, here), dict[str, Gains | None]()
         meant = closest("gains", data.keys() - Config.model_fields.keys())
         if given is None and not meant and any(map(_reads_gains, data.get("controllers") or [])):
             here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
         for label, law in self.laws.items():
-            found[label] = self._gains_of(law, known, shared, G)
-            self.laws[label] = law.with_gains(G, found[label])
-        return found
+            by_label[label] = self._gains_of(law, known, shared, G)
+            self.laws[label] = law.with_gains(G, by_label[label])
+        return by_label
 
     def _gains_of(
         self, entry: "_Entry", known: dict[str, Any], shared: Gains | None, G: MatrixLieGroup
@@ -405,8 +404,8 @@ def _sections(
 
 def _elsewhere(key: str) -> str | None:
     """The section's key that is written without its section: ``gains.kp`` for ``kp``."""
-    found = (name for name in Config.model_fields if key in known_keys(Config, (name,)))
-    return next((f"{name}.{key}" for name in found), None)
+    sections = (name for name in Config.model_fields if key in known_keys(Config, (name,)))
+    return next((f"{name}.{key}" for name in sections), None)
 
 
 OF_THE_GROUP = (
@@ -441,9 +440,9 @@ class _Entry:
 
     def with_gains(self, G: MatrixLieGroup, gains: Gains | None) -> "_Entry":
         """The entry with the options that follow the gains, where they are not given."""
-        found = {} if gains is None else self.law.defaults(G, gains)
-        found = {name: value for name, value in found.items() if name not in self.given}
-        return replace(self, law=with_fields(self.law, **found), followed=tuple(found))
+        defaults = {} if gains is None else self.law.defaults(G, gains)
+        defaults = {name: value for name, value in defaults.items() if name not in self.given}
+        return replace(self, law=with_fields(self.law, **defaults), followed=tuple(defaults))
 
     @property
     def resolved(self) -> dict[str, Any]:

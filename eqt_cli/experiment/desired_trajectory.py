@@ -116,8 +116,8 @@ def _tracked(
         reference.check(G, problems)
     pose, velocity = G.identity, np.zeros(G.dimension)
     if "pose" in common:
-        found = pose_from(common["pose"], G, problems.at("pose"))
-        pose = pose if found is None else found
+        given_pose = pose_from(common["pose"], G, problems.at("pose"))
+        pose = pose if given_pose is None else given_pose
     if "velocity" in common:
         coordinates: Any = Annotated[Real | list[Real], Unit(VELOCITY)]
         numbers = validated(coordinates, common["velocity"], problems.at("velocity"), group=G)

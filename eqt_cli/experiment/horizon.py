@@ -65,8 +65,8 @@ def _condition_numbers(law: InertiaLaw, horizon: float) -> tuple[Array, Array]:
     """Return instants, and the condition numbers of the inertia with its diagonal scaled to 1."""
     times = np.zeros(1) if isinstance(law, Inertia) else np.linspace(0.0, horizon, 101)
     with np.errstate(all="ignore"):
-        found = law.matrix_at(times)
-    matrices = np.broadcast_to(found, (len(times), *found.shape[-2:]))
+        inertia = law.matrix_at(times)
+    matrices = np.broadcast_to(inertia, (len(times), *inertia.shape[-2:]))
     roots = np.sqrt(np.diagonal(matrices, axis1=-2, axis2=-1))
     return times, np.linalg.cond(matrices / (roots[:, :, None] * roots[:, None, :]))
 
@@ -82,10 +82,10 @@ def stiff(experiment: Experiment, along: Along) -> str:
     along
         Points of the reference at which loops are linearised.
     """
-    found = _stiffest(experiment, along)
-    if found is None:
+    stiffest = _stiffest(experiment, along)
+    if stiffest is None:
         return ""
-    work, label, rates = found
+    work, label, rates = stiffest
     loop, duration = experiment.loops[label], experiment.config.time.duration
     chosen = experiment.engine
     explicit = SolveIvp(rtol=chosen.rtol).work_for_stability(rates, duration)
@@ -111,14 +111,14 @@ def _stiffest(experiment: Experiment, along: Along) -> tuple[float, str, Array] 
 
     Its work, in the units that the engine counts, the label of its law, and its eigenvalues, 1/s.
     """
-    found, engine = [], experiment.engine
+    candidates, engine = [], experiment.engine
     for label, loop in small_loops(experiment, along).items():
         matrices = flow(loop, *along)
         if np.isfinite(matrices).all():
             rates = np.linalg.eigvals(matrices)
             work = engine.work_for_stability(rates, experiment.config.time.duration)
-            found.append((work, label, rates))
-    slowest = max(found, key=lambda each: each[0], default=None)
+            candidates.append((work, label, rates))
+    slowest = max(candidates, key=lambda each: each[0], default=None)
     return slowest if slowest and slowest[0] > ORDINARY else None
 
 
@@ -350,15 +350,15 @@ def _noise_remarks(experiment: Experiment) -> Placed:
 
 def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Remark on the effects of rounding, stiffness and instability, at the section to change."""
-    along, found = along_reference(experiment, shown), [("inertia", ill_conditioned(experiment))]
+    along, texts = (along_reference(experiment, shown), [("inertia", ill_conditioned(experiment))])
     try:
         with blamed(), threadpool_limits(1):  # threads slow down small matrices
-            found.append(("gains", stiff(experiment, along)))
+            texts.append(("gains", stiff(experiment, along)))
             if len(along.times) > 1:
-                found += [("controllers", text) for text in unstable_or_slow(experiment, along)]
+                texts += [("controllers", text) for text in unstable_or_slow(experiment, along)]
     except ComponentError as error:
-        found.append(("controllers", f"loops cannot be linearised: {error}"))
-    yield from (((section,), text) for section, text in found if text)
+        texts.append(("controllers", f"loops cannot be linearised: {error}"))
+    yield from (((section,), text) for section, text in texts if text)
 
 
 def along_reference(experiment: Experiment, shown: Horizon | None) -> Along:
@@ -395,15 +395,15 @@ class WheelsNeeded(NamedTuple):
     @property
     def in_words(self) -> str:
         """``8.2 of 15 mN m s (wheel 1, t = 120 s) and 0.9 of 4 mN m (wheel 2, t = 35 s)``."""
-        found = []
+        words = []
         pairs = zip((self.momentum, self.torque), self.limits, ("mN m s", "mN m"), strict=True)
         for values, limit, unit in pairs:
             share = np.abs(values) / (1.0 if limit is None else limit)
             when, wheel = np.unravel_index(np.argmax(share), share.shape)
             of = "" if limit is None else f" of {1e3 * limit[wheel]:.3g}"
             size = 1e3 * abs(values[when, wheel])
-            found.append(f"{size:.3g}{of} {unit} (wheel {wheel + 1}, t = {self.times[when]:.4g} s)")
-        return " and ".join(found)
+            words.append(f"{size:.3g}{of} {unit} (wheel {wheel + 1}, t = {self.times[when]:.4g} s)")
+        return " and ".join(words)
 
     @property
     def are_too_much(self) -> bool:
@@ -451,9 +451,9 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
     times, torque, pose, velocity = (part[shown.finite] for part in parts)
     for force in loop.reference.known_forces:
         torque = torque - force.in_body(loop.group, times, pose, velocity)
-    found, wheels = [], wheels_needed(experiment, shown)
+    texts, wheels = [], wheels_needed(experiment, shown)
     if wheels is not None and wheels.are_too_much:
-        found.append(
+        texts.append(
             f"{ACTUATORS}: the reference, with the forces of the plant, needs {wheels.in_words}; "
             "no law can follow it there"
         )
@@ -470,9 +470,9 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
             t = times[len(times) - len(needed) + when]
             names = actuator.thruster_names
             name, unit = (f"'{names[axis]}'", " N") if names else (actuator.name, "")
-            found.append(
+            texts.append(
                 f"{ACTUATORS}[{index}]: {name} gives at most {actuator.limited}{limit:.4g}{unit}, "
                 f"but the reference alone needs {needed[when, axis]:.4g}{unit} at t = {t:.4g} s; "
                 "no law can follow it there"
             )
-    return found
+    return texts

@@ -44,7 +44,7 @@ def law_names(study: Study) -> Array | None:
     G, laws = study.base.group, [loop.controller for loop in study.base.loops.values()]
     comparable = all(law.gains_group(G) is G for law in laws) and len(keys) == len(sweep.sets)
     alike = _Torques(study) if comparable else None
-    found = np.full((len(study), len(study.base.loops)), "", dtype=object)
+    names = np.full((len(study), len(study.base.loops)), "", dtype=object)
     for point in range(len(study)):
         values = sweep.settings(point)
         data: Any = {"controllers": study.source.data["controllers"]}
@@ -55,8 +55,8 @@ def law_names(study: Study) -> Array | None:
             identity = _identity(law)
             if identity not in known:
                 known[identity] = alike.name(law) if alike and law.code is None else ""
-            found[point, index] = known[identity]
-    return found
+            names[point, index] = known[identity]
+    return names
 
 
 class _Torques:

@@ -118,9 +118,9 @@ def first_inputs(G: MatrixLieGroup) -> LawInput:
     n = G.space if rigid_motions(G) else 0
 
     def drawn(*shape: int) -> Array:
-        found = np.zeros((TRIED + 1 + m, *shape))
-        found[:TRIED] = random.standard_normal((TRIED, *shape))
-        return found
+        rows = np.zeros((TRIED + 1 + m, *shape))
+        rows[:TRIED] = random.standard_normal((TRIED, *shape))
+        return rows
 
     x, xd, V, Vd, Vd_dot, psi = map(drawn, (m, m, m, m, m, 3))
     x[TRIED + 1 :] = np.pi * np.eye(m)

@@ -69,11 +69,11 @@ class Growth(NamedTuple):
 
 def growth(loop: Linearised, times: Array) -> Growth:
     """Return the growth of the errors of a loop at the worst time."""
-    found = [_grown(loop, place) for place in range(len(loop.closed))]
-    place = max(range(len(found)), key=lambda k: found[k].rate)
-    stable = {each.is_stable for each in found}
+    at_times = [_grown(loop, place) for place in range(len(loop.closed))]
+    place = max(range(len(at_times)), key=lambda k: at_times[k].rate)
+    stable = {each.is_stable for each in at_times}
     is_stable = False if False in stable else None if None in stable else True
-    return found[place]._replace(at=float(times[place]), is_stable=is_stable)
+    return at_times[place]._replace(at=float(times[place]), is_stable=is_stable)
 
 
 def _grown(loop: Linearised, place: int) -> Growth:
@@ -127,10 +127,10 @@ def unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
     horizon = experiment.config.time.duration
     for label, loop in small_loops(experiment, along).items():
         with np.errstate(all="ignore"):
-            found = linearised(loop, *along)
-        if not (found.is_constant and np.isfinite(found.closed).all()):
+            linear = linearised(loop, *along)
+        if not (linear.is_constant and np.isfinite(linear.closed).all()):
             continue
-        largest = growth(found, along.times)
+        largest = growth(linear, along.times)
         if largest.is_stable and -largest.rate * horizon < log(2.0):
             yield (
                 f"the loop of '{label}' is slower than the runs last: small errors take "
@@ -139,9 +139,9 @@ def unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
             )
         if largest.is_stable is not False:
             continue
-        size = size_of(largest, found)
-        per = "a period" if found.period == found.cycle else f"in {found.cycle:g} s"
-        many = "" if found.period is None else f" (eigenvalue {size:.4g} {per})"
+        size = size_of(largest, linear)
+        per = "a period" if linear.period == linear.cycle else f"in {linear.cycle:g} s"
+        many = "" if linear.period is None else f" (eigenvalue {size:.4g} {per})"
         omitted = ", ".join(each.words for each in left_out(loop))
         yield (
             f"the loop of '{label}' is unstable: small errors grow at {largest.rate:.3g} 1/s{many}"
@@ -159,9 +159,9 @@ def small_loops(experiment: Experiment, along: Along) -> dict[str, ClosedLoop]:
     }
 
 
-def size_of(found: Growth, loop: Linearised) -> float:
+def size_of(grown: Growth, loop: Linearised) -> float:
     """Return the real part of the eigenvalue or, for a sampled law, its modulus."""
-    return found.eigenvalue.real if loop.period is None else abs(found.eigenvalue)
+    return grown.eigenvalue.real if loop.period is None else abs(grown.eigenvalue)
 
 
 class LeftOut(NamedTuple):
@@ -180,7 +180,7 @@ class LeftOut(NamedTuple):
     destabilises: bool = True
 
 
-def left_out(loop: ClosedLoop, found: Linearised | None = None) -> Iterator[LeftOut]:
+def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[LeftOut]:
     """Yield the parts that a linearised loop leaves out."""
     vehicle = loop.vehicle
     for index, actuator in enumerate(vehicle.actuators):
@@ -194,9 +194,9 @@ def left_out(loop: ClosedLoop, found: Linearised | None = None) -> Iterator[Left
             continue  # its states are part of the loop
         words = f"{place} ({', '.join([sensor.departs, *loses])})"
         yield LeftOut(words, bool(loses), bool(loses))
-    if vehicle.estimator is not None and not (found and found.about.loop.vehicle.estimator):
+    if vehicle.estimator is not None and not (linear and linear.about.loop.vehicle.estimator):
         yield LeftOut(f"{ESTIMATOR} ({vehicle.estimator.departs})")
-    elif found and not found.about.is_settled:
+    elif linear and not linear.about.is_settled:
         yield LeftOut(f"{ESTIMATOR} (its covariance has not settled)")
     if vehicle.varies:
         yield LeftOut("what is drawn for each run (means are used)")

@@ -81,19 +81,19 @@ def study(
     common = at_point(bare, sweep, 0, sweep.always)
     base = build(at_point(common, sweep, 0), trust_plugins=trust_plugins)
     plugins = base.source.stored_plugins  # other processes execute the same sources
-    found = Study(sweep, base, dataclasses.replace(common, stored_plugins=plugins))
-    _check_common(found)
-    if found.is_ragged and len(found) > MOST_GROUPS:
+    checked = Study(sweep, base, dataclasses.replace(common, stored_plugins=plugins))
+    _check_common(checked)
+    if checked.is_ragged and len(checked) > MOST_GROUPS:
         raise EqtError(
-            f"{source.place(('sweep',))}: {len(found):,} points that differ in group, times or "
+            f"{source.place(('sweep',))}: {len(checked):,} points that differ in group, times or "
             f"parts are too many for one file; sweep at most {MOST_GROUPS:,}, or split the sweep"
         )
-    with step("points checked", len(found)):
-        _check_points(found, spread(len(found), most_checked))
-    return found
+    with step("points checked", len(checked)):
+        _check_points(checked, spread(len(checked), most_checked))
+    return checked
 
 
-def _check_common(found: Study) -> None:
+def _check_common(checked: Study) -> None:
     """Check the configuration without the settings that only some points change.
 
     Raises
@@ -102,7 +102,7 @@ def _check_common(found: Study) -> None:
         With all problems.
     """
     try:
-        found.resolved  # noqa: B018  # builds and caches it
+        checked.resolved  # noqa: B018  # builds and caches it
     except ConfigError as error:
         where = "without what only some of the cases change"
         raise ConfigError(
@@ -138,24 +138,24 @@ def require_sweepable(key: str) -> None:
         raise InputError(f"unknown key '{key}'; keys are in: {', '.join(known)}")
 
 
-def _check_points(found: Study, points: Sequence[int]) -> None:
+def _check_points(checked: Study, points: Sequence[int]) -> None:
     """Build points; a value that is wrong at many points is reported once."""
     problems: dict[InputProblem, None] = {}
-    first_of = {each: alike[0] for alike in found.shapes[1:] for each in alike}
+    first_of = {each: alike[0] for alike in checked.shapes[1:] for each in alike}
     for point in points:
-        reporter().advance(len(found) / len(points))
+        reporter().advance(len(checked) / len(points))
         try:
-            experiment = found.experiment(point)
+            experiment = checked.experiment(point)
         except ConfigError as error:
             problems |= dict.fromkeys(error.problems)
             if len(problems) >= MOST_PROBLEMS:
                 break
             continue
-        wrong = _unlike(experiment, found.base) or _unlike_states(
-            found, point, first_of.get(point, 0)
+        wrong = _unlike(experiment, checked.base) or _unlike_states(
+            checked, point, first_of.get(point, 0)
         )
         if wrong:
-            place = found.source.place(("sweep",))
+            place = checked.source.place(("sweep",))
             problems[InputProblem("sweep", f"point {point}: {wrong}", place)] = None
             break
     if problems:
@@ -176,10 +176,10 @@ def _unlike(experiment: Experiment, base: Experiment) -> str | None:
     return None
 
 
-def _unlike_states(found: Study, point: int, first: int) -> str | None:
+def _unlike_states(checked: Study, point: int, first: int) -> str | None:
     """Return the reason why a point cannot be solved with the first one of its shape, or None."""
-    loops = found.experiment(point).loops
-    for label, loop in found.experiment(first).loops.items():
+    loops = checked.experiment(point).loops
+    for label, loop in checked.experiment(first).loops.items():
         length, expected = loops[label].state_length, loop.state_length
         if length != expected:
             return (

@@ -39,13 +39,13 @@ def at_point(
     """
     if sweep is None:
         return source
-    found = source
+    changed = source
     for key, value in sweep.settings(point).items():
         if keys is not None and key not in keys:
             continue
         place = source.place(("sweep", *sweep.place(point, key)))
-        found = changed_at(found, parse_key(key), value, place)
-    return found
+        changed = changed_at(changed, parse_key(key), value, place)
+    return changed
 
 
 def section_of(key: str) -> str:
@@ -215,12 +215,12 @@ class Study:
         shaping = [key for key in keys if self._shapes(key)]
         if self.sweep is None or not shaping:
             return [range(len(self))]
-        found: dict[str, list[int]] = {}
+        by_shape: dict[str, list[int]] = {}
         for point in range(len(self)):
             values = self.sweep.settings(point)
             shape = {key: values[key] for key in shaping if key in values}
-            found.setdefault(json.dumps(shape), []).append(point)
-        return list(found.values())
+            by_shape.setdefault(json.dumps(shape), []).append(point)
+        return list(by_shape.values())
 
     def _shapes(self, key: str) -> bool:
         """Whether shapes of arrays can depend on a key."""

@@ -141,17 +141,17 @@ def require_fit(
 def _unfit(value: Any, leading: tuple[int, ...], axes: tuple[int, ...], exact: bool) -> str | None:
     if not isinstance(value, np.ndarray | np.generic | float | int):
         return f"{'None' if value is None else type(value).__name__}; expected an array"
-    found, kind = np.shape(value), np.asarray(value).dtype
+    actual, kind = np.shape(value), np.asarray(value).dtype
     if kind.kind not in "fiu":
         return f"an array of {kind}; expected real numbers"
     shape = (*leading, *axes)
     try:
-        spread = np.broadcast_shapes(found, shape) == shape
-        fits = found == shape if exact else spread and found[len(found) - len(axes) :] == axes
+        spread = np.broadcast_shapes(actual, shape) == shape
+        fits = actual == shape if exact else spread and actual[len(actual) - len(axes) :] == axes
     except ValueError:
         fits = False
     counts = " of ".join(f"{n} {w}" for n, w in zip(leading, ("runs", "samples"), strict=False))
-    return None if fits else f"an array of shape {found} for {counts}; expected {shape}"
+    return None if fits else f"an array of shape {actual} for {counts}; expected {shape}"
 
 
 @contextmanager

@@ -151,7 +151,7 @@ def vehicle_from(
     entries: list[Entry] = [(at_actuators.at(k), part) for k, part in acting.items()]
     for name, errors in sensing.items():
         entries += [(at_sensors.at(name, k), part) for k, part in errors.items()]
-    found = Vehicle(
+    vehicle = Vehicle(
         inertia,
         tuple(_parts(forces, forces_given, G, at_forces).values()),
         tuple(acting.values()),
@@ -161,7 +161,7 @@ def vehicle_from(
         _estimator(sections["estimator"], G, problems.at("estimator")),
     )
     without_clock = clock is None and not problems.at("control")
-    if found.measures and without_clock:
+    if vehicle.measures and without_clock:
         at_sensors.add("act at control instants; set control.period")
     _check_order(acting, without_clock, at_actuators)
     for index, sensor in sensing["pose"].items():
@@ -171,11 +171,11 @@ def vehicle_from(
             )
     for name, parts in sensing.items():
         check_sensors(parts, G, at_sensors.at(name))
-    if found.estimator is not None:
-        check_estimator(found, G, without_clock, problems)
+    if vehicle.estimator is not None:
+        check_estimator(vehicle, G, without_clock, problems)
     if any(problems.at(name) for name in SECTIONS):
         return Vehicle()
-    return found.of_run(G)
+    return vehicle.of_run(G)
 
 
 Entry = tuple[Problems, Sensor | Actuator]
@@ -200,11 +200,11 @@ def _sampling(
             f"expected at least {horizon / MOST_INSTANTS:g} s, which makes {MOST_INSTANTS:,} "
             f"{what} in {horizon:g} s, got {tick:g}"
         )
-    found = Sampling(control.period, 0, Clock(every or 1))
+    sampling = Sampling(control.period, 0, Clock(every or 1))
     if problems:
-        return found
-    clock = found.clock_of(None, control.offset)
-    return Sampling(control.period, found.ticks_of(control.delay), clock)
+        return sampling
+    clock = sampling.clock_of(None, control.offset)
+    return Sampling(control.period, sampling.ticks_of(control.delay), clock)
 
 
 def _times(
@@ -252,9 +252,9 @@ def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
     if vehicle.actuators:
         dumped["actuators"] = [as_section(actuator) for actuator in vehicle.actuators]
     by_signal = ("pose", vehicle.pose_sensors), ("velocity", vehicle.velocity_sensors)
-    for name, found in by_signal:
-        if found:
-            dumped["sensors"][name] = [as_section(sensor) for sensor in found]
+    for name, own in by_signal:
+        if own:
+            dumped["sensors"][name] = [as_section(sensor) for sensor in own]
     if vehicle.estimator is not None:
         dumped["estimator"] = as_section(vehicle.estimator)
     return dumped
@@ -290,11 +290,11 @@ def _parts(
     registry: Registry[T], entries: list[Any] | None, G: MatrixLieGroup, problems: Problems
 ) -> dict[int, T]:
     """Return the valid parts by the number of their entry."""
-    found = {
+    parts = {
         index: component(registry, entry, problems.at(index), group=G)
         for index, entry in enumerate(entries or ())
     }
-    return {index: part for index, part in found.items() if part is not None}
+    return {index: part for index, part in parts.items() if part is not None}
 
 
 def _inertia(

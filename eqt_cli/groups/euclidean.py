@@ -24,9 +24,14 @@ from eqt_cli.core.arrays import (
     transpose,
     where,
 )
-from eqt_cli.groups.angles import inverse_jacobian_terms, ratio_to_sine, stumpff
 from eqt_cli.groups.base import MatrixLieGroup, Part
-from eqt_cli.groups.quaternions import rotation_of_quaternion, rotation_of_vector
+from eqt_cli.groups.rotations import (
+    inverse_jacobian_terms,
+    ratio_to_sine,
+    rotation_of_quaternion,
+    rotation_of_vector,
+    stumpff,
+)
 
 SMALLEST_RATE = 1e-12
 """Smallest rate of rotation relative to the whole vector; a smaller one is rounding."""

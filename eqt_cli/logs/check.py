@@ -368,9 +368,9 @@ def _largest_group(
 def _incomplete(names: Collection[str]) -> Iterator[str]:
     """Describe each rotation and position that has some of its columns, but not all."""
     for complete in (QUATERNION, EULER, ("x", "y", "z")):
-        found = [each for each in complete if each in names]
-        if found and (missing := ", ".join(each for each in complete if each not in found)):
-            yield f"column {missing} is missing, so {', '.join(found)} cannot be used"
+        present = [each for each in complete if each in names]
+        if present and (missing := ", ".join(each for each in complete if each not in present)):
+            yield f"column {missing} is missing, so {', '.join(present)} cannot be used"
 
 
 def _groups_of_poses() -> Iterator[EuclideanGroup]:

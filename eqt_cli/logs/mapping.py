@@ -51,9 +51,9 @@ def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:
     if not unit:
         return 1.0
     units = units_of(name)
-    found = next(filter(None, (factor(unit, own) for own in units)), None)
-    if found is not None:
-        return found
+    ratio = next(filter(None, (factor(unit, own) for own in units)), None)
+    if ratio is not None:
+        return ratio
     expected = " or ".join(map(offered, units)) if units else "no unit"
     message = f"column {name}: expected {expected}, got '{unit}'"
     raise MappingError(path, message) if path else InputError(message)

@@ -12,7 +12,7 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
-from eqt_cli.groups.quaternions import rotation_of_euler
+from eqt_cli.groups.rotations import rotation_of_euler
 from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.logs.table import LOOKS_LIKE, QUATERNION, LogTable, Sheet, open_sheet, with_units
 from eqt_cli.notation.poses import QUATERNION_TOLERANCE
@@ -156,9 +156,9 @@ def require_pose(sheet: Sheet, G: MatrixLieGroup, time: bool = False) -> PoseCol
         alias = next((each for each in LOOKS_LIKE["t"] if each in sheet.names), None)
         hint = f"; add `columns: {{t: {alias}}}` if that is what {alias} holds" if alias else ""
         raise InputError(f"{sheet.header_place}: missing column t, the time in seconds{hint}")
-    if found := used_columns(sheet.names, G):
+    if used := used_columns(sheet.names, G):
         sheet.require_distinct()
-        return found
+        return used
     columns, coordinates = pose_columns(G), coordinate_names(G)
     expected, euler = columns or coordinates, pose_columns(G, rotation=EULER)
     layouts = (columns, euler) if columns else (coordinates,)

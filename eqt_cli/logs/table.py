@@ -176,13 +176,13 @@ class Sheet:
         width = len(self.names)
         for number, line in zip(self.numbers, self.lines, strict=True):
             if self.delimiter and '"' not in line:
-                found = line.count(self.delimiter) + 1
+                count = line.count(self.delimiter) + 1
             elif self.delimiter and line.count('"') % 2:
                 raise self._error(number, "expected quotes in pairs")
             else:
-                found = len(_entries(line, self.delimiter))
-            if found < width or (found > width and not self.more):
-                raise self._error(number, f"expected {width} entries, got {found}")
+                count = len(_entries(line, self.delimiter))
+            if count < width or (count > width and not self.more):
+                raise self._error(number, f"expected {width} entries, got {count}")
 
     def _error(self, number: int, message: str) -> InputError:
         """Return the error of a line."""
@@ -190,7 +190,7 @@ class Sheet:
 
     def _numbers(self, names: list[str]) -> Array:
         places = [self.names.index(name) for name in names]
-        found = np.empty((len(self.lines), len(places)))
+        numbers = np.empty((len(self.lines), len(places)))
         for first in range(0, len(self.lines), CHUNK):
             chunk = self.lines[first : first + CHUNK]
             quote, rows = '"' if self.delimiter else None, None
@@ -205,8 +205,8 @@ class Sheet:
                 )
             if rows is None or not np.isfinite(rows).all():
                 raise self._wrong(first, len(chunk), names, places)
-            found[first : first + len(chunk)] = rows
-        return found
+            numbers[first : first + len(chunk)] = rows
+        return numbers
 
     def _wrong(self, first: int, count: int, names: list[str], places: list[int]) -> InputError:
         """Return the error of the first entry of some lines that is no finite number."""
@@ -353,12 +353,12 @@ def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> She
         parts = iter(f"q{axis}" for axis in mapping.quaternion)
         names = [next(parts) if each in QUATERNION else each for each in names]
     if lines:
-        found = len(_entries(lines[0], delimiter))
-        if found < MIN_ENTRIES or (found > MIN_ENTRIES and not is_euroc):
+        count = len(_entries(lines[0], delimiter))
+        if count < MIN_ENTRIES or (count > MIN_ENTRIES and not is_euroc):
             separator = "commas" if delimiter else "spaces"
             raise InputError(
                 f"{name}:{numbers[0]}: expected {MIN_ENTRIES} entries separated by "
-                f"{separator}, got {found}"
+                f"{separator}, got {count}"
             )
         names = names[: max(min(len(_entries(line, delimiter)) for line in lines), MIN_ENTRIES)]
     units = {"t": "ns"} if is_euroc else {}
@@ -378,8 +378,8 @@ def _is_tum(line: str) -> bool:
 
 def _heading(entry: str) -> tuple[str, str]:
     """Return the name and the unit of a heading."""
-    found = _HEADING.fullmatch(entry)
-    return (found[1], (found[2] or found[3] or "").strip()) if found else (entry, "")
+    match = _HEADING.fullmatch(entry)
+    return (match[1], (match[2] or match[3] or "").strip()) if match else (entry, "")
 
 
 def _lines(text: str, name: str, comment: str = "") -> tuple[list[str], Sequence[int]]:

@@ -5,7 +5,7 @@ from functools import reduce
 
 from eqt_cli.core.arrays import Array, frobenius, maximum
 from eqt_cli.groups import MatrixLieGroup, Part
-from eqt_cli.groups.angles import distance_of_turn
+from eqt_cli.groups.rotations import distance_of_turn
 
 
 def settling_error(

@@ -17,7 +17,7 @@ from eqt_cli.core.option_types import Angle, Real, Unit, shown, validated
 from eqt_cli.groups.base import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
-from eqt_cli.groups.quaternions import rotation_of_euler
+from eqt_cli.groups.rotations import rotation_of_euler
 
 GROUP_TOLERANCE = 1e-9
 """Largest ‖QᵀQ − I‖ of a pose written in decimal; below the integrators' tolerances."""
@@ -56,9 +56,9 @@ def vector(value: float | list[float], n: int, group: MatrixLieGroup) -> Array:
     """Return the vector of `value`, or raise an `InputError` if it does not have n entries."""
     if isinstance(value, list) and len(value) != n:
         raise InputError(f"expected {n} entries for {group.name}, got {len(value)}")
-    found = np.full(n, value, dtype=float)
-    _check_sizes(found)
-    return found
+    numbers = np.full(n, value, dtype=float)
+    _check_sizes(numbers)
+    return numbers
 
 
 def _check_sizes(numbers: Array) -> None:

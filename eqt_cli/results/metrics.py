@@ -13,7 +13,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array, absolute, less, maximum, sqrt, where
 from eqt_cli.core.over_time import SampledRuns
-from eqt_cli.groups.angles import turn_of_distance
+from eqt_cli.groups.rotations import turn_of_distance
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.vehicle import Vehicle

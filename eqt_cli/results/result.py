@@ -14,7 +14,7 @@ import numpy as np
 from eqt_cli.closed_loop.signals import MIXED, signal_of
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, printable, suggestion
-from eqt_cli.core.over_time import Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.core.units import in_wished, offered, size_of
 from eqt_cli.engines import Status
 from eqt_cli.ensemble.designs.base import CASE
@@ -636,7 +636,7 @@ class Result(StoredRuns):
     def _computed(self, quantity: Quantity, window: Window, controller: int) -> Array:
         signals = {name: self.read(name, controller=controller) for name in quantity.signals}
         with np.errstate(all="ignore"):  # failed runs hold NaN
-            return quantity.measure(Samples(self.times), signals, window)
+            return quantity.measure(SampledRuns(self.times), signals, window)
 
     def _metrics_like(self, quantity: Quantity) -> list[Quantity]:
         """Return the stored metrics that are this number over any window."""

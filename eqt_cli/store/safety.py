@@ -136,24 +136,24 @@ class Checked:
 
 def format_of(file: Any) -> int | None:
     """Return the number of eqt's layout, or None if eqt did not write the file."""
-    if FORMAT_ATTRIBUTE not in file.attrs:
-        return None
-    handle = h5py.h5a.open(file.id, FORMAT_ATTRIBUTE.encode())
-    if handle.shape != () or handle.get_type().get_class() != h5py.h5t.INTEGER:
-        return None
-    return int(file.attrs[FORMAT_ATTRIBUTE])
+    number = _without_heap(file, FORMAT_ATTRIBUTE, h5py.h5t.INTEGER)
+    return None if number is None else int(number)
 
 
 def version_of(file: Any) -> str | None:
     """Return the version of eqt that wrote the file; None if it is missing or invalid."""
-    if VERSION_ATTRIBUTE not in file.attrs:
+    version = bytes(_without_heap(file, VERSION_ATTRIBUTE, h5py.h5t.STRING) or b"")
+    text = version.decode("ascii", "replace")
+    return text if _VERSION.fullmatch(text) else None
+
+
+def _without_heap(file: Any, name: str, kind: int) -> Any:
+    """Return a single value that lies in no heap of strings; None if there is none of its kind."""
+    if name not in file.attrs:
         return None
-    handle = h5py.h5a.open(file.id, VERSION_ATTRIBUTE.encode())
-    kind = handle.get_type()
-    if handle.shape != () or kind.get_class() != h5py.h5t.STRING or kind.is_variable_str():
-        return None
-    version = bytes(file.attrs[VERSION_ATTRIBUTE]).decode("ascii", "replace")
-    return version if _VERSION.fullmatch(version) else None
+    handle = h5py.h5a.open(file.id, name.encode())
+    is_kind = handle.shape == () and handle.get_type().get_class() == kind
+    return None if not is_kind or _is_text(handle) else file.attrs[name]
 
 
 def inspect(file: Any, view: mmap) -> Checked:

@@ -14,7 +14,7 @@ from eqt_cli.analysis.comparison.notation import Latex, Plain
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.tables import records
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.over_time import Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.results.metrics import decay_rate, largest_rise
 from eqt_cli.results.time_windows import Window
 
@@ -392,22 +392,22 @@ def test_decay_rate_of_an_oscillating_decay():
     times = np.linspace(0, 20, 401)
     lyapunov = np.exp(-0.6 * times) * (1 + 0.1 * np.cos(7 * times))
     # The oscillation moves the slope by its amplitude over the number of radians, 0.1/140.
-    assert decay_rate(Samples(times), lyapunov[None])[0] == pytest.approx(0.3, abs=1e-3)
+    assert decay_rate(SampledRuns(times), lyapunov[None])[0] == pytest.approx(0.3, abs=1e-3)
 
 
 def test_decay_rate_stops_where_rounding_begins():
     times = np.linspace(0, 100, 401)
     lyapunov = np.maximum(np.exp(-2 * times), 1e-25)
-    assert decay_rate(Samples(times), lyapunov[None])[0] == pytest.approx(1.0, rel=1e-9)
+    assert decay_rate(SampledRuns(times), lyapunov[None])[0] == pytest.approx(1.0, rel=1e-9)
 
 
 def test_no_decay_rate_of_nothing():
-    assert np.isnan(decay_rate(Samples(np.linspace(0, 1, 5)), np.zeros((1, 5)))[0])
+    assert np.isnan(decay_rate(SampledRuns(np.linspace(0, 1, 5)), np.zeros((1, 5)))[0])
 
 
 def test_largest_rise_is_above_any_earlier_value():
     lyapunov = np.array([[4.0, 2.0, 2.5, 1.0, 3.0, 0.0], [5.0, 4.0, 3.0, 2.0, 1.0, 0.0]])
-    assert np.array_equal(largest_rise(Samples(np.arange(6.0)), lyapunov), [0.5, 0.0])
+    assert np.array_equal(largest_rise(SampledRuns(np.arange(6.0)), lyapunov), [0.5, 0.0])
 
 
 def test_differences_that_solvers_cannot_tell_are_none():

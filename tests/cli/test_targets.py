@@ -27,7 +27,7 @@ def _no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     def work(*_: object, **__: object) -> None:
         raise AssertionError("worked before the target was checked")
 
-    monkeypatch.setattr("eqt_cli.api.reporting.verify_stored", work)
+    monkeypatch.setattr("eqt_cli.analysis.verification.verify_stored", work)
     monkeypatch.setattr("eqt_cli.report.report", work)
     monkeypatch.setattr("eqt_cli.plots.animation.gif.gif", work)
     monkeypatch.setattr("eqt_cli.report.animation.animation", work)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import simpson
 
-from eqt_cli.core.over_time import Samples, simpson_weights, trapezoidal_weights
+from eqt_cli.core.over_time import SampledRuns, simpson_weights, trapezoidal_weights
 
 STEPS = st.lists(st.floats(0.01, 10.0), min_size=1, max_size=12)
 
@@ -24,16 +24,16 @@ def test_weights_are_those_of_numpy_and_scipy(steps):
 
 def test_a_sum_goes_from_sample_to_sample():
     values, weights = np.array([[1e16, 1.0, -1e16, 1.0]]), np.ones(4)
-    assert Samples(np.arange(4.0)).weighted(weights, values) == 1.0  # pairs would give 0 or 2
+    assert SampledRuns(np.arange(4.0)).weighted(weights, values) == 1.0  # pairs would give 0 or 2
 
 
 def test_samples_without_weight_are_not_looked_at():
     values = np.array([[1.0, 2.0, np.nan]])
-    assert Samples(np.arange(3.0)).weighted(np.array([1.0, 1.0, 0.0]), values) == 3.0
+    assert SampledRuns(np.arange(3.0)).weighted(np.array([1.0, 1.0, 0.0]), values) == 3.0
 
 
 def test_what_follows_from_all_samples():
-    over, values = Samples(np.arange(4.0)), np.array([[3.0, -1.0, 5.0, 2.0], [np.nan] * 4])
+    over, values = SampledRuns(np.arange(4.0)), np.array([[3.0, -1.0, 5.0, 2.0], [np.nan] * 4])
     assert over.duration == 3.0
     np.testing.assert_array_equal(over.largest(values), [5.0, np.nan])
     np.testing.assert_array_equal(over.smallest(values), [-1.0, np.nan])
@@ -45,4 +45,4 @@ def test_what_follows_from_all_samples():
 @pytest.mark.parametrize(("share", "expected"), [(1.0, 2.0), (0.5, 3.0)])
 def test_the_mean_over_the_last_part(share, expected):
     times = np.linspace(0, 4, 9)
-    assert Samples(times).closing_mean(times[None], share) == pytest.approx(expected)
+    assert SampledRuns(times).closing_mean(times[None], share) == pytest.approx(expected)

@@ -17,7 +17,9 @@ from hypothesis import strategies as st
 from eqt_cli.core.arrays import apply_matrix, dot, transpose
 from eqt_cli.core.errors import ComponentError, TraceError
 from eqt_cli.groups import Part, group_named, groups
-from eqt_cli.groups.angles import (
+from eqt_cli.groups.base import MatrixLieGroup
+from eqt_cli.groups.product import ProductGroup
+from eqt_cli.groups.rotations import (
     FARTHEST,
     distance_of_turn,
     inverse_jacobian_terms,
@@ -25,8 +27,6 @@ from eqt_cli.groups.angles import (
     stumpff,
     turn_of_distance,
 )
-from eqt_cli.groups.base import MatrixLieGroup
-from eqt_cli.groups.product import ProductGroup
 from eqt_cli.groups.so3 import SO3
 
 EXAMPLES = settings(max_examples=5)

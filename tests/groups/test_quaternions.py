@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.groups.quaternions import (
+from eqt_cli.groups.rotations import (
     SMALL_ANGLE,
     rotation_of_euler,
     rotation_of_quaternion,

@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from eqt_cli.core.arrays import less
 from eqt_cli.core.errors import TraceError
-from eqt_cli.core.over_time import SampledRuns, Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.program.running import Memory, Running
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.time_windows import Window
@@ -56,7 +56,7 @@ def test_one_by_one_is_all_at_once(name, values, known):
     times = 0.5 + np.cumsum(np.linspace(0.1, 0.4, len(values)))
     values[known:] = np.nan  # of a run that fails
     with np.errstate(invalid="ignore"):
-        expected = NUMBERS[name](Samples(times), values[None])[0]
+        expected = NUMBERS[name](SampledRuns(times), values[None])[0]
         found = one_by_one(times, values, NUMBERS[name])
     np.testing.assert_array_equal(found, expected)
 
@@ -72,7 +72,7 @@ def test_a_metric_is_the_same_both_ways(name, values):
         signals = {metric.signals[0]: x}
         return metric.measure(over, signals, metric.window, **keys)
 
-    expected = of(Samples(times), values[None])[0]
+    expected = of(SampledRuns(times), values[None])[0]
     np.testing.assert_array_equal(one_by_one(times, values, of), expected)
 
 

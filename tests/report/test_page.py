@@ -11,7 +11,7 @@ import pytest
 import eqt_cli
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.report import report
-from eqt_cli.report.summary import in_words
+from eqt_cli.report.summary import told
 from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import open_result
 
@@ -109,7 +109,7 @@ def test_the_first_screen_says_what_is_compared_and_how_to_repeat_it(text):
 
 def test_numbers_are_written_as_in_a_paper():
     values = [-np.pi, 1_000_000, 0.5, float("inf"), 1e-6]
-    assert [in_words(value) for value in values] == ["−π", "1000000", "0.5", "inf", "1e−06"]
+    assert [told(value) for value in values] == ["−π", "1000000", "0.5", "inf", "1e−06"]
 
 
 def test_the_experiment_has_its_equations_and_values(text):
@@ -238,7 +238,7 @@ def test_a_quick_report_integrates_nothing(monkeypatch, paper_result, tmp_path):
         raise AssertionError("verified")
 
     pages = []
-    monkeypatch.setattr("eqt_cli.api.reporting.verify_stored", refuse)
+    monkeypatch.setattr("eqt_cli.analysis.verification.verify_stored", refuse)
     monkeypatch.setattr("eqt_cli.report.report", lambda *of: pages.append(of) or "page")
     eqt_cli.write_report(paper_result, tmp_path / "page.html", quick=True)
     _, _, rows, reason, *_ = pages[0]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eqt_cli.core.over_time import Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.results.metrics import settling_time
 from eqt_cli.results.quantity_table import MEASURED, QUANTITIES
 from eqt_cli.results.time_windows import WHOLE, Window
@@ -73,7 +73,7 @@ EXACT = {
 def measured(name, signals, window=None, times=TIMES):
     quantity = QUANTITIES[name]
     settings = {"threshold": 0.05} if quantity.settings else {}
-    return quantity.measure(Samples(times), signals, window or quantity.window, **settings)
+    return quantity.measure(SampledRuns(times), signals, window or quantity.window, **settings)
 
 
 def test_every_formula_of_the_table_has_a_case():
@@ -128,7 +128,7 @@ def test_peaks_between_samples_are_missed():
     ],
 )
 def test_settling_is_the_last_time_through_the_threshold(error, expected):
-    found = settling_time(Samples(np.arange(5.0)), np.array([error]), 0.05)
+    found = settling_time(SampledRuns(np.arange(5.0)), np.array([error]), 0.05)
     assert found == pytest.approx([expected], rel=1e-12, nan_ok=True)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison.compare import compare
-from eqt_cli.core.over_time import Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.results.quantity_table import quantity_of
 from eqt_cli.results.result import open_result
 
@@ -64,7 +64,7 @@ def test_numbers_of_parts_are_those_of_the_trajectories(folder):
             norm = {row.signals[0]: result[row.signals[0]]}
             for law in (0, 1):
                 signals = {signal: values[law] for signal, values in norm.items()}
-                found = row.measure(Samples(result.times), signals, row.window)
+                found = row.measure(SampledRuns(result.times), signals, row.window)
                 np.testing.assert_allclose(result[name][law], found, rtol=1e-12, err_msg=name)
 
 

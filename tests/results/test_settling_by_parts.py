@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import ConfigError
-from eqt_cli.core.over_time import Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.settling import settling_error
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, SETTLING, by_thresholds_of_parts
@@ -48,7 +48,7 @@ def test_a_run_has_settled_where_no_part_is_above_its_threshold(name, signal, wo
     assert row.long_name == f"{words} its settling threshold"
     assert row.attributes["threshold_translation"] == 0.4
     error = np.array([[2.0, 0.5, 1.0, 0.9], [2.0, 0.5, 1.0, 1.1]])
-    found = row.measure(Samples(np.arange(4.0)), {signal: error}, row.window)
+    found = row.measure(SampledRuns(np.arange(4.0)), {signal: error}, row.window)
     assert found == pytest.approx([2 / 3, np.nan], nan_ok=True)
 
 

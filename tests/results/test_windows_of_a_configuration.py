@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.api import compare, open_results, run
-from eqt_cli.core.over_time import Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.results.metrics import METRICS, closing_rms
 from eqt_cli.results.result import open_result
 
@@ -76,7 +76,7 @@ def test_the_defaults_given_are_the_defaults(name):
 def test_closing_rms_of_a_ramp():
     """∫ t² over the last half of [0, 2] is 7/3, but for the trapezoids' h²/6."""
     times = np.linspace(0.0, 2.0, 201)
-    found = closing_rms(Samples(times), times[None], share=0.5)
+    found = closing_rms(SampledRuns(times), times[None], share=0.5)
     np.testing.assert_allclose(found, np.sqrt(7 / 3 + 0.01**2 / 6), rtol=1e-12)
 
 

@@ -171,7 +171,7 @@ def _only_folders() -> Iterator[None]:
         patch.setattr(Search, "read", _once(Search.read))
         patch.setattr("eqt_cli.plots.render.figure_from", lambda name, _: _Figure(name))
         patch.setattr("eqt_cli.plots.render.curves", lambda _: [])
-        patch.setattr("eqt_cli.api.reporting.verify_stored", lambda *_, **__: _Verified())
+        patch.setattr("eqt_cli.analysis.verification.verify_stored", lambda *_, **__: _Verified())
         patch.setattr("eqt_cli.report.report", lambda *_: page)
         patch.setattr("eqt_cli.report.animation.animation", lambda *_: page)
         yield

@@ -14,7 +14,7 @@ from eqt_cli.config.schema import ControlSection
 from eqt_cli.config.source import ConfigSource, read_config
 from eqt_cli.core.errors import EqtError, Problems
 from eqt_cli.core.option_types import validated
-from eqt_cli.core.over_time import Samples
+from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.read_study import study
@@ -324,7 +324,7 @@ def test_energy_balance_of_a_sampled_law_with_memory(solved, engine):
     L, balance = found["lyapunov"], found["energy_balance"]
     assert np.abs(L[:, -1] - L[:, 0]).min() > 1e-3
     # As the certificate allows: 100 rtol.
-    assert energy_residual(Samples(problem.times), L, balance).max() < 1e-7
+    assert energy_residual(SampledRuns(problem.times), L, balance).max() < 1e-7
 
 
 # A delay as a time --------------------------------------------------------------------------------

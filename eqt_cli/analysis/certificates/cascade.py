@@ -12,7 +12,7 @@ from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers.cascade import Cascade
 from eqt_cli.core.arrays import Array, norm
-from eqt_cli.groups.angles import turn_of_distance
+from eqt_cli.groups.rotations import turn_of_distance
 
 WEAK = 0.1
 """Least share of its median below which a force is remarked: its direction then turns fast."""

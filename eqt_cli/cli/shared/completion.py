@@ -61,9 +61,9 @@ def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
     """Complete ``KEY=`` or ``FIGURE.KEY=``, an option of the requested figures or of any."""
     options = _known()["figure_options"]
     wanted = ctx.params.get("figure") or options
-    found = [(name, option) for name in wanted for option in options.get(name, ())]
-    plain = {f"{option}=": "" for _, option in found}
-    dotted = {f"{name}.{option}=": "" for name, option in found} if "." in incomplete else {}
+    offered = [(name, option) for name in wanted for option in options.get(name, ())]
+    plain = {f"{option}=": "" for _, option in offered}
+    dotted = {f"{name}.{option}=": "" for name, option in offered} if "." in incomplete else {}
     return _starting(incomplete, plain | dotted)
 
 
@@ -108,11 +108,11 @@ def _known() -> dict[str, Any]:
         kept = read_record(file, "state", "names", "keys", "figure_options")
         if kept and kept["state"] == state:
             return kept
-    found = {"state": state} | _collected()
+    collected = {"state": state} | _collected()
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_record(file, found)
-    return found
+        write_record(file, collected)
+    return collected
 
 
 def _file() -> Path:

@@ -15,7 +15,7 @@ from eqt_cli.analysis.text_tables import Block, TextTable, listed
 from eqt_cli.cli.shared import output
 from eqt_cli.cli.shared.table_formats import csv_cell
 from eqt_cli.core.errors import EqtError, printable, suggestion
-from eqt_cli.groups.angles import turn_of_distance
+from eqt_cli.groups.rotations import turn_of_distance
 from eqt_cli.results.result import HEADLINE, Result, mean_over_runs
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from eqt_cli.core.option_types import Angle
 from eqt_cli.ensemble.poses.base import RotationDistribution
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
-from eqt_cli.groups.quaternions import rotation_of_euler
+from eqt_cli.groups.rotations import rotation_of_euler
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from eqt_cli.closed_loop.signals import MIXED
 from eqt_cli.core.arrays import Array
 from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.groups.angles import turn_of_distance
+from eqt_cli.groups.rotations import turn_of_distance
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.plots.drawing.labels import in_words, signal_label
 from eqt_cli.plots.shown.controllers import ALL, Chosen, Ensemble, ShownControllers, error_of, names
