@@ -339,6 +339,8 @@ class _Reader:
         start = error.context_mark or here
         if here is None or start is None:
             self.stop((), "invalid YAML", None)
+        if "nesting depth" in problem:  # libyaml reads ahead, and has a bound of its own
+            self.stop((), f"nested more than {MAX_DEPTH} deep", _mark(here))
         before, at_here = _split(text, here)
         opening = _split(text, start)[1][:1]
         since = f" that starts at {self._place(_mark(start))}" if self._located else ""
