@@ -128,9 +128,13 @@ class Command(TyperCommand):
         super().format_help(ctx, formatter)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Return the ``Usage`` line, without arguments accepted only to be refused in words."""
+        """Return the ``Usage`` line: braces only where there is a choice.
+
+        Arguments accepted only to be refused in words are left out.
+        """
         shown = [one for one in self.get_params(ctx) if not getattr(one, "hidden", False)]
-        return ["[OPTIONS]", *(piece for one in shown for piece in one.get_usage_pieces(ctx))]
+        pieces = [piece for one in shown for piece in one.get_usage_pieces(ctx)]
+        return ["[OPTIONS]", *(x if "|" in x else re.sub("[{}]", "", x) for x in pieces)]
 
 
 class Group(TyperGroup):
