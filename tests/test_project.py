@@ -1,10 +1,12 @@
 """The project around the code: what the wheel holds, and descriptions that must agree."""
 
+import ast
 import json
 import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from email import message_from_bytes
 from pathlib import Path
 from zipfile import ZipFile
@@ -110,6 +112,20 @@ def _bound(requirement, operator):
     parsed = Requirement(requirement)
     (version,) = (spec.version for spec in parsed.specifier if spec.operator == operator)
     return parsed.name, Version(version)
+
+
+def test_no_module_gives_a_name_of_its_own_two_values():
+    """Two modules that become one may each have had a name like `_LETTER`."""
+    twice = []
+    for path in sorted((ROOT / "eqt_cli").rglob("*.py")):
+        body = ast.parse(path.read_text(encoding="utf-8")).body
+        made = [node.targets for node in body if isinstance(node, ast.Assign)]
+        made += [[node.target] for node in body if isinstance(node, ast.AnnAssign)]
+        names = [
+            n.id for each in made for t in each for n in ast.walk(t) if isinstance(n, ast.Name)
+        ]
+        twice += [(path.name, name) for name, count in Counter(names).items() if count > 1]
+    assert twice == []
 
 
 def test_tests_that_mutants_are_tried_on_exist():

@@ -23,7 +23,7 @@ Direction = Literal["x", "y"]
 
 FEW = 12
 """Most values that are written below a scale instead of round numbers."""
-_LETTER, _BETWEEN = 0.055, 0.06
+_DIGIT, _BETWEEN = 0.055, 0.06
 """Width of a digit, and of the gap between two numbers, in."""
 
 
@@ -88,7 +88,7 @@ def number_values(axes: Axes, values: Array, room: float) -> None:
     texts, end = [], -np.inf
     for place, level in zip(places, levels, strict=True):
         number = f"{level:.4g}"
-        half = _LETTER * (len(number) - 0.5 * ("." in number)) / 2
+        half = _DIGIT * (len(number) - 0.5 * ("." in number)) / 2
         fits = place - half >= end
         texts.append(_number(level) if fits else "")
         end = place + half + _BETWEEN if fits else end
@@ -109,7 +109,7 @@ _KEY_LETTER = 0.065
 """Width of a letter, in."""
 _MARGIN = 0.03
 """Margin in shares of the width, so that markers at the ends are whole."""
-_BESIDE = 0.6
+_AROUND = 0.6
 """Width of the vertical scale and the margins, in."""
 
 
@@ -146,12 +146,12 @@ def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> Non
         texts = [free_text(text, _LONGEST_KEY) for text in axis.names.values()]
         panel.set_xticks(list(axis.texts), texts)
         longest = max(len(line) for text in texts for line in text.split("\n"))
-        if longest * len(texts) * _KEY_LETTER > room - _BESIDE:
+        if longest * len(texts) * _KEY_LETTER > room - _AROUND:
             panel.tick_params(axis="x", labelrotation=90)
         return
     if axis.logarithmic:
         panel.set_xscale("log")
-    number_values(panel, axis.values, room - _BESIDE)
+    number_values(panel, axis.values, room - _AROUND)
 
 
 def _owner(result: Result, key: str) -> str:
@@ -174,9 +174,6 @@ def _unit(result: Result, unit: str) -> str:
         return ""
     return torque + unit.removeprefix(TORQUE)
 
-
-_LONGEST = 36
-"""Most characters in a line of a label."""
 
 _LONGEST_NAME = 18
 """Most characters in a line of the name of a value that is no number."""
@@ -332,7 +329,7 @@ class Cells:
         shown = range(0, len(levels), max(1, len(levels) // _MOST_LEVELS))
         numbers = {level: f"{level:.3g}".replace("-", "−") for level in levels}
         names = numbers | key.names
-        most = _LONGEST if key.is_number else _LONGEST_NAME
+        most = _LONGEST_KEY if key.is_number else _LONGEST_NAME
         texts = [free_text(names[levels[k]], most) for k in shown]
         panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
         panel.set(**{f"{direction}label": key_label(result, key)})
