@@ -287,13 +287,13 @@ def knows_energy(loop: ClosedLoop, times: Array, states: Array) -> bool:
 
 
 def at_state(
-    loop: ClosedLoop, s: Tracking, work: Array, asked: Collection[str] = ()
+    loop: ClosedLoop, s: Tracking, work: Array, names: Collection[str] = ()
 ) -> Iterator[tuple[str, Array]]:
     """Yield every signal and L + W, by name, as floats or symbols.
 
     Parameters
     ----------
-    asked
+    names
         The requested signals of estimates, NaN where there is no estimate; if empty, all that
         exist.
     """
@@ -305,10 +305,10 @@ def at_state(
         if not signal.exists_on(loop.group):
             continue
         exists = not signal.only_there or signal.stored_of(loop.vehicle)
-        always = not signal.only_there or (exists and not asked)
+        always = not signal.only_there or (exists and not names)
         named = {f"{signal.name}_{part.name}": part for part in signal.parts(loop.group)}
         for name, part in {signal.name: None, **named}.items():
-            if always or name in asked:
+            if always or name in names:
                 value = signal.value(of[signal.name](), part)
                 # A compiled choice between numbers does not propagate NaN.
                 yield name, value if exists else value + np.nan

@@ -255,9 +255,9 @@ def laws(result: Result) -> list[Law]:
 
 def _own(entry: Mapping[str, Any]) -> str:
     """Return the gains and options that an entry of `controllers` sets: ``gains: kp 4``."""
-    gains = told(entry.get("gains"))
+    gains = in_words(entry.get("gains"))
     options = {key: value for key, value in entry.items() if key not in ("kind", *OF_EVERY_LAW)}
-    return "; ".join(filter(None, [f"gains: {gains}" if gains else "", told(options)]))
+    return "; ".join(filter(None, [f"gains: {gains}" if gains else "", in_words(options)]))
 
 
 def _law(label: str, title: str, kind: str, own: str) -> Law:
@@ -305,7 +305,7 @@ def _parts(config: Mapping[str, Any], result: Result) -> Iterator[StatedValue]:
     yield _stated("Runs", "", f"{result.runs} of each law, from seed {runs.get('seed', 0)}")
     time = config.get("time") or {}
     yield _stated(
-        "Time", "", f"{told(time.get('duration'))} s, {told(time.get('samples'))} samples"
+        "Time", "", f"{in_words(time.get('duration'))} s, {in_words(time.get('samples'))} samples"
     )
     yield _stated("Integration", "", _used(config.get("solver") or {}))
     yield _stated("Sweep", "", config.get("sweep"))
@@ -324,18 +324,18 @@ def _used(solver: Mapping[str, Any]) -> Mapping[str, Any]:
 def _quantity(name: str, symbol: str, value: Any) -> StatedValue:
     """State a tensor: a number is a multiple of the identity, a list a diagonal."""
     if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
-        return StatedValue(name, symbol, "", [[told(entry) for entry in row] for row in value])
+        return StatedValue(name, symbol, "", [[in_words(entry) for entry in row] for row in value])
     if isinstance(value, list):
-        return StatedValue(name, symbol, f"diag{told(value)}", [])
-    words = told(value)
+        return StatedValue(name, symbol, f"diag{in_words(value)}", [])
+    words = in_words(value)
     return StatedValue(name, symbol, f"{words} · I" if _is_number(value) else words, [])
 
 
 def _stated(name: str, symbol: str, value: Any) -> StatedValue:
-    return StatedValue(name, symbol, told(value), [])
+    return StatedValue(name, symbol, in_words(value), [])
 
 
-def told(value: Any) -> str:
+def in_words(value: Any) -> str:
     """Return a value of a configuration as running text; empty for None.
 
     ``{kind: normal, std: 1.0}`` becomes ``normal: std 1``, and ``[0.0, 1]`` becomes ``(0, 1)``.
@@ -350,13 +350,13 @@ def told(value: Any) -> str:
             number = str(int(value))
         return number.replace("3.14159", "π").replace("-", "−")
     if isinstance(value, list):
-        parts = [told(entry) for entry in value]
+        parts = [in_words(entry) for entry in value]
         if len(parts) > MOST_VALUES:
             ends = [*parts[: MOST_VALUES // 2], "…", parts[-1]]
             return f"{len(parts)} values {_tuple(ends)}"
         return "; ".join(parts) if any(isinstance(e, dict) for e in value) else _tuple(parts)
     if isinstance(value, Mapping):
-        named = {key: told(entry) for key, entry in value.items() if key != "kind"}
+        named = {key: in_words(entry) for key, entry in value.items() if key != "kind"}
         options = ", ".join(
             f"{key.replace('_', ' ')} {said}".strip()
             for key, said in named.items()

@@ -514,7 +514,7 @@ class Vehicle:
     def after_instant(
         self,
         G: MatrixLieGroup,
-        asked: Array,
+        torque: Array,
         states: Mapping[str, Array],
         solved: Array | None = None,
     ) -> dict[str, Array]:
@@ -526,8 +526,8 @@ class Vehicle:
             The `solution`, where it is known.
         """
         before = states[COMMANDS]
-        asked = self.if_due(states, asked, before[..., -G.dimension :], CONTROL)
-        queue = np.concatenate([before[..., G.dimension :], asked], axis=-1)
+        torque = self.if_due(states, torque, before[..., -G.dimension :], CONTROL)
+        queue = np.concatenate([before[..., G.dimension :], torque], axis=-1)
         changed, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
         if self.clocks:
             changed[CLOCKS] = self._next_ticks(states[CLOCKS])
@@ -551,10 +551,10 @@ class Vehicle:
                 command = actuator.output(G, command, x)
         return {**changed, HELD: command} if self._at_instants else changed
 
-    def solution(self, G: MatrixLieGroup, asked: Array, states: Mapping[str, Array]) -> Array:
+    def solution(self, G: MatrixLieGroup, torque: Array, states: Mapping[str, Array]) -> Array:
         """Return the solution of the actuator that `solves` at a control instant, ``(runs, n)``."""
-        after = self.after_instant(G, asked, states, np.zeros((len(asked), self.solves)))
-        inputs = self._inputs(G, asked, after)
+        after = self.after_instant(G, torque, states, np.zeros((len(torque), self.solves)))
+        inputs = self._inputs(G, torque, after)
         return next(each.solution(G, command) for each, command, _ in inputs if each.solves)
 
     def _inputs(

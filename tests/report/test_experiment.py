@@ -3,7 +3,7 @@
 import pytest
 
 from eqt_cli import api
-from eqt_cli.report.summary import given, laws, told
+from eqt_cli.report.summary import given, in_words, laws
 from eqt_cli.results.result import open_result
 
 
@@ -24,7 +24,7 @@ from eqt_cli.results.result import open_result
     ],
 )
 def test_values_as_running_text(value, words):
-    assert told(value) == words
+    assert in_words(value) == words
 
 
 def test_values_of_the_paper(paper_result):

@@ -11,7 +11,7 @@ import pytest
 import eqt_cli
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.report import report
-from eqt_cli.report.summary import told
+from eqt_cli.report.summary import in_words
 from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import open_result
 
@@ -109,7 +109,7 @@ def test_the_first_screen_says_what_is_compared_and_how_to_repeat_it(text):
 
 def test_numbers_are_written_as_in_a_paper():
     values = [-np.pi, 1_000_000, 0.5, float("inf"), 1e-6]
-    assert [told(value) for value in values] == ["−π", "1000000", "0.5", "inf", "1e−06"]
+    assert [in_words(value) for value in values] == ["−π", "1000000", "0.5", "inf", "1e−06"]
 
 
 def test_the_experiment_has_its_equations_and_values(text):

@@ -102,12 +102,12 @@ class Commands(Panelled, OverTime):
         """Draw one axis, thruster or wheel of a controller; shade where it is at a limit."""
         times, signal = runs.times(ensemble), self._signal
         given = runs.of_run(signal, ensemble, self.run)[:, k]
-        asked = given
+        command = given
         if signal == "torque" and ensemble.results.has("command"):
-            asked = runs.of_run("command", ensemble, self.run)[:, k]
+            command = runs.of_run("command", ensemble, self.run)[:, k]
         if ends is not None:
             low, high = float(ends[0][k]), float(ends[1][k])
-            beyond = (asked <= low + _NEAR * abs(low)) | (asked >= high - _NEAR * abs(high))
+            beyond = (command <= low + _NEAR * abs(low)) | (command >= high - _NEAR * abs(high))
         else:
             low, high = -np.inf, np.inf
             beyond = np.zeros(len(times), dtype=bool)
@@ -122,7 +122,7 @@ class Commands(Panelled, OverTime):
                 kinds.limits = True
         axes.plot(times, given, color=line_style(ensemble.look)["color"], label=_GIVEN[signal])
         if signal == "torque":
-            axes.plot(times, asked, color=ink(), label="asked", **_ASKED)
+            axes.plot(times, command, color=ink(), label="asked", **_ASKED)
         kinds.shaded |= bool(beyond.any())
 
     def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: "_Kinds") -> None:

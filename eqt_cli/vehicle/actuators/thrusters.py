@@ -226,13 +226,13 @@ class Thrusters(Actuator):
     def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the thrusts: of the state of the lag, or the commanded thrusts."""
         if not self.moves:
-            return self._asked(command, x)
+            return self._commanded(command, x)
         state: Any = x[..., -self.count :]
         return state if self.thrust_constant is None else self.thrust_constant * state * state
 
     def running(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the states of rotors that have long had a command."""
-        thrusts = self.solution(G, command) if self.sampled else self._asked(command, command)
+        thrusts = self.solution(G, command) if self.sampled else self._commanded(command, command)
         return np.concatenate([thrusts] * self.sampled + [self._followed(thrusts)], axis=-1)
 
     def _followed(self, thrusts: Array) -> Array:
@@ -241,7 +241,7 @@ class Thrusters(Actuator):
             return thrusts
         return sqrt(maximum(thrusts, 0.0) / self.thrust_constant)
 
-    def _asked(self, command: Array, x: Array) -> Array:
+    def _commanded(self, command: Array, x: Array) -> Array:
         """Return the commanded thrusts, within the limits."""
         if self.sampled:
             return x[..., : self.count]
@@ -250,7 +250,7 @@ class Thrusters(Actuator):
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (asked − x) / T, and 0 for thrusts that are solved for at the next instant."""
-        thrusts = self._asked(command, x)
+        thrusts = self._commanded(command, x)
         rate: Array = (self._followed(thrusts) - x[..., -self.count :]) / self.time_constant
         return np.concatenate([0.0 * thrusts, rate], axis=-1) if self.sampled else rate
 

@@ -223,7 +223,7 @@ class Wheels(Actuator):
             most = where(larger, size, most)
         return torques
 
-    def _asked(self, command: Array, x: Array) -> Array:
+    def _commanded(self, command: Array, x: Array) -> Array:
         """Return the torques for a command, without limits."""
         u = self.allocated(command)
         if self.pulled is not None:
@@ -233,7 +233,7 @@ class Wheels(Actuator):
 
     def _limited(self, command: Array, x: Array) -> Array:
         """Return the torques for a command, within the limit of torques."""
-        u = self._asked(command, x)
+        u = self._commanded(command, x)
         return u if self.limit is None else clip(u, -self.limit, self.limit)
 
     def torques(self, command: Array, x: Array) -> Array:
@@ -272,7 +272,7 @@ class Wheels(Actuator):
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Return where a torque is beyond its limit, or a momentum at its own."""
         there: Any = np.zeros(command.shape[:-1], dtype=bool)
-        pairs = (self.limit, self._asked(command, x)), (self.momentum, self.momenta(x))
+        pairs = (self.limit, self._commanded(command, x)), (self.momentum, self.momenta(x))
         for limit, values in pairs:
             if limit is not None:
                 there = there | (np.abs(values) >= limit * (1 - NEAR)).any(axis=-1)
