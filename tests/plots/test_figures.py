@@ -20,6 +20,7 @@ from matplotlib.transforms import Bbox
 from eqt_cli.analysis.verification import verify_stored
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.base import Extras, OfCertificates, OfReference, OfSweep, OverTime
+from eqt_cli.plots.drawing.layout import freeze
 from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.figures.certificates import Certificates
@@ -384,3 +385,17 @@ def test_certificates_of_a_verified_result_fit_the_sheet(result, width, opened, 
         inked = drawing.get_tightbbox()
     assert inked.x0 >= -0.01 and inked.x1 <= WIDTHS[width] + 0.01  # half a line's width
     assert encode(drawing, "pdf") == encode(drawing, "pdf")
+
+
+def test_the_name_of_a_colour_scale_stays_beside_its_numbers():
+    """A bar is narrower than its place in the layout, and gets its width when it is drawn."""
+    with house_style():
+        drawing = Figure(figsize=(7.0, 2.3))
+        panels = drawing.subplots(1, 3)
+        image = panels[-1].imshow(np.eye(3))
+        bar = drawing.colorbar(image, ax=panels, label="share (%)").ax
+        freeze(drawing)
+        drawing.draw_without_rendering()
+        name = bar.yaxis.label.get_window_extent()
+        numbers = [label.get_window_extent() for label in bar.get_yticklabels()]
+    assert not any(name.overlaps(number) for number in numbers)

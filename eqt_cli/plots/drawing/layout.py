@@ -257,6 +257,8 @@ def _keep_names(scales: Iterable[Axis]) -> None:
     """
     places, lines = list[tuple[Axis, int, float]](), dict[int, float]()
     for scale in scales:
+        if scale.axes.get_label() == COLOUR_SCALE:
+            continue  # its panel has its place only when it is drawn
         scale.get_tightbbox()  # which places the name
         x, y = scale.label.get_transform().transform(scale.label.get_position())
         spec, side = scale.axes.get_subplotspec(), str(scale.get_label_position())
