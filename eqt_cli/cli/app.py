@@ -170,6 +170,9 @@ class _Commands(Group):
             raise typer.Exit(getattr(error.__context__, "exit_code", 0)) from None
 
 
+# Given to each command, too: it keeps its options of help from the first time it is looked at.
+_HELP = {"help_option_names": ["-h", "--help"]}
+
 app = typer.Typer(
     name="eqt",
     cls=_Commands,
@@ -177,7 +180,7 @@ app = typer.Typer(
     epilog=example("eqt", "run configs/paper.yaml"),
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings=_HELP,
 )
 
 
@@ -206,8 +209,9 @@ def _command(name: str) -> Any:
     function = getattr(import_module(f"eqt_cli.cli.{module}"), found)
     alone = typer.Typer()
     if isinstance(function, typer.Typer):
-        alone.add_typer(function, name=name, rich_help_panel=panel)
+        alone.add_typer(function, name=name, rich_help_panel=panel, context_settings=_HELP)
     else:
         epilog = example(f"eqt {name}", arguments)
-        alone.command(name, cls=Command, rich_help_panel=panel, epilog=epilog)(function)
+        texts: Any = {"rich_help_panel": panel, "epilog": epilog, "context_settings": _HELP}
+        alone.command(name, cls=Command, **texts)(function)
     return get_group(alone).commands[name]
