@@ -19,7 +19,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import islice
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -597,6 +596,16 @@ def is_eqts(path: Path) -> bool:
     with path.open("rb") as stream:
         head = stream.read(_HEAD)
         if head.startswith(_PDF):
-            with mmap(stream.fileno(), 0, access=ACCESS_READ) as whole:
-                return whole.find(_PDF_MARK) >= 0
+            # In blocks: a mapped file that another process shortens would kill this one.
+            return _holds(stream, head, _PDF_MARK)
     return any(mark.match(head) for mark in _MARKS)
+
+
+def _holds(stream: BinaryIO, read: bytes, mark: bytes) -> bool:
+    """Whether a mark is in the bytes that were read, or in the rest of the file."""
+    while read:
+        if mark in read:
+            return True
+        more = stream.read(2**20)
+        read = read[-len(mark) :] + more if more else b""
+    return False
