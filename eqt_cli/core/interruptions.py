@@ -1,7 +1,7 @@
 """Turns requests to stop into exceptions: Ctrl-C, and the signals of clusters and terminals.
 
-A signal is deferred while a library is loaded or a process is started, so that neither remains
-half done.
+A signal is deferred while a library is loaded, a process is started or pydantic checks a value:
+the first two must not remain half done, and pydantic makes an error of the value of any exception.
 """
 
 import os
@@ -169,10 +169,10 @@ def _signal_main_thread(number: int) -> None:
 
 
 def _must_not_interrupt(frame: FrameType | None) -> bool:
-    """Whether a module is being imported or a process is being started."""
+    """Whether a module is imported, a process is started or pydantic builds or checks a value."""
     while frame is not None:
         file, function = frame.f_code.co_filename, frame.f_code.co_name
-        if file.startswith("<frozen importlib"):
+        if file.startswith("<frozen importlib") or _PYDANTIC in file:
             return True
         if function == "start" and file.endswith(_PROCESSES):
             return True
@@ -181,6 +181,7 @@ def _must_not_interrupt(frame: FrameType | None) -> bool:
 
 
 _PROCESSES = str(Path("multiprocessing", "process.py"))
+_PYDANTIC = f"{os.sep}pydantic{os.sep}"
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import time
 from typing import Annotated
 
 import pytest
-from pydantic import BaseModel, Discriminator, Tag
+from pydantic import BaseModel, BeforeValidator, Discriminator, Tag, TypeAdapter
 
 from eqt_cli.core.interruptions import ASKED_BY, Interrupted, as_exceptions
 
@@ -66,7 +66,8 @@ def test_a_signal_that_a_library_swallows_is_raised_again(capsys):
 
     def dump_and_wait():
         with as_exceptions(lambda: None):
-            assert model.model_dump(warnings="none") == {"value": (1, 2)}
+            dumped = model.__pydantic_serializer__.to_python(model, warnings="none")
+            assert dumped == {"value": (1, 2)}
             time.sleep(10)
             waited.append("to the end")
 
@@ -92,6 +93,26 @@ def test_a_signal_during_an_import_ends_the_wait_after_it(tmp_path, monkeypatch)
         load_and_wait()
     assert waited == []
     assert name in sys.modules
+
+
+def told(value):
+    signal.raise_signal(signal.SIGTERM)
+    time.sleep(0)
+    return value
+
+
+def test_a_signal_while_a_value_is_checked_is_no_error_of_the_value():
+    checked = []
+
+    def check_and_wait():
+        with as_exceptions(lambda: None):
+            checked.append(TypeAdapter(Annotated[str, BeforeValidator(told)]).validate_json('"a"'))
+            time.sleep(10)
+            checked.append("to the end")
+
+    with pytest.raises(Interrupted):
+        check_and_wait()
+    assert checked == ["a"]
 
 
 def test_other_ignored_exceptions_are_told_as_before():
