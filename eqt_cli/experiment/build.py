@@ -423,8 +423,8 @@ def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
         return group_named(name)
     except InputError as error:
         unchecked = ", ".join(key for key in OF_THE_GROUP if key in data)
-        more = f"; without it, the numbers of {unchecked} were not checked" if unchecked else ""
-        problems.add(f"{error.args[0]}{more}", error.remedies)
+        more = f", so the numbers of {unchecked} were not checked" if unchecked else ""
+        problems.add(error.args[0].replace(";", f"{more};", 1), error.remedies)
     return None
 
 

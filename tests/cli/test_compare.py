@@ -95,7 +95,7 @@ def test_differences_then_means_then_claims_and_verbose_has_all_pairs(invoke, pa
     done = invoke("compare", paper_result)
     lines = done.stdout.splitlines()
     pairs = "Paired differences from the same initial states, with 95 % bootstrap intervals"
-    means = "Means over 60 runs per law; ± half the 95 % bootstrap interval"
+    means = "Means over 0–20 s and 60 runs per law; ± half the 95 % bootstrap interval"
     claims = "Claims of Hampsey et al. (2025), section 7, tested on 60 runs per law"
     assert 0 == lines.index(pairs) < lines.index(means) < lines.index(claims)
     says = "  seen, not all settled: “All four of these controls are stabilising”"

@@ -56,7 +56,7 @@ def test_the_summary(eqt: Eqt) -> None:
     assert gt_row.split()[:2] == ["GT", "0/3"]
     assert blank == ""
     assert (window, space) == ("‖τ‖₅: mean ‖τ‖, first 5 s", "")
-    assert re.fullmatch(r"final attitude error  EqT: [\d.]+ deg; GT: [\d.]+ deg", attitude)
+    assert re.fullmatch(r"final attitude error \(deg\): EqT [\d.]+, GT [\d.]+", attitude)
     assert re.fullmatch(
         r"6 runs, simulation \d+\.\d s, cross-check \d+\.\d s, writing \d+\.\d s", runs
     )
@@ -87,7 +87,7 @@ def test_the_summary_tells_who_settled_and_how_long_actuators_are_at_a_limit(eqt
     lines = done.out.splitlines()
     assert [lines[2].split()[1], lines[3].split()[1], lines[8]] == [
         *(f"{count}/3" for count in settled),
-        f"time at a limit  EqT: {shares[0]:.2%}; GT: {shares[1]:.2%}",
+        f"time at a limit: EqT {shares[0]:.2%}, GT {shares[1]:.2%}",
     ]
     rows = json.loads(eqt(*run, "--json").out)["controllers"]
     assert [row["settled"] for row in rows] == settled

@@ -48,7 +48,7 @@ def test_units_of_a_user_are_in_headings_and_numbers(eqt: Eqt, result: str) -> N
     )
     out = eqt("show", result, "--unit", "mN m", "--unit", "arcsec").out
     assert "‖τ‖₅, mN m" in out
-    assert re.search(r"final attitude error  EqT: \S+ arcsec; GT: \S+ arcsec", out)
+    assert re.search(r"final attitude error \(arcsec\): EqT \S+, GT \S+", out)
 
 
 def test_a_file_shows_the_same_as_its_folder(eqt: Eqt, result: str) -> None:

@@ -593,11 +593,12 @@ def test_an_unknown_component(
 
 def test_an_unknown_group(message: Message) -> None:
     known = "R1, R3, SE2, SE23, SE3, SO2, SO3 and products such as SO3*R3"
-    unchecked = "; without it, the numbers of inertia, gains, reference, initial, controllers were "
-    unchecked += "not checked"
-    said = "c.yaml:1:1: group: unknown group 'SO4'; did you mean 'SO3'?"
-    assert message(group="SO4") == said + unchecked
-    assert message(group="Q") == f"c.yaml:1:1: group: unknown group 'Q'; known: {known}{unchecked}"
+    unchecked = (
+        ", so the numbers of inertia, gains, reference, initial, controllers were not checked"
+    )
+    said = f"c.yaml:1:1: group: unknown group 'SO4'{unchecked}; did you mean 'SO3'?"
+    assert message(group="SO4") == said
+    assert message(group="Q") == f"c.yaml:1:1: group: unknown group 'Q'{unchecked}; known: {known}"
 
 
 def test_a_misspelt_key_is_not_missing_too(message: Message) -> None:

@@ -263,8 +263,8 @@ def _number(row: Pair | Level, value: float, measured: PerRun) -> str:
 IN_FULL = ("d", "runs to decide")
 """Columns of the table of pairs that its brief form leaves out."""
 
-_KEYS = 3
-"""Number of leading columns that identify a row: measure, window, unit."""
+_KEYS = ["measure", "window", "unit"]
+"""Headings of `_measure`."""
 
 FEW = 20
 """Pairs below which coverage falls short of the confidence (docs/explanation/statistics.md)."""
@@ -287,18 +287,20 @@ def text_tables(
     laws_as_rows
         Whether the table of means has a row for each controller instead of each measure.
     brief
-        Whether the table of pairs is to fit 80 columns, without what only some readers need.
+        Whether the tables of means and pairs are to fit 80 columns: one column for measure, window
+        and unit, and pairs without what only some readers need.
     """
-    means = _controllers(comparison, notation)
+    whole = f"0–{comparison.horizon:g} s" * brief
+    means = _controllers(comparison, notation, whole * (not laws_as_rows))
     made = [
-        _pairs(comparison, notation, against, brief),
+        _pairs(comparison, notation, against, whole),
         _with_laws_as_rows(means) if laws_as_rows and means.blocks else means,
         _claims(comparison, notation),
     ]
     return {table.name: table for table in made if table.blocks}
 
 
-def _controllers(comparison: Comparison, write: Plain) -> TextTable:
+def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
     rows = []
     notes = []
     titles = comparison.titles
@@ -306,7 +308,7 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
         levels = list(group)
         here = levels[0].measured
         name, end = here.quantity.described, f"{here.window.stop:g} s"
-        rows.append([*_measure(here, write), *(_value(level, write) for level in levels)])
+        rows.append([*_measure(here, write, whole), *(_value(level, write) for level in levels)])
         censored = [
             f"{titles[level.controller]} {level.censored}" for level in levels if level.censored
         ]
@@ -330,25 +332,26 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
         notes.append(f"Failed runs, left out: {', '.join(failed)}.")
     if any(level.measured.quantity.counts for level in comparison.levels):
         notes.append(f"Shares of runs: with {100 * comparison.confidence:g} % Wilson intervals.")
-    caption = f"Means over {_runs_each(comparison)}"
+    caption = f"Means over {f'{whole} and ' * bool(whole)}{_runs_each(comparison)}"
     intervals = (x for x in comparison.levels if not x.measured.quantity.counts)
     if any(math.isfinite(level.low) for level in intervals):
         caption += f"; {write.plus_minus} half the {_level_name(comparison, write)} interval"
     laws = [write.text(titles[label]) for label in comparison.labels]
-    header = ["measure", "window", "unit", *laws]
+    keys = _KEYS[:1] if whole else _KEYS
     blocks = [Block("", rows)] if rows else []
-    return TextTable("controllers", caption, header, blocks, _plain(notes, write), keys=_KEYS)
+    notes = _plain(notes, write)
+    return TextTable("controllers", caption, [*keys, *laws], blocks, notes, keys=len(keys))
 
 
 def _with_laws_as_rows(table: TextTable) -> TextTable:
     """A column for each measure, with its window and unit in the heading."""
     across = list(zip(table.header, *table.rows, strict=True))
-    measures, windows, units = (column[1:] for column in across[:_KEYS])
+    measures, windows, units = (column[1:] for column in across[: table.keys])
     said = [
         f"{measure}, {window}{f' ({unit})' if unit else ''}"
         for measure, window, unit in zip(measures, windows, units, strict=True)
     ]
-    rows = [list(column) for column in across[_KEYS:]]
+    rows = [list(column) for column in across[table.keys :]]
     return replace(table, header=["controller", *said], blocks=[Block("", rows)], keys=1)
 
 
@@ -368,7 +371,7 @@ def _functions(comparison: Comparison) -> list[str]:
     return [f"L is each law's own function: {listed}. Different functions are not compared by it."]
 
 
-def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], brief: bool) -> TextTable:
+def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: str) -> TextTable:
     position = {label: index for index, label in enumerate(comparison.labels)}
 
     def names(pair: Pair) -> tuple[str, str]:
@@ -377,36 +380,30 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], brief: 
     def order(pair: Pair) -> tuple[int, int]:
         return position[pair.first], position[pair.second]
 
-    whole = f"0–{comparison.horizon:g} s"
-
-    def key(pair: Pair) -> list[str]:
-        name, window, unit = _measure(pair.measured, write)
-        named = filter(None, [pair.measured.quantity.plain, window.replace(whole, ""), unit])
-        return [", ".join(named)] if brief else [name, window, unit]
-
     shown = [p for p in comparison.pairs if not against or set(names(p)) & set(against)]
     blocks = []
     for (first, second), group in groupby(sorted(shown, key=order), key=names):
-        rows = [[*key(pair), *_pair_row(comparison, pair, write)] for pair in group]
+        rows = [_pair_row(comparison, pair, write, whole) for pair in group]
         blocks.append(Block(write.text(_difference(comparison, first, second)), rows))
     caption = "Paired differences from the same initial states"
     if any(math.isfinite(pair.low) for pair in shown):
         caption += f", with {_level_name(comparison, write)} intervals"
-    keys = ["measure"] if brief else ["measure", "window", "unit"]
+    keys = _KEYS[:1] if whole else _KEYS
     header = [*keys, "difference", "better in", "relative", *IN_FULL]
-    notes = [f"Over {whole} where no time is named."] if brief else []
+    notes = [f"Over {whole} where no time is named."] if whole else []
     notes += _plain(_pair_notes(comparison, shown), write)
     spare = ("runs to decide", "d", "relative", "better in")
     table = TextTable("pairs", caption, header, blocks, notes, spare, len(keys))
-    return table.without(IN_FULL) if brief else table
+    return table.without(IN_FULL) if whole else table
 
 
 def _difference(comparison: Comparison, first: str, second: str) -> str:
     return f"{comparison.titles[first]} − {comparison.titles[second]}"
 
 
-def _pair_row(comparison: Comparison, pair: Pair, write: Plain) -> list[str]:
+def _pair_row(comparison: Comparison, pair: Pair, write: Plain, whole: str) -> list[str]:
     return [
+        *_measure(pair.measured, write, whole),
         write.interval(pair.difference, pair.low, pair.high),
         write.text(_better_in(pair, comparison.titles)),
         _relative(pair, write),
@@ -515,8 +512,13 @@ def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> li
     return [what, window, outcome, str(judgement.verdict), _runs(judgement.runs_to_decide)]
 
 
-def _measure(measured: PerRun, write: Plain) -> list[str]:
-    return [write.name(measured.quantity), write.window(measured.window), write.unit(measured.unit)]
+def _measure(measured: PerRun, write: Plain, whole: str) -> list[str]:
+    """Return name, window and unit; given the window of most rows, as one cell without that."""
+    window, unit = write.window(measured.window), write.unit(measured.unit)
+    if not whole:
+        return [write.name(measured.quantity), window, unit]
+    named = [measured.quantity.plain, window.replace(whole, ""), unit]
+    return [", ".join(filter(None, named))]
 
 
 def _relative(pair: Pair, write: Plain) -> str:

@@ -132,11 +132,11 @@ def _shares(result: Result) -> Iterator[str]:
         turns = np.degrees(turn_of_distance(result.metric(f"final_{name}"))) * factor
         told = zip(result.titles, mean_over_runs(turns).tolist(), strict=True)
         part = f" of {name.removeprefix('pose_error_')}" if len(result.attitude_errors) > 1 else ""
-        words = "; ".join(f"{title}: {significant(mean)} {unit}" for title, mean in told)
-        yield f"final attitude error{part}  {words}"
+        words = ", ".join(f"{title} {significant(mean)}" for title, mean in told)
+        yield f"final attitude error{part} ({unit}): {words}"
     if all("saturated_share" in row for _, row in rows):
-        shares = "; ".join(f"{title}: {row['saturated_share']:.2%}" for title, row in rows)
-        yield f"time at a limit  {shares}"
+        shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
+        yield f"time at a limit: {shares}"
 
 
 def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:

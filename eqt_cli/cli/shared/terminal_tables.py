@@ -272,8 +272,9 @@ def _is_whole(cell: str) -> bool:
 
 
 def _is_number(text: str) -> bool:
+    """Return whether a cell is a number, perhaps in per cent, or a count of all: ``6/40``."""
     try:
-        float(text.removesuffix(" %"))
+        _ = [float(part) for part in text.removesuffix(" %").split("/")]
     except ValueError:
         return text in ("", "-")
     return True
