@@ -239,7 +239,9 @@ class PrescribedInertiaSection(Section):
 
 def _inertia_kind(value: Any) -> str | None:
     if isinstance(value, dict):
-        return "prescribed" if "matrix" in value else "factored"
+        if "matrix" in value:
+            return "prescribed"
+        return "factored" if {"initial", "factor"} & set(value) else None
     return rank(value)
 
 
@@ -247,7 +249,10 @@ _Varying = (
     Annotated[FactoredInertiaSection, Tag("factored")]
     | Annotated[PrescribedInertiaSection, Tag("prescribed")]
 )
-_INERTIAS = "a number, a list (the diagonal), a list of rows or a mapping"
+_INERTIAS = (
+    "a number, a list (the diagonal), a list of rows, or a mapping with `initial` and `factor` or "
+    "with `matrix`"
+)
 InertiaValue = Annotated[
     Annotated[Real, Unit(INERTIA), Tag("scalar")]
     | Annotated[Row, Unit(INERTIA), Tag("list")]
