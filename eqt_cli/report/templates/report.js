@@ -274,6 +274,7 @@
       $("slider").value = index;
       $("slider").setAttribute("aria-valuetext", `run ${data.runs[index]}`);
       $("run-name").textContent = data.runs[index];
+      if ($("run-to-animate")) $("run-to-animate").textContent = data.runs[index];
       $("previous").disabled = index === 0;
       $("next").disabled = index === data.runs.length - 1;
       $("run-summary").textContent = summarised();
