@@ -170,6 +170,7 @@ sweep_lag() {
 	sweep sweep_lag configs/sweep_lag.yaml --engine native
 	numbers envelope
 	picture sweep_lag envelope
+	picture winners winners
 }
 
 sweep_lqr() {

@@ -222,3 +222,11 @@ def test_the_gif_says_how_fast_it_is_played(flight):
     stage = _Stage(flight, 2.5)
     stage.picture(0)
     assert stage.clock.get_text() == "run 2,  $t$ = 0.0 s,  2.5 times as fast.  Grey: reference"
+
+
+def test_names_of_curves_stand_right_of_the_bodies(flight):
+    stage = _Stage(flight, 2.5)
+    stage.picture(0)
+    bodies = [each.axes.get_window_extent() for each in stage.bodies]
+    names = [each.now.axes.yaxis.label.get_window_extent() for each in stage.curves]
+    assert max(box.x1 for box in bodies) < min(box.x0 for box in names)

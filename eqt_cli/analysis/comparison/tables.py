@@ -514,11 +514,9 @@ def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> li
 
 def _measure(measured: PerRun, write: Plain, whole: str) -> list[str]:
     """Return name, window and unit; given the window of most rows, as one cell without that."""
-    window, unit = write.window(measured.window), write.unit(measured.unit)
-    if not whole:
-        return [write.name(measured.quantity), window, unit]
-    named = [measured.quantity.plain, window.replace(whole, ""), unit]
-    return [", ".join(filter(None, named))]
+    name = measured.quantity.plain if whole else write.name(measured.quantity)
+    row = [name, write.window(measured.window), write.unit(measured.unit)]
+    return [", ".join(word for word in row if word not in ("", whole))] if whole else row
 
 
 def _relative(pair: Pair, write: Plain) -> str:

@@ -255,14 +255,15 @@ def _keep_names(scales: Iterable[Axis]) -> None:
 
     Matplotlib would compare all numbers of the column for each of its scales, for every format.
     """
-    places, lines = list[tuple[Axis, int, float]](), dict[int, float]()
+    places, lines = list[tuple[Axis, Any, float]](), dict[Any, float]()
     for scale in scales:
         if scale.axes.get_label() == COLOUR_SCALE:
             continue  # its panel has its place only when it is drawn
         scale.get_tightbbox()  # which places the name
         x, y = scale.label.get_transform().transform(scale.label.get_position())
         spec, side = scale.axes.get_subplotspec(), str(scale.get_label_position())
-        column = spec.colspan.start if spec and side == "left" else -1 - len(places)
+        start = spec.colspan.start if spec and side == "left" else -1 - len(places)
+        column = scale.axes.figure, start  # of a part of a figure, such as the curves of a GIF
         lines[column] = min(x, lines.get(column, x))
         places.append((scale, column, y))
     for scale, column, y in places:

@@ -150,7 +150,7 @@ class Sphere(OfFirstRuns):
                 layout.add_title(axes, layout.panel_title(ensemble.title, suffix), room - _BESIDE)
         handles = path_legend(shown, self.runs, density=self.density)
         layout.add_legend(drawing, list(handles.values()), list(handles))
-        runs.remarks.append(f"Paths of the body axis $e_{self.axis}$ under the error $R_E$.")
+        runs.remarks.append(f"Paths of the axis $e_{self.axis}$ under the error $R_\\mathrm{{E}}$.")
         return drawing
 
     def _rotations(self, runs: ShownRuns) -> tuple[MatrixLieGroup, list[Part]]:
