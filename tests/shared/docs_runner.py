@@ -67,6 +67,7 @@ def blocks(page):
         language = re.sub(r"^\{code-block\}\s*", "", found["head"]).strip()
         caption = CAPTION.match(found["body"])
         text = found["body"][caption.end() :] if caption else found["body"]
+        text = text.replace(" \\\n", " ") if language == "sh" else text
         yield Block(language, caption.group(1) if caption else None, text)
 
 
