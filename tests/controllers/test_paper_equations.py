@@ -234,16 +234,6 @@ def test_homogeneous_damping_on_SO3_knows_no_frame(samples_of, data, kappa):
 
 @EXAMPLES
 @given(data=st.data())
-def test_errors_are_those_of_the_semidirect_group(samples, data):
-    s = tracking(samples, data)
-    Q_E, _ = Semidirect(s.G).error((s.Q, s.P), (s.Qd, s.Pd))
-    V_E, _ = Semidirect(s.G).Ad((s.Qd, s.Pd), (s.V - s.Vd, s.tau_d))
-    assert_equal(s.Q_E, Q_E)
-    assert_equal(s.V_E, V_E)
-
-
-@EXAMPLES
-@given(data=st.data())
 def test_lemma_6_1_error_velocity_and_energy(samples, data):
     """V_E = 𝕀̄⁻¹ P_E with 𝕀̄ = Ad*_{Q_d⁻¹} 𝕀 Ad_{Q_d⁻¹}, and h_E is the kinetic part of L."""
     s = tracking(samples, data)
@@ -282,16 +272,6 @@ def test_gt_by_the_levi_civita_connection(samples, data):
     nabla = (G.ad(V, Vd) - I.velocity(G.ad_star(V, s.Pd) + G.ad_star(Vd, s.P))) / 2
     Vd_dot = I.velocity(G.ad_star(Vd, s.Pd) + s.tau_d)
     assert_equal(law("gt").torque(s), I.momentum(nabla + Vd_dot))
-
-
-@on_groups(["name"], [(name,) for name in THE_FOUR])
-@EXAMPLES
-@given(data=st.data())
-def test_power_of_the_feedforward(samples, data, name):
-    """⟨τ_ff − τ_d, Ṽ⟩ = ⟨𝕀Ṽ, [V, V_d]⟩ for each of the four."""
-    s = without_gains(tracking(samples, data))
-    power = dot(law(name).torque(s) - s.tau_d, s.V_tilde)
-    assert_equal(power, dot(s.P_tilde, s.G.ad(s.V, s.Vd)))
 
 
 @EXAMPLES
@@ -458,13 +438,6 @@ def test_rate_of_L_on_the_plane_is_the_damping(samples, data, member, inertia, d
 def test_theorem_3_2_rate_of_L_is_the_damping(samples, data, inertia, derivative):
     rate, _, s = rate_of_L(samples, data, law("stabilising"), inertia, derivative)
     assert_is_difference(-dot(apply_matrix(s.gains.K_d, s.V), s.V), rate)
-
-
-@EXAMPLES
-@given(data=st.data(), member=members(on_plane=False))
-def test_closed_loop_integrates_the_rate_of_L_off_the_plane(samples, data, member, derivative):
-    rate, power, _ = rate_of_L(samples, data, member, constant, derivative)
-    assert_is_difference(power, -rate)
 
 
 @inertias

@@ -11,11 +11,8 @@ from small_experiment import configuration
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError, ResultError
 from eqt_cli.engines import Status
-from eqt_cli.execution import result_layout
 from eqt_cli.execution.executors import Executor, Outcome
-from eqt_cli.execution.executors.local import Local
 from eqt_cli.execution.executors.serial import Serial
-from eqt_cli.execution.part_files import unfinished
 from eqt_cli.execution.run_study import Shard, execute, pack_folder
 from eqt_cli.experiment.read_study import MOST_GROUPS, add_grids, study
 from eqt_cli.results.result import open_result
@@ -58,14 +55,6 @@ def study_in(folder, text, *overrides, grids=()):
 @pytest.fixture
 def make(tmp_path):
     return partial(study_in, tmp_path)
-
-
-class Stopping(Executor):
-    """Does some items and is then interrupted, as by Ctrl-C."""
-
-    def outcomes(self, task, items):
-        yield from Serial().outcomes(task, items[:3])
-        raise KeyboardInterrupt
 
 
 class Losing(Executor):
@@ -166,38 +155,6 @@ def test_groups_are_the_results_of_single_experiments(make, finished, tmp_path):
 
 
 @pytest.mark.slow("as test_execute.py has it of one experiment")
-def test_an_interrupted_one_continues_and_ends_the_same(make, text, whole, tmp_path):
-    out = tmp_path / "out"
-    with pytest.raises(KeyboardInterrupt):
-        execute(make(text), out, executor=Stopping(1))
-    found = unfinished(out)
-    assert (found.runs, found.done) == (40, 15)
-    outcome = execute(make(text), out)
-    assert (outcome.resumed, outcome.failed) == (15, 0)
-    assert_same(contents(out), whole)
-    assert not (out / "parts").exists()
-    assert execute(make(text), out).was_complete
-
-
-@pytest.mark.slow("computes a sweep anew")
-@only(["times"])
-def test_a_damaged_part_is_computed_again(make, text, whole, tmp_path):
-    out = tmp_path / "out"
-    with pytest.raises(KeyboardInterrupt):
-        execute(make(text), out, executor=Stopping(1))
-    (out / "parts/000001.h5").write_bytes(b"spoiled")
-    execute(make(text), out)
-    assert_same(contents(out), whole)
-
-
-@pytest.mark.slow("starts two processes that load the libraries")
-@only(["groups"])
-def test_processes_give_the_same_bits(make, text, whole, tmp_path):
-    execute(make(text), tmp_path / "out", executor=Local(2))
-    assert_same(contents(tmp_path / "out"), whole)
-
-
-@pytest.mark.slow("as test_execute.py has it of one experiment")
 def test_shards_and_pack_give_the_same_bits(make, text, whole, tmp_path):
     out = tmp_path / "out"
     execute(make(text), out, shard=Shard(1, 2))
@@ -223,29 +180,6 @@ def test_rerun_failed_mends_lost_parts_bit_for_bit(make, text, whole, tmp_path):
     assert_same(contents(out), whole)
 
 
-def execute_without(name, *arguments, **options):
-    """As a version of eqt computes it that does not keep a quantity."""
-    with pytest.MonkeyPatch.context() as patch:
-        known = result_layout.quantities
-        patch.setattr(
-            result_layout, "quantities", lambda *of: [q for q in known(*of) if q.name != name]
-        )
-        execute(*arguments, **options)
-
-
-@pytest.mark.slow("as test_execute.py has it of one experiment")
-@only(["times"])
-def test_rerun_failed_patches_results_that_lack_a_metric(make, text, whole, tmp_path):
-    out = tmp_path / "out"
-    execute_without("effort", make(text), out, executor=Losing(1))
-    assert execute(make(text), out, rerun_failed=True).failed == 0
-    with open_results(out) as results:
-        effort = results["effort"]
-        assert np.isfinite(effort).sum() == 10
-        for k in range(4):
-            np.testing.assert_array_equal(results.at(k)["effort"], effort[k])
-
-
 def test_a_result_runs_again_from_its_own_config(make, finished):
     folder, text = finished
     assert study(read_config(folder / "results.h5")).digest == make(text).digest
@@ -260,15 +194,6 @@ def test_metrics_only(make, text, tmp_path):
         assert not group.has("pose")
         assert group["initial_pose"].shape[0] == 5
         np.testing.assert_array_equal(group["effort"], results["effort"][1])
-
-
-@pytest.mark.slow("as test_execute.py has it of one experiment")
-@only(["groups"])
-def test_compressed_groups(make, tmp_path, whole):
-    execute(make(GROUPS, "store.compression=gzip"), tmp_path / "out")
-    with h5py.File(tmp_path / "out/results.h5") as file:
-        assert file["point_3/pose"].compression == "gzip"
-    assert_same(contents(tmp_path / "out"), whole)
 
 
 @pytest.mark.slow("computes a sweep anew")

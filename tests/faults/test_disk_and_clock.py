@@ -41,8 +41,10 @@ def expected(config: Path) -> Any:
     return contents(Path("expected/results.h5"))
 
 
-@pytest.mark.parametrize("name", ["manifest.json", "000001.h5", "results.h5"])
-@pytest.mark.parametrize("number", [errno.EIO, errno.ENOSPC], ids=["EIO", "full"])
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [("manifest.json", errno.EIO), ("000001.h5", errno.ENOSPC), ("results.h5", errno.EIO)],
+)
 def test_what_cannot_be_written_is_written_later(
     config: Path, expected: Any, monkeypatch: pytest.MonkeyPatch, name: str, number: int
 ) -> None:
@@ -92,7 +94,8 @@ def test_a_kill_leaves_whole_files_or_none(
     del expected
 
     def begun(out: str) -> subprocess.Popen[bytes]:
-        words = [f"{out}.html", "--date", "2026-01-01"] if command == "report" else [out]
+        page = [f"{out}.html", "--date", "2026-01-01", "--figure", "paper"]
+        words = page if command == "report" else [out]
         return subprocess.Popen(
             [sys.executable, "-c", START, command, given, "--out", *words],
             stdout=subprocess.DEVNULL,

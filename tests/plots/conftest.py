@@ -25,7 +25,7 @@ CONFIG = {
     },
     "ensemble": {"runs": RUNS, "seed": 1},
     "time": {"duration": 4.0, "samples": 41},
-    "solver": {"rtol": 1e-5, "cross_check": 0, "error_estimate": False},
+    "solver": {"rtol": 1e-3, "cross_check": 0, "error_estimate": False},
 }
 
 
@@ -96,20 +96,48 @@ def simulate(simulated_once):
     return found
 
 
-@pytest.fixture
-def opened(request):
-    """Open a result file until the test ends."""
-
-    def open_until_end(path):
-        results = open_result(path)
-        request.addfinalizer(results.close)
-        return results
-
-    return open_until_end
+@pytest.fixture(scope="session")
+def _open():
+    """Result files that are open, by their paths."""
+    found = {}
+    yield found
+    for results in found.values():
+        results.close()
 
 
 @pytest.fixture
-def altered(tmp_path, opened):
+def opened(_open):
+    """Open a result file, once for all tests."""
+
+    def open_once(path):
+        if path not in _open:
+            _open[path] = open_result(path)
+        return _open[path]
+
+    return open_once
+
+
+@pytest.fixture(scope="session")
+def _pictures():
+    return {}
+
+
+@pytest.fixture
+def picture(request, _pictures):
+    """A figure of results that stay open, drawn once for all tests that only look at it."""
+    arranged = "unarranged" not in request.fixturenames
+
+    def drawn(figure, *results, width="column"):
+        key = repr(figure), results, width, arranged
+        if key not in _pictures:
+            _pictures[key] = figure.draw(results, width)
+        return _pictures[key]
+
+    return drawn
+
+
+@pytest.fixture
+def altered(tmp_path, opened, request):
     """A result with some arrays replaced, or left out where None is given."""
 
     def alter(path, **arrays):
@@ -131,6 +159,8 @@ def altered(tmp_path, opened):
         )
         target = tmp_path / "altered.h5"
         write(target, table)
-        return opened(target)
+        altered = open_result(target)
+        request.addfinalizer(altered.close)
+        return altered
 
     return alter

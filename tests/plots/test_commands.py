@@ -53,11 +53,11 @@ def test_each_axis_is_shaded_at_its_own_limit(flown):
     assert drawing.get_supxlabel().endswith("Run 0.")
 
 
-def test_a_limit_of_another_kind_shades_all_axes(simulate, opened):
+def test_a_limit_of_another_kind_shades_all_axes(simulate, opened, picture):
     result = opened(simulate(actuators=[{"kind": "limit", "limit": 1.0, "norm": True}]))
     at_limit = result["at_limit"][0, 0] > 0
     assert at_limit.any() and not at_limit.all()
-    for panel in Commands(controllers=["eqt"]).draw([result]).axes:
+    for panel in picture(Commands(controllers=["eqt"]), result).axes:
         np.testing.assert_array_equal(shaded(panel, result.times), at_limit)
 
 
@@ -92,8 +92,8 @@ def test_a_figure_says_what_the_loop_contains(flown):
     )
 
 
-def test_of_the_papers_loop_there_is_nothing_to_say(so3, opened):
-    assert Paper().draw([opened(so3)]).get_supxlabel() == "Curves: mean over 6 runs."
+def test_of_the_papers_loop_there_is_nothing_to_say(so3, opened, picture):
+    assert picture(Paper(), opened(so3)).get_supxlabel() == "Curves: mean over 6 runs."
 
 
 THRUSTERS = {
@@ -106,9 +106,9 @@ THRUSTERS = {
 
 
 @pytest.mark.slow("flies a vehicle with thrusters")
-def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened):
+def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened, picture):
     result = opened(simulate(actuators=[THRUSTERS]))
-    drawing = Commands(run=2, thrusters=True).draw([result])
+    drawing = picture(Commands(run=2, thrusters=True), result)
     axes = {panel.get_label(): panel for panel in drawing.axes}
     highs = set()
     for k in range(4):

@@ -27,9 +27,9 @@ def drawn(drawing):
     return {(c.panel, c.name): c for c in curves(drawing)}
 
 
-def test_boxes_are_quantiles_and_means(so3, opened):
+def test_boxes_are_quantiles_and_means(so3, opened, picture):
     results = opened(so3)
-    found = drawn(Distributions().draw([results]))
+    found = drawn(picture(Distributions(), results))
     for row, controller in enumerate(results["controller"]):
         effort = results["effort"][row]
         low, lower, median, upper, high = np.quantile(effort, [0.1, 0.25, 0.5, 0.75, 0.9])
@@ -56,8 +56,8 @@ def test_of_many_runs_only_the_extremes_are_points(so3, opened, monkeypatch):
     assert texts == ["quartiles, median", "10–90 %", "mean", "extremes"]
 
 
-def test_controllers_are_named_beside_the_boxes_of_the_first_column(so3, opened):
-    drawing = Distributions().draw([opened(so3)])
+def test_controllers_are_named_beside_the_boxes_of_the_first_column(so3, opened, picture):
+    drawing = picture(Distributions(), opened(so3))
     left, right, *_ = drawing.axes
     assert [text.get_text() for text in left.get_yticklabels()] == ["EqT", "GT", "nog", "asym"]
     assert not any(text.get_visible() for text in right.get_yticklabels())
@@ -78,10 +78,10 @@ def test_trajectories_are_not_needed(so3, altered, opened):
     assert encode(figure.draw([without]), "svg") == expected
 
 
-def test_labels_name_unit_and_window(so3, opened):
+def test_labels_name_unit_and_window(so3, opened, picture):
     results = opened(so3)
     metrics = ["effort", "early_torque", "mean_pose_error", "settling_time", "steps"]
-    drawing = Distributions(metrics=metrics).draw([results])
+    drawing = picture(Distributions(metrics=metrics), results)
     assert [axes.get_xlabel() for axes in drawing.axes] == [
         r"effort in $\mathrm{(N\,m)^{2}\,s}$",
         r"mean $\|\tau\|$ $(\mathrm{N\,m})$, first 5 s",
@@ -135,10 +135,12 @@ def test_distribution_functions_of_many_runs_have_few_steps(so3, opened, monkeyp
     np.testing.assert_allclose(line.get_ydata(), [0, 1 / 6, 4 / 6, 1])
 
 
-def test_runs_of_several_results_are_counted_by_result(so3, simulate, opened):
+def test_runs_of_several_results_are_counted_by_result(so3, simulate, opened, picture):
     other = simulate(name="fewer", ensemble={"runs": 3, "seed": 2}, controllers=["gt"])
     metrics = ["settling_time"]
-    drawing = Distributions(controllers=["gt"], metrics=metrics).draw([opened(so3), opened(other)])
+    drawing = picture(
+        Distributions(controllers=["gt"], metrics=metrics), opened(so3), opened(other)
+    )
     (axes,) = drawing.axes
     assert [text.get_text() for text in axes.get_yticklabels()] == ["GT, small", "GT, fewer"]
     assert axes.get_title(loc="right") == "not settled"

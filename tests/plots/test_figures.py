@@ -237,10 +237,10 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
 
 
 @pytest.mark.parametrize("name", slow_but("phase"))
-def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened, drawn):
+def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened, drawn, picture):
     expected = drawn(name, so3).files
     with matplotlib.rc_context({"axes.facecolor": "black", "font.size": 20, "savefig.dpi": 50}):
-        drawing = figures.get(name)().draw([opened(so3)])
+        drawing = picture(figures.get(name)(), opened(so3))
         assert {format: encode(drawing, format) for format in expected} == expected
         assert matplotlib.rcParams["font.size"] == 20
 
@@ -305,8 +305,8 @@ def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
 
 @every_figure_over_time
 @unarranged
-def test_the_number_of_stored_runs_is_said(name, odd_names, opened):
-    drawing = figures.get(name)().draw([opened(odd_names)])
+def test_the_number_of_stored_runs_is_said(name, odd_names, opened, picture):
+    drawing = picture(figures.get(name)(), opened(odd_names))
     assert drawing.get_supxlabel().splitlines()[0] == "Trajectories of the first 4 of 6 runs."
 
 

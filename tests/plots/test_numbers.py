@@ -22,9 +22,9 @@ def curve(y, **changes):
     return replace(made, **changes)
 
 
-def test_curves_are_the_means_with_their_units(so3, opened):
+def test_curves_are_the_means_with_their_units(so3, opened, picture):
     results = opened(so3)
-    found = {(c.panel, c.name): c for c in curves(Paper().draw([results]))}
+    found = {(c.panel, c.name): c for c in curves(picture(Paper(), results))}
     assert list(found) == [
         (panel, name)
         for panel in ("pose_error", "velocity_error", "torque_norm", "lyapunov")
@@ -36,9 +36,9 @@ def test_curves_are_the_means_with_their_units(so3, opened):
     np.testing.assert_array_equal(one.y, results["velocity_error"][2].mean(axis=0))
 
 
-def test_edges_of_bands_are_quantiles(so3, opened):
+def test_edges_of_bands_are_quantiles(so3, opened, picture):
     results = opened(so3)
-    drawing = Torque(bands="quantiles", share="total").draw([results])
+    drawing = picture(Torque(bands="quantiles", share="total"), results)
     found = {(c.panel, c.name): c for c in curves(drawing)}
     low, high = np.quantile(results["torque"][1, ..., 2], [0.1, 0.9], axis=0)
     np.testing.assert_array_equal(found["ωz gt", "lower edge gt"].y, low)

@@ -14,9 +14,9 @@ pytestmark = pytest.mark.usefixtures("unarranged")
 SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
 
 
-def test_lines_are_the_means_over_runs(so3, opened):
+def test_lines_are_the_means_over_runs(so3, opened, picture):
     results = opened(so3)
-    drawing = Paper().draw([results])
+    drawing = picture(Paper(), results)
     assert len(drawing.axes) == 4
     for axes, signal in zip(drawing.axes, SIGNALS, strict=True):
         for index, line in enumerate(axes.lines):
@@ -25,9 +25,9 @@ def test_lines_are_the_means_over_runs(so3, opened):
 
 
 def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_own(
-    simulate, opened, curve_names
+    simulate, opened, curve_names, picture
 ):
-    drawing = Paper().draw([opened(simulate(controllers=["eqt", "goodarzi2013", "slotine_li"]))])
+    drawing = picture(Paper(), opened(simulate(controllers=["eqt", "goodarzi2013", "slotine_li"])))
     shown = [[line.get_label() for line in axes.lines] for axes in drawing.axes]
     assert shown == [["eqt", "goodarzi2013", "slotine_li"]] * 3 + [["eqt", "slotine_li"]]
     assert curve_names(drawing) == ["EqT", "Goodarzi 2013", "Slotine–Li"]
@@ -66,8 +66,8 @@ def test_stored_runs_are_paired_with_their_own_status(odd_names, altered, opened
     assert "_hidden: 1 of 4 runs failed; left out." in drawing.get_supxlabel()
 
 
-def test_axes_carry_symbols_and_units(so3, opened):
-    drawing = Paper().draw([opened(so3)])
+def test_axes_carry_symbols_and_units(so3, opened, picture):
+    drawing = picture(Paper(), opened(so3))
     assert [axes.get_ylabel() for axes in drawing.axes] == [
         r"$\|I - Q_{\mathrm{E}}\|_{\mathrm{F}}$",
         r"$\|V - V_{\mathrm{d}}\|$ $(\mathrm{rad/s})$",
@@ -82,9 +82,9 @@ def test_axes_carry_symbols_and_units(so3, opened):
     ]
 
 
-def test_rotation_and_translation_are_shown_apart(se3, opened):
+def test_rotation_and_translation_are_shown_apart(se3, opened, picture):
     results = opened(se3)
-    drawing = Paper().draw([results])
+    drawing = picture(Paper(), results)
     signals = [
         f"{norm}_{part}"
         for norm in ("pose_error", "velocity_error", "torque_norm")
@@ -104,9 +104,9 @@ def test_rotation_and_translation_are_shown_apart(se3, opened):
     assert [axes.get_title() for axes in drawing.axes[:2]] == ["rotation", "translation"]
 
 
-def test_parts_of_extended_poses_have_symbols_of_their_own(simulate, opened):
+def test_parts_of_extended_poses_have_symbols_of_their_own(simulate, opened, picture):
     results = opened(simulate(group="SE23", inertia=1.0, reference={"kind": "constant"}))
-    labels = [axes.get_ylabel().split(" $(")[0] for axes in Paper().draw([results]).axes[:6]]
+    labels = [axes.get_ylabel().split(" $(")[0] for axes in picture(Paper(), results).axes[:6]]
     assert labels == [
         r"$\|I - R_{\mathrm{E}}\|_{\mathrm{F}}$",
         r"$\|v_{\mathrm{E}}\|$",
@@ -124,9 +124,9 @@ def test_a_norm_without_parts_says_the_units_of_all_parts(se3, altered, opened):
     assert drawing.axes[1].get_ylabel() == r"$\|V - V_{\mathrm{d}}\|$ " + units
 
 
-def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened):
+def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened, picture):
     results = opened(so3)
-    drawing = Paper(bands="quantiles").draw([results])
+    drawing = picture(Paper(bands="quantiles"), results)
     panel = next(axes for axes in drawing.axes if axes.get_label() == "torque_norm asym")
     band = panel.collections[0].get_paths()[0].vertices
     expected = np.quantile(results["torque_norm"][3], [0.1, 0.9], axis=0)
@@ -135,9 +135,9 @@ def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened):
         assert (at_time.min(), at_time.max()) == (low, high)
 
 
-def test_log_leaves_a_torque_of_less_than_a_decade_linear_unless_asked(so3, opened):
+def test_log_leaves_a_torque_of_less_than_a_decade_linear_unless_asked(so3, opened, picture):
     for options, of_torque in (({}, "linear"), ({"log_torque": True}, "log")):
-        drawing = Paper(log=True, **options).draw([opened(so3)])
+        drawing = picture(Paper(log=True, **options), opened(so3))
         scales = [axes.get_yscale() for axes in drawing.axes]
         assert scales == ["log", "log", of_torque, "log"]
 
@@ -153,9 +153,9 @@ def test_log_is_of_a_torque_that_spans_a_decade_too(simulate, opened):
         assert {axes.get_yscale() for axes in torques} == of_torque
 
 
-def test_laws_panels_and_times_are_chosen(so3, opened):
+def test_laws_panels_and_times_are_chosen(so3, opened, picture):
     chosen = {"controllers": ["EqT", "asym"], "panels": ["lyapunov"], "start": 1.0, "end": 2.0}
-    (panel,) = Paper(**chosen).draw([opened(so3)]).axes
+    (panel,) = picture(Paper(**chosen), opened(so3)).axes
     assert [line.get_label() for line in panel.lines] == ["eqt", "asym"]
     assert panel.get_xlim() == (1.0, 2.0)
     result = opened(so3)
@@ -190,16 +190,16 @@ def test_what_cannot_be_chosen_is_said(options, message, so3, opened):
     assert str(caught.value) == message.format(path=so3)
 
 
-def test_linear_scales_begin_at_zero(so3, opened):
-    assert [axes.get_ylim()[0] for axes in Paper().draw([opened(so3)]).axes] == [0, 0, 0, 0]
+def test_linear_scales_begin_at_zero(so3, opened, picture):
+    assert [axes.get_ylim()[0] for axes in picture(Paper(), opened(so3)).axes] == [0, 0, 0, 0]
 
 
 def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(
-    odd_names, so3, opened, curve_names
+    odd_names, so3, opened, curve_names, picture
 ):
-    laws = curve_names(Paper().draw([opened(so3)]))
+    laws = curve_names(picture(Paper(), opened(so3)))
     assert laws == ["EqT", "GT", "nog", "asym"]
-    names = curve_names(Paper().draw([opened(odd_names)]))
+    names = curve_names(picture(Paper(), opened(odd_names)))
     assert [name.replace("\n", " ") for name in names] == [
         "_hidden",
         "g = $\\frac{1}{2}$",
@@ -231,20 +231,20 @@ def test_results_without_titles_take_those_of_laws_of_that_name(so3, opened, tmp
 
 
 @pytest.mark.parametrize("chosen", [["nog"], ["nog", "eqt"]])
-def test_chosen_controllers_keep_their_looks(chosen, so3, opened):
-    lines = Paper().draw([opened(so3)]).axes[0].lines
+def test_chosen_controllers_keep_their_looks(chosen, so3, opened, picture):
+    lines = picture(Paper(), opened(so3)).axes[0].lines
     every = dict(zip(["eqt", "gt", "nog", "asym"], lines, strict=True))
-    drawing = Paper(controllers=chosen).draw([opened(so3)])
+    drawing = picture(Paper(controllers=chosen), opened(so3))
     shown = [label for label in every if label in chosen]
     for label, line in zip(shown, drawing.axes[0].lines, strict=True):
         assert to_rgba(line.get_color()) == to_rgba(every[label].get_color())
         np.testing.assert_array_equal(line.get_ydata(), every[label].get_ydata())
 
 
-def test_bootstrap_bands_are_the_intervals_of_the_means(so3, opened):
+def test_bootstrap_bands_are_the_intervals_of_the_means(so3, opened, picture):
     """Against SciPy's own bootstrap, whose resamples and correction for small n differ."""
     results = opened(so3)
-    axes = Paper(bands="bootstrap", controllers=["gt"]).draw([results]).axes[0]
+    axes = picture(Paper(bands="bootstrap", controllers=["gt"]), results).axes[0]
     corners = axes.collections[0].get_paths()[0].vertices
     found = corners[np.isclose(corners[:, 0], 2.0)][:, 1]
     values = results["pose_error"][1, :, 20]

@@ -33,30 +33,30 @@ def test_every_good_run_is_a_path_with_start_and_end(so3, altered, opened):
         np.testing.assert_array_equal(lines[name].get_xdata(), results["pose_error"][0, good, at])
 
 
-def test_only_the_first_runs_are_drawn_and_the_legend_says_so(so3, opened):
-    drawing = PhaseFigure(runs=2).draw([opened(so3)])
+def test_only_the_first_runs_are_drawn_and_the_legend_says_so(so3, opened, picture):
+    drawing = picture(PhaseFigure(runs=2), opened(so3))
     for axes in drawing.axes:
         assert [line.get_label() for line in axes.lines][:4] == ["run 0", "run 1", "start", "end"]
     texts = [text.get_text() for text in drawing.legends[0].get_texts()]
     assert texts[0] == "first 2 runs"
 
 
-def test_a_shade_shows_where_all_runs_pass_and_is_no_number_to_keep(so3, opened):
-    shaded = PhaseFigure(runs=1).draw([opened(so3)])
+def test_a_shade_shows_where_all_runs_pass_and_is_no_number_to_keep(so3, opened, picture):
+    shaded = picture(PhaseFigure(runs=1), opened(so3))
     (cells,) = shaded.axes[0].collections
     assert 0 < np.ma.max(cells.get_array()) <= 1
-    plain = PhaseFigure(runs=1, density=False).draw([opened(so3)])
+    plain = picture(PhaseFigure(runs=1, density=False), opened(so3))
     assert not plain.axes[0].collections
     assert [c.name for c in curves(shaded)] == [c.name for c in curves(plain)]
 
 
-def test_paths_have_arrows(so3, opened):
-    axes = PhaseFigure(runs=3).draw([opened(so3)]).axes[0]
+def test_paths_have_arrows(so3, opened, picture):
+    axes = picture(PhaseFigure(runs=3), opened(so3)).axes[0]
     assert len([text for text in axes.texts if text.arrow_patch is not None]) == 6
 
 
-def test_panels_share_scales_that_start_at_zero(so3, opened):
-    drawing = PhaseFigure().draw([opened(so3)])
+def test_panels_share_scales_that_start_at_zero(so3, opened, picture):
+    drawing = picture(PhaseFigure(), opened(so3))
     (across,) = {axes.get_xlim() for axes in drawing.axes}
     (up,) = {axes.get_ylim() for axes in drawing.axes}
     assert (across[0], up[0]) == (0, 0)
@@ -89,8 +89,8 @@ def test_half_turns_are_marked_only_where_the_scale_reaches_them(so3, altered, o
     assert [text.get_text() for text in drawing.legends[0].get_texts()][-1] == "where runs pass"
 
 
-def test_logarithmic_scales(so3, opened):
-    for axes in PhaseFigure(log=True).draw([opened(so3)]).axes:
+def test_logarithmic_scales(so3, opened, picture):
+    for axes in picture(PhaseFigure(log=True), opened(so3)).axes:
         assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
 
 

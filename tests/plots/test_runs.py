@@ -61,9 +61,9 @@ def test_errors_that_span_a_decade_have_a_logarithmic_scale(so3, altered, opened
 
 
 @unarranged
-def test_parts_have_columns_and_scales_of_their_own(se3, opened):
+def test_parts_have_columns_and_scales_of_their_own(se3, opened, picture):
     results = opened(se3)
-    drawing = RunsFigure(signal="torque_norm").draw([results])
+    drawing = picture(RunsFigure(signal="torque_norm"), results)
     assert [axes.get_title() for axes in drawing.axes[:3]] == [
         "EqT, rotation",
         "EqT, translation",
@@ -83,20 +83,20 @@ def test_parts_have_columns_and_scales_of_their_own(se3, opened):
 
 
 @unarranged
-def test_the_lyapunov_function_has_no_parts(se3, opened):
-    drawing = RunsFigure(signal="lyapunov", log=True).draw([opened(se3)])
+def test_the_lyapunov_function_has_no_parts(se3, opened, picture):
+    drawing = picture(RunsFigure(signal="lyapunov", log=True), opened(se3))
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog", "asym"]
     assert {axes.get_yscale() for axes in drawing.axes} == {"log"}
 
 
 @unarranged
-def test_an_odd_number_of_controllers_leaves_a_place_empty(so3, opened):
-    drawing = RunsFigure(controllers=["eqt", "gt", "nog"]).draw([opened(so3)])
+def test_an_odd_number_of_controllers_leaves_a_place_empty(so3, opened, picture):
+    drawing = picture(RunsFigure(controllers=["eqt", "gt", "nog"]), opened(so3))
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog"]
     numbered = [len(axes.get_xticklabels()) > 0 for axes in drawing.axes]
     assert numbered == [False, True, True]
 
 
-def test_a_single_controller_fills_the_width(so3, opened):
-    (axes,) = RunsFigure(controllers=["gt"]).draw([opened(so3)]).axes
+def test_a_single_controller_fills_the_width(so3, opened, picture):
+    (axes,) = picture(RunsFigure(controllers=["gt"]), opened(so3)).axes
     assert axes.get_position().width > 0.8

@@ -14,8 +14,8 @@ from eqt_cli.plots.render import encode, figure_from, render
 pytestmark = pytest.mark.usefixtures("unarranged")
 
 
-def test_files_say_what_they_show(so3, opened):
-    drawing = Paper().draw([opened(so3)])
+def test_files_say_what_they_show(so3, opened, picture):
+    drawing = picture(Paper(), opened(so3))
     pdf = encode(drawing, "pdf", "small: paper", "Means\x01over runs.")
     assert b"(small: paper)" in pdf
     assert b"(Means over runs.)" in pdf
@@ -50,8 +50,8 @@ def test_a_slide_is_13_inches_wide_in_every_format(so3, opened, tmp_path):
     assert is_eqts(files[3])
 
 
-def test_pdf_embeds_fonts_that_can_be_edited(so3, opened):
-    pdf = encode(Paper().draw([opened(so3)]), "pdf")
+def test_pdf_embeds_fonts_that_can_be_edited(so3, opened, picture):
+    pdf = encode(picture(Paper(), opened(so3)), "pdf")
     assert b"/CIDFontType2" in pdf
     assert b"/Type3" not in pdf
 

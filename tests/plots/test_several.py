@@ -40,13 +40,13 @@ def test_every_result_keeps_its_own_times_and_values(so3, stiff, opened):
     assert axes.get_xlim() == (0, 5)
 
 
-def test_the_legend_names_controller_and_result(so3, stiff, opened, curve_names):
-    drawing = Paper(controllers=["eqt"]).draw([opened(so3), opened(stiff)])
+def test_the_legend_names_controller_and_result(so3, stiff, opened, curve_names, picture):
+    drawing = picture(Paper(controllers=["eqt"]), opened(so3), opened(stiff))
     assert curve_names(drawing) == ["EqT, small", "EqT, stiff"]
 
 
-def test_a_law_has_its_colour_in_every_result_and_a_result_its_dashes(so3, stiff, opened):
-    lines = Paper().draw([opened(so3), opened(stiff)]).axes[0].lines
+def test_a_law_has_its_colour_in_every_result_and_a_result_its_dashes(so3, stiff, opened, picture):
+    lines = picture(Paper(), opened(so3), opened(stiff)).axes[0].lines
     looks = {line.get_label(): (line.get_color(), str(line.get_linestyle())) for line in lines}
     eqt, gt = looks["eqt, small"], looks["gt, small"]
     assert looks["eqt, stiff"][0] == eqt[0] and looks["gt, stiff"][0] == gt[0] != eqt[0]
@@ -104,9 +104,9 @@ def test_a_style_of_two_colours_tells_the_shown_laws_apart(chosen, so3, opened, 
     assert len({colour for colour, _ in looks}) == 2
 
 
-def test_a_colour_is_chosen_and_equal_ones_differ_in_dashes(so3, opened):
+def test_a_colour_is_chosen_and_equal_ones_differ_in_dashes(so3, opened, picture):
     chosen = {"gt": "gold", "nog": "#ffd700", "asym": "tab:blue"}
-    lines = Paper(colours=chosen).draw([opened(so3)]).axes[0].lines
+    lines = picture(Paper(colours=chosen), opened(so3)).axes[0].lines
     own, *others = [line.get_color() for line in lines]
     assert others == ["#ffd700", "#ffd700", "#1f77b4"] and own not in others
     assert lines[1]._unscaled_dash_pattern != lines[2]._unscaled_dash_pattern
@@ -129,22 +129,22 @@ def test_a_wrong_colour(so3, opened, colours, message):
     assert str(caught.value) == f"{so3}: figure 'paper' {message}"
 
 
-def test_all_curves_of_one_law_differ_in_colour_and_dashes(so3, stiff, opened):
-    lines = Paper(controllers=["eqt"]).draw([opened(so3), opened(stiff)]).axes[0].lines
+def test_all_curves_of_one_law_differ_in_colour_and_dashes(so3, stiff, opened, picture):
+    lines = picture(Paper(controllers=["eqt"]), opened(so3), opened(stiff)).axes[0].lines
     assert len({line.get_color() for line in lines}) == 2
     assert len({str(line.get_linestyle()) for line in lines}) == 2
 
 
-def test_torques_are_drawn_with_their_own_reference(so3, opened, simulate):
+def test_torques_are_drawn_with_their_own_reference(so3, opened, simulate, picture):
     other = simulate(name="other", reference={"torque": ["sin(t)", "0", "1"]}, controllers=["eqt"])
-    drawing = Torque(controllers=["eqt"], share="total").draw([opened(so3), opened(other)])
+    drawing = picture(Torque(controllers=["eqt"], share="total"), opened(so3), opened(other))
     drawn = {line.get_label(): line.get_ydata() for line in drawing.axes[0].lines}
     np.testing.assert_array_equal(drawn["desired, small"], opened(so3)["desired_torque"][:, 0])
     np.testing.assert_array_equal(drawn["desired, other"], opened(other)["desired_torque"][:, 0])
 
 
-def test_single_runs_have_a_panel_per_controller_and_result(so3, stiff, opened):
-    drawing = RunsFigure().draw([opened(so3), opened(stiff)])
+def test_single_runs_have_a_panel_per_controller_and_result(so3, stiff, opened, picture):
+    drawing = picture(RunsFigure(), opened(so3), opened(stiff))
     titles = [axes.get_title() for axes in drawing.axes]
     assert titles[3:5] == ["asym, small", "GT, stiff"]
 

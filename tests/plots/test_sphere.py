@@ -92,7 +92,7 @@ def test_of_a_rigid_motion_the_rotation_is_shown(se3, opened):
     np.testing.assert_allclose(drawing.axes[0].lines[0].get_xdata(), x, **ROUNDING)
 
 
-def test_two_rotations_have_two_columns(simulate, opened):
+def test_two_rotations_have_two_columns(simulate, opened, picture):
     result = simulate(
         group="SO3*SO3",
         inertia=1.0,
@@ -105,12 +105,12 @@ def test_two_rotations_have_two_columns(simulate, opened):
         controllers=["eqt"],
         ensemble={"runs": 2, "seed": 1},
     )
-    drawing = Sphere().draw([opened(result)])
+    drawing = picture(Sphere(), opened(result))
     assert [axes.get_title() for axes in drawing.axes] == ["EqT, rotation 1", "EqT, rotation 2"]
 
 
-def test_the_graticule_is_numbered(so3, opened):
-    texts = [text.get_text() for text in Sphere(axis="x").draw([opened(so3)]).axes[0].texts]
+def test_the_graticule_is_numbered(so3, opened, picture):
+    texts = [text.get_text() for text in picture(Sphere(axis="x"), opened(so3)).axes[0].texts]
     assert [text for text in texts if text] == ["0°", "45°", "90°", "180°", "$e_y$", "$e_z$"]
 
 

@@ -163,10 +163,10 @@ def test_a_grid_as_dark_as_text_is_drawn_as_a_tint():
 
 
 @unarranged
-def test_a_sheet_changes_neither_width_nor_names_in_files(style, so3, opened):
+def test_a_sheet_changes_neither_width_nor_names_in_files(style, so3, opened, picture):
     greedy = style("savefig.bbox: tight", "svg.hashsalt: other", "figure.autolayout: True")
     drawing = figures.get("paper")().draw([opened(so3)], style=greedy)
-    plain = figures.get("paper")().draw([opened(so3)])
+    plain = picture(figures.get("paper")(), opened(so3))
     assert encode(drawing, "svg", style=greedy) == encode(plain, "svg")
 
 

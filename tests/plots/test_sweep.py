@@ -37,9 +37,9 @@ def swept(simulate, opened):
     return of
 
 
-def test_one_key_gives_curves_of_means_with_bands(swept):
+def test_one_key_gives_curves_of_means_with_bands(swept, picture):
     results = swept(ONE)
-    drawing = SweepFigure(metric="effort").draw([results])
+    drawing = picture(SweepFigure(metric="effort"), results)
     (panel,) = drawing.axes
     assert panel.get_xscale() == "log"
     assert panel.get_xlabel() == r"$k_d$ $(\mathrm{N\,m\,s})$"
@@ -50,16 +50,16 @@ def test_one_key_gives_curves_of_means_with_bands(swept):
     assert len(panel.collections) == 2
 
 
-def test_few_values_are_the_ticks_and_no_marker_is_cut(swept):
-    (panel,) = SweepFigure().draw([swept(ONE)]).axes
+def test_few_values_are_the_ticks_and_no_marker_is_cut(swept, picture):
+    (panel,) = picture(SweepFigure(), swept(ONE)).axes
     assert [text.get_text() for text in panel.get_xticklabels()] == ["0.25", "0.5", "1", "2"]
     assert panel.get_xticks(minor=True).size == 0
     low, high = panel.get_xlim()
     assert low < 0.25 and high > 2
 
 
-def test_controllers_have_markers_of_their_own_which_hide_no_other(swept):
-    (panel,) = SweepFigure().draw([swept(ONE)]).axes
+def test_controllers_have_markers_of_their_own_which_hide_no_other(swept, picture):
+    (panel,) = picture(SweepFigure(), swept(ONE)).axes
     assert [line.get_marker() for line in panel.lines] == ["o", "s"]
     assert {line.get_markerfacecolor() for line in panel.lines} == {"none"}
 
@@ -86,9 +86,9 @@ def test_many_values_get_round_numbers():
     assert values[0] not in axes.get_xticks()
 
 
-def test_two_keys_give_a_map_per_controller_on_one_scale(swept):
+def test_two_keys_give_a_map_per_controller_on_one_scale(swept, picture):
     results = swept(TWO)
-    drawing = SweepFigure().draw([results])
+    drawing = picture(SweepFigure(), results)
     maps = [axes.collections[0] for axes in drawing.axes[:2]]
     for controller, image in enumerate(maps):
         found = results["mean_pose_error"][:, controller].mean(axis=-1).reshape(3, 2)
@@ -100,9 +100,9 @@ def test_two_keys_give_a_map_per_controller_on_one_scale(swept):
     ]
 
 
-def test_numbers_in_cells_keep_their_colours_in_a_report(swept):
+def test_numbers_in_cells_keep_their_colours_in_a_report(swept, picture):
     """A report takes white for the background and black for the text of its page."""
-    figure = SweepFigure().draw([swept(TWO)])
+    figure = picture(SweepFigure(), swept(TWO))
     written = {text.get_color() for panel in figure.axes for text in panel.texts}
     assert written and not written & {"white", "black"}
 
@@ -111,18 +111,18 @@ def test_keys_that_change_together_are_one_axis(swept):
     assert [axis.key for axis in ShownSweep(swept(LINKED), "sweep").axes] == ["gains.kd"]
 
 
-def test_pareto_shows_every_point_and_the_front(swept):
+def test_pareto_shows_every_point_and_the_front(swept, picture):
     results = swept(ONE)
-    (panel,) = Pareto().draw([results]).axes
+    (panel,) = picture(Pareto(), results).axes
     cost = results["effort"].mean(axis=-1)
     np.testing.assert_allclose(panel.collections[0].get_offsets()[:, 0], cost[:, 0], rtol=1e-14)
     assert len(panel.lines) == 2
 
 
-def test_points_of_few_fronts_carry_what_was_swept(swept):
+def test_points_of_few_fronts_carry_what_was_swept(swept, picture):
     results = swept(BOTH)
-    assert not Pareto().draw([results]).axes[0].texts
-    drawing = Pareto().draw([results], "page")
+    assert not picture(Pareto(), results).axes[0].texts
+    drawing = picture(Pareto(), results, width="page")
     (panel,) = drawing.axes
     cost, error = (results[name].mean(axis=-1) for name in ("effort", "mean_pose_error"))
     names = [f"kd {kd}, kp {kp}" for kd in ("0.5", "1") for kp in ("1", "2")]
@@ -282,20 +282,20 @@ def test_a_sweep_in_which_runs_fail_everywhere_has_no_figure(swept, altered):
 # Names, marks and winners -------------------------------------------------------------------------
 
 
-def test_scales_have_names_and_units_instead_of_keys(swept):
-    (panel,) = SweepFigure().draw([swept(ONE)]).axes
+def test_scales_have_names_and_units_instead_of_keys(swept, picture):
+    (panel,) = picture(SweepFigure(), swept(ONE)).axes
     assert panel.get_xlabel() == r"$k_d$ $(\mathrm{N\,m\,s})$"
 
 
-def test_a_range_that_asks_for_a_logarithmic_scale_gets_one(swept):
+def test_a_range_that_asks_for_a_logarithmic_scale_gets_one(swept, picture):
     axes = {"gains.kd": {"low": 0.1, "high": 1, "scale": "log"}}
-    (panel,) = SweepFigure().draw([swept([{"lhs": {"points": 3, "axes": axes}}])]).axes
+    (panel,) = picture(SweepFigure(), swept([{"lhs": {"points": 3, "axes": axes}}])).axes
     assert panel.get_xscale() == "log"
 
 
-def test_the_best_cell_of_a_map_has_a_frame(swept):
+def test_the_best_cell_of_a_map_has_a_frame(swept, picture):
     results = swept(BOTH)
-    panel = SweepFigure().draw([results]).axes[0]
+    panel = picture(SweepFigure(), results).axes[0]
     means = results["mean_pose_error"][:, 0].mean(axis=-1)
     rows, columns = {0.5: 0, 1: 1}, {1: 0, 2: 1}
     kd, kp = (results.coordinate(f"gains.{key}")[means.argmin()] for key in ("kd", "kp"))
@@ -320,16 +320,16 @@ def test_cells_with_failed_runs_are_hatched_and_are_not_the_best(swept, altered)
     assert abs(cell.x0 - frame.x0) > 0.5 or abs(cell.y0 - frame.y0) > 0.5
 
 
-def test_winners_are_those_of_the_comparison(swept):
+def test_winners_are_those_of_the_comparison(swept, picture):
     results = swept(TWO)
     found = compare_map(results, "effort", Resampling(confidence=0.9, resamples=999))
-    image = Winners(metric="effort", confidence=0.9).draw([results]).axes[0].collections[0]
+    image = picture(Winners(metric="effort", confidence=0.9), results).axes[0].collections[0]
     drawn = np.asarray(image.get_array()).reshape(2, 3)
     assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]
 
 
-def test_cells_over_one_key_are_as_high_as_the_panel(swept):
-    panel = Winners(metric="effort").draw([swept(TWO[:1])]).axes[0]
+def test_cells_over_one_key_are_as_high_as_the_panel(swept, picture):
+    panel = picture(Winners(metric="effort"), swept(TWO[:1])).axes[0]
     box = panel.collections[0].get_window_extent()
     assert box.height == pytest.approx(panel.get_window_extent().height, rel=1e-3)
 
@@ -337,9 +337,9 @@ def test_cells_over_one_key_are_as_high_as_the_panel(swept):
 CASES = [{"cases": {"ideal": {}, "soft": {"gains.kp": 0.5}, "stiff": {"gains.kp": 4}}}]
 
 
-def test_a_forest_has_a_row_for_each_case_with_paired_differences_and_shares(swept):
+def test_a_forest_has_a_row_for_each_case_with_paired_differences_and_shares(swept, picture):
     results = swept(CASES, ensemble={"runs": 8, "seed": 1}, settling_threshold="40 deg")
-    drawing = Forest(metric="effort", confidence=0.5).draw([results])
+    drawing = picture(Forest(metric="effort", confidence=0.5), results)
     left, right = drawing.axes
     (notes,) = (text.get_text() for text in drawing.texts if "per row" in text.get_text())
     assert " ".join(notes.split()).startswith(
@@ -398,9 +398,9 @@ def settled_by(results, time):
 
 
 @pytest.mark.slow("computes a sweep of its own")
-def test_an_envelope_shows_the_share_that_settles_with_its_intervals(swept):
+def test_an_envelope_shows_the_share_that_settles_with_its_intervals(swept, picture):
     results = swept(LAGS, **FLIES)
-    (panel,) = Envelope().draw([results]).axes
+    (panel,) = picture(Envelope(), results).axes
     counts = settled_by(results, np.inf)
     assert counts.min() < counts.max()  # else the figure would show nothing
     for controller, line in enumerate(panel.lines):
@@ -412,9 +412,9 @@ def test_an_envelope_shows_the_share_that_settles_with_its_intervals(swept):
 
 
 @pytest.mark.slow("computes an experiment several times")
-def test_an_envelope_may_ask_for_an_earlier_time(swept):
+def test_an_envelope_may_ask_for_an_earlier_time(swept, picture):
     results = swept(LAGS, **FLIES)
-    (panel,) = Envelope(by=2.0).draw([results]).axes
+    (panel,) = picture(Envelope(by=2.0), results).axes
     np.testing.assert_allclose(panel.lines[0].get_ydata(), settled_by(results, 2.0)[:, 0] / 6)
     assert panel.get_ylabel() == "share settled by 2 s (%)"
 
@@ -429,8 +429,8 @@ def test_a_failed_run_has_not_settled(swept, altered):
     assert "1 run failed; counted as not settled." in drawing.get_supxlabel()
 
 
-def test_a_second_key_has_a_panel_for_each_value(swept):
-    drawing = Envelope().draw([swept(BOTH)])
+def test_a_second_key_has_a_panel_for_each_value(swept, picture):
+    drawing = picture(Envelope(), swept(BOTH))
     assert [axes.get_title() for axes in drawing.axes] == ["$k_p$ 1 N m", "$k_p$ 2 N m"]
 
 
@@ -457,9 +457,9 @@ NEAR_A_HALF_TURN = [
 ]
 
 
-def test_a_region_has_the_share_that_settles_in_every_cell_with_its_interval(swept):
+def test_a_region_has_the_share_that_settles_in_every_cell_with_its_interval(swept, picture):
     results = swept(NEAR_A_HALF_TURN, **STARTS)
-    drawing = Region().draw([results])
+    drawing = picture(Region(), results)
     # Counted directly, from the errors at the end: ‖I − R‖_F is 2√2 sin(θ/2).
     within = results["final_pose_error"] <= 2 * np.sqrt(2) * np.sin(np.radians(30))
     counts = within.sum(axis=-1)
@@ -518,14 +518,14 @@ def test_an_interval_in_a_cell_is_no_narrower_than_it_is():
     assert found == ["94–100", "0–4", "99.98–99.99"]
 
 
-def test_bands_of_a_share_are_its_intervals(swept):
+def test_bands_of_a_share_are_its_intervals(swept, picture):
     results = swept(LAGS, **FLIES)
-    (panel,) = SweepFigure(metric="settled").draw([results]).axes
+    (panel,) = picture(SweepFigure(metric="settled"), results).axes
     counts = settled_by(results, np.inf)[:, 0]
     edges = panel.collections[0].get_paths()[0].vertices[:, 1]
     assert edges.max() == pytest.approx(max(share(int(n), 6, 0.95).high for n in counts))
 
 
-def test_a_map_of_shares_says_how_well_they_are_known(swept):
-    drawing = SweepFigure(metric="settled").draw([swept(TWO)])
+def test_a_map_of_shares_says_how_well_they_are_known(swept, picture):
+    drawing = picture(SweepFigure(metric="settled"), swept(TWO))
     assert "(intervals to ±0." in drawing.axes[-1].get_ylabel()

@@ -44,9 +44,9 @@ def test_units_of_a_user_change_what_is_drawn_and_nothing_else(group, share, req
             np.testing.assert_allclose(drawn, (1e3 if turns else 1) * values, rtol=1e-12)
 
 
-def test_bands_are_drawn_on_request(so3, opened):
-    assert not any(axes.collections for axes in Torque().draw([opened(so3)]).axes)
-    drawing = Torque(bands="quantiles").draw([opened(so3)])
+def test_bands_are_drawn_on_request(so3, opened, picture):
+    assert not any(axes.collections for axes in picture(Torque(), opened(so3)).axes)
+    drawing = picture(Torque(bands="quantiles"), opened(so3))
     assert [len(axes.collections) for axes in drawing.axes] == 12 * [1]  # a column for each law
     assert [axes.get_title() for axes in drawing.axes[:4]] == ["EqT", "GT", "nog", "asym"]
     assert drawing.get_supxlabel() == (
@@ -54,9 +54,9 @@ def test_bands_are_drawn_on_request(so3, opened):
     )
 
 
-def test_feedback_and_feedforward_add_up_to_the_torque(so3, opened):
+def test_feedback_and_feedforward_add_up_to_the_torque(so3, opened, picture):
     whole, forward, back = (
-        _drawn(Torque(share=share).draw([opened(so3)]).axes[1])
+        _drawn(picture(Torque(share=share), opened(so3)).axes[1])
         for share in ("total", "feedforward", "feedback")
     )
     assert "desired" not in back
@@ -65,7 +65,7 @@ def test_feedback_and_feedforward_add_up_to_the_torque(so3, opened):
         np.testing.assert_allclose(forward[label] + back[label], whole[label], atol=1e-14)
 
 
-def test_feedback_is_what_the_gains_give(simulate, opened):
+def test_feedback_is_what_the_gains_give(simulate, opened, picture):
     # Without errors there is none: the run starts on the reference.
     path = simulate(
         initial={
@@ -75,7 +75,7 @@ def test_feedback_is_what_the_gains_give(simulate, opened):
         ensemble={"runs": 1, "seed": 1},
         solver={"rtol": 1e-9, "atol": 1e-12},
     )
-    drawn = _drawn(Torque(share="feedback").draw([opened(path)]).axes[0])
+    drawn = _drawn(picture(Torque(share="feedback"), opened(path)).axes[0])
     assert max(np.abs(values).max() for values in drawn.values()) < 1e-6
 
 
@@ -90,17 +90,19 @@ def test_a_law_that_does_not_say_what_is_feedforward_is_refused(simulate, opened
 
 
 @pytest.mark.parametrize("share", ["feedback", "feedforward"])
-def test_a_torque_about_the_only_axis_has_no_name_of_an_axis(simulated_once, opened, share):
+def test_a_torque_about_the_only_axis_has_no_name_of_an_axis(
+    simulated_once, opened, share, picture
+):
     wheel = {"group": "SO2", "inertia": 1.0, "reference": {"kind": "constant"}}
     result = opened(simulated_once("so2", **wheel, controllers=["eqt"]))
-    [panel] = Torque(share=share).draw([result]).axes
+    [panel] = picture(Torque(share=share), result).axes
     assert panel.get_ylabel().startswith(
         rf"$\tau_{{\mathrm{{{'fb' if share == 'feedback' else 'ff'}}}}}$"
     )
 
 
-def test_torques_and_forces_have_their_own_symbols_units_and_panels(se3, opened):
-    labels = [axes.get_ylabel() for axes in Torque().draw([opened(se3)], "page").axes]
+def test_torques_and_forces_have_their_own_symbols_units_and_panels(se3, opened, picture):
+    labels = [axes.get_ylabel() for axes in picture(Torque(), opened(se3), width="page").axes]
     assert labels == [
         *(rf"$\tau_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N\,m}})$" for axis in "xyz"),
         *(rf"$f_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N}})$" for axis in "xyz"),
@@ -122,7 +124,7 @@ def test_parts_of_different_size_leave_places_empty(width, places, simulate, ope
     assert _places(dict(ShownRuns([opened(plane)], "torque").axes), width) == places
 
 
-def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog):
+def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog, picture):
     product = simulate(
         group="SO2*R1",
         inertia=1.0,
@@ -133,7 +135,7 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog):
             "velocity": {"kind": "normal", "std": 1.0},
         },
     )
-    assert [axes.get_ylabel() for axes in Torque().draw([opened(product)]).axes] == [
+    assert [axes.get_ylabel() for axes in picture(Torque(), opened(product)).axes] == [
         r"$\tau_{1,\mathrm{fb}}$ $(\mathrm{N\,m})$",
         r"$f_{1_{2},\mathrm{fb}}$ $(\mathrm{N})$",
     ]
@@ -142,9 +144,9 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog):
 
 @pytest.mark.slow("arranges a figure for each number")
 @pytest.mark.parametrize("width", WIDTHS)
-def test_any_number_of_controllers_shares_the_panels(width, simulate, opened):
+def test_any_number_of_controllers_shares_the_panels(width, simulate, opened, picture):
     path = simulate(
         controllers=[{"kind": "family", "label": label} for label in "abcdefghi"],
         ensemble={"runs": 1, "seed": 1},
     )
-    assert len(Torque().draw([opened(path)], width).axes) == 3
+    assert len(picture(Torque(), opened(path), width=width).axes) == 3
