@@ -30,6 +30,7 @@ from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.errors import EqtError, Remedy, suggestion
 from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.core.registry import description
+from eqt_cli.engines.native import compiled_if_faster
 from eqt_cli.engines.traced_loop import law_of
 from eqt_cli.ensemble.spread import Stream, generator
 from eqt_cli.execution.batches import batches
@@ -168,7 +169,7 @@ def states_of(
     few = experiment.of_runs(RUNS)
     ensemble = few.config.ensemble
     [batch] = batches(Study(None, few), label, np.arange(ensemble.runs))
-    solution = batch.engine.solve(batch.problem, workers)
+    solution = compiled_if_faster(batch.engine, batch.problem).solve(batch.problem, workers)
     good = np.flatnonzero(solution.status == 0)
     if not len(good):
         raise EqtError(
