@@ -440,12 +440,8 @@ def lead(result: Result) -> str:
     lasting = f" of {horizon:g} s" if horizon else ""
     controllers = f"each of {len(labels)} laws" if len(labels) > 1 else "one law"
     loop = f" {result.loop_in_words}" if result.loop_in_words and not result.is_sweep else ""
-    comma = "; " if any(", " in title for title in result.titles) else ", "
-    return (
-        f"{points}{result.runs} run{'s' * (result.runs > 1)}{lasting} for {controllers} "
-        f"({comma.join(result.titles)}) on {_group(result)}; the same initial "
-        f"states for all of them.{loop}"
-    )
+    runs = f"{result.runs} run{'s' * (result.runs > 1)}{lasting} for {controllers}"
+    return f"{points}{runs}; the same initial states for all of them.{loop}"
 
 
 def _group(result: Result) -> str:

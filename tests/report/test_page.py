@@ -86,7 +86,7 @@ def test_every_run_is_in_the_table(text):
 
 
 def test_what_was_run_is_there_to_read(text):
-    assert "60 runs of 20 s for each of 4 laws (EqT, GT, nog, asym) on SO(3)" in text
+    assert "60 runs of 20 s for each of 4 laws; the same" in text
     assert "seed: 2025" in text and "<dt>python</dt>" in text
 
 
