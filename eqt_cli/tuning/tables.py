@@ -110,7 +110,8 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     comparison = compared(result, record)
     tuned = {winner["label"] for law in record["laws"] for winner in law["winners"]}
     between = [pair for pair in comparison.pairs if {pair.first, pair.second} <= tuned]
-    pairs = text_tables(replace(comparison, pairs=between, levels=[], judgements=[]), write)
+    shown = replace(comparison, pairs=between, levels=[], judgements=[])
+    pairs = text_tables(shown, write, brief=True)
     searches = searches_table(result, record, write)
     by_case = _by_case(cases, record, write)
     violated = _violated(cases, record)

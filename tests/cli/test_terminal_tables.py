@@ -99,6 +99,13 @@ def test_no_line_begins_with_the_number_of_a_p_value(width: int) -> None:
     assert not [line for line in folded(note, width).splitlines() if line[0].isdigit()]
 
 
+@pytest.mark.parametrize("width", range(20, 60))
+def test_no_line_parts_the_laws_of_a_pair(width: int) -> None:
+    note = "EqT − GT: p = 0.03; mean ‖I − Q_E‖, EqT − asym: p = 0.42; GT − nog, later."
+    lines = table_text(TextTable("t", "", ["a"], [], [note]), width).plain.splitlines()
+    assert not any(line.startswith("− ") or line.endswith(" −") for line in lines)
+
+
 def test_verdicts_are_coloured_and_say_the_same_in_words() -> None:
     shown = TextTable("t", "", ["what", "verdict"], [Block("", [["a", "holds"], ["b", "FAILS"]])])
     made = table_text(shown, 80)
