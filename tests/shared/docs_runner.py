@@ -7,7 +7,8 @@ Blocks of a page work in one folder, from top to bottom:
 - `yaml` without is a part of a configuration, which must be accepted in the place of the
   shipped paper's;
 - `sh` is one command a line; ensembles of `eqt run` and `eqt sweep` are made small, and those of
-  shipped configurations coarse, sweeps also short;
+  shipped configurations coarse, sweeps also short; figures are drawn in one format, and animations
+  are brief;
 - `output` is what the block before it prints, where … stands for any text.
 
 A page can also be *read* only, which takes less than to carry it out: configurations are checked,
@@ -48,6 +49,8 @@ FEW = [
 ]
 FEWER = ["--set=worst.budget=1", "--set=worst.population=5", "--set=worst.seeds=1"]
 SHORT = ["--set=time.duration=0.5", "--set=time.samples=11"]
+BRIEF = {"plot": ("--format", "png"), "animate": ("--seconds", "0.5")}
+"""Options of commands that draw, where a page names none."""
 CHEAP = ("config", "list", "log", "--version")
 """Commands that are carried out where a page is only read."""
 
@@ -149,6 +152,8 @@ def run_command(line):
         words += [*SMALL, *FEWER, *SHORT]
     elif words[:2] == ["eqt", "run"] and mine:
         words += [*SMALL, *(COARSE if shipped else [])]
+    elif words[0] == "eqt" and words[1] in BRIEF and BRIEF[words[1]][0] not in words:
+        words += BRIEF[words[1]]
     code, printed = called(words[1:]) if plain else shell(line)
     assert code == expected, f"{line}\nexit code {code}\n{printed}"
     return printed
