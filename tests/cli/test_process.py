@@ -23,36 +23,6 @@ Eqt = Callable[..., Any]
 HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray"]
 
 
-@pytest.mark.slow("starts an interpreter")
-def test_success_is_0_with_results_on_stdout(process: Eqt) -> None:
-    done = process("run", "c.yaml", "--json", "--quiet")  # a slow run says how far it is
-    assert (done.code, done.err) == (0, "")
-    assert json.loads(done.out)["runs"] == 6
-
-
-@pytest.mark.slow("starts an interpreter")
-def test_a_wrong_configuration_is_2_with_errors_on_stderr(process: Eqt) -> None:
-    done = process("run", "c.yaml", "--set", "time.samples=1")
-    assert (done.code, done.out) == (2, "")
-    assert done.err == (
-        "eqt: --set time.samples=1: time.samples: expected a whole number of at least 2, got 1\n"
-    )
-
-
-@pytest.mark.slow("runs an experiment in a process")
-def test_failed_runs_are_3(process: Eqt) -> None:
-    done = process("run", "c.yaml", "--quiet", "--set", "solver.max_steps=20")
-    assert done.code == 3
-    assert done.out == ""
-    assert "6 runs failed: 6 step limit" in done.err
-
-
-def test_wrong_usage_is_2(process: Eqt) -> None:
-    done = process("run", "c.yaml", "--nope")
-    assert (done.code, done.out) == (2, "")
-    assert done.err == "eqt: unknown option --nope; see `eqt run --help`\n"
-
-
 @pytest.mark.parametrize(
     ("command", "told"),
     [
@@ -273,28 +243,3 @@ def test_a_broken_entry_point(
     environment = install(folder, {"controllers": name}, module)
     done = process("list", "controllers", **environment)
     assert (done.code, done.out, done.err) == (2, "", f"eqt: {said}\n")
-
-
-@pytest.mark.slow("starts a process for each stream")
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="has no device that is always full")
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["list", "--json"],
-        pytest.param(["config", "new", "-"], marks=ANOTHER),
-        pytest.param(["--help"], marks=ANOTHER),
-    ],
-)
-def test_a_full_disk_behind_stdout_is_one_line(folder: Path, arguments: list[str]) -> None:
-    with Path("/dev/full").open("wb") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "eqt_cli", *arguments],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            encoding="utf-8",
-            check=False,
-        )
-    assert (done.returncode, done.stderr) == (
-        2,
-        "eqt: standard output: cannot be written: no space left on device\n",
-    )

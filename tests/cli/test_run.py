@@ -164,16 +164,6 @@ def test_an_empty_folder_name_is_no_folder(eqt: Eqt, folder: Path, command: str)
     assert list(folder.iterdir()) == before
 
 
-@pytest.mark.slow("starts workers; tests/contracts/test_executors.py does with one")
-def test_workers_change_no_number(eqt: Eqt) -> None:
-    if missing := Native.unavailable():
-        pytest.skip(missing)
-    for workers in (1, 2):
-        eqt("run", "c.yaml", "--engine", "native", "--workers", workers, "--out", workers)
-    assert_equal_datasets("1", "2")
-    assert "engine: native" in Path("1/config.yaml").read_text(encoding="utf-8")
-
-
 # Again ------------------------------------------------------------------------------------------
 
 

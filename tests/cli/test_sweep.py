@@ -150,26 +150,6 @@ def test_a_shard_that_is_none(eqt: Eqt, text: str) -> None:
     )
 
 
-@pytest.mark.slow("computes a sweep twice")
-def test_shards_and_pack(eqt: Eqt) -> None:
-    first = eqt("sweep", "c.yaml", *GRID, "--shard", "1/2", "--out", "out", "--executor", "serial")
-    assert first.code == 0
-    assert first.out == (
-        "shard 1/2: 18 runs, 0 failed\nnext     eqt pack out  (when all shards are done)\n"
-    )
-    unfinished = eqt("show", "out")
-    assert "done     18 of 36 runs (50.0 %)\nfailed   0\nrunning  no" in unfinished.out
-    early = eqt("pack", "out")
-    assert early.code == 2
-    assert "1 of 2 parts are missing" in early.err
-    eqt("sweep", "c.yaml", *GRID, "--shard", "2/2", "--out", "out", "--executor", "serial")
-    assert eqt("pack", "out").code == 0
-    eqt("sweep", "c.yaml", *GRID, "--out", "whole")
-    with open_results("out") as one, open_results("whole") as other:
-        for name in one.names:
-            np.testing.assert_array_equal(one[name], other[name])
-
-
 STORED = """\
 group: SO3
 inertia: [1, 2, 3]

@@ -34,7 +34,7 @@ CONFIG = {
     "initial": {"pose": {"kind": "exp_normal", "std": 1.0}, "velocity": "normal"},
     "ensemble": {"runs": 3, "seed": 1},
     "time": {"duration": 2.0, "samples": 11},
-    "solver": {"rtol": 1e-5, "cross_check": 0},
+    "solver": {"rtol": 1e-3, "cross_check": 0},
 }
 ESTIMATED = {
     "actuators": [{"kind": "limit", "limit": 5.0}],
@@ -50,10 +50,10 @@ TUNE = {
     "tune": {
         "over": {"gains.kp": [0.5, 2], "gains.kd": [0.5, 2]},
         "objectives": ["effort", "mean_pose_error"],
-        "budget": 3,
-        "population": 6,
+        "budget": 1,
+        "population": 5,
         "seeds": 1,
-        "confirm": {"runs": 5},
+        "confirm": {"runs": 3},
     }
 }
 WORST = {

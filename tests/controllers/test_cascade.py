@@ -412,7 +412,8 @@ def test_other_rates_are_the_given_ones(rates):
 
 def test_the_rates_of_the_filter_are_those_of_the_model_where_it_is_fast():
     """Of second order with both poles at ω: it is late by 2/ω, so that rates differ by as much."""
-    one = experiment(law={"rates": "filter", "bandwidth": 2000.0}, reference=HELIX)
+    law, solver = {"rates": "filter", "bandwidth": 1000.0}, {"engine": "native", "rtol": 1e-7}
+    one = experiment(law=law, reference=HELIX, solver=solver)
     (loop,), times = one.loops.values(), np.linspace(0, 0.4, 3)
     start = flat_states(loop, *off(np.random.default_rng(3)))
     found = one.engine.solve(Problem(loop, start, times)).states
@@ -422,7 +423,7 @@ def test_the_rates_of_the_filter_are_those_of_the_model_where_it_is_fast():
         *(getattr(loop.tracking(times, found), n) for n in ("Q", "V")), np.eye(4), np.zeros(6)
     )
     exact = model.controller.commanded(model.tracking(times, states)).tracking
-    np.testing.assert_allclose(read.Vd[:, 1:], exact.Vd[:, 1:], atol=0.05)
+    np.testing.assert_allclose(read.Vd[:, 1:], exact.Vd[:, 1:], atol=0.1)
     assert np.abs(exact.Vd[:, 1:]).max() > 1.0
 
 

@@ -356,9 +356,9 @@ def test_runs_through_a_half_turn_agree_and_keep_the_balance(name):
     assert passed.any()
     L = loop.lyapunov(s) + loop.work(exact)
     np.testing.assert_allclose(L, L[:, :1].repeat(41, axis=1), rtol=1e-9)  # of the crossing's event
-    other = SolveIvp(rtol=1e-11, atol=1e-13).solve(problem).states
+    other = SolveIvp(rtol=1e-8, atol=1e-10).solve(problem).states
     # The solver of SciPy finds the jump by small steps, and no better than by its tolerance.
-    np.testing.assert_allclose(other, exact, atol=1e-6)
+    np.testing.assert_allclose(other, exact, atol=1e-4)
 
 
 # Integral action ----------------------------------------------------------------------------------

@@ -20,7 +20,6 @@ from eqt_cli.core.reporting import reporting
 from eqt_cli.engines import Status
 from eqt_cli.execution import result_layout
 from eqt_cli.execution.executors import Executor, Outcome
-from eqt_cli.execution.executors.local import Local
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.lock import holder, locked
@@ -149,15 +148,6 @@ def test_an_interrupted_run_continues_and_ends_the_same(make, whole, tmp_path, t
     assert outcome.failed == 0
     assert_same(contents(out), whole)
     assert not (out / "parts").exists()
-
-
-@pytest.mark.slow("computes an experiment several times")
-def test_force_starts_over_and_says_what_it_removed(make, tmp_path):
-    out = tmp_path / "out"
-    interrupted(make(), out)
-    outcome = execute(make(), out, force=True)
-    assert outcome.resumed == 0
-    assert outcome.removed == [str(out / n) for n in ("parts", "config.yaml", "manifest.json")]
 
 
 @pytest.mark.parametrize("damage", ["truncated", "foreign"])
@@ -468,12 +458,6 @@ def test_a_run_with_noise_is_the_same_alone_if_compiled(make, tmp_path):
     assert_same(contents(out), before)
 
 
-@pytest.mark.slow("starts two processes that load the libraries")
-def test_processes_give_the_same_bits_of_noisy_runs(make, finished, tmp_path):
-    execute(make(CONFIG + FLIGHT), tmp_path / "two", executor=Local(2))
-    assert_same(contents(tmp_path / "two"), contents(finished("flight")))
-
-
 def test_shards_and_pack_give_the_same_bits(make, whole, tmp_path):
     out = tmp_path / "out"
     first = execute(make(), out, shard=Shard(1, 2))
@@ -548,30 +532,6 @@ def test_a_disk_that_refuses_locks_is_told_of_once(
     assert holder(out) is None
 
 
-# Folders and disks that do not do as they should.
-
-
-@POSIX
-def test_a_full_disk_loses_nothing(make, whole, tmp_path):
-    resource = pytest.importorskip("resource")
-    out = tmp_path / "out"
-    interrupted(make(), out)
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
-    try:
-        with pytest.raises(
-            EqtError, match=r"cannot be written: File too large; \d+ of 14 runs are"
-        ):
-            execute(make(), out)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert not list(out.glob("**/*.tmp"))
-    for entry in ResultFolder(out).parts.listed().values():
-        open_results(entry.path).close()
-    execute(make(), out)
-    assert_same(contents(out), whole)
-
-
 # The state of an unfinished folder.
 
 
@@ -619,13 +579,6 @@ def test_blocks_mix_points_and_agree_within_the_tolerance(make, finished, tmp_pa
     np.testing.assert_allclose(swept["pose"][4], alone["pose"], atol=1e-5)
 
 
-@pytest.mark.slow("computes a sweep of six points, in two goes")
-def test_an_interrupted_sweep_continues_and_ends_the_same(make, finished, tmp_path):
-    interrupted(make(CONFIG + SWEEP), tmp_path / "out", after=7)
-    execute(make(CONFIG + SWEEP), tmp_path / "out")
-    assert_same(contents(tmp_path / "out"), contents(finished("sweep")))
-
-
 @pytest.mark.slow("computes a sweep")
 def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
     execute(make(grids=["ensemble.seed=1,2"]), tmp_path / "sweep")
@@ -633,18 +586,6 @@ def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
     swept, alone = contents(tmp_path / "sweep"), contents(tmp_path / "alone")
     assert swept["initial_pose"].shape == (2, 7, 3, 3)
     np.testing.assert_array_equal(swept["initial_pose"][1], alone["initial_pose"])
-
-
-@pytest.mark.slow("computes a sweep")
-def test_xarray_opens_a_sweep_and_unstacks_a_grid(make, tmp_path):
-    xarray = pytest.importorskip("xarray")
-    found = make(CONFIG.replace("runs: 7", "runs: 2"), grids=["gains.kp=1,2", "gains.kd=0.5,1"])
-    execute(found, tmp_path / "out")
-    with xarray.open_dataset(tmp_path / "out/results.h5", engine="h5netcdf") as dataset:
-        assert dataset.effort.dims == ("point", "controller", "run")
-        grid = dataset.set_index(point=["gains.kp", "gains.kd"]).unstack("point")
-        chosen = grid.effort.sel({"gains.kp": 2, "gains.kd": 1, "controller": "gt"})
-        np.testing.assert_array_equal(chosen, dataset.effort[3, 1])
 
 
 @pytest.mark.slow("computes a sweep")

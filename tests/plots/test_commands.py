@@ -54,7 +54,8 @@ def test_each_axis_is_shaded_at_its_own_limit(flown):
 
 
 def test_a_limit_of_another_kind_shades_all_axes(simulate, opened, picture):
-    result = opened(simulate(actuators=[{"kind": "limit", "limit": 1.0, "norm": True}]))
+    limit = {"kind": "limit", "limit": 1.0, "norm": True}
+    result = opened(simulate(actuators=[limit], controllers=["eqt"]))
     at_limit = result["at_limit"][0, 0] > 0
     assert at_limit.any() and not at_limit.all()
     for panel in picture(Commands(controllers=["eqt"]), result).axes:

@@ -487,7 +487,9 @@ def test_a_region_has_the_share_that_settles_in_every_cell_with_its_interval(swe
 
 @pytest.mark.parametrize("figure", [Region(), SweepFigure()])
 def test_the_lowest_map_of_each_column_is_numbered(simulate, opened, figure):
-    results = opened(simulate(sweep=BOTH, controllers=["eqt", "gt", "nog"]))
+    results = opened(
+        simulate(sweep=BOTH, controllers=["eqt", "gt", "nog"], ensemble={"runs": 2, "seed": 1})
+    )
     panels = figure.draw([results]).axes[:3]  # two, and one below the first
     written = [
         [text.get_text() for text in axes.get_xticklabels() if text.get_visible()]

@@ -134,6 +134,7 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog, pi
             "pose": [{"kind": "haar"}, {"kind": "exp_normal", "std": 1.0}],
             "velocity": {"kind": "normal", "std": 1.0},
         },
+        controllers=["eqt"],
     )
     assert [axes.get_ylabel() for axes in picture(Torque(), opened(product)).axes] == [
         r"$\tau_{1,\mathrm{fb}}$ $(\mathrm{N\,m})$",

@@ -6,9 +6,9 @@ Blocks of a page work in one folder, from top to bottom:
 - `python` without is executed, with the names of the blocks before it;
 - `yaml` without is a part of a configuration, which must be accepted in the place of the
   shipped paper's;
-- `sh` is one command a line; ensembles of `eqt run` and `eqt sweep` are made small, and those of
-  shipped configurations coarse, sweeps also short; figures are drawn in one format, and animations
-  are brief;
+- `sh` is one command a line; ensembles of `eqt run` and `eqt sweep` and searches of `eqt tune` are
+  made small, those of shipped configurations coarse, sweeps also short; figures are drawn in one
+  format, and animations are brief;
 - `output` is what the block before it prints, where … stands for any text.
 
 A page can also be *read* only, which takes less than to carry it out: configurations are checked,
@@ -148,6 +148,8 @@ def run_command(line):
         words += SMALL + SHORT + COARSE if shipped else []  # a page's own sweep is as it prints it
     elif words[:2] == ["eqt", "tune"] and shipped:
         words += [*SMALL, *FEW, *SHORT]
+    elif words[:2] == ["eqt", "tune"] and mine and "--dry-run" not in words:
+        words += ["--set=tune.budget=1", "--set=tune.seeds=1"]  # with which it may go on later
     elif words[:2] == ["eqt", "worst"] and shipped:
         words += [*SMALL, *FEWER, *SHORT]
     elif words[:2] == ["eqt", "run"] and mine:

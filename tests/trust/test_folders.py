@@ -315,8 +315,8 @@ def replaced_by_link(path: Path, target: Path) -> None:
     path.symlink_to(target)
 
 
-FAST = ("run --shard", "plot")
-"""A command that writes a folder, and one that writes files; the others go through links, too."""
+FAST = ("config new", "plot")
+"""One that writes a file, and one that writes several; the others go through links, too."""
 
 
 @pytest.mark.parametrize(

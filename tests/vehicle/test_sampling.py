@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eqt_cli.api import open_results
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.config import yaml_source
 from eqt_cli.config.schema import ControlSection
@@ -184,14 +183,6 @@ def test_results_do_not_depend_on_neighbours_or_workers(solved):
     np.testing.assert_array_equal(some.states, together.states[[7, 2]])
 
 
-@pytest.mark.slow("integrates every run twice")
-def test_blocks_of_solve_ivp_are_what_they_were_together(solved):
-    text = with_engine(NOISY, "solve_ivp", ", block: 4")
-    _, together = solved(text)
-    _, second = solved(text, runs=[4, 5, 6, 7])
-    np.testing.assert_array_equal(second.states, together.states[4:8])
-
-
 @pytest.mark.parametrize(
     ("kind", "offset"), [("velocity", [0.1, 0.0, 0.0]), ("pose", [0.0, 0.3, -0.2])]
 )
@@ -278,23 +269,6 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
     with pytest.raises(EqtError) as caught:
         build(read_config(path))
     assert str(caught.value).split(": ", 1)[1] == message
-
-
-@pytest.mark.slow("runs an experiment twice")
-def test_shards_give_the_result_of_one_run(tmp_path, invoke):
-    path = tmp_path / "c.yaml"
-    text = with_engine(NOISY.replace("runs: 12", "runs: 60"), "solve_ivp", ", cross_check: 0")
-    path.write_text(text, encoding="utf-8")
-    whole, shards = tmp_path / "whole", tmp_path / "shards"
-    invoke("run", path, "--out", whole)
-    for shard in ("1/2", "2/2"):
-        invoke("run", path, "--out", shards, "--shard", shard)
-    invoke("pack", shards)
-    one, other = (open_results(folder, "arrays") for folder in (whole, shards))
-    with one, other:
-        assert {"command", "at_limit", "settled", "saturated_share"} <= set(one.names)
-        for name in ("pose", "torque", "command", "at_limit", "closing_pose_error"):
-            np.testing.assert_array_equal(other[name], one[name])
 
 
 HELD = """actuators:

@@ -437,13 +437,6 @@ def test_thrusts_are_stored_and_go_on_bit_for_bit(folder, monkeypatch, engine):
         assert one["energy_residual"].max() < 1e-5
 
 
-@COMPILES
-def test_a_run_has_the_same_bits_beside_any_others(solved):
-    native = FLIGHT | {"solver": FLIGHT["solver"] | {"engine": "native"}}
-    together, alone = (solved(yaml.safe_dump(native), runs=runs)[1] for runs in ([0, 1, 2], [1]))
-    np.testing.assert_array_equal(together.states[1], alone.states[0])
-
-
 @pytest.mark.slow("computes an experiment several times")
 def test_points_with_other_thrusters_have_their_own(folder):
     parts = {
