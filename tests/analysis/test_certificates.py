@@ -31,7 +31,7 @@ from eqt_cli.core.arrays import dot, tanh
 from eqt_cli.core.expressions import parse
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInertia
-from eqt_cli.mechanics.tracking import Gains, Tracking
+from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.references.torque import TorqueReference
 
@@ -208,43 +208,6 @@ def test_what_the_integral_adds_to_the_stiffness_is_its_gain():
     sample = sampled("law", loop, 5.0, np.random.default_rng(0))
     (torque, stiffness), *_ = certificates.get(SMALL)().sides(sample)
     np.testing.assert_allclose(value_of(torque / stiffness)[0], 1.1, rtol=1e-12)
-
-
-def changed(name, **numbers):
-    """A law of this registered name whose class has other numbers."""
-    law = controllers.get(name)
-    fields = {key: dataclasses.field(default=value, init=False) for key, value in numbers.items()}
-    types = {key: type(value) for key, value in numbers.items()}
-    copy = type(law.__name__, (law,), {"__annotations__": types, "name": name, **fields})
-    return dataclass(frozen=True)(copy)()
-
-
-@pytest.mark.parametrize(
-    ("name", "numbers", "rows"),
-    [
-        ("gt", {"gyroscopic": 0.6}, {WEIGHTS}),
-        ("gt", {"damping": "spatial"}, {WEIGHTS}),
-        ("nog", {"gyroscopic": 0.1}, {WEIGHTS}),
-        ("eqt", {"gyroscopic": 0.0}, {WEIGHTS}),
-        ("asym", {"transport": 1.0}, {WEIGHTS, "power of the feedforward"}),
-    ],
-)
-def test_a_named_law_whose_numbers_are_changed_fails_its_rows(name, numbers, rows):
-    found = identities(closed_loop(group_named("SO3"), changed(name, **numbers)))
-    assert {row.name for row in found if row.verdict is Verdict.FAILS} == rows
-
-
-@pytest.mark.parametrize("name", ["gt", "stabilising"])
-def test_the_frame_of_K_d_is_seen_also_where_K_d_is_a_multiple_of_the_identity(name, monkeypatch):
-    """On SO(3) such a K_d is the same in every frame; the literal form is asked of others too."""
-    G, law = group_named("SO3"), controllers.get(name)()
-    gains = Gains(np.eye(3), np.eye(3) / 2)
-    parts = {"gains": gains, "reference": ConstantReference()}
-    in_space = property(lambda s: s.G.Ad_star(s.Qd, s.spatial_damping))
-    monkeypatch.setattr(Tracking, "body_damping", in_space)
-    found = identities(closed_loop(G, law, **parts))
-    rows = {"stabilising control"} if name == "stabilising" else {WEIGHTS}
-    assert {row.name for row in found if row.verdict is Verdict.FAILS} == rows
 
 
 @dataclass(frozen=True)

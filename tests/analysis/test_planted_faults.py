@@ -478,6 +478,14 @@ BALANCE = ("energy balance", "rate of L")
 MOVED = on("", "motion of the reference") | on(ALL, "energy balance")
 
 
+INVARIANCE = ("left invariance", "equivariance", "error dynamics")
+OF_PRODUCTS = ("product and inverse of G ⋉ g*", *INVARIANCE, "error velocity and energy")
+DUAL, ENERGY = "Ad* is the dual of conjugation", "error velocity and energy"
+OF_INERTIA = "feedforward of the error inertia"
+VARYING = on("", "feedforward of a varying inertia", OF_INERTIA)
+EXCHANGED = (DUAL, OF_PRODUCTS[0], *INVARIANCE, "rate of Ad_{Q_d⁻¹}", OF_INERTIA)
+OF_GRADIENT = on("", "gradient of Υ", CRITICAL) | on(ALL, SMALL, *BALANCE)
+
 EXPECTED = {
     # Gyroscopic: no power; nog has none.
     "g: sign": THROUGH - on("nog", WEIGHTS),
@@ -494,121 +502,37 @@ EXPECTED = {
     "inertia force: sign, prescribed": THROUGH | on(ALL, POWER, *BALANCE),
     "stabilising feedforward: sign": on("with", "stabilising control", *BALANCE),
     "stabilising damping: sign": on("with,without", "stabilising control", SMALL, *BALANCE),
-    "S-dot: factor 2": on(
-        "", "feedforward of a varying inertia", "feedforward of the error inertia"
-    )
-    | on(ALL, *BALANCE),
-    "S-dot: sign": on("", "feedforward of a varying inertia", "feedforward of the error inertia")
-    | on("with,without", *BALANCE),
+    "S-dot: factor 2": VARYING | on(ALL, *BALANCE),
+    "S-dot: sign": VARYING | on("with,without", *BALANCE),
     "S-dot: skew part": on("", "feedforward of a varying inertia"),
-    "I-dot: factor 2": on(
-        "", "feedforward of a varying inertia", "feedforward of the error inertia"
-    )
-    | on(ALL, *BALANCE),
-    "gradient of the potential: sign": on("", "gradient of Υ", CRITICAL) | on(ALL, SMALL, *BALANCE),
-    "gradient of the potential: factor 2": on("", "gradient of Υ", CRITICAL)
-    | on(ALL, SMALL, *BALANCE),
+    "I-dot: factor 2": VARYING | on(ALL, *BALANCE),
+    "gradient of the potential: sign": OF_GRADIENT,
+    "gradient of the potential: factor 2": OF_GRADIENT,
     # The theorem's control and the body's change together, so that they still agree for EqT.
-    "ad*: sign": on(
-        "",
-        "ad* is the dual of the bracket",
-        "left invariance",
-        "error dynamics",
-        "feedforward of the error inertia",
-    )
+    "ad*: sign": on("", "ad* is the dual of the bracket", OF_INERTIA)
+    | on("", "left invariance", "error dynamics")
     | on("gt,nog,asym", WEIGHTS)
     | on(ALL, POWER)
     | on("gt,asym", *BALANCE),
-    "ad*: not transposed": on(
-        "",
-        "ad* is the dual of the bracket",
-        "left invariance",
-        "equivariance",
-        "error dynamics",
-        "feedforward of the error inertia",
-    )
+    "ad*: not transposed": on("", "ad* is the dual of the bracket", *INVARIANCE, OF_INERTIA)
     | THROUGH
     | on(ALL, POWER, *BALANCE),
-    "Ad*: not transposed": on(
-        "",
-        "Ad* is the dual of conjugation",
-        "product and inverse of G ⋉ g*",
-        "left invariance",
-        "equivariance",
-        "error dynamics",
-        "error velocity and energy",
-        "feedforward of the error inertia",
-    )
-    | THROUGH
-    | on(ALL, *BALANCE),
-    "Ad*: sign": on(
-        "",
-        "Ad* is the dual of conjugation",
-        "product and inverse of G ⋉ g*",
-        "left invariance",
-        "error velocity and energy",
-    )
-    | on(ALL, SMALL, *BALANCE),
-    "Ad: of the inverse": on(
-        "",
-        "Ad* is the dual of conjugation",
-        "product and inverse of G ⋉ g*",
-        "left invariance",
-        "equivariance",
-        "error dynamics",
-        "rate of Ad_{Q_d⁻¹}",
-        "feedforward of the error inertia",
-    )
-    | on(ALL, *BALANCE),
-    "Ad: sign of the translation": on(
-        "",
-        "Ad* is the dual of conjugation",
-        "product and inverse of G ⋉ g*",
-        "left invariance",
-        "equivariance",
-        "error dynamics",
-        "error velocity and energy",
-        "rate of Ad_{Q_d⁻¹}",
-        "feedforward of the error inertia",
-    )
-    | THROUGH
-    | on(ALL, *BALANCE),
-    "eq. (5): sign of ad*": on("", "left invariance", "equivariance", "error dynamics")
-    | on(ALL, *BALANCE),
-    "eq. (15): sign of P": on(
-        "",
-        "product and inverse of G ⋉ g*",
-        "left invariance",
-        "equivariance",
-        "error dynamics",
-        "error velocity and energy",
-    )
-    | THROUGH,
-    "eq. (15): P not transported": on(
-        "",
-        "product and inverse of G ⋉ g*",
-        "left invariance",
-        "equivariance",
-        "error dynamics",
-        "error velocity and energy",
-    )
-    | THROUGH,
-    "inverse of G ⋉ g*: sign": on(
-        "",
-        "product and inverse of G ⋉ g*",
-        "equivariance",
-        "error dynamics",
-        "error velocity and energy",
-    )
-    | THROUGH,
+    "Ad*: not transposed": on("", DUAL, *OF_PRODUCTS, OF_INERTIA) | THROUGH | on(ALL, *BALANCE),
+    "Ad*: sign": on("", DUAL, OF_PRODUCTS[0], "left invariance", ENERGY) | on(ALL, SMALL, *BALANCE),
+    "Ad: of the inverse": on("", *EXCHANGED) | on(ALL, *BALANCE),
+    "Ad: sign of the translation": on("", *EXCHANGED, ENERGY) | THROUGH | on(ALL, *BALANCE),
+    "eq. (5): sign of ad*": on("", *INVARIANCE) | on(ALL, *BALANCE),
+    "eq. (15): sign of P": on("", *OF_PRODUCTS) | THROUGH,
+    "eq. (15): P not transported": on("", *OF_PRODUCTS) | THROUGH,
+    "inverse of G ⋉ g*: sign": on("", *OF_PRODUCTS) - on("", "left invariance") | THROUGH,
     "eq. (19): sign of the force": on("", "error dynamics"),
     "eq. (20): Ad of X_d": THROUGH,
     "eq. (20): sign": THROUGH,
-    "eq. (22): no feedforward": on("", "feedforward of the error inertia") | THROUGH,
+    "eq. (22): no feedforward": on("", OF_INERTIA) | THROUGH,
     "eq. (27): no ad*": on("", "equivariance", "error dynamics") | THROUGH,
-    "L: factor of the kinetic energy": on("", "error velocity and energy") | on(ALL, *BALANCE),
+    "L: factor of the kinetic energy": on("", ENERGY) | on(ALL, *BALANCE),
     "dissipation: sign": on(ALL, *BALANCE),
-    "inverse of the inertia: factor": on("", "momentum of a velocity", "error velocity and energy")
+    "inverse of the inertia: factor": on("", "momentum of a velocity", ENERGY)
     | on(ALL, SMALL)
     | on("gt,asym", POWER, *BALANCE),
     "GT: g = 0.6": on("gt", WEIGHTS),
@@ -628,21 +552,9 @@ EXPECTED = {
     "log: Jacobian left out": EXP,
     "exp: Jacobian of the plane transposed": EXP,
     "SE_2(3): columns exchanged": EXP,
-    "product: Ad of the inverse": on(
-        "",
-        "Ad* is the dual of conjugation",
-        "product and inverse of G ⋉ g*",
-        "left invariance",
-        "equivariance",
-        "error dynamics",
-        "rate of Ad_{Q_d⁻¹}",
-        "feedforward of the error inertia",
-    )
-    | on(ALL, *BALANCE),
+    "product: Ad of the inverse": on("", *EXCHANGED) | on(ALL, *BALANCE),
     # The bounds of two more rows lean on the drift of the poses that are drawn.
-    "product: drift of the best factor": on(
-        "", "drift of every part", "Ad* is the dual of conjugation", "product and inverse of G ⋉ g*"
-    ),
+    "product: drift of the best factor": on("", "drift of every part", DUAL, OF_PRODUCTS[0]),
     "critical points: index counts what rises": on("", CRITICAL),
     "critical points: Hessian, factor 2": on("", CRITICAL),
     "critical points: half-turns about other axes": on("", CRITICAL),

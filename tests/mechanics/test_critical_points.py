@@ -283,15 +283,6 @@ def test_an_axis_is_named_with_its_largest_entry_positive(sign):
     assert _direction(sign * np.array([1.0, 2.0, 2.0]) / 3) == "(0.333, 0.667, 0.667)"
 
 
-@pytest.mark.parametrize("weights", [[1.0, 2.0, 3.0], [3.0, 1.0, 2.0]])
-def test_the_distance_to_single_half_turns_is_the_least_of_three(weights):
-    G = group_named("SO3")
-    Q = G.exp(np.random.default_rng(3).standard_normal((20, 3)))
-    half_turns = [2 * np.outer(e, e) - np.eye(3) for e in np.eye(3)]
-    expected = np.min([frobenius(Q - R) for R in half_turns], axis=0)
-    assert distance_to_unstable(G, np.diag(weights), Q) == pytest.approx(expected, rel=1e-12)
-
-
 def test_the_distance_to_half_turns_about_axes_in_a_turned_plane():
     """The nearest of 20,000 of them, whose angles are 8e-5 rad from one another at most."""
     G = group_named("SO3")
