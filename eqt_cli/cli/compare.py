@@ -316,18 +316,19 @@ def _of_experiment(
     `whole` is None if a user chose a part; else the findings come with all tables (True), or with
     the means and the differences from the first controller (False).
     """
-    from eqt_cli.analysis.comparison.tables import records, text_tables
+    from eqt_cli.analysis.comparison.tables import IN_FULL, records, text_tables
 
     rows = records(comparison)
     # A table of all pairs of many controllers is long: by default, pairs with the first one.
     narrowed = not whole and table is None and format is TableFormat.TEXT
     shown_pairs = against or (comparison.labels[:1] if narrowed else ())
     briefly = whole is False
-    made = text_tables(comparison, write, shown_pairs, laws_as_rows=laws_as_rows, brief=briefly)
+    in_one = whole is not None
+    made = text_tables(comparison, write, shown_pairs, laws_as_rows=laws_as_rows, brief=in_one)
     wanted = (
         [TableName.PAIRS, TableName.CONTROLLERS] if briefly else [table] if table else list(made)
     )
-    shown = [made[name] for name in wanted if name in made]
+    shown = [made[name].without(IN_FULL * briefly) for name in wanted if name in made]
     document = {
         **{name: getattr(comparison, name) for name in ("title", "group")},
         "controllers": comparison.kinds,

@@ -339,7 +339,7 @@ def worst_tables(result: Result, record: Record) -> list[TextTable]:
         ]
         for law in record["laws"]
     ]
-    header = ["law", "worst found", "at", "run", "unsettled", "in the box", "agree"]
+    header = ["law", "worst found", "at", "run", "not settled", "in the box", "agree"]
     title = f"The worst run that was found: {what}"
     return [TextTable("worst", title, header, [Block("", rows)], list(_worst_notes(record)))]
 
@@ -355,7 +355,7 @@ def _worst_notes(record: Record) -> Iterator[str]:
                 f"{values}; the run amplifies rounding, so its value is no more certain than that."
             )
     yield (
-        "Unsettled: of the runs at the point that was found; in the box: of all runs of "
+        "Not settled: of the runs at the point that was found; in the box: of all runs of "
         "the first generations, whose points are spread over the ranges. A failed run has not "
         "settled. "
         f"Agree: searches whose worst is within {100 * AGREEING:g} % of the worst of all."

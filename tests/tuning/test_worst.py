@@ -135,7 +135,7 @@ def test_the_table_says_found_and_how_many_do_not_settle(searched: tuple[Found, 
     with open_result(folder) as result:
         (table,) = worst_tables(result, done.record)
     assert table.caption == "The worst run that was found: mean ‖I − Q_E‖"
-    header = ["law", "worst found", "at", "run", "unsettled", "in the box", "agree"]
+    header = ["law", "worst found", "at", "run", "not settled", "in the box", "agree"]
     assert table.header == header
     assert table.blocks[0].rows[0] == [
         "stabilising",
@@ -150,7 +150,7 @@ def test_the_table_says_found_and_how_many_do_not_settle(searched: tuple[Found, 
     assert table.notes == [
         "Searched: 2 generations of 5 points, each of 3 runs, for every law, with the seed 0. "
         "Worse runs may exist: a search is not a proof.",
-        "Unsettled: of the runs at the point that was found; in the box: of all runs of "
+        "Not settled: of the runs at the point that was found; in the box: of all runs of "
         "the first generations, whose points are spread over the ranges. A failed run has not "
         "settled. Agree: searches whose worst is within 1 % of the worst of all.",
     ]

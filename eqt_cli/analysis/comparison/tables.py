@@ -261,7 +261,7 @@ def _number(row: Pair | Level, value: float, measured: PerRun) -> str:
 
 
 IN_FULL = ("d", "runs to decide")
-"""Columns of the table of pairs that its brief form leaves out."""
+"""Columns of the table of pairs that only some readers need."""
 
 _KEYS = ["measure", "window", "unit"]
 """Headings of `_measure`."""
@@ -287,8 +287,8 @@ def text_tables(
     laws_as_rows
         Whether the table of means has a row for each controller instead of each measure.
     brief
-        Whether the tables of means and pairs are to fit 80 columns: one column for measure, window
-        and unit, and pairs without what only some readers need.
+        Whether the tables of means and pairs have one column for measure, window and unit, which
+        fits 80 columns.
     """
     whole = f"0–{comparison.horizon:g} s" * brief
     means = _controllers(comparison, notation, whole * (not laws_as_rows))
@@ -393,8 +393,7 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: 
     notes = [f"Over {whole} where no time is named."] if whole else []
     notes += _plain(_pair_notes(comparison, shown), write)
     spare = ("runs to decide", "d", "relative", "better in")
-    table = TextTable("pairs", caption, header, blocks, notes, spare, len(keys))
-    return table.without(IN_FULL) if whole else table
+    return TextTable("pairs", caption, header, blocks, notes, spare, len(keys))
 
 
 def _difference(comparison: Comparison, first: str, second: str) -> str:
