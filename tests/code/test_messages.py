@@ -209,3 +209,8 @@ def test_a_header_of_another_folder_is_not_kept(written, config, told, tmp_path_
         f"controllers[0].file: lee.c includes {path}, which is not in its folder; a result keeps "
         "what is in this folder and below; copy the file there"
     )
+
+
+def test_of_a_file_of_another_system_nothing_is_known_without_nm(monkeypatch):
+    monkeypatch.setattr(own_code.shutil, "which", lambda name: None)
+    assert own_code.kept(b"\xcf\xfa\xed\xfe") is None

@@ -260,6 +260,15 @@ def test_where_there_are_no_unstable_points_every_run_has_no_distance():
     assert np.isnan(found).all()
 
 
+def test_a_weight_of_another_group_has_no_distance():
+    """As that of the attitude law in a cascade."""
+    found = distance_to_unstable(
+        group_named("SE3"), np.eye(3), np.broadcast_to(np.eye(4), (5, 4, 4))
+    )
+    assert found.shape == (5,)
+    assert np.isnan(found).all()
+
+
 def test_runs_that_failed_have_no_distance():
     G = group_named("SO3")
     Q = np.stack([np.full((3, 3), np.nan), np.eye(3)])
