@@ -16,34 +16,21 @@ CAVO, BENTUR = PairedShares(59, 6, 16, 80), PairedShares(1, 1, 7, 12)
 
 
 @pytest.mark.parametrize(
-    ("count", "runs", "low", "high"),
+    ("count", "runs", "wilson", "exact"),
     [
-        (81, 263, 0.2553, 0.3662),
-        (15, 148, 0.0624, 0.1605),
-        (0, 20, 0, 0.1611),
-        (1, 29, 0.0061, 0.1718),
+        (81, 263, (0.2553, 0.3662), (0.2527, 0.3676)),
+        (15, 148, (0.0624, 0.1605), (0.0578, 0.1617)),
+        (0, 20, (0, 0.1611), (0, 0.1684)),
+        (1, 29, (0.0061, 0.1718), (0.0009, 0.1776)),
     ],
 )
-def test_shares_have_the_published_intervals_of_wilson(count, runs, low, high):
-    # Newcombe (1998), Statistics in Medicine 17, 857-872, table I, method 3.
+def test_shares_have_the_published_intervals(count, runs, wilson, exact):
+    """Of Newcombe (1998), Statistics in Medicine 17, 857-872, table I, methods 3 and 5."""
     found = share(count, runs, 0.95)
     assert found.value == count / runs
-    assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
-
-
-@pytest.mark.parametrize(
-    ("count", "runs", "low", "high"),
-    [
-        (81, 263, 0.2527, 0.3676),
-        (15, 148, 0.0578, 0.1617),
-        (0, 20, 0, 0.1684),
-        (1, 29, 0.0009, 0.1776),
-    ],
-)
-def test_shares_have_the_published_intervals_of_clopper_and_pearson(count, runs, low, high):
-    # Newcombe (1998), the same table, method 5.
+    assert (found.low, found.high) == pytest.approx(wilson, abs=5e-5)
     found = share(count, runs, 0.95, exact=True)
-    assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
+    assert (found.low, found.high) == pytest.approx(exact, abs=5e-5)
 
 
 def test_a_difference_has_the_published_interval_of_newcombe():

@@ -86,20 +86,6 @@ def task(tmp_path, monkeypatch):
     return __import__(name).Task(str(done))
 
 
-@pytest.mark.parametrize("name", QUICK)
-def test_every_item_ends_once_and_all_progress_is_reported(name, task, told):
-    with step("runs", 40):
-        found = list(executors.get(name)(2).outcomes(task, [1, 2, 3, 4]))
-    assert sorted(found, key=lambda o: o.item) == [Outcome(k, k % 2) for k in (1, 2, 3, 4)]
-    if name in ("local", "dask"):
-        assert told.total("runs") == 40
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_nothing_to_do_is_done(name, task):
-    assert list(executors.get(name)(2).outcomes(task, [])) == []
-
-
 @POSIX
 @pytest.mark.parametrize("name", SURVIVORS)
 def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_path):
@@ -131,12 +117,6 @@ def test_a_cluster_starts_beside_another(task):
             other.listen()
         found = list(executors.get("dask")(1).outcomes(task, [2]))
     assert found == [Outcome(2, 0)]
-
-
-@pytest.mark.parametrize("name", QUICK)
-def test_an_error_of_the_task_ends_everything(name, task):
-    with pytest.raises(EqtError, match="no"):
-        list(executors.get(name)(2).outcomes(task, [99]))
 
 
 def test_workers_end_when_nobody_listens_any_more(task):

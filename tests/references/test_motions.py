@@ -330,24 +330,6 @@ def test_state_holds_no_more_of_the_reference_than_is_integrated(G, kind, stretc
     assert [name for name in lengths if name.startswith("desired")] == stretches
 
 
-@pytest.mark.parametrize(
-    "G",
-    [
-        pytest.param(name, marks=[pytest.mark.slow("compiles a law for each")] * (name != "SE2"))
-        for name in GROUPS
-    ],
-    indirect=True,
-)
-def test_engines_agree_far_from_the_reference(G):
-    loop = closed_loop(G, reference("waypoints", G))
-    Q = G.exp(0.4 * np.random.default_rng(8).standard_normal((2, G.dimension)))
-    rest = np.zeros((2, G.dimension))
-    problem = Problem(loop, loop.initial_state(Q, rest, Q, rest), TIMES)
-    found = [engines.get(name)(rtol=RTOL).solve(problem).states for name in ("solve_ivp", "native")]
-    bound = 1000 * RTOL * np.abs(found[1]).max()
-    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=bound)
-
-
 # A reference that a torque drives ---------------------------------------------------------------
 
 
