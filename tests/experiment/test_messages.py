@@ -31,6 +31,11 @@ def section_of(line: str) -> dict[str, str | None]:
     return {name: value or None}
 
 
+INERTIAS = (
+    "a number, a list (the diagonal), a list of rows, or a mapping with `initial` and `factor` or "
+    "with `matrix`"
+)
+
 SAID = {
     # Unknown keys.
     "gian: 1": "c.yaml:10:1: gian: unknown key; did you mean 'gains'?",
@@ -121,14 +126,9 @@ SAID = {
     # Wrong types.
     "group: 3": "c.yaml:1:1: group: expected text, got 3",
     "group: null": "c.yaml:1:1: group: expected text, got null",
-    "inertia: null": (
-        "c.yaml:2:1: inertia: expected a number, a list (the diagonal), a list of rows or "
-        "a mapping, got null"
-    ),
-    "inertia: true": (
-        "c.yaml:2:1: inertia: expected a number, a list (the diagonal), a list of rows or "
-        "a mapping, got true"
-    ),
+    "inertia: null": f"c.yaml:2:1: inertia: expected {INERTIAS}, got null",
+    "inertia: true": f"c.yaml:2:1: inertia: expected {INERTIAS}, got true",
+    "inertia: {mass: 1}": f"c.yaml:2:1: inertia: expected {INERTIAS}, got {{mass: 1}}",
     "inertia: [1, .inf, 2]": "c.yaml:2:14: inertia[1]: expected a finite number, got .inf",
     "inertia: [[1, 0, 0], 4, 5]": (
         "c.yaml:2:22: inertia[1]: expected a list, got 4\n"
