@@ -170,7 +170,7 @@ class Cascade(Controller):
     inner: Any = field(default=None, init=False, repr=False)  # Controller
     known: Any = field(default=(), init=False, repr=False)  # tuple of forces
     exact: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
-    # A constant of most laws.
+    # Of most laws, a constant of the class: mypy refuses a field in its place.
     direction: Any = field(default=(), init=False, metadata=STRUCTURE)  # type: ignore[misc]
 
     # What it is made of.

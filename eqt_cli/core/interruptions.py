@@ -172,7 +172,8 @@ def _must_not_interrupt(frame: FrameType | None) -> bool:
     """Whether a module is imported, a process is started or pydantic builds or checks a value."""
     while frame is not None:
         file, function = frame.f_code.co_filename, frame.f_code.co_name
-        if file.startswith("<frozen importlib") or _PYDANTIC in file:
+        library = str(frame.f_globals.get("__name__")).partition(".")[0]
+        if file.startswith("<frozen importlib") or library == "pydantic":
             return True
         if function == "start" and file.endswith(_PROCESSES):
             return True
@@ -181,7 +182,6 @@ def _must_not_interrupt(frame: FrameType | None) -> bool:
 
 
 _PROCESSES = str(Path("multiprocessing", "process.py"))
-_PYDANTIC = f"{os.sep}pydantic{os.sep}"
 
 
 @contextmanager

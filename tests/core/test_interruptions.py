@@ -115,6 +115,12 @@ def test_a_signal_while_a_value_is_checked_is_no_error_of_the_value():
     assert checked == ["a"]
 
 
+def test_a_folder_called_pydantic_is_not_pydantic():
+    code = compile("signal.raise_signal(signal.SIGTERM)", "/home/me/pydantic/mine.py", "exec")
+    with pytest.raises(Interrupted), as_exceptions(lambda: None):
+        exec(code, {"signal": signal, "__name__": "mine"})
+
+
 def test_other_ignored_exceptions_are_told_as_before():
     class Broken:
         def __del__(self):

@@ -249,7 +249,7 @@ class Thrusters(Actuator):
         return clip(thrusts, self.low, self.high) if self.limits else thrusts
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """Return (asked − x) / T, and 0 for thrusts that are solved for at the next instant."""
+        """Return (commanded − x) / T, and 0 for thrusts that are solved for at the next instant."""
         thrusts = self._commanded(command, x)
         rate: Array = (self._followed(thrusts) - x[..., -self.count :]) / self.time_constant
         return np.concatenate([0.0 * thrusts, rate], axis=-1) if self.sampled else rate
