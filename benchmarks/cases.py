@@ -100,8 +100,12 @@ def load(name: str, runs: int | None = None, overrides: Sequence[str] = ()) -> C
 
 
 def exact(case: Case) -> Motion:
-    """Blocks of one run by `solve_ivp` at its smallest tolerance; no contender has its steps."""
-    engine = SolveIvp(rtol=SMALLEST_RTOL, atol=1e-3 * SMALLEST_RTOL, block=1)
+    """By `solve_ivp` at its smallest tolerance; no contender has its steps.
+
+    Blocks of 50 runs take a thirtieth of the time of single runs, whose poses and velocities differ
+    from theirs by at most 3e-13 (paper) and 3e-12 (se3).
+    """
+    engine = SolveIvp(rtol=SMALLEST_RTOL, atol=1e-3 * SMALLEST_RTOL, block=50)
     return case.motion([engine.solve(each) for each in case.problems])
 
 
