@@ -96,7 +96,7 @@ def _preface(results: Results) -> str:
         "Written by `make bench`; all numbers are in bench.json.",
         "Times are wall times of the integration alone, the least of several, with compilation "
         "apart. Errors are max over the samples of max(‖ΔQ‖_F, ‖ΔV‖) for each run, against "
-        "solve_ivp, run by run at its smallest tolerance, 2.2e-14.",
+        "solve_ivp at its smallest tolerance, 2.2e-14.",
     ]
     lines += [f"Not measured: {name}: {reason}." for name, reason in results.skipped.items()]
     return "\n\n".join(lines)
