@@ -217,8 +217,7 @@ def _finite(judged: Judged) -> Iterator[Row]:
     ]
     if bad.any() and not known[bad].all():
         words.append("the law is not finite there either")
-    fails = bool(np.any(bad & known))
-    verdict = Verdict.FAILS if fails else Verdict.HOLDS
+    verdict = Verdict.FAILS if np.any(bad & known) else Verdict.HOLDS
     yield _row(judged, "finite torque at half turns and without an error", verdict, words)
 
 
@@ -237,8 +236,9 @@ def _repeatable(judged: Judged) -> Iterator[Row]:
     same = np.array_equal(first, second[::-1], equal_nan=True) and all(
         np.array_equal(kept[name], again[name][::-1], equal_nan=True) for name in kept
     )
-    own, verdict, words = judged.law.called.own_state, Verdict.HOLDS, list[str]()
+    own, words = judged.law.called.own_state, list[str]()
     variables, functions = own or ([], [])
+    verdict = Verdict.FAILS if variables or not same else Verdict.HOLDS
     if variables:
         words.append(
             f"it keeps {', '.join(variables)} from call to call; put it into memory, or make it "
@@ -254,8 +254,6 @@ def _repeatable(judged: Judged) -> Iterator[Row]:
     elif functions:
         words.append(f"undecided: it calls {', '.join(functions)}, which may keep a state")
         verdict = Verdict.UNDECIDED
-    if variables or not same:
-        verdict = Verdict.FAILS
     yield _row(judged, "equal inputs give equal torques", verdict, words)
 
 
@@ -274,9 +272,7 @@ def _compared(judged: Judged) -> Iterator[Row]:
         words = ["name the law that it claims to be with `as`"]
         yield _row(judged, "torque of the law", Verdict.UNCLAIMED, words)
         return
-    formula = replace(loop, controller=law)
-    code = loop.controller.code
-    assert code is not None
+    formula, code = replace(loop, controller=law), judged.law.code
     known = False
     for place, states in (("at random states", judged.states), ("along runs", judged.along)):
         if states is None:
@@ -396,8 +392,7 @@ def _description(
     judged: Judged, states: States, question: Question, torque: Array, wrong: _TorqueDifferences
 ) -> list[str]:
     """Describe the difference in words."""
-    code = judged.loop.controller.code
-    assert code is not None
+    code = judged.law.code
     if not (np.isfinite(torque) & np.isfinite(question.torque())).all(axis=1).any():
         return [NO_NUMBER]
     if wrong.by_float and code.real == "double":
@@ -432,12 +427,7 @@ def _memory_row(judged: Judged, question: Question, kept: dict[str, Array], real
     loop, period = question.loop, judged.loop.period
     s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
     _, later = loop.controller.answer(s, period)
-    inputs = question.inputs
-    still = inputs._replace(
-        velocity=0 * inputs.velocity,
-        desired_velocity=0 * inputs.desired_velocity,
-        desired_acceleration=0 * inputs.desired_acceleration,
-    )
+    still = question.inputs.zeroed("velocity", "desired_velocity", "desired_acceleration")
     at_rest = loop.controller.memory_rate(
         still.tracking(loop.group, loop.inertia, loop.gains, question.memory)
     )
@@ -499,7 +489,6 @@ def _row(
     measured: float | None = None,
     bound: float | None = None,
 ) -> Row:
-    code = judged.loop.controller.code
-    assert code is not None
+    code = judged.law.code
     statement = f"{code.file}: {code.prefix}_torque"
     return Row(name, statement, "code", judged.label, measured, bound, verdict, "; ".join(words))

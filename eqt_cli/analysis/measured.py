@@ -112,7 +112,7 @@ def aligned(recording: Recording, times: Array, run: Pieces) -> Alignment:
     seen = _Resampled.of(
         recording, begin + step * np.arange(int((end - begin) / step * (1 + 1e-9)) + 1)
     )
-    peaks = [_peak(signal, times, step) for signal in _signals(seen, times, run)]
+    peaks = [_peak(signal, float(begin), times, step) for signal in _signals(seen, times, run)]
     if not peaks:
         raise _unknown(recording, "its rows are too far apart for the run")
     best = max(peaks, key=lambda peak: (not peak.doubt, peak.quality))
@@ -163,13 +163,9 @@ class _Resampled(NamedTuple):
 # Search over all offsets --------------------------------------------------------------------------
 
 
-class _ComparedSignal(NamedTuple):
-    """A compared quantity: of the recording at its instants, and of the run at any time."""
-
-    begin: float
-    measured: Array
-    simulated: Callable[[Array], Array]
-    """Returns NaN outside the run."""
+_ComparedSignal = tuple[Array, Callable[[Array], Array]]
+"""A compared quantity: of the recording at its instants, and of the run at any time, NaN outside
+the run."""
 
 
 class _Peak(NamedTuple):
@@ -186,12 +182,12 @@ class _Peak(NamedTuple):
 def _signals(seen: _Resampled, times: Array, run: Pieces) -> Iterator[_ComparedSignal]:
     from scipy.interpolate import CubicSpline  # slow to import; readers of results do without
 
-    G, begin, count = seen.group, float(seen.instants[0]), len(seen.instants)
+    G, count = seen.group, len(seen.instants)
     poses, velocities, _ = run.motion(G, times)
     if seen.known:
         spline = CubicSpline(times, velocities[:, seen.known], extrapolate=False)
-        yield _ComparedSignal(begin, seen.velocities[:, seen.known], spline)
-    step, window = float(seen.instants[1]) - begin, 1
+        yield seen.velocities[:, seen.known], spline
+    step, window = float(seen.instants[1] - seen.instants[0]), 1
     turns = [part.axes for part in G.parts if part.turns]
     real = ~np.isnan(seen.poses[:, 0, 0])
     while window <= count // 4:
@@ -208,16 +204,14 @@ def _signals(seen: _Resampled, times: Array, run: Pieces) -> Iterator[_ComparedS
         measured = np.full((count - window, G.dimension), np.nan)
         first, last = seen.poses[:-window][both], seen.poses[window:][both]
         measured[both] = G.log(G.inverse(first) @ last)
-        yield _ComparedSignal(
-            begin, measured, CubicSpline(times[early], simulated, extrapolate=False)
-        )
+        yield measured, CubicSpline(times[early], simulated, extrapolate=False)
         window *= 2
 
 
-def _peak(signal: _ComparedSignal, times: Array, step: float) -> _Peak:
-    measured = signal.measured
+def _peak(signal: _ComparedSignal, begin: float, times: Array, step: float) -> _Peak:
+    measured, simulated_at = signal
     grid = times[0] + step * np.arange(int((times[-1] - times[0]) / step * (1 + 1e-9)) + 1)
-    simulated = signal.simulated(grid)
+    simulated = simulated_at(grid)
     real = simulated[np.isfinite(simulated).all(axis=1)]
     if not real.std(axis=0).max() > CONSTANT_WITHIN * np.sqrt(np.mean(real**2)):
         return _Peak(0.0, -1.0, doubt="the velocity of the run is constant")
@@ -234,7 +228,7 @@ def _peak(signal: _ComparedSignal, times: Array, step: float) -> _Peak:
     others = correlation.copy()
     others[first : last + 1] = -1.0
     other, top = int(np.argmax(others)), float(correlation[best])
-    offset = float(grid[0]) - signal.begin + step * (best - (len(measured) - 1))
+    offset = float(grid[0]) - begin + step * (best - (len(measured) - 1))
     quality = (1 - float(others[other])) / max(1 - top, 1e-12)
     doubt = ""
     if top < LEAST_CORRELATION:

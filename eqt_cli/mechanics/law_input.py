@@ -56,6 +56,10 @@ class LawInput(NamedTuple):
         """Return the input with a function applied to every part that there is."""
         return LawInput._make(None if part is None else function(part) for part in self)
 
+    def zeroed(self, *names: str) -> LawInput:
+        """Return the input with some of its parts set to 0."""
+        return self._replace(**{name: 0 * getattr(self, name) for name in names})
+
     def rows(self, names: Iterable[str]) -> Array:
         """Return some parts side by side, ``(states, …)``; matrices are row by row."""
         batch, columns = self.velocity.shape[:-1], []

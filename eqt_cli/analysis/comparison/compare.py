@@ -6,11 +6,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.claims import AtMost, Claim, ClaimSet, Less, claim_sets
+from eqt_cli.analysis.comparison.claims import AtMost, Claim, Less, claim_sets
 from eqt_cli.analysis.comparison.intervals import SHARE, Resampling, runs_without_exception
 from eqt_cli.analysis.comparison.pairs import Level, Pair, statistics
 from eqt_cli.core.errors import EqtError
@@ -89,28 +88,12 @@ class Judgement:
     absent: tuple[str, ...] = ()
     settled: tuple[Settled, ...] = ()
 
-    def with_settled(self, settled: Sequence[Settled]) -> Judgement:
-        """Return the judgement with settled runs; if some did not settle, it is at most `SEEN`.
 
-        A claim about a controller concerns runs that settle. This horizon does not show how the
-        others end.
-        """
-        late = any(law.count < law.runs for law in settled)
-        seen = late and self.verdict is ClaimVerdict.SUPPORTED
-        verdict = ClaimVerdict.SEEN if seen else self.verdict
-        return replace(self, verdict=verdict, settled=tuple(settled))
-
-
-def applicable(sets: Sequence[type[ClaimSet]], kinds: Sequence[str]) -> Iterator[tuple[str, Claim]]:
-    """Yield the source and the claim for claims with a row about controllers of the result."""
-    for claim_set in sets:
-        for claim in claim_set.claims:
-            if any(set(row.kinds) <= set(kinds) for row in claim.rows):
-                yield claim_set.source, claim
-
-
-def measured_by(result: Result, row: Less) -> list[tuple[Quantity, Window]]:
+def measured_by(result: Result, row: Less | AtMost) -> list[tuple[Quantity, Window]]:
     """Return the measures that test a row; empty if the result cannot test it."""
+    if isinstance(row, AtMost):
+        known = result.comparable
+        return [(known[row.measure], WHOLE)] if row.measure in known else []
     return [
         (quantity, row.window)
         for quantity in result.by_parts(row.measure)
@@ -268,7 +251,7 @@ def compare(
     chosen = _chosen(result, metrics, windows)
     labels = [label for label in result.labels if not labels or label in labels]
     kinds = _by_kind(result, labels)
-    claimed = [(test.measure, test.window) for test in _tests(result, kinds)]
+    claimed = [(measure, window) for *_, measure, window in _tests(result, kinds)]
     wanted: dict[_Key, Quantity] = {}
     for measure, window in [*chosen, *claimed]:
         wanted.setdefault((measure.name, window.within(result.times)), measure)
@@ -372,26 +355,19 @@ def _by_kind(result: Result, labels: Sequence[str]) -> dict[str, str]:
     return by_kind
 
 
-class _Test(NamedTuple):
-    """A row of a claim, and a measure over a window that tests it."""
-
-    source: str
-    claim: Claim
-    row: Less | AtMost
-    measure: Quantity
-    window: Window
+_Test = tuple[str, Claim, Less | AtMost, Quantity, Window]
+"""The source of a claim, the claim, a row of it, and a measure over a window that tests the row."""
 
 
 def _tests(result: Result, kinds: Mapping[str, str]) -> Iterator[_Test]:
-    """Yield the tests of the claims about controllers of these kinds."""
-    for source, claim in applicable(claim_sets.all(), list(kinds)):
-        for row in claim.rows:
-            if isinstance(row, Less):
-                measures = measured_by(result, row)
-            else:
-                known = result.comparable
-                measures = [(known[row.measure], WHOLE)] if row.measure in known else []
-            yield from (_Test(source, claim, row, *measure) for measure in measures)
+    """Yield the tests of the claims with a row about controllers of these kinds."""
+    for claim_set in claim_sets.all():
+        for claim in claim_set.claims:
+            if not any(set(row.kinds) <= set(kinds) for row in claim.rows):
+                continue
+            for row in claim.rows:
+                for measure, window in measured_by(result, row):
+                    yield claim_set.source, claim, row, measure, window
 
 
 def _judgements(
@@ -402,21 +378,7 @@ def _judgements(
     confidence: float,
 ) -> list[Judgement]:
     by_names = {(_key(pair.measured), pair.first, pair.second): pair for pair in pairs}
-
-    def pair_of(key: _Key, first: str, second: str) -> Pair:
-        pair = by_names.get((key, first, second))
-        return pair or by_names[(key, second, first)].swapped()
-
     settles = result.settles
-
-    def settled(judged: Judgement, *labels: str) -> Judgement:
-        if settles is None:
-            return judged
-        rows = [(label, result.labels.index(label)) for label in labels]
-        return judged.with_settled(
-            [Settled(label, int(settles[k].sum()), int(result.good[k].sum())) for label, k in rows]
-        )
-
     rows = []
     for source, claim, row, measure, window in _tests(result, kinds):
         if not set(row.kinds) <= set(kinds):
@@ -428,9 +390,21 @@ def _judgements(
             index = result.labels.index(label)
             judged = judge_at_most(source, claim.says, row, samples[key], index, label, confidence)
         else:
-            judged = judge_less(source, claim.says, pair_of(key, *labels))
-        absent = tuple(kind for kind in about if kind not in kinds)
-        rows.append(settled(replace(judged, absent=absent), *labels))
+            first, second = labels
+            pair = by_names.get((key, first, second)) or by_names[key, second, first].swapped()
+            judged = judge_less(source, claim.says, pair)
+        judged = replace(judged, absent=tuple(kind for kind in about if kind not in kinds))
+        if settles is not None:
+            at = [(label, result.labels.index(label)) for label in labels]
+            laws = [
+                Settled(label, int(settles[k].sum()), int(result.good[k].sum())) for label, k in at
+            ]
+            # A claim concerns runs that settle. This horizon does not show how the others end.
+            late = any(law.count < law.runs for law in laws)
+            if late and judged.verdict is ClaimVerdict.SUPPORTED:
+                judged = replace(judged, verdict=ClaimVerdict.SEEN)
+            judged = replace(judged, settled=tuple(laws))
+        rows.append(judged)
     return rows
 
 

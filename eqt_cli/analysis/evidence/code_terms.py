@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -99,25 +99,8 @@ SYMMETRIC = "symmetric part of the pose error"
 NOT_SKEW = " (the difference of Q_d⁻¹Q to its transpose is missing, or is of other matrices)"
 
 
-@dataclass(frozen=True)
-class LawParts:
-    """The parts of a law at some states.
-
-    Attributes
-    ----------
-    columns
-        Torques of the parts by name, ``(rows, m)`` each.
-    expected
-        Coefficients of the parts in the law.
-    """
-
-    columns: dict[str, Array]
-    expected: dict[str, float]
-
-    @property
-    def size(self) -> int:
-        """Number of parts with a coefficient other than 0."""
-        return sum(abs(value) > CHANGED["double"] for value in self.expected.values())
+LawParts = tuple[dict[str, Array], dict[str, float]]
+"""The torques of the parts of a law by name, ``(rows, m)`` each, and their coefficients in it."""
 
 
 def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[LawParts]:
@@ -136,14 +119,11 @@ def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[LawPart
 def _own_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str, Array]:
     """Return the parts due to gains, desired acceleration and memory."""
     ask = question.torque
-    still = rest._replace(
-        desired_velocity=0 * rest.desired_velocity,
-        desired_acceleration=0 * rest.desired_acceleration,
-    )
+    still = rest.zeroed("desired_velocity", "desired_acceleration")
     stiffness = ask(inputs=pose) - ask(inputs=pose, K=0.0)
     damping = ask(inputs=rest) - ask(inputs=rest, K_d=0.0)
     own_damping = ask(inputs=still) - ask(inputs=still, K_d=0.0)
-    unpushed = rest._replace(desired_acceleration=0 * rest.desired_acceleration)
+    unpushed = rest.zeroed("desired_acceleration")
     parts = {
         "stiffness": stiffness,
         "damping": own_damping,
@@ -158,7 +138,7 @@ def _own_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str, 
 
 def _quadratic(question: Question, inputs: LawInput) -> list[dict[str, Array]]:
     """Return two splits of the terms quadratic in velocities, from the weights of the family."""
-    unpushed = inputs._replace(desired_acceleration=0 * inputs.desired_acceleration)
+    unpushed = inputs.zeroed("desired_acceleration")
     nothing = question.forgetful
 
     def family(at: LawInput, **weights: float) -> Array:
@@ -169,8 +149,8 @@ def _quadratic(question: Question, inputs: LawInput) -> list[dict[str, Array]]:
     def weighed(name: str, at: LawInput = unpushed) -> Array:
         return family(at, **{name: 1.0}) - family(at)
 
-    of_reference = weighed("quadratic", unpushed._replace(velocity=0 * inputs.velocity))
-    of_body = weighed("quadratic", unpushed._replace(desired_velocity=0 * inputs.desired_velocity))
+    of_reference = weighed("quadratic", unpushed.zeroed("velocity"))
+    of_body = weighed("quadratic", unpushed.zeroed("desired_velocity"))
     g, c, n, q = map(weighed, ("gyroscopic", "transport", "connection", "quadratic"))
     return [
         {
@@ -208,7 +188,7 @@ def _fitted(torque: Array, own: dict[str, Array], moving: dict[str, Array]) -> L
     left = rest - sum((expected[n] * columns[n] for n in fitted), 0 * torque)
     if np.abs(left).max() > EXPLAINED["double"] * scale:
         columns[OTHERS], expected[OTHERS] = left, 1.0
-    return LawParts(columns, {name: expected[name] for name in columns})
+    return columns, expected
 
 
 def _rounded(value: float) -> float:
@@ -276,7 +256,8 @@ class TorqueExplanation:
             share = f"{100 * self.left:.2g} % of the torque"
             return f"no sum of the law's parts in any frame: {share} is none of them"
         sentences = [self.assumed] if self.assumed else []
-        lacking = {name: pair for name, pair in self.changed.items() if _is_zero(pair[0], self)}
+        zero = CHANGED[self.real] * 10
+        lacking = {name: pair for name, pair in self.changed.items() if abs(pair[0]) <= zero}
         other = {name: pair for name, pair in self.changed.items() if name not in lacking}
         if lacking:
             words = ", ".join(_coefficient(n, *pair) for n, pair in lacking.items())
@@ -290,10 +271,6 @@ class TorqueExplanation:
         return "; ".join(sentences)
 
 
-def _is_zero(fitted: float, of: TorqueExplanation) -> bool:
-    return abs(fitted) <= CHANGED[of.real] * 10
-
-
 def _coefficient(name: str, share: float, expected: float) -> str:
     close = abs(share - expected) < 0.005
     one = f"{share:.6g}" if close else f"{share:.2f}".replace("-0.00", "0.00")
@@ -301,9 +278,8 @@ def _coefficient(name: str, share: float, expected: float) -> str:
 
 
 def _sign(share: float, expected: float) -> str:
-    return (
-        " (the sign is wrong)" if expected and abs(share + expected) < 0.005 * abs(expected) else ""
-    )
+    wrong = expected and abs(share + expected) < 0.005 * abs(expected)
+    return " (the sign is wrong)" if wrong else ""
 
 
 def explained(question: Question, torque: Array, real: str) -> TorqueExplanation:
@@ -331,17 +307,16 @@ def explained(question: Question, torque: Array, real: str) -> TorqueExplanation
 def _explanation(
     question: Question, parts: LawParts, torque: Array, assumed: str, real: str
 ) -> TorqueExplanation:
-    columns = dict(parts.columns)
-    expected = dict(parts.expected)
+    columns, expected = parts
     symmetric = _symmetric(question)
     if np.abs(symmetric).max() > EXPLAINED["double"] * np.abs(torque).max():
-        columns[SYMMETRIC], expected[SYMMETRIC] = symmetric, 0.0
-    return in_parts(LawParts(columns, expected), torque, real, assumed)
+        columns, expected = columns | {SYMMETRIC: symmetric}, expected | {SYMMETRIC: 0.0}
+    return in_parts((columns, expected), torque, real, assumed)
 
 
 def in_parts(parts: LawParts, torque: Array, real: str, assumed: str = "") -> TorqueExplanation:
     """Return a torque in C as a sum of parts, by least squares."""
-    columns, expected = parts.columns, parts.expected
+    columns, expected = parts
     law = sum((expected[n] * column for n, column in columns.items()), 0 * torque)
     difference = torque - law
     more = _least_squares(columns, difference)
@@ -385,34 +360,20 @@ def sum_of(columns: Mapping[str, Array], torque: Array, bound: float) -> str:
 # Typical mistakes: frames, transposes, axes, units, options ---------------------------------------
 
 
-class Assumption(NamedTuple):
-    """An assumed mistake, with the law that the code then follows.
-
-    Attributes
-    ----------
-    words
-        The mistake in words; "" if none is assumed.
-    question
-        The law and its inputs.
-    pose, rest
-        Inputs of the stiffness, and of all other parts.
-    """
-
-    words: str
-    question: Question
-    pose: LawInput
-    rest: LawInput
+Assumption = tuple[str, Question, LawInput, LawInput]
+"""A mistake in words, "" for none; the law that the code then follows, the inputs of its stiffness,
+and the inputs of all other parts."""
 
 
 def assumptions(question: Question) -> Iterator[Assumption]:
     """Yield no mistake first, and then the known mistakes in code of a law."""
     inputs = question.inputs
-    yield Assumption("", question, inputs, inputs)
+    yield "", question, inputs, inputs
     yield from _of_frames(question)
     for words, each in _everywhere(question).items():
-        yield Assumption(words, question, each, each)
+        yield words, question, each, each
     for words, changed in _other_laws(question):
-        yield Assumption(words, changed, inputs, inputs)
+        yield words, changed, inputs, inputs
 
 
 def _of_frames(question: Question) -> Iterator[Assumption]:
@@ -431,21 +392,20 @@ def _of_frames(question: Question) -> Iterator[Assumption]:
         carrying = {"V_d is carried to the body frame": G.inverse(Q_L)}
     frames = f"the frames are exchanged: the pose error is in the other frame, {named}"
     variants = {"": inputs} | {w: _carried(question, inputs, by) for w, by in carrying.items()}
-    yield Assumption(f"{frames}, wherever it occurs", question, exchanged, exchanged)
+    yield f"{frames}, wherever it occurs", question, exchanged, exchanged
     for words, rest in variants.items():
-        yield Assumption(f"{frames}; {words}" if words else frames, question, exchanged, rest)
+        yield f"{frames}; {words}" if words else frames, question, exchanged, rest
         if words:
-            yield Assumption(words, question, inputs, rest)
+            yield words, question, inputs, rest
     for axis, kept in enumerate(np.eye(G.dimension) if G.dimension > 1 else ()):
         read = inputs._replace(
             desired_velocity=kept * inputs.desired_velocity,
             desired_acceleration=kept * inputs.desired_acceleration,
         )
         alone = f"V_d is read on axis {axis + 1} only"
-        yield Assumption(alone, question, inputs, read)
+        yield alone, question, inputs, read
         for words, by in carrying.items():
-            rest = _carried(question, read, by)
-            yield Assumption(f"{alone}; {words}", question, inputs, rest)
+            yield f"{alone}; {words}", question, inputs, _carried(question, read, by)
 
 
 def _carried(question: Question, inputs: LawInput, by: Array) -> LawInput:
@@ -476,17 +436,26 @@ def _everywhere(question: Question) -> dict[str, LawInput]:
 
 def _other_laws(question: Question) -> Iterator[tuple[str, Question]]:
     """Yield the law with transposed gains, another frame, a missing option or later memory."""
-    loop = question.loop
-    for name, gains in _transposed(loop.gains):
-        yield f"{name} is transposed", _with(question, gains=gains)
-    for law in _in_other_frame(loop):
-        words = f"the frames are exchanged: all errors are in the {law.error} frame"
-        yield words, _with(question, controller=law)
-    for option, without in _without_options(loop.controller):
-        yield f"the option {option} is missing", _with(question, controller=without)
+    loop, law = question.loop, question.loop.controller
+    for name, key in {"K": "kp", "K_d": "kd"}.items():
+        tensor = getattr(loop.gains, name)
+        turned = tensor.swapaxes(-1, -2)
+        if np.any(turned != tensor):
+            gains = replace(loop.gains, **{name: turned})
+            yield f"{key} is transposed", _with(question, gains=gains)
+    if isinstance(law, Family):
+        frame: Frame = "body" if law.error == "spatial" else "spatial"
+        weights = law.gyroscopic, law.transport, law.connection
+        other = Family(*weights, error=frame, quadratic=law.quadratic)
+        words = f"the frames are exchanged: all errors are in the {frame} frame"
+        yield words, _with(question, controller=other)
+    for each in fields(law):  # optional ones, such as the bound of an integral
+        if each.init and each.default is None and getattr(law, each.name) is not None:
+            without = replace(law, **{each.name: None})
+            yield f"the option {each.name} is missing", _with(question, controller=without)
     if question.memory and loop.period:
         s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
-        rates = loop.controller.memory_rate(s)
+        rates = law.memory_rate(s)
         later = {name: z + loop.period * rates[name] for name, z in question.memory.items()}
         words = "memory goes on before it is used, and not after"
         yield words, replace(question, memory=later)
@@ -494,31 +463,6 @@ def _other_laws(question: Question) -> Iterator[tuple[str, Question]]:
 
 def _with(question: Question, **changes: Any) -> Question:
     return replace(question, loop=replace(question.loop, **changes))
-
-
-def _transposed(gains: Gains) -> Iterator[tuple[str, Gains]]:
-    """Yield the gains with one of them transposed, if that changes it."""
-    K, K_d = gains.K.swapaxes(-1, -2), gains.K_d.swapaxes(-1, -2)
-    if np.any(K != gains.K):
-        yield "kp", Gains(K, gains.K_d)
-    if np.any(K_d != gains.K_d):
-        yield "kd", Gains(gains.K, K_d)
-
-
-def _in_other_frame(loop: ClosedLoop) -> Iterator[Family]:
-    """Yield a member of the family with all its errors in the other frame."""
-    law = loop.controller
-    if isinstance(law, Family):
-        frame: Frame = "body" if law.error == "spatial" else "spatial"
-        weights = law.gyroscopic, law.transport, law.connection
-        yield Family(*weights, error=frame, quadratic=law.quadratic)
-
-
-def _without_options(law: Controller) -> Iterator[tuple[str, Controller]]:
-    """Yield the law without one of its optional options, such as the bound of an integral."""
-    for each in fields(law):
-        if each.init and each.default is None and getattr(law, each.name) is not None:
-            yield each.name, replace(law, **{each.name: None})
 
 
 RATES = {
@@ -585,7 +529,7 @@ def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
     columns["desired acceleration"] = whole - sum(columns.values())
     least = VANISHES * np.abs(whole).max()
     columns = {name: column for name, column in columns.items() if np.abs(column).max() > least}
-    return in_parts(LawParts(columns, dict.fromkeys(columns, 1.0)), wrench[:, moves], real)
+    return in_parts((columns, dict.fromkeys(columns, 1.0)), wrench[:, moves], real)
 
 
 def _with_force(question: Question, shares: dict[str, float], near: float) -> Question | None:
@@ -597,15 +541,13 @@ def _with_force(question: Question, shares: dict[str, float], near: float) -> Qu
     if known is None or abs(known - mass) < near:  # F has the same direction
         return question
     if abs(known) < near:
-        return replace(
-            question, loop=replace(loop, controller=with_fields(loop.controller, known=()))
-        )
+        return _with(question, controller=with_fields(loop.controller, known=()))
     if abs(known - 1.0) > near or not isinstance(loop.inertia, Inertia):
         return None
     scale = np.ones(loop.group.dimension)
     scale[loop.group.parts[1].axes] = mass
     inertia = Inertia(loop.inertia.matrix * scale, loop.inertia.inverse / scale)
-    return replace(question, loop=replace(loop, inertia=inertia))
+    return _with(question, inertia=inertia)
 
 
 def _with_rates(question: Question) -> Iterator[tuple[str, Question]]:
@@ -614,8 +556,7 @@ def _with_rates(question: Question) -> Iterator[tuple[str, Question]]:
     yield "", question
     for rates, words in RATES.items():
         if rates != law.rates and (rates != "heading" or question.inputs.heading is not None):
-            other = with_fields(law, rates=rates)
-            yield words, replace(question, loop=replace(question.loop, controller=other))
+            yield words, _with(question, controller=with_fields(law, rates=rates))
 
 
 def _of_attitude(question: Question, wrench: Array) -> tuple[Question, Array]:

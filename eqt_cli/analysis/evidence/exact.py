@@ -81,17 +81,6 @@ Rational: TypeAlias = int | Fraction
 WithRoots: TypeAlias = Rational | Surd
 
 
-def without_roots(number: WithRoots) -> tuple[WithRoots, Rational, int]:
-    """Return a factor, its rational product with the number, and how many roots were removed."""
-    factor: WithRoots = 1
-    taken = 0
-    while isinstance(number, Surd):
-        roots = next(roots for roots in number.terms if roots)
-        conjugate = number.conjugate(next(iter(roots)))
-        number, factor, taken = number * conjugate, factor * conjugate, taken + 1
-    return factor, number, taken
-
-
 def _terms(number: WithRoots) -> dict[frozenset[Root], Rational]:
     return number.terms if isinstance(number, Surd) else {frozenset(): number}
 
@@ -255,8 +244,12 @@ class Exact(Number):
     def _without_roots(self) -> tuple[Exact, Exact]:
         """Return the product of all conjugates, and the number times that product."""
         if self._cleared is None:
-            factor, product, taken = without_roots(self.numerator)
-            times = 2**taken
+            factor: WithRoots = 1
+            product, times = self.numerator, 1
+            while isinstance(product, Surd):
+                roots = next(roots for roots in product.terms if roots)
+                conjugate = product.conjugate(next(iter(roots)))
+                product, factor, times = product * conjugate, factor * conjugate, 2 * times
             self._cleared = (
                 Exact(factor, (times - 1) * self.degree),
                 Exact(product, times * self.degree, self.factors),
@@ -470,21 +463,19 @@ def _free_value(name: str, x: Exact) -> Exact:
     if name in ("sin", "cos", "tan"):
         half = ledger.value("tan(x/2)", x, ledger.parameter)
         sine, cosine, scale = 2 * half, 1 - half * half, 1 + half * half
-        return _quotient(
-            *{"sin": (sine, scale), "cos": (cosine, scale), "tan": (sine, cosine)}[name]
-        )
+        if name == "tan":
+            return _quotient(sine, cosine)
+        return _quotient(sine if name == "sin" else cosine, scale)
     if name in ("exp", "sinh", "cosh", "tanh"):
         growth = ledger.value("exp(x)", x, ledger.parameter)
-        square = growth * growth
-        twice = 2 * growth
-        return _quotient(
-            *{
-                "exp": (growth, Exact(1)),
-                "sinh": (square - 1, twice),
-                "cosh": (square + 1, twice),
-                "tanh": (square - 1, square + 1),
-            }[name]
-        )
+        square, twice = growth * growth, 2 * growth
+        quotients = {
+            "exp": (growth, Exact(1)),
+            "sinh": (square - 1, twice),
+            "cosh": (square + 1, twice),
+            "tanh": (square - 1, square + 1),
+        }
+        return _quotient(*quotients[name])
     return ledger.value(name, x, ledger.parameter)
 
 

@@ -153,16 +153,16 @@ class _At:
 def _at(sides: Sides, states: ExactStates, index: int, count: int) -> _At | None:
     """Evaluate the sides at a state; None if a denominator vanishes."""
     try:
-        state = states.state(index, count)
-        with noting(state.ledger):
+        sample, ledger = states.state(index, count)
+        with noting(ledger):
             values = [
                 ((number, entry), difference(a, b))
-                for number, (left, right) in enumerate(sides(state.sample), start=1)
+                for number, (left, right) in enumerate(sides(sample), start=1)
                 for entry, (a, b) in _entries(left, right)
             ]
     except ZeroDivisionError:
         return None
-    return _At(values, state.ledger)
+    return _At(values, ledger)
 
 
 def _entries(left: Array, right: Array) -> Iterator[tuple[tuple[int, ...], tuple[object, object]]]:

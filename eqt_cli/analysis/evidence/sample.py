@@ -275,23 +275,17 @@ class FreeForce(Force):
         return self.force
 
 
-@dataclass
-class ExactState:
-    """An exact state, and the assumptions of all computations from it."""
-
-    sample: Sample
-    ledger: Ledger
-
-
 class ExactStates:
     """Exact states of a law, drawn once and shared by all identities."""
 
     def __init__(self, label: str, loop: ClosedLoop, random: np.random.Generator) -> None:
         self._label, self._loop, self._random = label, loop, random
-        self._drawn: dict[int, list[ExactState]] = {}
+        self._drawn: dict[int, list[tuple[Sample, Ledger]]] = {}
 
-    def state(self, index: int, count: int = RANGE) -> ExactState:
+    def state(self, index: int, count: int) -> tuple[Sample, Ledger]:
         """Return a state whose parameters are drawn from `count` integers.
+
+        With it come the assumptions of all computations from it.
 
         Raises
         ------
@@ -303,8 +297,7 @@ class ExactStates:
             parameters = Parameters(self._random, count)
             ledger = Ledger(parameters.one)
             with noting(ledger):
-                sample = self._sample(parameters)
-            drawn.append(ExactState(sample, ledger))
+                drawn.append((self._sample(parameters), ledger))
         return drawn[index]
 
     @cached_property
