@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from eqt_cli.api.loading import Configuration, source_from
 from eqt_cli.api.running import choose_executor
 from eqt_cli.execution.executors import Executor
 from eqt_cli.experiment.study import Study
-from eqt_cli.tuning.generations import Computing, Conclude, Found, carry_out
+from eqt_cli.tuning.generations import Found, carry_out
 from eqt_cli.tuning.searches import Searches
 from eqt_cli.tuning.tune import Search
-from eqt_cli.tuning.tune import tune as tuned
 from eqt_cli.tuning.worst import WorstSearch
-from eqt_cli.tuning.worst import worst as worst_runs
-
-S = TypeVar("S", bound=Searches[Any])
 
 
 def tune(
@@ -62,7 +58,7 @@ def tune(
     ['stabilising']
     """
     read = search if isinstance(search, Search) else Search.read(source_from(search, {}))
-    return _found(read, out, tuned, executor, workers, force)
+    return _found(read, out, executor, workers, force)
 
 
 def worst(
@@ -124,17 +120,16 @@ def worst(
     ['gt']
     """
     read = search if isinstance(search, WorstSearch) else WorstSearch.read(source_from(search, {}))
-    return _found(read, out, worst_runs, executor, workers, force)
+    return _found(read, out, executor, workers, force)
 
 
 def _found(
-    search: S,
+    search: Searches[Any],
     out: str | os.PathLike[str] | None,
-    conclude: Conclude[S],
     executor: Executor | None,
     workers: int,
     force: bool,
 ) -> Found:
     folder = search.folder if out is None else Path(out)
-    do = Computing(executor or choose_executor(Study(None, search.base), workers))
-    return carry_out(search, folder, conclude, do, force=force)
+    executor = executor or choose_executor(Study(None, search.base), workers)
+    return carry_out(search, folder, executor, force=force)

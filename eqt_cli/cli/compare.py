@@ -363,7 +363,7 @@ def _findings(comparison: Comparison) -> list[str]:
     judged = comparison.judgements and not comparison.departures
     about = f"Claims of {sources(comparison)}" if judged else "Findings"
     lines = [f"{about}, tested on {output.count_of(comparison.runs, 'run')} per law"]
-    for each in findings(comparison, comparison.titles):
+    for each in findings(comparison):
         if each.claim:
             without = f" (without {each.absent})" if each.absent else ""
             lines += [f"  {each.verdict}: “{each.claim}”{without}", f"    {each.words}"]

@@ -184,7 +184,7 @@ def _compared(result: Result) -> dict[str, Any]:
     comparison = compare(result)
     made = text_tables(comparison, Plain())
     return {
-        "findings": findings(comparison, result.title_of),
+        "findings": findings(comparison),
         "confidence": f"{100 * comparison.confidence:g}",
         "claims": None if comparison.departures else made.get("claims"),
         "levels": made.get("controllers"),

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.read_study import study
-from eqt_cli.results.result import Result, open_result
+from eqt_cli.results.result import open_result
 from eqt_cli.store.reserved_names import FILE_NAME
 from eqt_cli.tuning.evolution import Population, first_points, generator, selected, trials
 from eqt_cli.tuning.folder import SearchFolder
@@ -30,53 +30,35 @@ from eqt_cli.tuning.searches import Searches
 SWEEP, GROUP = 0.2, 0.07
 """Measured overhead of a sweep, and of each of its points where points differ in shape, s."""
 
-Scored = Callable[[Result], Scores]
-"""Returns the scores of all points of a sweep with one law."""
 
-After = Callable[[dict[int, Population]], None]
-"""Called after every generation with the population of each search."""
+def compute(source: ConfigSource, out: Path, executor: Executor) -> Execution:
+    """Compute an experiment, or the missing parts of it."""
+    sweep = study(source, trust_plugins=True)
+    there = ResultFolder(out).manifest
+    # A search with fewer generations left another result here.
+    force = there is not None and there["digest"] != sweep.digest
+    done = execute(sweep, out, executor=executor, force=force)
+    if done.was_complete:
+        reporter().skip(done.runs)
+    return done
 
 
-@dataclass(frozen=True)
-class Computing:
-    """Computes generations, and reuses those that a folder already holds."""
-
-    executor: Executor
-
-    def generation(self, law: LawSearch, out: Path, shares: Array, scored: Scored) -> Scores:
-        """Return the scores of the points of a generation."""
-        columns = _columns(law, shares)
-        if _holds(out, columns):
-            with open_result(out) as result:
-                reporter().skip(len(shares) * result.runs)
-                return scored(result)
-        self.execute(_swept(law, columns), out)
-        with open_result(out) as result:
-            return scored(result)
-
-    def execute(self, source: ConfigSource, out: Path) -> Execution:
-        """Compute an experiment, or the missing parts of it."""
-        sweep = study(source, trust_plugins=True)
-        there = ResultFolder(out).manifest
-        done = execute(
-            sweep,
-            out,
-            executor=self.executor,
-            # A search with fewer generations left another result here.
-            force=there is not None and there["digest"] != sweep.digest,
-        )
-        if done.was_complete:
-            reporter().skip(done.runs)
-        return done
+def _generation(
+    search: Searches[Any], law: LawSearch, out: Path, shares: Array, executor: Executor
+) -> Scores:
+    """Return the scores of the points of a generation, which a folder may already hold."""
+    columns = _columns(law, shares)
+    held = _holds(out, columns)
+    if not held:
+        compute(_swept(law, columns), out, executor)
+    with open_result(out) as result:
+        if held:
+            reporter().skip(len(shares) * result.runs)
+        return search.scores(result)
 
 
 def evolve(
-    search: Searches[Any],
-    law: LawSearch,
-    folder: SearchFolder,
-    do: Computing,
-    scored: Scored,
-    after: After = lambda searches: None,
+    search: Searches[Any], law: LawSearch, folder: SearchFolder, executor: Executor
 ) -> dict[int, Population]:
     """Run all generations of all searches for one law; return the last population by seed."""
     section, cases = search.section, search.in_cases(law).values()
@@ -89,10 +71,13 @@ def evolve(
                     searches[seed], generator(seed, law.label, number), search.keeps_ends
                 )
             outs = folder.generation(law, seed, number, len(cases))
-            each = [do.generation(*one, shares, scored) for one in zip(cases, outs, strict=True)]
-            tried = Population(shares, search.over_cases(each))
+            scores = [
+                _generation(search, case, out, shares, executor)
+                for case, out in zip(cases, outs, strict=True)
+            ]
+            tried = Population(shares, search.over_cases(scores))
             searches[seed] = selected(searches[seed], tried) if number else tried
-            after(searches)
+            search.keep(law, searches, folder)
             done = f"seed {count + 1}/{len(search.seeds)}, generation {number + 1}/{section.budget}"
             so_far = search.so_far(law, reduce(selected, searches.values()))
             reporter().note(law.label, f"{done}, {so_far}")
@@ -176,12 +161,6 @@ def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
         )
 
 
-S = TypeVar("S", bound=Searches[Any])
-
-Conclude = Callable[[S, SearchFolder, Computing], tuple[Execution, dict[str, Any]]]
-"""Searches for every law; returns the runs that judge the outcome, and the outcome's record."""
-
-
 @dataclass(frozen=True)
 class Found:
     """The outcome of a finished search.
@@ -202,7 +181,7 @@ class Found:
 
 
 def carry_out(
-    search: S, out: Path, conclude: Conclude[S], do: Computing, *, force: bool = False
+    search: Searches[Any], out: Path, executor: Executor, *, force: bool = False
 ) -> Found:
     """Carry out a search in a folder, reusing the generations that it already holds.
 
@@ -219,9 +198,9 @@ def carry_out(
     folder = SearchFolder(out, search.kind)
     folder.check(search.laws)
     with locked(out, name=f"{LOCK}-{search.kind.command}"):
-        folder.claim(search.name, search.digest, force)
+        folder.claim(search.base.name, search.digest, force)
         with step(RUNS_DONE, search.all_runs):
-            judged, outcome = conclude(search, folder, do)
+            judged, outcome = search.conclude(folder, executor)
         record = search.settings | outcome
         folder.write_record(record)
     return Found(search, judged, record)

@@ -136,15 +136,12 @@ def require_metric(name: str, base: Experiment) -> None:
     """Raise an `InputError` unless every run stores a metric of this name."""
     stored = [quantity.name for quantity in quantities(base)]
     known = [q.name for q in METRICS if q.name in stored or q.told_by in stored]
-    known += [part for part in stored if _is_part(part)]
+    # Those of one part of the group, such as ``effort_rotation``.
+    in_parts = tuple(f"{q.name}_" for q in METRICS if q.stored_by_part)
+    known += [part for part in stored if part.startswith(in_parts)]
     if name not in known:
         hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
         raise InputError(f"no metric '{name}' is stored of every run{hint}")
-
-
-def _is_part(name: str) -> bool:
-    """Whether a number is that of one part of the group, such as ``effort_rotation``."""
-    return any(q.stored_by_part and name.startswith(f"{q.name}_") for q in METRICS)
 
 
 def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch, ...]:

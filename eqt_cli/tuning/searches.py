@@ -13,14 +13,20 @@ from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError, Problems
 from eqt_cli.ensemble.axes import DrawnRange
+from eqt_cli.execution.executors import Executor
+from eqt_cli.execution.run_study import Execution
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.results.result import Result
 from eqt_cli.tuning.evolution import Population
-from eqt_cli.tuning.folder import Kind
+from eqt_cli.tuning.folder import Kind, SearchFolder
 from eqt_cli.tuning.law_search import LawSearch, check_ends, check_overlaps, laws_of, range_of
 from eqt_cli.tuning.ranking import Scores
 
 S = TypeVar("S", bound=SearchSection)
+
+Outcome = tuple[Execution, dict[str, Any]]
+"""The runs that judge the outcome of a search, and its record."""
 
 
 @dataclass(frozen=True)
@@ -116,14 +122,9 @@ class Searches(ABC, Generic[S]):
         """Note the other problems of the section."""
 
     @property
-    def name(self) -> str:
-        """Name of the experiment."""
-        return self.base.name
-
-    @property
     def folder(self) -> Path:
         """Default result folder."""
-        return Path("results") / f"{self.name}-{self.kind.found}"
+        return Path("results") / f"{self.base.name}-{self.kind.found}"
 
     def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
         """Return the search for a law in each case by name; without cases, one named ''."""
@@ -135,8 +136,19 @@ class Searches(ABC, Generic[S]):
         return only
 
     @abstractmethod
+    def scores(self, result: Result) -> Scores:
+        """Return the scores of all points of a sweep with one law."""
+
+    @abstractmethod
     def so_far(self, law: LawSearch, population: Population) -> str:
         """Describe the best point of a law so far."""
+
+    def keep(self, law: LawSearch, searches: dict[int, Population], folder: SearchFolder) -> None:
+        """Write what the searches for a law, by seed, have found so far; here nothing."""
+
+    @abstractmethod
+    def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
+        """Search for every law, and judge what was found."""
 
     @property
     def seeds(self) -> range:
@@ -176,7 +188,7 @@ class Searches(ABC, Generic[S]):
     def settings(self) -> dict[str, Any]:
         """The size of the search, for its record."""
         return {
-            "name": self.name,
+            "name": self.base.name,
             "digest": self.digest,
             "generations": self.section.budget,
             "population": self.section.population,

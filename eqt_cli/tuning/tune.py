@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, partial, reduce
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -15,15 +15,16 @@ from eqt_cli.core.errors import ConfigError, InputError, Problems, parse_key
 from eqt_cli.core.option_types import shown
 from eqt_cli.ensemble.axes import DrawnRange
 from eqt_cli.ensemble.designs.cases import Cases
-from eqt_cli.execution.run_study import Execution
+from eqt_cli.execution.executors import Executor
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import require_sweepable, study
 from eqt_cli.experiment.study import section_of
 from eqt_cli.results.quantity_table import QUANTITIES, quantity_of
+from eqt_cli.results.result import Result
 from eqt_cli.tuning.evolution import Population, selected
 from eqt_cli.tuning.folder import TUNE, SearchFolder, found_files
-from eqt_cli.tuning.generations import Computing, evolve
+from eqt_cli.tuning.generations import compute, evolve
 from eqt_cli.tuning.law_search import (
     LawSearch,
     entries_of,
@@ -32,7 +33,7 @@ from eqt_cli.tuning.law_search import (
     without_search,
 )
 from eqt_cli.tuning.ranking import Constraint, Scores, scores
-from eqt_cli.tuning.searches import Searches
+from eqt_cli.tuning.searches import Outcome, Searches
 
 MOST_TRAJECTORIES = 50
 """Trajectories of each law that the confirmation stores unless the configuration sets the number.
@@ -128,6 +129,30 @@ class Search(Searches[TuneSection]):
         cost = QUANTITIES[self.objectives[0]].cost(scored.objectives[best, 0])
         front = f", {len(population.front)} on the front" if self.seeks_front else ""
         return f"best so far: {self.objectives[0]} {cost:.4g} at {values}{front}"
+
+    def scores(self, result: Result) -> Scores:
+        return scores(result, self.objectives, self.constraints)
+
+    def keep(self, law: LawSearch, searches: dict[int, Population], folder: SearchFolder) -> None:
+        """Write the configurations of the winners so far."""
+        so_far = Tuned(law, searches, self.seeks_front)
+        studies = [study(law.at(values), trust_plugins=True) for values in so_far.chosen]
+        folder.write_found(law, studies, self.seeks_front)
+
+    def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
+        """Search for the best gains of each law, and run the winners on held-out initial states."""
+        tuned = [
+            Tuned(law, evolve(self, law, folder, executor), self.seeks_front) for law in self.laws
+        ]
+        chosen = {each.law.label: each.confirmed for each in tuned}
+        confirmed = compute(self.confirmation(chosen), folder.path, executor)
+        return confirmed, {
+            "objectives": list(self.objectives),
+            "cases": list(self.cases),
+            "over_cases": self.section.over_cases or "mean",
+            "constraints": [asdict(bound) for bound in self.constraints],
+            "laws": [_law_record(self, each) for each in tuned],
+        }
 
     @classmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
@@ -324,30 +349,6 @@ class Tuned:
             shares = self.searches[seed].shares[self.by_seed[seed][0]]
             confirmed.setdefault(label, self.law.values(shares.tolist()))
         return confirmed
-
-
-def tune(search: Search, folder: SearchFolder, do: Computing) -> tuple[Execution, dict[str, Any]]:
-    """Search for the best gains of each law, and run the winners on held-out initial states."""
-    scored = partial(scores, objectives=search.objectives, constraints=search.constraints)
-    tuned = []
-    for law in search.laws:
-
-        def after(searches: dict[int, Population], law: LawSearch = law) -> None:
-            so_far = Tuned(law, searches, search.seeks_front)
-            studies = [study(law.at(values), trust_plugins=True) for values in so_far.chosen]
-            folder.write_found(law, studies, search.seeks_front)
-
-        searches = evolve(search, law, folder, do, scored, after)
-        tuned.append(Tuned(law, searches, search.seeks_front))
-    chosen = {each.law.label: each.confirmed for each in tuned}
-    confirmed = do.execute(search.confirmation(chosen), folder.path)
-    return confirmed, {
-        "objectives": list(search.objectives),
-        "cases": list(search.cases),
-        "over_cases": search.section.over_cases or "mean",
-        "constraints": [asdict(bound) for bound in search.constraints],
-        "laws": [_law_record(search, each) for each in tuned],
-    }
 
 
 def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial, reduce
-from pathlib import Path
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -17,14 +16,14 @@ from eqt_cli.core.errors import EqtError, InputError, Problems, parse_key
 from eqt_cli.core.option_types import shown
 from eqt_cli.core.reporting import reporter
 from eqt_cli.ensemble.axes import DrawnRange
-from eqt_cli.execution.run_study import Execution
+from eqt_cli.execution.executors import Executor
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import require_sweepable, study
 from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.tuning.evolution import Population, selected
 from eqt_cli.tuning.folder import WORST, SearchFolder, found_files
-from eqt_cli.tuning.generations import Computing, Scored, evolve
+from eqt_cli.tuning.generations import compute, evolve
 from eqt_cli.tuning.law_search import (
     LawSearch,
     entries_of,
@@ -34,7 +33,7 @@ from eqt_cli.tuning.law_search import (
     without_search,
 )
 from eqt_cli.tuning.ranking import Scores
-from eqt_cli.tuning.searches import Searches
+from eqt_cli.tuning.searches import Outcome, Searches
 
 MOST_ON_A_LINE = 21
 """Default number of values along a key, besides the found point, at which every law is run."""
@@ -143,11 +142,61 @@ class WorstSearch(Searches[WorstSection]):
         cost = QUANTITIES[self.objective].cost(-population.scores.objectives[population.best, 0])
         return f"worst so far: {self.objective} {cost:.4g}"
 
+    def scores(self, result: Result) -> Scores:
+        return badness(self.objective, result)
+
+    def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
+        """Search for the worst run of each law, and run all laws along each key through it."""
+        by_law: dict[str, dict[int, Population]] = {}
+        first: dict[str, list[Scores]] = {law.label: [] for law in self.laws}
+        for law in self.laws:
+            by_law[law.label] = evolve(self, law, folder, executor)
+            for seed in self.seeds:  # of the first generations, which are spread over the ranges
+                with open_result(folder.generation(law, seed, 0)[0]) as result:
+                    first[law.label].append(self.scores(result))
+        best = {label: reduce(selected, searches.values()) for label, searches in by_law.items()}
+        shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
+        alone = {}
+        for law in self.laws:
+            source = law.at(law.values(shares[law.label]))
+            compute(source, folder.run_of(law), executor)
+            with open_result(folder.run_of(law)) as result:
+                worst_run = alone[law.label] = _worst_run(self, result)
+            single = study(source, trust_plugins=True)
+            folder.write_found(law, [single], comment=_comment(self, law, worst_run))
+        lines = self.lines(shares)
+        reporter().note("runs", self.judging)
+        along = compute(self.along(lines), folder.path, executor)
+        laws = [
+            {
+                "label": law.label,
+                "config": found_files(WORST, law, 1)[0],
+                **alone[law.label],
+                **_search_record(self, law, by_law[law.label], first[law.label], shares[law.label]),
+                "lines": _line_ranges(lines, law.label),
+            }
+            for law in self.laws
+        ]
+        return along, {"objective": self.objective, "laws": laws}
+
     @classmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
-        """Return the range of a key that holds a number and can be swept."""
-        whole = _is_whole(key, base)
-        return _as_whole(axis, key) if whole and axis is not None else axis
+        """Return the range of a key that holds a number and can be swept; integers if it does."""
+        first = entries_of(key)[0]
+        require_sweepable(first)
+        held = value_at(base.resolved, parse_key(first))
+        if isinstance(held, bool | str | list):
+            raise InputError(
+                f"expected a key that holds a number, and this one holds {shown(held)}"
+            )
+        if axis is None or not isinstance(held, int):
+            return axis
+        if not (float(axis.low).is_integer() and float(axis.high).is_integer()):
+            raise InputError(
+                f"expected whole numbers at both ends, since {key} takes whole numbers, "
+                f"got [{axis.low:g}, {axis.high:g}]"
+            )
+        return replace(axis, integer=True)
 
     @classmethod
     def _check(cls, section: WorstSection, base: Experiment, problems: Problems) -> None:
@@ -158,26 +207,6 @@ class WorstSearch(Searches[WorstSection]):
                     f"'{section.objective}' has no better direction, so no run is the worst by "
                     "it; choose another metric, such as final_pose_error"
                 )
-
-
-def _is_whole(key: str, base: Experiment) -> bool:
-    """Whether a key takes whole numbers; raises an `InputError` if it cannot vary."""
-    first = entries_of(key)[0]
-    require_sweepable(first)
-    held = value_at(base.resolved, parse_key(first))
-    if isinstance(held, bool | str | list):
-        raise InputError(f"expected a key that holds a number, and this one holds {shown(held)}")
-    return isinstance(held, int)
-
-
-def _as_whole(axis: DrawnRange, key: str) -> DrawnRange:
-    """Return the range restricted to whole numbers."""
-    if not (float(axis.low).is_integer() and float(axis.high).is_integer()):
-        raise InputError(
-            f"expected whole numbers at both ends, since {key} takes whole numbers, "
-            f"got [{axis.low:g}, {axis.high:g}]"
-        )
-    return replace(axis, integer=True)
 
 
 AGREEING = 0.01
@@ -200,47 +229,6 @@ def badness(metric: str, result: Result) -> Scores:
     late = good & np.isnan(result.metric("settling_time")[:, 0])
     failed, unsettled = (~good).sum(axis=1), late.sum(axis=1)
     return Scores(-worst[:, None], np.zeros(len(worst)), failed, unsettled)
-
-
-def worst(
-    search: WorstSearch, folder: SearchFolder, do: Computing
-) -> tuple[Execution, dict[str, Any]]:
-    """Search for the worst run of each law, and run all laws along each key through that point."""
-    by_law, first = {}, {}
-    scored = partial(badness, search.objective)
-    for law in search.laws:
-        by_law[law.label] = evolve(search, law, folder, do, scored)
-        first[law.label] = [_first(folder.generation(law, k, 0)[0], scored) for k in search.seeds]
-    best = {label: reduce(selected, searches.values()) for label, searches in by_law.items()}
-    shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
-    alone = {}
-    for law in search.laws:
-        source = law.at(law.values(shares[law.label]))
-        do.execute(source, folder.run_of(law))
-        with open_result(folder.run_of(law)) as result:
-            worst_run = alone[law.label] = _worst_run(search, result)
-        single = study(source, trust_plugins=True)
-        folder.write_found(law, [single], comment=_comment(search, law, worst_run))
-    lines = search.lines(shares)
-    reporter().note("runs", search.judging)
-    along = do.execute(search.along(lines), folder.path)
-    laws = [
-        {
-            "label": law.label,
-            "config": found_files(WORST, law, 1)[0],
-            **alone[law.label],
-            **_search_record(search, law, by_law[law.label], first[law.label], shares[law.label]),
-            "lines": _line_ranges(lines, law.label),
-        }
-        for law in search.laws
-    ]
-    return along, {"objective": search.objective, "laws": laws}
-
-
-def _first(out: Path, scored: Scored) -> Scores:
-    """Return the scores of a first generation, whose points are spread evenly over the ranges."""
-    with open_result(out) as result:
-        return scored(result)
 
 
 def _comment(search: WorstSearch, law: LawSearch, record: dict[str, Any]) -> str:

@@ -1,5 +1,7 @@
 """The sentences that a report opens with."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,7 +26,7 @@ def found(make_result):
         metrics = {"mean_pose_error": pose, "early_torque": torque, **more}
         units = {"torque_norm": "N m", "early_torque": "N m"}
         result = make_result(labels, signals, metrics, units=units, kinds=kinds)
-        made = findings(compare(result), TITLES)
+        made = findings(replace(compare(result), titles=TITLES))
         return {finding.claim[:12]: finding for finding in made} if made[0].claim else made
 
     return of

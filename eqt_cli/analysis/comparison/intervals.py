@@ -201,8 +201,9 @@ class PairedShares:
 
     @classmethod
     def of(cls, first: Array, second: Array) -> Self:
-        """Count the runs from arrays of 0 or 1, ``(runs,)``."""
-        a, b = first > 0, second > 0
+        """Count the runs from arrays of 0 or 1, ``(runs,)``; NaN for no value."""
+        known = np.isfinite(first) & np.isfinite(second)
+        a, b = first[known] > 0, second[known] > 0
         counts = (a & b, a & ~b, ~a & b, ~a & ~b)
         return cls(*(int(np.count_nonzero(outcome)) for outcome in counts))
 

@@ -168,7 +168,8 @@ def compare_map(
     # Best minus each of the others, (points, laws - 1, runs).
     differences = resolved_differences(values[points, best][:, None], others)
     tests = _p_values(differences)
-    p_values = _largest(tests, failed[points[:, None], order] == failed[points, best][:, None])
+    rivals = failed[points[:, None], order[:, 1:]] == failed[points, best][:, None]
+    p_values = np.where(rivals, tests, 0.0).max(axis=-1)  # NaN (too few values) is kept
     p_values = np.where(np.isfinite(costs[points, best]), p_values, np.nan)
     adjusted = _adjusted(p_values)
     ends = _intervals(differences[:, 0], how) if intervals else np.full((len(points), 3), np.nan)
@@ -194,13 +195,6 @@ def compare_map(
     unit = result.units(metric)
     tested = int(np.isfinite(adjusted).sum())
     return Map(quantity, unit, labels, titles, result.runs, means, cells, tested, how.confidence)
-
-
-def _largest(p_values: Array, comparable: Array) -> Array:
-    """Return the largest p-value against laws with as few failed runs as the best; 0 if none."""
-    rivals = comparable[:, 1:]
-    known = np.where(rivals, p_values, 0.0)  # NaN (too few values) is kept
-    return known.max(axis=-1)
 
 
 def _intervals(rows: Array, how: Resampling) -> Array:

@@ -177,18 +177,13 @@ def statistics(
             interval = Interval(*of_runs)
             levels.append(_level(s, c, label, good, interval))
         for a, b in couples:
-            counts = _paired(s, a, b) if s.quantity.counts else None
+            counts = PairedShares.of(s.values[a], s.values[b]) if s.quantity.counts else None
             interval = next(ends) if counts is None else counts.difference(how.confidence)
             if counts is not None and counts.runs < FEWEST:
                 interval = Interval(interval.value, math.nan, math.nan)
             pair = _pair(s, a, b, labels, good, how.confidence, interval)
             pairs.append(pair if counts is None else replace(pair, p_value=counts.p_value))
     return levels, pairs, means.resamples
-
-
-def _paired(s: PerRun, a: int, b: int) -> PairedShares:
-    both = np.isfinite(s.values[a]) & np.isfinite(s.values[b])
-    return PairedShares.of(s.values[a][both], s.values[b][both])
 
 
 def _level(s: PerRun, c: int, label: str, good: Array, interval: Interval) -> Level:

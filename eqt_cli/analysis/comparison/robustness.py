@@ -50,26 +50,22 @@ class Reach:
         The value at which most runs of all laws settle.
     lowest, highest
         Ends of the range around the easiest value in which every tested value has a lower bound of
-        at least the required share; None if the easiest value has not.
+        at least the required share; NaN if the easiest value has not.
     """
 
     law: str
     other: str
     values: list[Tested]
     easiest: Tested
-    lowest: float | None
-    highest: float | None
+    lowest: float
+    highest: float
 
     def holds_at(self, value: float) -> bool:
         """Whether a value is within the range."""
-        if self.lowest is None or self.highest is None:
-            return False
         return self.lowest <= value <= self.highest
 
     def beyond(self, *, above: bool) -> Tested | None:
         """Return the first tested value outside the range; None if there is none."""
-        if self.lowest is None or self.highest is None:
-            return None
         if above:
             return next((each for each in self.values if each.value > self.highest), None)
         return next((each for each in reversed(self.values) if each.value < self.lowest), None)
@@ -125,16 +121,14 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
     return across, reached
 
 
-def _around(values: Array, holds: Array, start: int) -> tuple[float | None, float | None]:
-    """Return the ends of the range around `start` in which all values hold."""
+def _around(values: Array, holds: Array, start: int) -> tuple[float, float]:
+    """Return the ends of the range around `start` in which all values hold; NaN if it does not."""
     if not holds[start]:
-        return None, None
-    low = high = start
-    while low > 0 and holds[low - 1]:
-        low -= 1
-    while high < len(values) - 1 and holds[high + 1]:
-        high += 1
-    return float(values[low]), float(values[high])
+        return math.nan, math.nan
+    fails = np.flatnonzero(~holds)
+    before, after = fails[fails < start], fails[fails > start]
+    last = after.min(initial=len(values)) - 1
+    return float(values[before.max(initial=-1) + 1]), float(values[last])
 
 
 def robustness_table(
@@ -189,7 +183,7 @@ def runs_to_show(wanted: float, confidence: float) -> int:
 
 def _ends(each: Reach, wanted: float, needed: int, write: Plain) -> tuple[str, str]:
     """Format both ends of the range; without one, whether the runs decide this or are too few."""
-    if each.lowest is not None:
+    if each.holds_at(each.easiest.value):
         return _end(each, False, write), _end(each, True, write)
     easiest = each.easiest
     if easiest.high < wanted:

@@ -125,21 +125,14 @@ class Finding:
     absent: str = ""
 
 
-def findings(comparison: Comparison, titles: Mapping[str, str]) -> list[Finding]:
-    """Return one finding for each claim; where none is judged, the best laws by usual measures.
-
-    Parameters
-    ----------
-    titles
-        Display names of the laws, by label.
-    """
+def findings(comparison: Comparison) -> list[Finding]:
+    """Return one finding for each claim; where none is judged, the best laws by usual measures."""
     if comparison.judgements and comparison.departures:
         words = f"claims of {sources(comparison)}. Beyond their theorems: {comparison.departures}."
-        return [*_ranking(comparison, titles), Finding(str(ClaimVerdict.NOT_COVERED), "", words)]
+        return [*_ranking(comparison), Finding(str(ClaimVerdict.NOT_COVERED), "", words)]
     claimed = groupby(comparison.judgements, key=lambda judgement: judgement.says)
-    level = f"{100 * comparison.confidence:g} %"
-    sentences = [_of_claim(says, list(rows), titles, level) for says, rows in claimed]
-    return sentences or list(_ranking(comparison, titles))
+    sentences = [_of_claim(comparison, says, list(rows)) for says, rows in claimed]
+    return sentences or list(_ranking(comparison))
 
 
 def sources(comparison: Comparison) -> str:
@@ -147,13 +140,11 @@ def sources(comparison: Comparison) -> str:
     return "; ".join(dict.fromkeys(row.source for row in comparison.judgements))
 
 
-def _of_claim(
-    says: str, rows: Sequence[Judgement], titles: Mapping[str, str], level: str
-) -> Finding:
-    verdict = _together({row.verdict for row in rows})
+def _of_claim(comparison: Comparison, says: str, rows: Sequence[Judgement]) -> Finding:
+    verdict, titles = _together({row.verdict for row in rows}), comparison.titles
     in_every_run = [row for row in rows if row.pair is None]
     compared = [row for row in rows if row.pair is not None]
-    words = [*_in_every_run(in_every_run, titles, level), *_compared(compared, titles)]
+    words = [*_in_every_run(comparison, in_every_run), *_compared(compared, titles)]
     words += _unsettled(rows, titles)
     absent = [titles.get(kind, kind) for kind in rows[0].absent]
     return Finding(verdict, says, "; ".join(words) + ".", listed(absent) if absent else "")
@@ -176,9 +167,7 @@ def _unsettled(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator
         )
 
 
-def _in_every_run(
-    rows: Sequence[Judgement], titles: Mapping[str, str], level: str
-) -> Iterator[str]:
+def _in_every_run(comparison: Comparison, rows: Sequence[Judgement]) -> Iterator[str]:
     """Yield each statement and the number of runs in which it held; equal counts are grouped."""
     for (statement, held, runs, low, open_), alike in groupby(
         rows,
@@ -188,10 +177,11 @@ def _in_every_run(
         ),
     ):
         more = f", and {100 * SHARE:g} % is needed" if open_ else ""
-        laws = listed([titles[row.controller] for row in alike])
+        laws = listed([comparison.titles[row.controller] for row in alike])
         yield (
             f"{statement}: {held} of {runs} runs under {laws}, so it holds for at least "
-            f"{100 * low:.1f} % of all initial states ({level} confidence){more}"
+            f"{100 * low:.1f} % of all initial states ({100 * comparison.confidence:g} % "
+            f"confidence){more}"
         )
 
 
@@ -215,7 +205,7 @@ def _difference_in_words(pair: Pair, titles: Mapping[str, str]) -> str:
     """``EqT has 13.5 % less mean ‖τ‖ over 0–5 s than GT (−0.283 [−0.346, −0.219] N m)``."""
     first, second = titles[pair.first], titles[pair.second]
     what = _measure_in_words(pair.measured)
-    number = _number(pair, pair.difference, pair.measured)
+    number = _number(pair, pair.difference)
     if not pair.differs:
         return f"no difference seen between {first} and {second} in {what} ({number})"
     share = f"{percent(abs(pair.relative))} " if pair.relative == pair.relative else ""
@@ -223,7 +213,8 @@ def _difference_in_words(pair: Pair, titles: Mapping[str, str]) -> str:
     return f"{first} has {share}{more} {what} than {second} ({number})"
 
 
-def _ranking(comparison: Comparison, titles: Mapping[str, str]) -> Iterator[Finding]:
+def _ranking(comparison: Comparison) -> Iterator[Finding]:
+    titles = comparison.titles
     by_laws = {
         (id(pair.measured), frozenset((pair.first, pair.second))): pair for pair in comparison.pairs
     }
@@ -233,8 +224,11 @@ def _ranking(comparison: Comparison, titles: Mapping[str, str]) -> Iterator[Find
             continue
         upwards = levels[0].measured.quantity.better == "higher"
         best, *others = sorted(levels, key=lambda level: level.mean, reverse=upwards)
-        extreme = "largest" if upwards else "smallest"
-        words = _level_in_words(best, extreme, titles, alone=not others)
+        law, what = titles[best.controller], _measure_in_words(best.measured)
+        words = f"{law} has a {what} of {_number(best, best.mean)}"
+        if others:
+            extreme = "largest" if upwards else "smallest"
+            words = f"{law} has the {extreme} {what}, {_number(best, best.mean)}"
         named = frozenset(level.controller for level in (best, *others[:1]))
         if pair := by_laws.get((id(best.measured), named)):
             ordered = pair if pair.first == best.controller else pair.swapped()
@@ -243,20 +237,13 @@ def _ranking(comparison: Comparison, titles: Mapping[str, str]) -> Iterator[Find
         yield Finding("", "", f"{words}.")
 
 
-def _level_in_words(level: Level, extreme: str, titles: Mapping[str, str], *, alone: bool) -> str:
-    what, number = _measure_in_words(level.measured), _number(level, level.mean, level.measured)
-    if alone:
-        return f"{titles[level.controller]} has a {what} of {number}"
-    return f"{titles[level.controller]} has the {extreme} {what}, {number}"
-
-
 def _measure_in_words(measured: PerRun) -> str:
     of = "share of runs " if measured.quantity.counts else ""
     return f"{of}{_WRITE.name(measured.quantity)} over {_WRITE.window(measured.window)}"
 
 
-def _number(row: Pair | Level, value: float, measured: PerRun) -> str:
-    unit = _WRITE.unit(measured.unit)
+def _number(row: Pair | Level, value: float) -> str:
+    unit = _WRITE.unit(row.measured.unit)
     return " ".join(filter(None, [_WRITE.interval(value, row.low, row.high), unit]))
 
 
@@ -304,32 +291,29 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
     rows = []
     notes = []
     titles = comparison.titles
+
+    def counted(of_laws: Mapping[str, int]) -> str:
+        return ", ".join(f"{titles[label]} {count}" for label, count in of_laws.items() if count)
+
     for _, group in groupby(comparison.levels, key=lambda level: id(level.measured)):
         levels = list(group)
         here = levels[0].measured
         name, end = here.quantity.described, f"{here.window.stop:g} s"
         rows.append([*_measure(here, write, whole), *(_value(level, write) for level in levels)])
-        censored = [
-            f"{titles[level.controller]} {level.censored}" for level in levels if level.censored
-        ]
-        if censored:
+        if censored := counted({level.controller: level.censored for level in levels}):
             notes.append(
-                f"{name}: runs still unsettled at {end} count as {end} ({', '.join(censored)}), so "
-                "this is the mean time restricted to the horizon."
+                f"{name}: runs still unsettled at {end} count as {end} ({censored}), so this is "
+                "the mean time restricted to the horizon."
             )
-        undefined = [
-            f"{titles[level.controller]} {level.undefined}" for level in levels if level.undefined
-        ]
-        if undefined:
-            notes.append(f"{name}: good runs without a value: {', '.join(undefined)}.")
+        if undefined := counted({level.controller: level.undefined for level in levels}):
+            notes.append(f"{name}: good runs without a value: {undefined}.")
     if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
         notes += _functions(comparison)
     if comparison.not_matched:
         listed = ", ".join(titles[label] for label in comparison.not_matched)
         notes.append(f"Gains not matched: {listed}.")
-    failed = [f"{titles[label]} {count}" for label, count in comparison.failed.items() if count]
-    if failed:
-        notes.append(f"Failed runs, left out: {', '.join(failed)}.")
+    if failed := counted(comparison.failed):
+        notes.append(f"Failed runs, left out: {failed}.")
     if any(level.measured.quantity.counts for level in comparison.levels):
         notes.append(f"Shares of runs: with {100 * comparison.confidence:g} % Wilson intervals.")
     caption = f"Means over {f'{whole} and ' * bool(whole)}{_runs_each(comparison)}"
