@@ -11,5 +11,4 @@ class Asym(Member):
     """EqT with the symmetric choice of S (the paper's §7 and eq. (10))."""
 
     name: ClassVar[str] = "asym"
-    title: ClassVar[str] = "asym"
     weights: ClassVar[tuple[float, float, float, float]] = (1.0, 0.5, 0.5, 0.0)

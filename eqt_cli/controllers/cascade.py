@@ -155,7 +155,6 @@ class Cascade(Controller):
     """
 
     name: ClassVar[str] = "cascade"
-    title: ClassVar[str] = "cascade"
     tasks: ClassVar[tuple[str, ...]] = ()
     theorem: ClassVar[str] = ""  # nothing is claimed for the whole
     reads_flat_output: ClassVar[bool] = True

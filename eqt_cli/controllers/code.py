@@ -54,7 +54,6 @@ class Code(Controller):
     """
 
     name: ClassVar[str] = "code"
-    title: ClassVar[str] = "code"
     tasks: ClassVar[tuple[str, ...]] = ()
 
     file: str

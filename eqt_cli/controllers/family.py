@@ -49,7 +49,6 @@ class Family(Controller):
     """
 
     name: ClassVar[str] = "family"
-    title: ClassVar[str] = "family"
     matched: ClassVar[bool | None] = True
 
     gyroscopic: Annotated[Real, Scale("gyroscopic weight g")] = 1.0

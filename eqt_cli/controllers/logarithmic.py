@@ -26,7 +26,6 @@ class Logarithmic(CancellingLaw):
     """
 
     name: ClassVar[str] = "logarithmic"
-    title: ClassVar[str] = "logarithmic"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + ½⟨H log Q_L, log Q_L⟩"
     theorem: ClassVar[str] = "after Johnson, Beard (2021)"
     bibtex: ClassVar[str] = """\

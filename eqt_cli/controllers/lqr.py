@@ -140,7 +140,6 @@ class Lqr(Controller):
 
     name: ClassVar[str] = "lqr"
     title: ClassVar[str] = "LQR"
-    tasks: ClassVar[tuple[str, ...]] = ("track",)
     energy: ClassVar[str] = "xᵀSx"
     theorem: ClassVar[str] = ""
     matched: ClassVar[bool | None] = False

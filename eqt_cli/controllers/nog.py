@@ -11,5 +11,4 @@ class NoG(Member):
     """EqT without its gyroscopic term (the paper's §7)."""
 
     name: ClassVar[str] = "nog"
-    title: ClassVar[str] = "nog"
     weights: ClassVar[tuple[float, float, float, float]] = (0.0, 1.0, 0.0, 0.0)

@@ -28,7 +28,6 @@ class Quaternion(CancellingLaw):
     """
 
     name: ClassVar[str] = "quaternion"
-    title: ClassVar[str] = "quaternion"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + 4h(1 − q₀)"
     theorem: ClassVar[str] = "after Wie, Weiss, Arapostathis (1989)"
     bibtex: ClassVar[str] = """\

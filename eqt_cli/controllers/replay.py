@@ -34,7 +34,6 @@ class Replay(RecordingInFile, Controller):
     """
 
     name: ClassVar[str] = "replay"
-    title: ClassVar[str] = "replay"
     tasks: ClassVar[tuple[str, ...]] = ()
     theorem: ClassVar[str] = ""
     departs: ClassVar[str] = "no feedback, but a recorded wrench"

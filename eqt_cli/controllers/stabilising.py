@@ -22,7 +22,6 @@ class Stabilising(Controller):
     """
 
     name: ClassVar[str] = "stabilising"
-    title: ClassVar[str] = "stabilising"
     tasks: ClassVar[tuple[str, ...]] = ("stabilise",)
     matched: ClassVar[bool | None] = True
 
