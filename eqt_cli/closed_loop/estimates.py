@@ -25,16 +25,6 @@ def pose(s: Tracking) -> Array:
     return s.G.unpack(kept(s, "pose", s.G.pack(s.Q)))
 
 
-def velocity(s: Tracking) -> Array:
-    """Return the estimated velocity V̂."""
-    return kept(s, "velocity", s.P)
-
-
-def bias(s: Tracking) -> Array:
-    """Return the estimated bias b̂ of the measured velocity."""
-    return kept(s, "bias", s.P)
-
-
 def error(s: Tracking) -> Array:
     """Return the estimation error (ε, b̃) = (log(Q̂⁻¹Q), b − b̂), ``(..., 2m)``."""
     return kept(s, "error", np.concatenate([s.P, s.P], axis=-1))

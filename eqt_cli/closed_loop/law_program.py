@@ -101,10 +101,8 @@ class LawProgram:
 
     def values(self, loop: ClosedLoop) -> dict[str, Array]:
         """Return the law's numbers in a loop, by name; the period is 0 without sampled control."""
-        numbers, period = leaves(loop), np.array(loop.period)
-        given = {entry.name: numbers[entry.source] for entry in self.numbers[:-1]}
-        by_name = {**given, self.numbers[-1].name: period}
-        return {entry.name: by_name[entry.name].reshape(entry.shape) for entry in self.numbers}
+        numbers = leaves(loop) | {PERIOD: np.array(loop.period)}
+        return {entry.name: numbers[entry.source].reshape(entry.shape) for entry in self.numbers}
 
 
 def law_program(loop: ClosedLoop) -> LawProgram:
@@ -117,14 +115,27 @@ def law_program(loop: ClosedLoop) -> LawProgram:
     told, numbers, memory = _told(loop), _numbers(loop), _memory(loop)
     groups = sizes({TOLD: told, NUMBER: numbers, MEMORY: memory})
 
-    # A law is promised a leading run axis; here it has one entry.
+    def symbols(given: Mapping[str, Array]) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
+        """Return the loop with symbols for the law's numbers, its input, and its memory."""
+
+        # A law is promised a leading run axis; here it has one entry.
+        def one(prefix: str, entry: Entry) -> Array:
+            return given[prefix + entry.name].reshape(1, *entry.shape or (1,))
+
+        heard = LawInput(**{entry.source: one(TOLD, entry) for entry in told})
+        # Constant entries of a pose need not be read.
+        Q, Qd = (G.unpack(G.pack(pose)) for pose in (heard.pose, heard.desired_pose))
+        heard = heard._replace(t=heard.t[0, 0], pose=Q, desired_pose=Qd)
+        symbolic = with_leaves(loop, {entry.source: one(NUMBER, entry) for entry in numbers[:-1]})
+        return symbolic, heard, {each.source: one(MEMORY, each) for each in memory}
+
     def step(given: Mapping[str, Array]) -> Mapping[str, Array]:
-        symbolic, heard, own = _symbolic(loop, given, told, numbers, memory)
+        symbolic, heard, own = symbols(given)
         torque, after = symbolic.answer(heard, own, given[NUMBER + numbers[-1].name][0])
         return {TORQUE: torque[0], **_flat(memory, after)}
 
     def start(given: Mapping[str, Array]) -> Mapping[str, Array]:
-        symbolic, heard, own = _symbolic(loop, given, told, numbers, memory)
+        symbolic, heard, own = symbols(given)
         s = heard.tracking(G, symbolic.inertia, symbolic.gains, {n: 0 * z for n, z in own.items()})
         zero = {name: np.zeros(z.shape) for name, z in own.items()}
         return _flat(memory, zero | dict(symbolic.controller.initial_memory(s)))
@@ -183,7 +194,8 @@ def _told(loop: ClosedLoop) -> tuple[Entry, ...]:
 def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
     """Return the numbers that a law can read, and the period."""
     readable = dataclasses.replace(loop, vehicle=Vehicle(), held_reference=None)
-    shapes = {path: _shape(value) for path, value in leaves(readable).items()}
+    # Scalars are stored as (1,).
+    shapes = {path: () if x.shape == (1,) else x.shape for path, x in leaves(readable).items()}
     names = distinct([name_of_number(path) for path in shapes], taken=(PERIOD,))
     pairs = zip(names, shapes.items(), strict=True)
     own = (Entry(name, shape, source) for name, (source, shape) in pairs)
@@ -195,11 +207,6 @@ def name_of_number(path: str) -> str:
     return NUMBER_NAMES.get(path, path.removeprefix(CONTROLLER).removeprefix(HELD))
 
 
-def _shape(value: Array) -> tuple[int, ...]:
-    """Return the shape of a parameter of one run; scalars are stored as (1,)."""
-    return () if value.shape == (1,) else value.shape
-
-
 def _memory(loop: ClosedLoop) -> tuple[Entry, ...]:
     lengths = loop.controller.memory(loop.group)
     names = distinct(list(lengths))
@@ -207,29 +214,6 @@ def _memory(loop: ClosedLoop) -> tuple[Entry, ...]:
         Entry(name, (length,), source)
         for name, (source, length) in zip(names, lengths.items(), strict=True)
     )
-
-
-def _symbolic(
-    loop: ClosedLoop,
-    given: Mapping[str, Array],
-    told: tuple[Entry, ...],
-    numbers: tuple[Entry, ...],
-    memory: tuple[Entry, ...],
-) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
-    """Return the loop with symbols for the law's numbers, its input, and its memory."""
-
-    def one(prefix: str, entry: Entry) -> Array:
-        return given[prefix + entry.name].reshape(1, *entry.shape or (1,))
-
-    heard = LawInput(**{entry.source: one(TOLD, entry) for entry in told})
-    G, (Q, Qd) = loop.group, (heard.pose, heard.desired_pose)
-    # Constant entries of a pose need not be read.
-    heard = heard._replace(
-        t=heard.t[0, 0], pose=G.unpack(G.pack(Q)), desired_pose=G.unpack(G.pack(Qd))
-    )
-    values = {entry.source: one(NUMBER, entry) for entry in numbers[:-1]}
-    symbolic = with_leaves(loop, values)
-    return symbolic, heard, {each.source: one(MEMORY, each) for each in memory}
 
 
 def _flat(memory: tuple[Entry, ...], values: Mapping[str, Array]) -> dict[str, Array]:

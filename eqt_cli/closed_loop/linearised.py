@@ -345,13 +345,6 @@ class _About:
             rows.append(counts)
         return rows
 
-    @property
-    def _has_offsets(self) -> bool:
-        """Whether not everything acts at t = 0."""
-        vehicle = self.loop.vehicle
-        clocks = [*vehicle.clocks.values(), *(c.clock for c in vehicle.holding(self.loop.group))]
-        return any(clock.offset for clock in clocks)
-
     def estimated(self, estimator: Any) -> Self:
         """Return the chart with an estimator that has settled at the base states."""
         vehicle = dataclasses.replace(self.loop.vehicle, estimator=estimator)
@@ -466,10 +459,12 @@ class _About:
     def _at_once(self) -> tuple[_Derivative, _Derivative | None]:
         """x after the answer, and after the measurements, where all act at one tick."""
         seen = self._measurements[0] if self._measurements else None
-        if not self._has_offsets:
+        vehicle = self.loop.vehicle
+        clocks = [*vehicle.clocks.values(), *(c.clock for c in vehicle.holding(self.loop.group))]
+        if not any(clock.offset for clock in clocks):
             return self._answers[0], seen
-        counts = self._counts[-self.loop.vehicle.clocks[CONTROL].offset]
-        none = {f"{VEHICLE}{CLOCKS}": (0.0,) * len(self.loop.vehicle.clocks)}
+        counts = self._counts[-vehicle.clocks[CONTROL].offset]
+        none = {f"{VEHICLE}{CLOCKS}": (0.0,) * len(vehicle.clocks)}
         answer = partial(self._change_and_command, counts=tuple((counts | none).items()))
         after = partial(self._after_measuring, instant=None)
         measured = None if seen is None else self._derivative(after, with_command=False)

@@ -94,6 +94,7 @@ class Signal:
 _estimate = partial(Signal, stored_of=attrgetter("estimates"), only_there=True)
 _filtered = partial(Signal, stored_of=attrgetter("knows_covariance"), only_there=True)
 MATRIX, VECTOR = ("row", "col"), ("axis",)
+LAST = ", at the last control instant"
 
 SIGNALS = (
     Signal("pose", "Q", "pose Q", "pose_unit", MATRIX),
@@ -171,19 +172,9 @@ SIGNALS = (
         (WHEEL,),
         stored_of=lambda vehicle: bool(vehicle.wheels and vehicle.wheels[1].inertia is not None),
     ),
+    _estimate("estimated_pose", r"\hat{Q}", f"estimated pose{LAST}", "pose_unit", MATRIX),
     _estimate(
-        "estimated_pose",
-        r"\hat{Q}",
-        "estimated pose, at the last control instant",
-        "pose_unit",
-        MATRIX,
-    ),
-    _estimate(
-        "estimated_velocity",
-        r"\hat{V}",
-        "estimated body velocity, at the last control instant",
-        "velocity_unit",
-        VECTOR,
+        "estimated_velocity", r"\hat{V}", f"estimated body velocity{LAST}", "velocity_unit", VECTOR
     ),
     _estimate(
         "estimated_bias",
@@ -195,31 +186,21 @@ SIGNALS = (
     _estimate(
         "estimate_error",
         r"\|I - \hat{Q}^{-1} Q\|_{\mathrm{F}}",
-        "error of the estimated pose ||I - Qhat^-1 Q||_F, at the last control instant",
+        f"error of the estimated pose ||I - Qhat^-1 Q||_F{LAST}",
         "pose_unit",
         norm="entries",
     ),
     _estimate(
         "bias_error",
         r"\|b - \hat{b}\|",
-        "error of the estimated bias ||b - bhat||, at the last control instant",
+        f"error of the estimated bias ||b - bhat||{LAST}",
         "velocity_unit",
         norm="axes",
     ),
     _estimate(
-        "pose_estimate_error",
-        r"\varepsilon",
-        "log(Qhat^-1 Q), at the last control instant",
-        "length_unit",
-        VECTOR,
+        "pose_estimate_error", r"\varepsilon", f"log(Qhat^-1 Q){LAST}", "length_unit", VECTOR
     ),
-    _estimate(
-        "bias_estimate_error",
-        r"\tilde{b}",
-        "b - bhat, at the last control instant",
-        "velocity_unit",
-        VECTOR,
-    ),
+    _estimate("bias_estimate_error", r"\tilde{b}", f"b - bhat{LAST}", "velocity_unit", VECTOR),
     _filtered(
         "pose_estimate_std",
         r"\sigma_\varepsilon",
@@ -300,9 +281,8 @@ def at_state(
     of = _formulas(loop, s)
     members = loop.vehicle.members
     for signal in SIGNALS:
-        if not all(members.get(dim, True) for dim in signal.dims):
-            continue
-        if not signal.exists_on(loop.group):
+        has_members = all(members.get(dim, True) for dim in signal.dims)
+        if not (has_members and signal.exists_on(loop.group)):
             continue
         exists = not signal.only_there or signal.stored_of(loop.vehicle)
         always = not signal.only_there or (exists and not names)
@@ -345,8 +325,8 @@ def _formulas(loop: ClosedLoop, s: Tracking) -> dict[str, Callable[[], Array]]:
         "wheel_momentum": lambda: momentum,
         "wheel_speed": lambda: speed,
         "estimated_pose": lambda: estimates.pose(s),
-        "estimated_velocity": lambda: estimates.velocity(s),
-        "estimated_bias": lambda: estimates.bias(s),
+        "estimated_velocity": lambda: estimates.kept(s, "velocity", s.P),
+        "estimated_bias": lambda: estimates.kept(s, "bias", s.P),
         "estimate_error": lambda: estimates.difference(s),
         "bias_error": lambda: estimates.of_bias(s),
         "pose_estimate_error": lambda: estimates.of_pose(s),

@@ -101,8 +101,7 @@ class ClosedLoop:
 
     def torque(self, s: Tracking) -> Array:
         """Return the torque τ of the actuators, body frame, ``(..., m)``."""
-        torque, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
-        return torque
+        return self.vehicle.passed(self.group, self.command(s), s.vehicle)[0]
 
     def at_limit(self, s: Tracking) -> Array:
         """Return 1 where an actuator is at its limit, else 0, ``(...)``."""
@@ -162,8 +161,7 @@ class ClosedLoop:
     @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None if nothing is claimed."""
-        claims = self.controller.claims(self.group, self.gains)
-        return claims if self.vehicle.is_ideal else None
+        return self.controller.claims(self.group, self.gains) if self.vehicle.is_ideal else None
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return the Lyapunov function L of the law, ``(...)``; laws may have different ones."""
@@ -189,15 +187,13 @@ class ClosedLoop:
     @cached_property
     def holds(self) -> bool:
         """Whether the vector field holds numbers from one instant to the next."""
-        parts = self.given_over_time.values()
-        return any(part.held(self.group, 0.0) is not None for part in parts)
+        return any(part.held(self.group, 0.0) is not None for part in self.given_over_time.values())
 
     def holding(self, t: Any) -> Self:
         """Return the loop from time t to the next instant, with the held numbers as leaves."""
         if not self.holds:
             return self
-        parts = self.given_over_time.items()
-        held = {name: part.held(self.group, t) for name, part in parts}
+        held = {name: part.held(self.group, t) for name, part in self.given_over_time.items()}
         return dataclasses.replace(self, **held)
 
     @property
@@ -313,8 +309,7 @@ class ClosedLoop:
         acting, moving = self.acting_and_rates(s)
         Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, acting)
         outflow = self.outflow(s, acting)
-        held = self._holds_memory
-        memory = dict.fromkeys(s.memory, 0.0) if held else self.law.memory_rate(s)
+        memory = dict.fromkeys(s.memory, 0.0) if self._holds_memory else self.law.memory_rate(s)
         rates = {
             "pose": self.group.pack(Q_dot),
             "momentum": P_dot,
