@@ -96,16 +96,16 @@ def export(
     folder = Path(out) if out is not None else Path("exported", experiment.name)
     check_targets([folder / NAME], folder)  # fails before the work, not after it
     labels = [controllers] if isinstance(controllers, str) else controllers
-    result = exported(experiment, labels, ARITHMETICS[real], reference=reference, workers=workers)
+    laws = exported(experiment, labels, ARITHMETICS[real], reference=reference, workers=workers)
     texts: dict[str, str] = {}
     costs: dict[str, Footprint | None] = {}
-    for law in result.laws:
+    for law in laws:
         own = files(law)
         costs[law.label] = measured(law.name, own)
         texts |= own
-    texts[NAME] = readme(result, costs)
+    texts[NAME] = readme(laws, costs)
     write_all({folder / name: text.encode() for name, text in texts.items()}, folder)
-    return ExportedFiles(folder, list(texts), [_record(law, costs) for law in result.laws])
+    return ExportedFiles(folder, list(texts), [_record(law, costs) for law in laws])
 
 
 def _record(law: ExportedLaw, costs: Mapping[str, Footprint | None]) -> dict[str, object]:

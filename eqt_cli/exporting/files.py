@@ -320,7 +320,7 @@ def check(law: ExportedLaw) -> str:
     """Return the program that compares the source with exact numbers."""
     program, chosen = law.program, examples(law)
     states = law.states.at(chosen)
-    bounds = law.bounds(states)
+    bounds = law.bounded(program.step, states)
     memory = memory_of(bounds, program)
     lines = []
     for k in range(len(chosen)):

@@ -24,7 +24,6 @@ from eqt_cli.core.reporting import reporter
 from eqt_cli.ensemble.spread import Stream, generator_at
 from eqt_cli.program import Program, traced
 from eqt_cli.vehicle.estimators.base import Estimator, Measurement
-from eqt_cli.vehicle.estimators.schedule import Schedule
 from eqt_cli.vehicle.sensors.channels import MEASURED as ARRIVED
 from eqt_cli.vehicle.sensors.channels import Errors
 
@@ -72,11 +71,11 @@ def estimator_program(loop: ClosedLoop) -> EstimatorProgram:
     G, vehicle = loop.group, loop.vehicle
     assert vehicle.estimator is not None
     estimator, schedule = with_fields(vehicle.estimator, initial_error=None), vehicle.schedule(G)
-    d, m = G.size, G.dimension
+    d, m, fixes = G.size, G.dimension, [channel.part.name for channel in schedule.fixes]
     measured = (
         Entry(POSE, (d, d), "Q as it is measured", by_part(G, "pose_unit")),
         Entry(VELOCITY, (m,), "V as it is measured", by_part(G, "velocity_unit")),
-        Entry("arrived", (len(schedule.fixes),), "1 where a part of Q is new: " + _named(schedule)),
+        Entry("arrived", (len(fixes),), f"1 where a part of Q is new: {', '.join(fixes)}"),
     )
     numbers = tuple(Entry(path, value.shape, path) for path, value in leaves(estimator).items())
     lengths = estimator.states(schedule)
@@ -100,10 +99,6 @@ def estimator_program(loop: ClosedLoop) -> EstimatorProgram:
 
     groups = sizes({MEASURED: measured, NUMBER: numbers, STATE: states}) | {NUMBER + PERIOD: 1}
     return EstimatorProgram(estimator, measured, numbers, states, traced(step, groups))
-
-
-def _named(schedule: Schedule) -> str:
-    return ", ".join(channel.part.name for channel in schedule.fixes)
 
 
 INSTANTS = 40

@@ -13,9 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.evidence.program_error import FLOAT, Arithmetic, BoundedOutput, bounded
-from eqt_cli.analysis.verification import identities_of
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.law_program import (
     CONTROLLER,
@@ -326,15 +324,11 @@ class ExportedLaw:
             part = part[int(name)] if name.isdigit() else getattr(part, name)
         return part
 
-    def bounds(self, states: Mapping[str, Array]) -> dict[str, BoundedOutput]:
-        """Return the output of the law at some states, with bounds of its rounding errors.
+    def bounded(self, program: Program, states: Mapping[str, Array]) -> dict[str, BoundedOutput]:
+        """Return the output of a program of the law at some states, with bounds of its errors.
 
         In float, the inputs and the numbers of the law are rounded too.
         """
-        return self.bounded(self.program.step, states)
-
-    def bounded(self, program: Program, states: Mapping[str, Array]) -> dict[str, BoundedOutput]:
-        """Return the output of a program of the law, with bounds of its rounding errors."""
         inputs = {**states, **self.flat_numbers}
         errors = None
         if self.by is FLOAT:
@@ -349,7 +343,7 @@ class ExportedLaw:
     @cached_property
     def judged(self) -> dict[str, BoundedOutput]:
         """Output of the law and bounds of its errors at all its states."""
-        return self.bounds(self.states.inputs)
+        return self.bounded(self.program.step, self.states.inputs)
 
     @property
     def singular(self) -> Array:
@@ -390,25 +384,6 @@ class ExportedLaw:
         return errors.max(axis=0) if len(errors) else np.empty(0)
 
 
-@dataclass(frozen=True)
-class Exported:
-    """The exported laws of an experiment.
-
-    Attributes
-    ----------
-    laws
-        Laws in the order of the experiment.
-    """
-
-    experiment: Experiment
-    laws: Sequence[ExportedLaw]
-
-    @cached_property
-    def rows(self) -> Sequence[Row]:
-        """Results of `eqt verify` for the identities of all laws."""
-        return identities_of(self.experiment)
-
-
 def exported(
     experiment: Experiment,
     labels: Sequence[str],
@@ -416,8 +391,8 @@ def exported(
     *,
     reference: bool = False,
     workers: int = 1,
-) -> Exported:
-    """Return laws of an experiment, to be written as C.
+) -> list[ExportedLaw]:
+    """Return laws of an experiment, to be written as C, in its order.
 
     Parameters
     ----------
@@ -443,7 +418,7 @@ def exported(
     )
     wanted = [label for label in experiment.loops if not labels or label in labels]
     programs = {label: _program(experiment, label) for label in wanted}
-    laws = [
+    return [
         ExportedLaw(
             experiment,
             label,
@@ -456,7 +431,6 @@ def exported(
         )
         for label, program in programs.items()
     ]
-    return Exported(experiment, laws)
 
 
 def _program(experiment: Experiment, label: str) -> LawProgram:

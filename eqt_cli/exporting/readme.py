@@ -7,18 +7,19 @@ import shutil
 import struct
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
 from eqt_cli.analysis.certificate_table import tally
+from eqt_cli.analysis.verification import identities_of
 from eqt_cli.config.signal_path import loop_in_words
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.files import replace_file
 from eqt_cli.engines.native.compiler import run
 from eqt_cli.exporting.files import filled, markdown
-from eqt_cli.exporting.laws import Exported, ExportedLaw
+from eqt_cli.exporting.laws import ExportedLaw
 
 FLAGS = (
     "-std=c99 -O2 -ffp-contract=off -fno-math-errno -ffreestanding -Wframe-larger-than=1"
@@ -111,23 +112,24 @@ def _flash(content: bytes) -> int:
 NAME = "README.md"
 
 
-def readme(exported: Exported, costs: Mapping[str, Footprint | None]) -> str:
-    """Return the text of the README."""
-    laws = exported.laws
+def readme(laws: Sequence[ExportedLaw], costs: Mapping[str, Footprint | None]) -> str:
+    """Return the text of the README of the laws of an experiment."""
+    experiment = laws[0].experiment
+    rows = identities_of(experiment)
     return filled(
         NAME,
-        experiment=exported.experiment,
+        experiment=experiment,
         laws=laws,
         first=laws[0].name,
         real=laws[0].by.name,
-        loop=loop_in_words(exported.experiment.resolved),
+        loop=loop_in_words(experiment.resolved),
         # Labels that are no names in C.
         spelled=[f'"{markdown(x.label)}" is `{x.name}`' for x in laws if x.label != x.name],
         costs=costs,
         known=next((cost for cost in costs.values() if cost), None),
         missing=MISSING,
         claim=_claim,
-        tally=lambda law: tally([row for row in exported.rows if row.controller == law.label]),
+        tally=lambda law: tally([row for row in rows if row.controller == law.label]),
     )
 
 

@@ -10,8 +10,8 @@ from eqt_cli.analysis.code_rows import code_rows
 from eqt_cli.analysis.evidence.program_error import DOUBLE
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines.native import compiler
-from eqt_cli.exporting import exported
 from eqt_cli.exporting.files import header, source
+from eqt_cli.exporting.laws import exported
 
 HERE = Path(__file__).parent
 LEE, HEADER = ((HERE / name).read_text(encoding="utf-8") for name in ("lee2010.c", "lee.h"))
@@ -111,7 +111,7 @@ def exports(tmp_path_factory):
     """What `eqt export` writes of some laws, by name: header and source."""
     data = EXPERIMENT | {"gains": SKEW, "name": "export", "controllers": list(KINDS.values())}
     experiment = eqt_cli.load_experiment(data).base
-    laws = exported(experiment, [], DOUBLE).laws
+    laws = exported(experiment, [], DOUBLE)
     return {law.name: (header(law), source(law)) for law in laws}
 
 

@@ -53,7 +53,7 @@ def errors_and_bounds(law, folder, count):
     # What a double loses of the exact number.
     lost = 2.0**-53 * np.abs(exact)
     error = np.abs(torques(law, path, states) - exact)
-    found = law.bounds(states)["torque"]
+    found = law.bounded(law.program.step, states)["torque"]
     return error, lost, found
 
 
@@ -80,7 +80,7 @@ LATE = {
 @functools.cache
 def regulator(real):
     """LQR of a late loop, with its model of the delay and the lag."""
-    [law] = exported(made("SO3", ["lqr"], **LATE), [], ARITHMETICS[real]).laws
+    [law] = exported(made("SO3", ["lqr"], **LATE), [], ARITHMETICS[real])
     return law
 
 

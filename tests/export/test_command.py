@@ -226,7 +226,7 @@ REFERENCES = {
 @pytest.mark.parametrize("kind", REFERENCES)
 def test_a_closed_reference_has_the_values_of_the_law(tmp_path, kind):
     experiment = made("SO3", ["lee2010"], reference=REFERENCES[kind])
-    [law] = exported(experiment, [], DOUBLE, reference=True).laws
+    [law] = exported(experiment, [], DOUBLE, reference=True)
     folder = written(law, tmp_path)
     made_file, source = str(folder / "law.so"), str(folder / "lee2010.c")
     flags = [*FLAGS, "-O1", "-fPIC", "-shared"]

@@ -14,7 +14,7 @@ def filtered(kind, real="double", **timing):
     velocity = [{"kind": "noise", "std": 0.01}, {"kind": "bias", "value": 0.05}]
     sensors, estimator = {"pose": [pose], "velocity": velocity}, {"kind": kind}
     config = made("SO3", ["goodarzi2013"], sensors=sensors, estimator=estimator)
-    [found] = exported(config, [], ARITHMETICS[real]).laws
+    [found] = exported(config, [], ARITHMETICS[real])
     return found
 
 

@@ -54,7 +54,7 @@ def made(group, laws, **more):
 @functools.cache
 def law_of(group, law, real="double", **more):
     """One exported law."""
-    [found] = exported(made(group, [law], **more), [], ARITHMETICS[real]).laws
+    [found] = exported(made(group, [law], **more), [], ARITHMETICS[real])
     return found
 
 
