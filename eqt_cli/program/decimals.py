@@ -40,13 +40,20 @@ def _pi() -> Decimal:
     return 4 * (4 * _arctangent(Decimal(1) / 5) - _arctangent(Decimal(1) / 239))
 
 
-def _arctangent(x: Decimal) -> Decimal:
-    """Return the arctangent of a number between -1/2 and 1/2, by its series."""
-    power, total, n = x, x, 1
-    while abs(power) > Decimal(10) ** -(DIGITS + 5) * abs(x):
-        power, n = -power * x * x, n + 2
-        total += power / n
+def _summed(first: Decimal, ratio: Callable[[int], Decimal]) -> Decimal:
+    """Return a series from its first term, and the ratio of its n-th term to the one before."""
+    term = total = first
+    n = 0
+    while abs(term) > Decimal(10) ** -(DIGITS + 5) * abs(first):
+        n += 1
+        term *= ratio(n)
+        total += term
     return total
+
+
+def _arctangent(x: Decimal) -> Decimal:
+    """Return the arctangent of a number between -1/2 and 1/2."""
+    return _summed(x, lambda n: -x * x * (2 * n - 1) / (2 * n + 1))
 
 
 def _atan(x: Decimal) -> Decimal:
@@ -61,16 +68,8 @@ def _turned(x: Decimal) -> tuple[Decimal, Decimal]:
     """Return sine and cosine."""
     turn = 2 * _pi()
     x = x - (x / turn).to_integral_value() * turn
-    sine = cosine = Decimal(0)
-    term, n = Decimal(1), 0
-    while n < 8 or abs(term) > Decimal(10) ** -(DIGITS + 5):
-        if n % 2:
-            sine += term if n % 4 == 1 else -term
-        else:
-            cosine += term if n % 4 == 0 else -term
-        n += 1
-        term = term * x / n
-    return sine, cosine
+    sine = _summed(x, lambda n: -x * x / (2 * n * (2 * n + 1)))
+    return sine, _summed(Decimal(1), lambda n: -x * x / (2 * n * (2 * n - 1)))
 
 
 def _asin(x: Decimal) -> Decimal:
@@ -79,20 +78,12 @@ def _asin(x: Decimal) -> Decimal:
 
 def _sinh(x: Decimal) -> Decimal:
     if abs(x) < Decimal("0.1"):  # where a difference of exponentials loses digits
-        power, total, n = x, x, 1
-        while abs(power) > Decimal(10) ** -(DIGITS + 5) * abs(x):
-            power, n = power * x * x / ((n + 1) * (n + 2)), n + 2
-            total += power
-        return total
+        return _summed(x, lambda n: x * x / (2 * n * (2 * n + 1)))
     return (x.exp() - (-x).exp()) / 2
 
 
 def _cosh(x: Decimal) -> Decimal:
     return (x.exp() + (-x).exp()) / 2
-
-
-def _asinh(x: Decimal) -> Decimal:
-    return (abs(x) + (x * x + 1).sqrt()).ln().copy_sign(x)
 
 
 _OPERATIONS: dict[str, Callable[..., Any]] = {
@@ -117,7 +108,7 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
     "sinh": _sinh,
     "cosh": _cosh,
     "tanh": lambda x: _sinh(x) / _cosh(x) if abs(x) < 100 else Decimal(1).copy_sign(x),
-    "asinh": _asinh,
+    "asinh": lambda x: (abs(x) + (x * x + 1).sqrt()).ln().copy_sign(x),
     "acosh": lambda x: (x + (x * x - 1).sqrt()).ln(),
     "atanh": lambda x: ((1 + x) / (1 - x)).ln() / 2,
 }

@@ -105,7 +105,9 @@ def fused(program: Program) -> Program:
             continue
         if place in chosen:
             sum_ = chosen[place]
-            a, b = _operands(program, sum_.product)
+            product = program.values[sum_.product]
+            assert isinstance(product, Operation)
+            a, b = product.operands
             c = signed(sum_.other, sum_.minus_other)
             value = Operation("fma", (signed(a, sum_.minus_product), places[b], c))
         elif isinstance(value, Operation):
@@ -135,9 +137,3 @@ def _chosen(program: Program) -> dict[int, _Fused]:
             elif first in products:
                 found[place] = _Fused(first, second, False, minus)
     return found
-
-
-def _operands(program: Program, place: int) -> tuple[int, ...]:
-    value = program.values[place]
-    assert isinstance(value, Operation)
-    return value.operands
