@@ -18,7 +18,7 @@ from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.local_stability import Along, small_loops, unstable_or_slow
-from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
+from eqt_cli.mechanics.inertia import over_horizon
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.notation.poses import ANGLES, many_turns
 from eqt_cli.vehicle.vehicle import ACTUATORS
@@ -49,7 +49,9 @@ def ill_conditioned(experiment: Experiment) -> str:
     matter, but nearly dependent axes do. If ε κ exceeds `rtol`, no step can be that accurate.
     """
     loop, rtol = next(iter(experiment.loops.values())), experiment.engine.rtol
-    times, numbers = _condition_numbers(loop.inertia, experiment.config.time.duration)
+    times, matrices = over_horizon(loop.inertia, experiment.config.time.duration)
+    roots = np.sqrt(np.diagonal(matrices, axis1=-2, axis2=-1))
+    numbers = np.linalg.cond(matrices / (roots[:, :, None] * roots[:, None, :]))
     worst = int(numbers.argmax())
     if numbers[worst] * EPSILON <= rtol:
         return ""
@@ -59,16 +61,6 @@ def ill_conditioned(experiment: Experiment) -> str:
         f"velocities by {numbers[worst] * EPSILON:.1g} of their size, more than solver.rtol = "
         f"{rtol:g}; choose other axes, or increase solver.rtol"
     )
-
-
-def _condition_numbers(law: InertiaLaw, horizon: float) -> tuple[Array, Array]:
-    """Return instants, and the condition numbers of the inertia with its diagonal scaled to 1."""
-    times = np.zeros(1) if isinstance(law, Inertia) else np.linspace(0.0, horizon, 101)
-    with np.errstate(all="ignore"):
-        inertia = law.matrix_at(times)
-    matrices = np.broadcast_to(inertia, (len(times), *inertia.shape[-2:]))
-    roots = np.sqrt(np.diagonal(matrices, axis1=-2, axis2=-1))
-    return times, np.linalg.cond(matrices / (roots[:, :, None] * roots[:, None, :]))
 
 
 def stiff(experiment: Experiment, along: Along) -> str:

@@ -12,7 +12,13 @@ from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.mechanics import navigation
-from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, PrescribedInertia
+from eqt_cli.mechanics.inertia import (
+    FactoredInertia,
+    Inertia,
+    InertiaLaw,
+    PrescribedInertia,
+    matrices_at,
+)
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.notation.poses import square
 
@@ -220,12 +226,11 @@ def _require_identity(law: FactoredInertia) -> None:
 
 def _require_definite(law: InertiaLaw, times: Array) -> None:
     """Raise an `InputError` with the time at which the inertia is not positive definite."""
-    for t, matrix in zip(times, _matrices(law, times), strict=True):
+    for t, matrix in zip(times, matrices_at(law, times), strict=True):
         try:
             if not np.isfinite(matrix).all():
                 i, j = np.argwhere(~np.isfinite(matrix))[0]
-                got = f"got [{i}][{j}] = {matrix[i, j]:g}"
-                raise InputError(f"expected finite entries, {got}")
+                raise InputError(f"expected finite entries, got [{i}][{j}] = {matrix[i, j]:g}")
             require_symmetric(matrix)
             require_definite(matrix)
         except InputError as error:
@@ -242,7 +247,7 @@ def _singular_between(law: InertiaLaw, times: Array) -> float | None:
     S* 𝕀_0 S is never negative, and singular only when S is singular. So each local minimum of the
     smallest eigenvalue is searched on finer and finer grids.
     """
-    eigenvalues = np.linalg.eigvalsh(_matrices(law, times))
+    eigenvalues = np.linalg.eigvalsh(matrices_at(law, times))
     smallest, largest = eigenvalues[:, 0], eigenvalues[:, -1]
     before, after = np.r_[smallest[1], smallest[:-1]], np.r_[smallest[1:], smallest[-2]]
     low = (smallest <= before) & (smallest <= after) & (smallest < SUSPECT * largest.max())
@@ -252,7 +257,7 @@ def _singular_between(law: InertiaLaw, times: Array) -> float | None:
     least = smallest[low]
     for _ in range(REFINEMENTS):
         finer = np.clip(centre[:, None] + reach * OFFSETS, times[0], times[-1])
-        matrices = _matrices(law, finer.ravel())
+        matrices = matrices_at(law, finer.ravel())
         finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
         values = np.linalg.eigvalsh(np.where(finite, matrices, 0.0))[:, 0].reshape(finer.shape)
         best = np.arange(len(finer)), values.argmin(axis=1)
@@ -260,9 +265,3 @@ def _singular_between(law: InertiaLaw, times: Array) -> float | None:
         reach *= OFFSETS[1] - OFFSETS[0]
     singular = np.flatnonzero(least <= SINGULAR * scale)
     return float(centre[singular[0]]) if len(singular) else None
-
-
-def _matrices(law: InertiaLaw, times: Array) -> Array:
-    with np.errstate(all="ignore"):
-        matrix = law.matrix_at(times)
-    return np.broadcast_to(matrix, (len(times), *matrix.shape[-2:]))

@@ -159,22 +159,31 @@ INSTANTS = 101
 """Number of instants of the horizon at which a varying inertia is checked."""
 
 
+def matrices_at(law: InertiaLaw, times: Array) -> Array:
+    """Return 𝕀_t at some times, ``(n, m, m)``, also where it is singular or not finite."""
+    with np.errstate(all="ignore"):
+        matrix = law.matrix_at(times)
+    return np.broadcast_to(matrix, (len(times), *matrix.shape[-2:]))
+
+
+def over_horizon(law: InertiaLaw, horizon: float) -> tuple[Array, Array]:
+    """Return instants of the horizon, one for a constant inertia, and `matrices_at` them."""
+    times = np.zeros(1) if isinstance(law, Inertia) else np.linspace(0.0, horizon, INSTANTS)
+    return times, matrices_at(law, times)
+
+
 def not_rigid(G: MatrixLieGroup, law: InertiaLaw, horizon: float) -> str:
     """Describe why no rigid body can have this inertia; empty if one can.
 
     Principal moments about the centre of mass, J₁ ≤ J₂ ≤ J₃, are sums of squared distances over the
     mass, so that they satisfy the triangle inequality J₁ + J₂ ≥ J₃.
     """
-    constant = isinstance(law, Inertia)
-    times = np.zeros(1) if constant else np.linspace(0.0, horizon, INSTANTS)
-    with np.errstate(all="ignore"):
-        matrices = law.matrix_at(times)
-    matrices = np.broadcast_to(matrices, (len(times), G.dimension, G.dimension))
+    times, matrices = over_horizon(law, horizon)
     for moments in G.principal_moments(matrices):
         low, middle, high = moments.T
         broken = np.flatnonzero(low + middle < high * (1 - ROUNDING))
         if broken.size:
-            when = "" if constant else f" at t = {times[broken[0]]:g} s"
+            when = "" if len(times) == 1 else f" at t = {times[broken[0]]:g} s"
             return _in_words(moments[broken[0]]) + when
     return ""
 
