@@ -27,8 +27,7 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
     """
     paths = source.data.get("plugins", [])
     if not isinstance(paths, list):
-        expected = "expected a list of paths to Python files"
-        problems.at("plugins").add(f"{expected}, got {shown(paths)}")
+        problems.at("plugins").add(f"expected a list of paths to Python files, got {shown(paths)}")
         return {}
     sources: dict[str, str] = {}
     owners: dict[str, str] = {}
@@ -154,10 +153,7 @@ def code_text(source: ConfigSource, name: str, trusted: bool) -> str:
     InputError
         If it cannot be read or preprocessed, or may not be executed.
     """
-    try:
-        text = trusted_text(source, name, trusted, "C file")
-    except ComponentError as error:
-        raise InputError(str(error.args[0]), *error.remedies) from error
+    text = trusted_text(source, name, trusted, "C file")
     from eqt_cli.engines.native.c_files import gathered, is_gathered  # with all of native
 
     if source.stored_plugins is not None or is_gathered(text):

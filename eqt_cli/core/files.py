@@ -251,20 +251,12 @@ def write_record(path: Path, record: dict[str, Any]) -> None:
 def read_record(path: Path, *keys: str) -> dict[str, Any] | None:
     """Return a record of `write_record`; None where there is none, or where a key is missing."""
     try:
-        with _named(path):
-            record = json.loads(content_of(path, RECORD_BYTES, follow=False))
+        record = json.loads(content_of(path, RECORD_BYTES, follow=False))
+    except (NotRegularError, TooLargeError) as error:  # callers name only the folder
+        raise OSError(error.errno, f"{path.name}: {error.strerror}") from error
     except (FileNotFoundError, ValueError, RecursionError):
         return None
     return record if isinstance(record, dict) and set(keys) <= set(record) else None
-
-
-@contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """Add the name of the file to errors, because callers name only its folder."""
-    try:
-        yield
-    except (NotRegularError, TooLargeError) as error:
-        raise OSError(error.errno, f"{path.name}: {error.strerror}") from error
 
 
 @contextmanager

@@ -249,14 +249,7 @@ class Jet:
         order = min(each.order for each in entries if isinstance(each, cls))
         series = [each if isinstance(each, cls) else cls._fixed(each, order) for each in entries]
         rows = list(zip(*(each.coefficients[: order + 1] for each in series), strict=True))
-        return cls(
-            [
-                None
-                if all(c is None for c in row)
-                else stack([0.0 if c is None else c for c in row])
-                for row in rows
-            ]
-        )
+        return cls([_of_known(stack, row) for row in rows])
 
     @classmethod
     def applied(cls, name: str, arguments: Sequence[Any]) -> Jet:
@@ -268,7 +261,11 @@ class Jet:
             order = _order(arguments)
             a, b = (x if isinstance(x, cls) else cls._fixed(x, order) for x in choices)
             pairs = zip(a.coefficients[: order + 1], b.coefficients[: order + 1], strict=True)
-            return cls([_chosen(_value(condition), *pair) for pair in pairs])
+
+            def chosen(pair: Sequence[Any]) -> Any:
+                return unwrapped(apply("where", _value(condition), *pair))
+
+            return cls([_of_known(chosen, pair) for pair in pairs])
         (series,) = arguments
         if name == "sqrt":
             return series._root()
@@ -286,7 +283,7 @@ class Jet:
         root = _of("sqrt", self.value)
         terms = [root]
         for k, c in enumerate(self.coefficients[1:], 1):
-            known = _total([_product(terms[j], terms[k - j]) for j in range(1, k)])
+            known = _convolved((None, *terms[1:]), (*terms, None), k)
             rest = _difference(c, known)
             terms.append(None if rest is None else rest / (2 * root))
         return Jet(terms)
@@ -328,29 +325,22 @@ def _difference(a: Any, b: Any) -> Any:
     return a if b is None else -b if a is None else a - b
 
 
-def _product(a: Any, b: Any) -> Any:
-    return None if a is None or b is None else a * b
-
-
 def _scaled(c: Any, factor: float) -> Any:
     return None if c is None else c if factor == 1 else factor * c
-
-
-def _total(terms: Sequence[Any]) -> Any:
-    return reduce(_sum, terms, None)
 
 
 def _convolved(a: Sequence[Any], b: Sequence[Any], k: int, matrices: bool = False) -> Any:
     """Return Σ a_j b_{k−j}; a may be shorter than b."""
     known = [(a[j], b[k - j]) for j in range(min(k + 1, len(a)))]
     pairs = [pair for pair in known if pair[0] is not None and pair[1] is not None]
-    return _total([x @ y if matrices else x * y for x, y in pairs])
+    return reduce(_sum, [x @ y if matrices else x * y for x, y in pairs], None)
 
 
-def _chosen(condition: Any, a: Any, b: Any) -> Any:
-    if a is None and b is None:
+def _of_known(function: Callable[[Sequence[Any]], Any], row: Sequence[Any]) -> Any:
+    """Return a function of coefficients, with 0 for None; None if nothing else is given."""
+    if all(c is None for c in row):
         return None
-    return unwrapped(apply("where", condition, *(0.0 if x is None else x for x in (a, b))))
+    return function([0.0 if c is None else c for c in row])
 
 
 def slope(function: str, x: Any) -> Any:

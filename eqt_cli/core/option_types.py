@@ -736,16 +736,12 @@ def option_names(component: type) -> list[str]:
 
 def as_section(component: Any) -> dict[str, Any]:
     """Return a component as a mapping with `kind` and every option, including defaults."""
-    options = {
-        option_of_field(field.name): value
-        for field in dataclasses.fields(component)
-        for value in [getattr(component, field.name)]
-        if field.init
-    }
-    return {
-        "kind": component.name,
-        **{name: _plain(value) for name, value in options.items() if value is not None},
-    }
+    section = {"kind": component.name}
+    for field in dataclasses.fields(component):
+        value = getattr(component, field.name)
+        if field.init and value is not None:
+            section[option_of_field(field.name)] = _plain(value)
+    return section
 
 
 def _plain(value: Any) -> Any:

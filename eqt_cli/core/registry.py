@@ -278,14 +278,10 @@ def meanings(component: type) -> dict[str, str]:
     """Return the text on each attribute in the docstrings of a class and its bases."""
     found: dict[str, str] = {}
     for owner in reversed(component.__mro__):
-        section = re.search(
-            r"Attributes\n-+\n(.*?)(?:\n\n\S|\Z)", inspect.cleandoc(owner.__doc__ or ""), re.DOTALL
-        )
-        for names, text in re.findall(
-            r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)+)",
-            section.group(1) + "\n" if section else "",
-            re.M,
-        ):
+        doc = inspect.cleandoc(owner.__doc__ or "")
+        section = re.search(r"Attributes\n-+\n(.*?)(?:\n\n\S|\Z)", doc, re.DOTALL)
+        attributes = section[1] + "\n" if section else ""
+        for names, text in re.findall(r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)+)", attributes, re.M):
             for name in names.partition(" : ")[0].split(", "):
                 found[name] = " ".join(text.split())
     return found

@@ -73,48 +73,6 @@ class Start:
     files: dict[str, str] = field(default_factory=dict)
 
 
-def start_from_file(
-    section: InitialSection,
-    G: MatrixLieGroup | None,
-    desired: DesiredTrajectory | None,
-    source: ConfigSource,
-    problems: Problems,
-) -> Start | None:
-    """Read the rows of `initial.file`; return None after noting their problems.
-
-    Relative poses are errors to the reference, Q(0) = Q_d(0) · pose and V(0) = V_d(0) + V. Missing
-    velocities are 0.
-    """
-    name = section.file
-    assert name is not None
-    for key in ("pose", "velocity"):
-        if key in section.model_fields_set:
-            problems.at(key).add(f"{name} gives the {key}, one row per run; remove this key")
-    if G is None:
-        return None
-    mapping = section.mapping or LogMapping()
-    mapping.check(problems.at(MAPPING))
-    if problems.at(MAPPING):
-        return None
-    with problems.catching("file"):
-        text = data_file(source, name)
-        try:
-            poses, velocities = read_starts(text, name, G, mapping)
-        except MappingError as error:
-            problems.at(MAPPING, *error.path).add(str(error))
-            return None
-        if velocities is None:
-            velocities = np.zeros((len(poses), G.dimension))
-        if desired is None:
-            return None
-        if not section.relative:
-            poses, velocities = G.inverse(desired.pose) @ poses, velocities - desired.velocity
-        resolved = section.model_dump(include={"file", "relative", MAPPING}, exclude_none=True)
-        listed = ListedPoses(poses), ListedVelocities(velocities)
-        return Start(*listed, resolved, len(poses), {name: text})
-    return None
-
-
 OF_EVERY_LAW = ("label", "gains")
 """The keys of an entry of `controllers` that no law has for itself."""
 
@@ -230,10 +188,10 @@ class _Parts:
         task, G = self.sections["task"], self.group
         for index, entry in enumerate(self.sections["controllers"] or []):
             here = self.problems.at("controllers", index)
-            entry = dict(entry) if isinstance(entry, dict) else entry
-            label = entry.pop("label", None) if isinstance(entry, dict) else None
-            own = entry.pop("gains", None) if isinstance(entry, dict) else None
-            law, gains = component(controllers, entry, here, OF_EVERY_LAW, G, check=False), None
+            options = dict(entry) if isinstance(entry, dict) else {}
+            label, own = options.pop("label", None), options.pop("gains", None)
+            named, gains = options if isinstance(entry, dict) else entry, None
+            law = component(controllers, named, here, OF_EVERY_LAW, G, check=False)
             if own is not None:
                 of = None if law is None or G is None else law.gains_group(G)
                 gains = validated(OwnGainsSection, own, here.at("gains"), group=of)
@@ -256,8 +214,7 @@ class _Parts:
                 )
             else:
                 own = gains.model_dump(exclude_none=True) if gains else {}
-                given = tuple(entry) if isinstance(entry, dict) else ()
-                self.laws[label] = _Entry(law, index, own, given)
+                self.laws[label] = _Entry(law, index, own, tuple(options))
 
     def gains(self, G: MatrixLieGroup) -> dict[str, Gains | None]:
         """Return the gains of every law, and give laws the options that follow them."""
@@ -326,7 +283,7 @@ class _Parts:
         """Return where the runs start, by distributions or by the rows of a file."""
         G, problems = self.group, self.problems.at("initial")
         if section.file is not None:
-            return start_from_file(section, G, desired, self.source, problems)
+            return self._start_from_file(section, section.file, desired, problems)
         for key in section.model_fields_set & {"relative", MAPPING}:
             problems.at(key).add(
                 "applies only to poses from a `file`; give `file` too, or remove this key"
@@ -338,6 +295,41 @@ class _Parts:
             return None
         resolved = {"pose": _poses_section(poses), "velocity": as_section(velocities)}
         return Start(poses, velocities, resolved)
+
+    def _start_from_file(
+        self, section: InitialSection, name: str, desired: DesiredTrajectory | None, here: Problems
+    ) -> Start | None:
+        """Read the rows of `initial.file`; return None after noting their problems.
+
+        Relative poses are errors to the reference, Q(0) = Q_d(0) · pose and V(0) = V_d(0) + V.
+        Missing velocities are 0.
+        """
+        for key in ("pose", "velocity"):
+            if key in section.model_fields_set:
+                here.at(key).add(f"{name} gives the {key}, one row per run; remove this key")
+        if (G := self.group) is None:
+            return None
+        mapping = section.mapping or LogMapping()
+        mapping.check(here.at(MAPPING))
+        if here.at(MAPPING):
+            return None
+        with here.catching("file"):
+            text = data_file(self.source, name)
+            try:
+                poses, velocities = read_starts(text, name, G, mapping)
+            except MappingError as error:
+                here.at(MAPPING, *error.path).add(str(error))
+                return None
+            if velocities is None:
+                velocities = np.zeros((len(poses), G.dimension))
+            if desired is None:
+                return None
+            if not section.relative:
+                poses, velocities = G.inverse(desired.pose) @ poses, velocities - desired.velocity
+            resolved = section.model_dump(include={"file", "relative", MAPPING}, exclude_none=True)
+            listed = ListedPoses(poses), ListedVelocities(velocities)
+            return Start(*listed, resolved, len(poses), {name: text})
+        return None
 
     def config(self, desired: DesiredTrajectory | None, start: Start | None) -> Config | None:
         """Return the configuration, if its sections agree on the number of runs and the horizon."""

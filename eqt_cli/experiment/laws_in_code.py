@@ -68,12 +68,8 @@ class LawsInCode:
             )
             function = compiled(own)
             if own not in _tried:
-                try_out(
-                    function,
-                    leaves(law).get("values", np.empty(0)),
-                    PERIOD,
-                    first_inputs(G).rows(own.inputs),
-                )
+                numbers = leaves(law).get("values", np.empty(0))
+                try_out(function, numbers, PERIOD, first_inputs(G).rows(own.inputs))
                 _tried.add(own)
             return law.running(function, G)
         return None

@@ -192,8 +192,7 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
         loses = ["dropout"] if getattr(sensor, "dropout", None) else []
         if sensor.states(loop.group) and not loses:
             continue  # its states are part of the loop
-        words = f"{place} ({', '.join([sensor.departs, *loses])})"
-        yield LeftOut(words, bool(loses), bool(loses))
+        yield LeftOut(f"{place} ({', '.join([sensor.departs, *loses])})", bool(loses), bool(loses))
     if vehicle.estimator is not None and not (linear and linear.about.loop.vehicle.estimator):
         yield LeftOut(f"{ESTIMATOR} ({vehicle.estimator.departs})")
     elif linear and not linear.about.is_settled:

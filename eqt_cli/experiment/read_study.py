@@ -1,7 +1,7 @@
 """Reads the sweep of a configuration, and checks every point of it."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from eqt_cli.config.schema import FIXED, Config
 from eqt_cli.config.source import ConfigSource
@@ -81,7 +81,7 @@ def study(
     common = at_point(bare, sweep, 0, sweep.always)
     base = build(at_point(common, sweep, 0), trust_plugins=trust_plugins)
     plugins = base.source.stored_plugins  # other processes execute the same sources
-    checked = Study(sweep, base, dataclasses.replace(common, stored_plugins=plugins))
+    checked = Study(sweep, base, replace(common, stored_plugins=plugins))
     _check_common(checked)
     if checked.is_ragged and len(checked) > MOST_GROUPS:
         raise EqtError(
@@ -105,12 +105,8 @@ def _check_common(checked: Study) -> None:
         checked.resolved  # noqa: B018  # builds and caches it
     except ConfigError as error:
         where = "without what only some of the cases change"
-        raise ConfigError(
-            [
-                dataclasses.replace(each, message=f"{where}: {each.message}")
-                for each in error.problems
-            ]
-        ) from None
+        found = [replace(each, message=f"{where}: {each.message}") for each in error.problems]
+        raise ConfigError(found) from None
 
 
 def spread(count: int, most: int | None) -> Sequence[int]:

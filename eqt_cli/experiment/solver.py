@@ -23,8 +23,7 @@ def check_thresholds(
         if name not in parts:
             here.add(unknown_key(name, parts))
         elif parts[name].turns and threshold > math.pi:
-            got = f"got {math.degrees(threshold):.6g} deg"
-            here.add(f"expected an angle of at most 180 deg, {got}")
+            here.add(f"expected an angle of at most 180 deg, got {math.degrees(threshold):.6g} deg")
 
 
 @dataclass(frozen=True)

@@ -41,10 +41,9 @@ def at_point(
         return source
     changed = source
     for key, value in sweep.settings(point).items():
-        if keys is not None and key not in keys:
-            continue
-        place = source.place(("sweep", *sweep.place(point, key)))
-        changed = changed_at(changed, parse_key(key), value, place)
+        if keys is None or key in keys:
+            place = source.place(("sweep", *sweep.place(point, key)))
+            changed = changed_at(changed, parse_key(key), value, place)
     return changed
 
 

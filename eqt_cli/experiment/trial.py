@@ -274,20 +274,16 @@ def _try_part(loop: ClosedLoop, part: Any, name: str, whole: Array) -> None:
 
 def _require_states(part: Actuator, count: int, name: str) -> None:
     """Raise where it has states that nothing moves, or moves none."""
-    own = {
-        flag: getattr(part, flag) and getattr(type(part), method) is getattr(Actuator, method)
-        for flag, method in (("moves", "state_rate"), ("sampled", "step"))
-    }
     if count and not part.moves and not part.sampled:
         raise InputError(
             f"{name}: has {count} states, but neither `moves` nor `sampled` is True; set `moves`, "
             "and give their time derivative in `state_rate`, or `sampled`, and give the states "
             "after an instant in `step`"
         )
-    if part.moves and (not count or own["moves"]):
+    if part.moves and (not count or type(part).state_rate is Actuator.state_rate):
         raise InputError(
             f"{name}: `moves` is True; give the number of its states in `states` and their time "
             "derivative in `state_rate`"
         )
-    if count and not part.moves and own["sampled"]:
+    if count and not part.moves and type(part).step is Actuator.step:
         raise InputError(f"{name}: has {count} states; give them after an instant in `step`")

@@ -100,8 +100,8 @@ class EuclideanGroup(MatrixLieGroup):
             axes = slice(self.rotations + n * index, self.rotations + n * (index + 1))
             entries = (slice(0, n), slice(n + index, n + index + 1))
             name = "translation" if len(self.columns) == 1 else self.columns[index]
-            force = self.force_units[index]
-            parts.append(Part(name, axes, entries, unit, _rate(unit), force))
+            rate = "m/s" if unit == "m" else "m/s^2"
+            parts.append(Part(name, axes, entries, unit, rate, self.force_units[index]))
         return tuple(parts)
 
     @property
@@ -419,10 +419,6 @@ def _frame_along(axis: Array) -> Array:
     return np.stack([np.cross(y, axis), y, axis], axis=-1)
 
 
-def _rate(unit: str) -> str:
-    return "m/s" if unit == "m" else "m/s^2"
-
-
 def _exp_rotation(omega: Array) -> Array:
     if omega.shape[-1] == 1:
         c, s = np.cos(omega[..., 0]), np.sin(omega[..., 0])
@@ -435,9 +431,7 @@ def _left_jacobian_times(omega: Array, x: Array) -> Array:
     if omega.shape[-1] == 1:
         a, b = _planar_jacobian(omega[..., 0])
         return np.stack([a * x[..., 0] - b * x[..., 1], b * x[..., 0] + a * x[..., 1]], axis=-1)
-    from scipy.spatial.transform import (
-        RigidTransform,
-    )  # slow to import, and not needed to read results
+    from scipy.spatial.transform import RigidTransform  # slow to import, and readers do not need it
 
     coordinates = np.concatenate([omega, x], axis=-1).reshape(-1, 6)
     return RigidTransform.from_exp_coords(coordinates).translation.reshape(x.shape)

@@ -144,8 +144,7 @@ class ProductGroup(MatrixLieGroup):
 
     def log(self, Q: Array) -> Array:
         """Block by block."""
-        logs = [factor.log(Q[..., block, block]) for factor, block, _ in self._layout()]
-        return np.concatenate(logs, axis=-1)
+        return np.concatenate([G.log(Q[..., own, own]) for G, own, _ in self._layout()], axis=-1)
 
     def log_force(self, x: Array, p: Array) -> Array:
         """Block by block."""
@@ -154,8 +153,7 @@ class ProductGroup(MatrixLieGroup):
 
     def drift(self, Q: Array) -> Array:
         """The largest drift of a factor."""
-        drifts = [factor.drift(Q[..., block, block]) for factor, block, _ in self._layout()]
-        return reduce(maximum, drifts)
+        return reduce(maximum, [G.drift(Q[..., own, own]) for G, own, _ in self._layout()])
 
     def assemble(self, poses: list[Array]) -> Array:
         """Return the pose whose blocks are these poses of the factors."""

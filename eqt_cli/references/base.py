@@ -72,8 +72,7 @@ def check_rising(points: Sequence[Any], problems: Problems) -> None:
         problems.add(f"expected at least two points, got {len(points)}")
     for index, (before, point) in enumerate(pairwise(points), 1):
         if not point.t > before.t:
-            wanted = f"expected a time after {before.t:g} s, got {point.t:g} s"
-            problems.at(index, "t").add(wanted)
+            problems.at(index, "t").add(f"expected a time after {before.t:g} s, got {point.t:g} s")
 
 
 def instants_of(expressions: Iterable[Expression], until: float) -> Array:

@@ -292,7 +292,8 @@ class Wheels(Actuator):
             self._check_numbers(problems)
 
     def _check_numbers(self, problems: Problems) -> None:
-        volumes = [abs(np.linalg.det(three)) for three in _threes(self.unit_axes())]
+        threes = map(list, combinations(range(self.count), 3))
+        volumes = [abs(np.linalg.det(self.unit_axes()[:, three])) for three in threes]
         if max(volumes, default=0.0) < FLAT:
             problems.at("axes" if self.axes else "pyramid").add(
                 "no torque about one direction; add a wheel out of the plane of the others"
@@ -328,10 +329,6 @@ def _turns(G: MatrixLieGroup) -> Any:
     """Return the coordinates of the turns in space; None where a group has none."""
     axes = (part.axes for part in G.parts if part.turns)
     return next((each for each in axes if len(range(G.dimension)[each]) == 3), None)
-
-
-def _threes(A: Array) -> list[Array]:
-    return [A[:, three] for three in map(list, combinations(range(A.shape[1]), 3))]
 
 
 def _faces(A: Array, turns: Any) -> list[Array]:

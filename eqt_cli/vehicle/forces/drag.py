@@ -48,13 +48,11 @@ class Drag(Force):
         part = super().of_run(G, random)
         if self.current is None:
             return part
-        texts = [entry if isinstance(entry, str) else None for entry in self.current]
         current: Any = part.current
-        entries = [0.0 if isinstance(entry, str) else entry for entry in current]
+        numbers = [0.0 if isinstance(entry, str) else entry for entry in current]
+        expressions = [formula(entry) if isinstance(entry, str) else None for entry in self.current]
         return with_fields(
-            part,
-            current=np.array(entries, dtype=float),
-            expressions=tuple(None if text is None else formula(text) for text in texts),
+            part, current=np.array(numbers, dtype=float), expressions=tuple(expressions)
         )
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:

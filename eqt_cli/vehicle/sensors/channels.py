@@ -154,12 +154,9 @@ def channels(
                 known = ((name, getattr(sensor, name)) for name in TIMING)
                 given |= {name: value for name, value in known if value is not None}
             clock = control.clock_of(given["period"], given["offset"])
-            delay, loses = control.ticks_of(given["delay"] or 0), next(filter(_loses, own), None)
+            delay = control.ticks_of(given["delay"] or 0)
+            loses = next((sensor for sensor in own if sensor.loses), None)
             holds = given["period"] is not None or not clock.acts_always
             holds = holds or bool(delay) or loses is not None
             block = G.identity[part.entries] if signal == "pose" else G.basis[part.axes, 0, 0]
             yield Channel(signal, part, block.shape, clock, delay, loses, holds)
-
-
-def _loses(sensor: Sensor) -> bool:
-    return sensor.loses
