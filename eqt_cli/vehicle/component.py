@@ -291,14 +291,12 @@ class VehiclePart(Component):
         other list of numbers an array.
         """
         part = self.drawn(random)
-        return with_fields(
-            part,
-            **{
-                field.name: self._as_array(field.name, getattr(part, field.name), G)
-                for field in dataclasses.fields(part)
-                if not field.metadata.get("is_structure")
-            },
-        )
+        arrays = {
+            field.name: self._as_array(field.name, getattr(part, field.name), G)
+            for field in dataclasses.fields(part)
+            if not field.metadata.get("is_structure")
+        }
+        return with_fields(part, **arrays)
 
     def _as_array(self, name: str, value: Any, G: MatrixLieGroup) -> Any:
         if value is None:

@@ -162,8 +162,8 @@ class Vehicle:
     def started(self, G: MatrixLieGroup, V: Array) -> dict[str, Array]:
         """Return the states of clocks, sensors and actuators at t = 0, where they are not 0."""
         moving = enumerate(self.moving_sensors)
-        starts = {place: part.started(G) for place, part in self._chain()}
-        started = {place: x for place, x in starts.items() if x is not None}
+        chain = self._chain()
+        started = {place: x for place, part in chain if (x := part.started(G)) is not None}
         started |= {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
         return {**started, CLOCKS: self.ticks_left(0)} if self.clocks else started
 
@@ -400,11 +400,7 @@ class Vehicle:
 
     def states(self, G: MatrixLieGroup) -> dict[str, int]:
         """Return the number of states of each part besides the plant, by name."""
-        counted = {
-            f"{ACTUATORS}_{index}": actuator.states(G)
-            for index, actuator in enumerate(self.actuators)
-        }
-        lengths = {place: count for place, count in counted.items() if count}
+        lengths = {place: count for place, part in self._chain() if (count := part.states(G))}
         if self.control is None:
             return lengths
         held = {HELD: G.dimension} if self._at_instants else {}

@@ -201,17 +201,11 @@ class Thrusters(Actuator):
                 each[name] = each["thrust_constant"] * each.pop(speed) ** 2
         scale = 1 / np.sqrt(np.ones(self.count) * np.array(part.weights or 1.0, dtype=float))
         inverse = scale[:, None] * np.linalg.pinv(B * scale, rcond=SMALLEST)
+        none = dict.fromkeys(("weights", "moment_constant", *SPEEDS))
+        named = [Thruster([], [], name=name) for name in self.thruster_names]
+        kept = scale if self.sampled else None
         return with_fields(
-            part,
-            **each,
-            matrix=B,
-            thrusters=[Thruster([], [], name=name) for name in self.thruster_names],
-            weights=None,
-            moment_constant=None,
-            low_speed=None,
-            high_speed=None,
-            inverse=inverse,
-            scale=scale if self.sampled else None,
+            part, **each, **none, matrix=B, thrusters=named, inverse=inverse, scale=kept
         )
 
     def states(self, G: MatrixLieGroup) -> int:

@@ -154,11 +154,6 @@ class Estimator(VehiclePart):
 
     # Common to all kinds.
 
-    @property
-    def _given(self) -> bool:
-        """Whether the start is given by `initial_error`, and not by the first fix."""
-        return self.initial_error is not None
-
     def states(self, schedule: Schedule) -> dict[str, int]:
         """Return the length of each state that is kept from instant to instant, by name."""
         G, depth = schedule.G, schedule.depth
@@ -181,6 +176,7 @@ class Estimator(VehiclePart):
     ) -> dict[str, Array]:
         """Return the states after an instant."""
         G, depth, begun = schedule.G, schedule.depth, states["begun"]
+        is_given = self.initial_error is not None  # the start, else it is the first fix
         past = _Past(schedule, measured, states)
         here = self._loaded(G, states, "behind_" if depth else "")
         start = self._start(schedule, measured)
@@ -191,8 +187,8 @@ class Estimator(VehiclePart):
             where(is_begun[..., None], here.covariance, start.covariance),
         )
         here = self.predicted(schedule, here, past.velocity(0), past.duration(0))
-        here, innovations = self.corrected(schedule, here, past.fix(0, here.pose, self._given))
-        arrived = past.fix(0, here.pose, self._given).arrived
+        fix = past.fix(0, here.pose, is_given)
+        here, innovations = self.corrected(schedule, here, fix)
         changed = self._stored(G, here, "behind_") if depth else {}
         for step in range(1, depth + 1):
             here = self.predicted(schedule, here, past.velocity(step), past.duration(step))
@@ -200,11 +196,11 @@ class Estimator(VehiclePart):
                 here, _ = self.corrected(schedule, here, past.fix(step, here.pose))
         changed |= self._stored(G, here) | past.later
         error = G.log(G.inverse(here.pose) @ measured.true_pose)
-        changed["velocity"] = past.latest - here.bias
+        changed["velocity"] = measured.velocity - here.bias
         changed["error"] = np.concatenate([error, measured.true_bias - here.bias], axis=-1)
         changed["begun"] = 1.0 + 0.0 * begun
         if innovations is not None:
-            changed |= _summed(innovations, arrived, states)
+            changed |= _summed(innovations, fix.arrived, states)
             changed["lost"] = indefinite(here.covariance)[..., None]
         return changed
 
@@ -265,11 +261,6 @@ class _Past:
             name: np.concatenate(ring[1:], axis=-1) for name, ring in rings.items() if ring[1:]
         }
         return {f"past_{name}": ring for name, ring in by_name.items()}
-
-    @property
-    def latest(self) -> Array:
-        """Velocity that has arrived last."""
-        return self._velocities[-1]
 
     def velocity(self, step: int) -> Array:
         """Return the mean velocity of both ends of a step; the last one stands for unknown ones."""

@@ -10,6 +10,7 @@ from eqt_cli.core.errors import Problems
 from eqt_cli.core.option_types import Scale
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics import navigation
+from eqt_cli.notation.poses import vector
 from eqt_cli.vehicle.component import Numbers, drawn
 from eqt_cli.vehicle.estimators.base import Deviations, Estimate, Estimator, Fix
 from eqt_cli.vehicle.estimators.schedule import Schedule
@@ -41,10 +42,7 @@ class Complementary(Estimator):
     def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
         """Note gains with which the estimate cannot settle, for the time between two fixes."""
         G = schedule.G
-        kp, ki = (
-            np.broadcast_to(np.array(drawn(value, None), dtype=float), G.dimension)
-            for value in (self.kp, self.ki)
-        )
+        kp, ki = (vector(drawn(value, None), G.dimension, G) for value in (self.kp, self.ki))
         for channel in schedule.fixes:
             T = channel.every * schedule.period
             for axis in schedule.axes_of(channel):

@@ -20,6 +20,9 @@ from eqt_cli.vehicle.component import Numbers, check_deviations, drawn
 from eqt_cli.vehicle.estimators.base import Deviations, Estimate, Estimator, Fix, symmetric
 from eqt_cli.vehicle.estimators.schedule import Schedule
 
+DEVIATIONS = ("pose_std", "velocity_std", "bias_walk", "initial_pose_std", "initial_bias_std")
+"""Options that are standard deviations."""
+
 
 @dataclass(frozen=True)
 class ErrorStateFilter(Estimator):
@@ -48,14 +51,7 @@ class ErrorStateFilter(Estimator):
         the bias.
     """
 
-    vectors: ClassVar[tuple[str, ...]] = (
-        "pose_std",
-        "velocity_std",
-        "bias_walk",
-        "initial_pose_std",
-        "initial_bias_std",
-        "initial_error",
-    )
+    vectors: ClassVar[tuple[str, ...]] = (*DEVIATIONS, "initial_error")
     has_covariance: ClassVar[bool] = True
 
     pose_std: Annotated[Numbers | None, Scale("assumed deviation of a fix", POSE)] = None
@@ -93,9 +89,8 @@ class ErrorStateFilter(Estimator):
             "bias_walk": known.walk,
             "initial_bias_std": known.bias,
         }
-        given = {name: value.tolist() for name, value in said.items()}
-        own = {name: getattr(self, name) for name in given}
-        return with_fields(self, **given | {k: v for k, v in own.items() if v is not None})
+        left_out = [name for name in said if getattr(self, name) is None]
+        return with_fields(self, **{name: said[name].tolist() for name in left_out})
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the filter of one run, with its start where that is drawn."""
@@ -107,7 +102,7 @@ class ErrorStateFilter(Estimator):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note negative or too many deviations, and a start without a deviation."""
-        for name in self.vectors[:-1]:
+        for name in DEVIATIONS:
             if (value := getattr(self, name)) is not None:
                 check_deviations(value, G, problems.at(name))
         super().check(G, problems)
@@ -121,7 +116,7 @@ class ErrorStateFilter(Estimator):
         G, done = schedule.G, self.completed(schedule.G, known)
         values = {
             name: np.broadcast_to(np.array(drawn(value, None), dtype=float), G.dimension)
-            for name in self.vectors[:-1]
+            for name in DEVIATIONS
             if (value := getattr(done, name)) is not None
         }
         measured = {axis: axis in schedule.axes for axis in range(G.dimension)}
