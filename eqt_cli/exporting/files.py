@@ -27,7 +27,7 @@ from eqt_cli.core.errors import printable
 from eqt_cli.core.registry import meanings
 from eqt_cli.core.version import __version__
 from eqt_cli.exporting.filters import TOLERANCE
-from eqt_cli.exporting.laws import CHECK, ExportedLaw, memory_of
+from eqt_cli.exporting.laws import CHECK, ExportedLaw
 from eqt_cli.program import Program
 from eqt_cli.program.c_code import c_function, headers, needed
 from eqt_cli.program.decimals import evaluated
@@ -80,17 +80,21 @@ def braced(values: Iterable[float], by: Arithmetic) -> str:
     return f"{{{', '.join(number(value, by) for value in values)}}}"
 
 
+def initialiser(values: Array, entry: Entry, by: Arithmetic) -> str:
+    """Return the values of an entry in C: a number, or an array row by row."""
+    flat = values.ravel()
+    return braced(flat, by) if entry.shape else number(flat[0], by)
+
+
 def wrapped(text: str, indent: str, first: str = "") -> str:
     """Return text broken into lines at spaces."""
-    return "\n".join(
-        textwrap.wrap(
-            text,
-            WIDTH,
-            initial_indent=first or indent,
-            subsequent_indent=indent,
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
+    return textwrap.fill(
+        text,
+        WIDTH,
+        initial_indent=first or indent,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
     )
 
 
@@ -299,8 +303,7 @@ def call(law: ExportedLaw, program: Program, name: str, outputs: Sequence[str]) 
 
 def default(law: ExportedLaw, entry: Entry) -> str:
     """Return the default of a number as an initialiser."""
-    values = law.numbers[entry.name]
-    text = braced(values.flat, law.by) if entry.shape else number(float(values), law.by)
+    text = initialiser(law.numbers[entry.name], entry, law.by)
     return wrapped(f".{entry.name} = {text}", " " * 8, "    ")
 
 
@@ -321,18 +324,14 @@ def check(law: ExportedLaw) -> str:
     program, chosen = law.program, examples(law)
     states = law.states.at(chosen)
     bounds = law.bounded(program.step, states)
-    memory = memory_of(bounds, program)
+    memory = [bounds[MEMORY + entry.name] for entry in program.memory]
     lines = []
     for k in range(len(chosen)):
         state = {name: values[k] for name, values in states.items()}
         exact = evaluated(program.step, {**state, **law.flat_numbers})
         after = [float(x) for entry in program.memory for x in exact[MEMORY + entry.name]]
-        fields = [
-            braced(state[TOLD + each.name], law.by)
-            if each.shape
-            else number(state[TOLD + each.name][0], law.by)
-            for each in program.told
-        ]
+        after_bound = [x for each in memory for x in _stored(each.errors[k], each.values[k])]
+        fields = [initialiser(state[TOLD + each.name], each, law.by) for each in program.told]
         own = [braced(state[MEMORY + each.name], law.by) for each in program.memory]
         torque = row(np.array([float(x) for x in exact[TORQUE]]))
         parts = [
@@ -341,7 +340,7 @@ def check(law: ExportedLaw) -> str:
             torque,
             row(_stored(bounds[TORQUE].errors[k], bounds[TORQUE].values[k])),
             row(np.array([*after, 0.0])),
-            row(np.array([*_stored(memory.errors[k], memory.values[k]), 0.0])),
+            row(np.array([*after_bound, 0.0])),
             str(int(law.singular[chosen[k]])),
         ]
         lines.append(",\n".join(wrapped(part, " " * 9, " " * 8) for part in parts))

@@ -455,15 +455,3 @@ def _program(experiment: Experiment, label: str) -> LawProgram:
             Remedy("set control.period to the period of your vehicle in s"),
         )
     return program
-
-
-def memory_of(bounds: Mapping[str, BoundedOutput], law: LawProgram) -> BoundedOutput:
-    """Return the memory after a period, all states concatenated."""
-    parts = [bounds[MEMORY + entry.name] for entry in law.memory]
-    if not parts:
-        count = len(next(iter(bounds.values())).values)
-        return BoundedOutput(
-            np.zeros((count, 0)), np.zeros((count, 0)), np.zeros(count, dtype=bool)
-        )
-    values, errors = (np.concatenate([each[k] for each in parts], axis=1) for k in range(2))
-    return BoundedOutput(values, errors, np.logical_or.reduce([each.singular for each in parts]))

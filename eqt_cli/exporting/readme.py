@@ -29,10 +29,8 @@ TARGET = "thumb-freestanding-eabihf"
 CORE = ("-mcpu=cortex_m4+vfp4d16sp",)
 """Options of the compiler in the package ziglang for a Cortex-M4 with hardware floats."""
 
-GCC, GCC_CORE = (
-    "arm-none-eabi-gcc",
-    "-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard".split(),
-)
+GCC = "arm-none-eabi-gcc"
+GCC_CORE = "-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard".split()
 
 MISSING = (
     "not measured: no compiler for Cortex-M4 was found (arm-none-eabi-gcc, or pip install ziglang)"
@@ -97,10 +95,8 @@ def _stack(warnings: str) -> int:
 
 def _flash(content: bytes) -> int:
     """Return the bytes of the sections of a 32-bit object file that are kept in flash."""
-    start, size, count = (
-        *struct.unpack_from("<I", content, 32),
-        *struct.unpack_from("<HH", content, 46),
-    )
+    [start] = struct.unpack_from("<I", content, 32)
+    size, count = struct.unpack_from("<HH", content, 46)
     loaded = 0
     for index in range(count):
         _, kind, flags, _, _, length = struct.unpack_from("<6I", content, start + index * size)
