@@ -194,12 +194,9 @@ def options_of(component: type, shared: dict[str, Any]) -> dict[str, Any]:
 
 
 def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
-    common = {
-        "pose": {
-            "description": "Q_d(0): identity, a matrix, or rotation and translations by name."
-        },
-        "velocity": {"description": "V_d(0): a list in the body frame, or parts by name."},
-    }
+    pose = "Q_d(0): identity, a matrix, or rotation and translations by name."
+    velocity = "V_d(0): a list in the body frame, or parts by name."
+    common = {"pose": {"description": pose}, "velocity": {"description": velocity}}
     kinds = [
         _mapping(component, shared, {key: common[key] for key in component.starts_from})
         for component in references.all()
@@ -444,16 +441,15 @@ def _word(option: Schema, schema: Schema) -> str:
     kind = option.get("type")
     if kind == "array":
         inner = value_of(option.get("items", {}), schema)
-        return {
-            "number": "list",
-            "list": "matrix",
-            "list of expressions": "matrix of expressions",
-        }.get(inner, f"list of {_plural(inner)}")
+        return _LISTS.get(inner, f"list of {_plural(inner)}")
     if kind == "string" and "constant expression" in option.get("description", ""):
         return "constant"
     words = {"object": "mapping", "integer": "whole number", "boolean": "`true`, `false`"}
     named = {"string": "text", "number": "number", "null": "null", None: "anything"}
     return (words | named)[kind]
+
+
+_LISTS = {"number": "list", "list": "matrix", "list of expressions": "matrix of expressions"}
 
 
 def _plural(words: str) -> str:

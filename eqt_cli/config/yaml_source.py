@@ -153,8 +153,7 @@ class _Reader:
 
     def read(self, source: str | bytes) -> _Node | None:
         """Return the root of the only document, or None if it is empty."""
-        text = self._characters(source)
-        self._events = self._parsed(text)
+        self._events = self._parsed(self._characters(source))
         root = self._document()
         if self._problems:
             raise ConfigError(self._problems)
@@ -209,12 +208,9 @@ class _Reader:
 
     def _document(self) -> _Node | None:
         root = None
-        documents = 0
-        for event in self._events:
-            if not isinstance(event, yaml.DocumentStartEvent):
-                continue
-            documents += 1
-            if documents > 1:
+        starts = (event for event in self._events if isinstance(event, yaml.DocumentStartEvent))
+        for number, event in enumerate(starts):
+            if number:
                 message = "a second document starts here; expected only one"
                 self.stop((), message, _mark(event.start_mark))
             first = next(self._events)

@@ -137,9 +137,8 @@ class Controller(GivenOverTime, Component):
         if "name" in vars(cls) and "title" not in vars(cls):
             cls.title = cls.name
         if "torque" in vars(cls):
-            for claim in {"claims_decrease", "dissipation", "matched", "feedforward_torque"} - set(
-                vars(cls)
-            ):
+            claims = {"claims_decrease", "dissipation", "matched", "feedforward_torque"}
+            for claim in claims - vars(cls).keys():
                 setattr(cls, claim, vars(Controller)[claim])
 
     @property

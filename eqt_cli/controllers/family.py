@@ -115,19 +115,12 @@ class Family(Controller):
         added = dot(off_plane * s.P_tilde, s.G.ad(s.V, s.Vd))
         if self.error == "body":
             return dot(s.body_damping, s.V_tilde) + added
-        return (
-            dot(self.spatial * s.spatial_damping, s.V_E)
-            + dot((1 - self.spatial) * s.body_damping, s.V_tilde)
-            + added
-        )
+        damping = dot(self.spatial * s.spatial_damping, s.V_E)
+        return damping + dot((1 - self.spatial) * s.body_damping, s.V_tilde) + added
 
     def _feedforward(self, s: Tracking) -> Array:
-        return s.feedforward(
-            self.gyroscopic,
-            self.transport,
-            self.connection,
-            self.quadratic if self.has_quadratic else None,
-        )
+        quadratic = self.quadratic if self.has_quadratic else None
+        return s.feedforward(self.gyroscopic, self.transport, self.connection, quadratic)
 
     def _in_error_frame(self, s: Tracking) -> Tracking:
         """Return the motion with the errors in their frame."""

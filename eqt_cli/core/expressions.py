@@ -212,10 +212,8 @@ class Parser:
 
     def __init__(self, text: str, variables: Collection[str]) -> None:
         if len(text) > MAX_LENGTH:
-            self._stop(
-                f"the expression goes on at {{}}; expected at most {MAX_LENGTH} characters",
-                MAX_LENGTH + 1,
-            )
+            message = f"the expression goes on at {{}}; expected at most {MAX_LENGTH} characters"
+            self._stop(message, MAX_LENGTH + 1)
         self._variables = variables
         self._known = [*variables, "pi", *FUNCTIONS, *PIECEWISE]
         self._used: set[str] = set()

@@ -106,10 +106,8 @@ class Place(NamedTuple):
         for part in self.group.parts:
             of, _, per = part.velocity_unit.partition("/")
             if self.of in ("", part.name):
-                by_part[part.name] = (
-                    _OF_PART[unit].format(force=part.force_unit, of=of, per=per),
-                    part.axes,
-                )
+                own = _OF_PART[unit].format(force=part.force_unit, of=of, per=per)
+                by_part[part.name] = own, part.axes
         return by_part
 
 
@@ -153,14 +151,12 @@ class _InUnit:
             return _tagged(value, [self.unit])
         if place.group is None:
             kinds = (POSE, VELOCITY) if self.unit == MEASURED else (self.unit,)
-            return _tagged(
-                value,
-                [
-                    _OF_PART[kind].format(force=force, of=of, per=per)
-                    for kind in kinds
-                    for of, per, force in _PARTS
-                ],
-            )
+            units = [
+                _OF_PART[kind].format(force=force, of=of, per=per)
+                for kind in kinds
+                for of, per, force in _PARTS
+            ]
+            return _tagged(value, units)
         by_part = place.units(self.unit)
         by_axis = [unit for unit, axes in by_part.values() for _ in range(axes.start, axes.stop)]
         units = list(dict.fromkeys(by_axis))
@@ -420,17 +416,11 @@ def _time_as_written(value: Any, handler: Any) -> Any:
     return str(value)
 
 
+_TIME = {"type": "string", "description": "a time such as 20 ms"}
 CountOrTime = Annotated[
     CountOrNone,
     WrapValidator(_time_as_written),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "integer", "minimum": 0},
-                {"type": "string", "description": "a time such as 20 ms"},
-            ]
-        }
-    ),
+    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 0}, _TIME]}),
 ]
 """A whole number of control periods, or a time as text."""
 

@@ -119,11 +119,8 @@ class Registry(Generic[T]):
 
     def _components(self, module: ModuleType) -> Iterator[type[T]]:
         for _, member in inspect.getmembers(module, inspect.isclass):
-            if (
-                issubclass(member, self.base)
-                and member.__module__ == module.__name__
-                and "name" in vars(member)
-            ):
+            is_own = member.__module__ == module.__name__ and "name" in vars(member)
+            if is_own and issubclass(member, self.base):
                 self._check_complete(member, f"{Path(str(module.__file__)).name}: ")
                 yield member
 

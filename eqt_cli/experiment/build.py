@@ -255,11 +255,8 @@ class _Parts:
     ) -> DesiredTrajectory:
         """Give laws, and the reference that is returned, what they know of the plant."""
         sections, laws, pushes = self.sections, self.laws, vehicle.pushes(G)
-        forces, horizon = (
-            known_forces(sections, vehicle, G, self.problems),
-            sections["time"].duration,
-        )
-        acts, model = sections["plant"], sections["model"]
+        forces = known_forces(sections, vehicle, G, self.problems)
+        acts, model, horizon = sections["plant"], sections["model"], sections["time"].duration
         acting = acts is not None and acts.forces and not (model and model.forces == "plant")
         exact, flat = vehicle.is_direct and not acting, desired.reference.flat_output(G, 0.0)
         period = vehicle.control.period if vehicle.control else None

@@ -86,12 +86,10 @@ def _rest(
     target: TargetSection, G: MatrixLieGroup | None, problems: Problems
 ) -> DesiredTrajectory | None:
     """Return the target pose, at rest for all times."""
-    pose = None if G is None else pose_from(target.pose, G, problems.at("pose"))
-    if G is None or pose is None:
+    if G is None or (pose := pose_from(target.pose, G, problems.at("pose"))) is None:
         return None
     section = {"target": {"pose": _as_floats(target.pose)}}
-    rest = ConstantReference(pose=target.pose)
-    return DesiredTrajectory(rest, pose, np.zeros(G.dimension), section)
+    return DesiredTrajectory(ConstantReference(target.pose), pose, np.zeros(G.dimension), section)
 
 
 def _tracked(

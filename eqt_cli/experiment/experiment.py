@@ -84,15 +84,12 @@ class Experiment:
         If a label starts with the name of its law, the title replaces the name: "EqT, start" for
         "eqt, start". Other labels are unchanged.
         """
-        laws = {label: loop.controller for label, loop in self.loops.items()}
-        return told_apart(
-            {
-                label: law.title + label.removeprefix(law.name)
-                if re.match(rf"{re.escape(law.name)}\b", label)
-                else label
-                for label, law in laws.items()
-            }
-        )
+        titles = {}
+        for label, loop in self.loops.items():
+            law = loop.controller
+            is_named = re.match(rf"{re.escape(law.name)}\b", label)
+            titles[label] = law.title + label.removeprefix(law.name) if is_named else label
+        return told_apart(titles)
 
     @property
     def times(self) -> Array:

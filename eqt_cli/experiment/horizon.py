@@ -74,14 +74,20 @@ def stiff(experiment: Experiment, along: Along) -> str:
     along
         Points of the reference at which loops are linearised.
     """
-    stiffest = _stiffest(experiment, along)
-    if stiffest is None:
+    candidates, chosen = [], experiment.engine
+    duration = experiment.config.time.duration
+    for label, loop in small_loops(experiment, along).items():
+        matrices = flow(loop, *along)
+        if np.isfinite(matrices).all():
+            rates = np.linalg.eigvals(matrices)
+            candidates.append((chosen.work_for_stability(rates, duration), label, rates))
+    if not candidates:
         return ""
-    work, label, rates = stiffest
-    loop, duration = experiment.loops[label], experiment.config.time.duration
-    chosen = experiment.engine
+    work, label, rates = max(candidates, key=lambda each: each[0])
+    if work <= ORDINARY:
+        return ""
     explicit = SolveIvp(rtol=chosen.rtol).work_for_stability(rates, duration)
-    implicit, reached = _radau_evaluations(experiment, loop)
+    implicit, reached = _radau_evaluations(experiment, experiment.loops[label])
     # With fewer evaluations by the explicit method, the horizon is long, but the loop is not stiff.
     if not implicit < min(explicit, work):
         return ""
@@ -96,22 +102,6 @@ def stiff(experiment: Experiment, along: Along) -> str:
 def _rounded(count: float) -> str:
     """Format a number with two digits: ``46,000``."""
     return f"{float(f'{count:.2g}'):,.0f}"
-
-
-def _stiffest(experiment: Experiment, along: Along) -> tuple[float, str, Array] | None:
-    """Return the loop with the most work, if that is more than `ORDINARY`; else None.
-
-    Its work, in the units that the engine counts, the label of its law, and its eigenvalues, 1/s.
-    """
-    candidates, engine = [], experiment.engine
-    for label, loop in small_loops(experiment, along).items():
-        matrices = flow(loop, *along)
-        if np.isfinite(matrices).all():
-            rates = np.linalg.eigvals(matrices)
-            work = engine.work_for_stability(rates, experiment.config.time.duration)
-            candidates.append((work, label, rates))
-    slowest = max(candidates, key=lambda each: each[0], default=None)
-    return slowest if slowest and slowest[0] > ORDINARY else None
 
 
 def _radau_evaluations(experiment: Experiment, loop: ClosedLoop) -> tuple[float, float]:

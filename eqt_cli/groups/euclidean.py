@@ -118,11 +118,8 @@ class EuclideanGroup(MatrixLieGroup):
         """Return the eigenvalues of J − B M⁻¹ Bᵀ, of the blocks [[J, B], [Bᵀ, M]], in space."""
         if self.rotations != 3 or len(self.columns) > 1:
             return ()
-        angular, linear = slice(None, self.rotations), slice(self.rotations, None)
-        J, B, M = (
-            inertia[..., rows, columns]
-            for rows, columns in ((angular, angular), (angular, linear), (linear, linear))
-        )
+        k = self.rotations
+        J, B, M = inertia[..., :k, :k], inertia[..., :k, k:], inertia[..., k:, k:]
         about_centre = J - B @ np.linalg.solve(M, transpose(B)) if self.columns else J
         return (np.linalg.eigvalsh(about_centre),)
 

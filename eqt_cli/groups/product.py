@@ -62,19 +62,13 @@ class ProductGroup(MatrixLieGroup):
     @property
     def parts(self) -> tuple[Part, ...]:
         """The parts of all factors, numbered by factor."""
-        return tuple(
-            replace(
-                part,
-                name=f"{part.name}_{index + 1}",
-                axes=_shifted(part.axes, coordinates.start),
-                entries=(
-                    _shifted(part.entries[0], block.start),
-                    _shifted(part.entries[1], block.start),
-                ),
-            )
-            for index, (factor, block, coordinates) in enumerate(self._layout())
-            for part in factor.parts
-        )
+        parts = []
+        for number, (factor, block, coordinates) in enumerate(self._layout(), 1):
+            for part in factor.parts:
+                name, axes = f"{part.name}_{number}", _shifted(part.axes, coordinates.start)
+                rows, columns = (_shifted(each, block.start) for each in part.entries)
+                parts.append(replace(part, name=name, axes=axes, entries=(rows, columns)))
+        return tuple(parts)
 
     @property
     def compact(self) -> bool | None:

@@ -187,11 +187,8 @@ def _of_one_lane(header: str) -> str:
         for line in header.splitlines()
         if _stays(line, branches) and not line.startswith("#include") and not _GUARD.fullmatch(line)
     ]
-    return (
-        "\n".join(kept)
-        .replace("EQT_LANES", "1")
-        .replace("static EQT_CONSTANT const", "static const")
-    )
+    text = "\n".join(kept).replace("EQT_LANES", "1")
+    return text.replace("static EQT_CONSTANT const", "static const")
 
 
 def _stays(line: str, branches: list[str]) -> bool:

@@ -142,12 +142,8 @@ def smoothed(
     differences = bending.of_steps(_steps(G, poses))
     aims = list(deviations)
     for _ in range(MAX_MATCHES):
-        weights = [
-            _cross_validated_weight(bending, differences[:, part])
-            if aim is None
-            else _weight_of(bending, differences[:, part], aim)
-            for part, aim in zip(axes, aims, strict=True)
-        ]
+        pairs = zip(axes, aims, strict=True)
+        weights = [_weight_of(bending, differences[:, part], aim) for part, aim in pairs]
         smooth, remaining = _solved(G, bending, poses, list(zip(axes, weights, strict=True)))
         residuals = [_size(remaining[:, part]) for part in axes]
         largest = LARGEST * bending.mean**3
@@ -206,8 +202,10 @@ def _range(bending: _Bending) -> tuple[float, float]:
     return tuple(np.log(np.array([SMALLEST, LARGEST]) * bending.mean**3).tolist())
 
 
-def _weight_of(bending: _Bending, differences: Array, aim: float) -> float:
-    """Return the λ that gives a residual, which grows with λ."""
+def _weight_of(bending: _Bending, differences: Array, aim: float | None) -> float:
+    """Return the λ that gives a residual, which grows with λ; by cross-validation without one."""
+    if aim is None:
+        return _cross_validated_weight(bending, differences)
 
     def excess(power: float) -> float:
         size = _size(bending.residual(float(np.exp(power)), differences))
@@ -346,13 +344,11 @@ class WaypointsReference(InFile, PiecewiseReference):
         if missing := [name for name in parts if name not in deviations]:
             expected = f"expected a deviation for each of {', '.join(parts)}"
             problems.add(f"{expected}; missing {', '.join(missing)}")
-        kinds = {name: Annotated[Positive, Unit(part.error_unit)] for name, part in parts.items()}
-        return [
-            None
-            if deviations.get(name) is None
-            else validated(kind, deviations[name], problems.at(name))
-            for name, kind in kinds.items()
-        ]
+        found = []
+        for name, part in parts.items():
+            kind: Any = Annotated[Positive, Unit(part.error_unit)] | None
+            found.append(validated(kind, deviations.get(name), problems.at(name)))
+        return found
 
     def _waypoints(self, G: MatrixLieGroup) -> tuple[Array, Array]:
         return self.prepared(G, self._read, "waypoints")
