@@ -1,11 +1,11 @@
 """Base classes of figures, by the data of a result that they show."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar, Generic, NamedTuple, Protocol, TypeVar, cast
+from typing import ClassVar, Generic, NamedTuple, Protocol, TypeVar, cast
+
+from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.errors import EqtError, Problems, suggestion
@@ -14,7 +14,7 @@ from eqt_cli.core.registry import Component, Registry, blamed
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.drawing.layout import add_letters, add_remarks, freeze
-from eqt_cli.plots.drawing.style import HOUSE, house_style
+from eqt_cli.plots.drawing.style import HOUSE, Style, Width, house_style
 from eqt_cli.plots.shown.certificates import ShownCertificates
 from eqt_cli.plots.shown.controllers import Chosen, TimeRange
 from eqt_cli.plots.shown.metrics import ShownMetrics
@@ -22,11 +22,6 @@ from eqt_cli.plots.shown.reference import ShownReference
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.plots.shown.trajectories import ShownRuns
 from eqt_cli.results.result import Result
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Drawing
-
-    from eqt_cli.plots.drawing.style import Style, Width
 
 
 class Extras(NamedTuple):
@@ -121,8 +116,13 @@ class Figure(Component, Generic[S]):
         validated(type(self), vars(self), problems)
         self.check(problems)
         problems.raise_if_any()
-        if self.needs_runs:
-            self._require_results(results)
+        for one in results if self.needs_runs else ():
+            if isinstance(one, Experiment):
+                others = [name for name in figures.names() if not figures.get(name).needs_runs]
+                raise EqtError(
+                    f"{one.source.path}: figure '{self.name}' shows results, and this is a "
+                    f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
+                )
         with house_style(replace(style or HOUSE, width=width)):
             shown = self.subject(cast(Sequence[Result], results), extras)
             with blamed():
@@ -143,15 +143,6 @@ class Figure(Component, Generic[S]):
     def chosen(self) -> Chosen:
         """Selection of controllers and their colours."""
         return Chosen(self.controllers, self.focus, colours=self.colours)
-
-    def _require_results(self, results: Sequence[Result | Experiment]) -> None:
-        for one in results:
-            if isinstance(one, Experiment):
-                others = [name for name in figures.names() if not figures.get(name).needs_runs]
-                raise EqtError(
-                    f"{one.source.path}: figure '{self.name}' shows results, and this is a "
-                    f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
-                )
 
     def _only(self, results: Sequence[Result], what: str) -> Result:
         """Return the only result; refuse several."""

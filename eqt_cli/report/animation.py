@@ -9,6 +9,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.animation.scene import (
     AXES,
     AZIMUTH,
+    CORNERS,
     ELEVATION,
     FACES,
     INERTIAL,
@@ -16,7 +17,6 @@ from eqt_cli.plots.animation.scene import (
     BodyPath,
     Motion,
     Scene,
-    corners,
     motion,
     scene_of,
 )
@@ -81,7 +81,7 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
         "axes": AXES,
         "inertial": list(INERTIAL),
         "view": [float(AZIMUTH), float(ELEVATION)],
-        "corners": corners().tolist(),
+        "corners": CORNERS.tolist(),
         "faces": [list(face) for face in FACES],
         "panels": [
             {

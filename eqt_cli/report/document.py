@@ -7,7 +7,6 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from eqt_cli.analysis.certificate_table import certificate_table, with_titles
 from eqt_cli.analysis.certificates.base import Row
@@ -115,7 +114,7 @@ def report(
         accuracy=list(accuracy(result)),
         provenance=provenance(result),
         config=str(result.attributes.get("config", "")).rstrip(),
-        figures=[{"key": f.key, "svg": Markup(f.svg), "caption": f.caption} for f in drawn],
+        figures=drawn,
         remarks=remarks,
         certificates=certificate_table(rows := with_titles(certificates, result.title_of)),
         doubts=certificate_table(rows, brief=True),
@@ -147,17 +146,10 @@ def _has_fronts(record: dict[str, Any] | None) -> bool:
 
 def _of_experiment(result: Result) -> dict[str, Any]:
     record = TUNE.beside(result)
+    means = [name for name, of in HEADLINE.items() if of is np.mean]
     return {
         "headline": result.headline(),
-        "means": columns(
-            result,
-            [
-                each
-                for name, of in HEADLINE.items()
-                if of is np.mean
-                for each in result.in_parts(name)
-            ],
-        ),
+        "means": columns(result, [each for name in means for each in result.in_parts(name)]),
         "picker": curves(result),
         "table": run_table(result),
         **({} if _has_fronts(record) else _compared(result)),

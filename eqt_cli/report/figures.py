@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.etree import ElementTree
 
+from markupsafe import Markup
+
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import description
@@ -48,25 +50,6 @@ class Wanted:
 
 class TooLargeFigureError(EqtError):
     """A figure that is too large for a page."""
-
-
-@dataclass(frozen=True)
-class InlineFigure:
-    """A figure as embedded in the page.
-
-    Attributes
-    ----------
-    key
-        Name unique in the page; prefix of every identifier in the SVG.
-    svg
-        Element `<svg>`, in the colours of the file.
-    caption
-        Text below the figure.
-    """
-
-    key: str
-    svg: str
-    caption: str
 
 
 DEFAULT = (
@@ -131,9 +114,13 @@ FRONTS = (
 
 def inline_figures(
     result: Result, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
-) -> tuple[list[InlineFigure], list[str]]:
-    """Return the figures that can be drawn of a result, and remarks on those that cannot."""
-    drawn: list[InlineFigure] = []
+) -> tuple[list[dict[str, str]], list[str]]:
+    """Return the figures that can be drawn of a result, and remarks on those that cannot.
+
+    A figure has a ``key``, its name in the page and the prefix of every identifier in it; ``svg``,
+    an element in the colours of the file; and a ``caption``.
+    """
+    drawn: list[dict[str, str]] = []
     remarks: list[str] = []
     refusals: list[str] = []
     due = [
@@ -178,7 +165,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     return [replace(known.get(name, Wanted(name)), asked=True) for name in names]
 
 
-def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> InlineFigure:
+def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> dict[str, str]:
     figure = figure_from(wanted.name, wanted.options)
     text = encode(figure.draw([result], "page", extras=Extras(certificates)), "svg")
     caption = wanted.caption or description(type(figure))
@@ -188,7 +175,7 @@ def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row])
             f"figure '{wanted.name}' has too many curves for a page; "
             f"`eqt plot {result.path.parent} --figure {wanted.name}` draws it"
         )
-    return InlineFigure(key, svg, caption)
+    return {"key": key, "svg": Markup(svg), "caption": caption}
 
 
 def inlined(svg: bytes, key: str, label: str) -> str:

@@ -11,12 +11,12 @@ import eqt_cli
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.animation.gif import _Stage, gif
 from eqt_cli.plots.animation.scene import (
+    CORNERS,
     FACES,
     MOST_CONTROLLERS,
     TRAIL,
     block,
     camera,
-    corners,
     flat,
     motion,
     scene_of,
@@ -121,7 +121,7 @@ def test_camera_is_a_rotation():
 
 def test_faces_are_flat_and_counted_around():
     for face in FACES:
-        a, b, c, d = corners()[list(face)]
+        a, b, c, d = CORNERS[list(face)]
         assert a + c == pytest.approx(b + d)  # a parallelogram, whose diagonals halve each other
 
 
@@ -131,7 +131,7 @@ def test_at_most_three_faces_of_a_block_are_seen():
         rotation = np.linalg.qr(generator.normal(size=(3, 3)))[0]
         faces = block(rotation, np.zeros(3), 1.0)
         assert len(faces) == 3  # almost surely: one of each pair
-        assert all(0 <= face.light <= 1 for face in faces)
+        assert all(0 <= light <= 1 for _, light in faces)
 
 
 def test_axes_of_a_frame_are_its_columns():

@@ -57,9 +57,9 @@ def test_label_says_what_is_drawn(svg):
 def test_figures_of_a_result(paper_result):
     with open_result(paper_result) as results:
         drawn, remarks = inline_figures(results, DEFAULT)
-    assert [figure.key for figure in drawn][:3] == ["figure1", "figure2", "figure3"]
+    assert [figure["key"] for figure in drawn][:3] == ["figure1", "figure2", "figure3"]
     assert remarks == []
-    ids = re.findall(r' id="([^"]+)"', "".join(figure.svg for figure in drawn))
+    ids = re.findall(r' id="([^"]+)"', "".join(figure["svg"] for figure in drawn))
     assert len(ids) == len(set(ids))
 
 

@@ -153,7 +153,7 @@ class _Body:
     def __init__(self, axes: Axes, scene: Scene, index: int) -> None:
         self.axes, self.scene, self.index, self.motion = axes, scene, index, scene.motion
         ensemble = self.motion.ensembles[index]
-        self.colour = line_style(ensemble.look)["color"]
+        self.colour = ensemble.look.colour
         axes.set_aspect("equal")
         axes.set(xticks=[], yticks=[])
         axes.grid(visible=False)
@@ -215,8 +215,8 @@ class _BodyBlock:
     def show(self, rotation: Array, place: Array, length: float) -> None:
         """Move the block to a place and an orientation."""
         seen = block(rotation, place, length)
-        self.faces.set_verts([face.outline for face in seen])
-        self.faces.set_facecolor([(*_shaded(self.colour, face.light), 0.75) for face in seen])
+        self.faces.set_verts([outline for outline, _ in seen])
+        self.faces.set_facecolor([(*_shaded(self.colour, light), 0.75) for _, light in seen])
         start = flat(place)
         ends = tips(rotation, place, length)
         for line, name, end in zip(self.lines, self.names, ends, strict=True):

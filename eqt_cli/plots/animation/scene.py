@@ -178,28 +178,13 @@ HALF_SIZES = (0.62, 0.36, 0.13)
 
 ELEVATION, AZIMUTH = np.deg2rad(22.0), np.deg2rad(35.0)
 
-_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * HALF_SIZES
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * HALF_SIZES
+"""Corners of the block in its own frame, ``(8, 3)``."""
 FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-"""Corners of each face of the block, as indices into `corners()`, in order around the face."""
+"""Corners of each face of the block, as indices into `CORNERS`, in order around the face."""
 
 _NORMALS = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
 _LIGHT = np.array([0.35, 0.25, 0.9]) / np.linalg.norm([0.35, 0.25, 0.9])
-
-
-@dataclass(frozen=True)
-class Face:
-    """Visible face of the block.
-
-    Attributes
-    ----------
-    outline : (4, 2)
-        Corners in the plane of the picture, m.
-    light
-        Brightness from 0, in the shade, to 1.
-    """
-
-    outline: Array
-    light: float
 
 
 def camera() -> Array:
@@ -208,11 +193,6 @@ def camera() -> Array:
     towards = np.cos(ELEVATION) * level + [0.0, 0.0, np.sin(ELEVATION)]
     right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
     return np.stack([right, np.cross(towards, right), towards])
-
-
-def corners() -> Array:
-    """Return the corners of the block in its own frame, ``(8, 3)``."""
-    return _CORNERS.copy()
 
 
 def tips(rotation: Array, position: Array, length: float) -> Array:
@@ -225,14 +205,18 @@ def flat(position: Array) -> Array:
     return (position @ camera().T)[..., :2]
 
 
-def block(rotation: Array, position: Array, length: float) -> list[Face]:
-    """Return the visible faces; a block is convex, so they do not hide each other."""
-    placed = position + length * _CORNERS @ rotation.T
+def block(rotation: Array, position: Array, length: float) -> list[tuple[Array, float]]:
+    """Return the visible faces; a block is convex, so they do not hide each other.
+
+    Each has its corners in the plane of the picture, ``(4, 2)``, m, and its brightness from 0, in
+    the shade, to 1.
+    """
+    placed = position + length * CORNERS @ rotation.T
     seen = []
     for face, normal in zip(FACES, _NORMALS, strict=True):
         turned = rotation @ normal
         if turned @ camera()[2] > 0:
-            seen.append(Face(flat(placed[list(face)]), float((1 + turned @ _LIGHT) / 2)))
+            seen.append((flat(placed[list(face)]), float((1 + turned @ _LIGHT) / 2)))
     return seen
 
 

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from eqt_cli.config.json_schema import scale_of
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
-from eqt_cli.plots.drawing.labels import free_text, quantity
+from eqt_cli.plots.drawing.labels import free_text, in_words
 from eqt_cli.plots.drawing.style import Width, ink
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
@@ -115,8 +115,7 @@ _AROUND = 0.6
 
 def key_label(result: Result, swept: SweptKey) -> str:
     """Return the name of a swept key with its unit; the key itself where it has no name."""
-    words, unit = _named(result, swept)
-    return words + quantity("", unit).removeprefix("$$")
+    return in_words(*_named(result, swept))
 
 
 def key_at(result: Result, swept: SweptKey, point: int) -> str:

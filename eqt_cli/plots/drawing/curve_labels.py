@@ -1,7 +1,6 @@
 """Names beside curves and points where there is room, else in a legend; it knows no signal."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,13 +30,8 @@ _STEP = 2.0
 """Distance between the points of a curve that a name must not hide, pt."""
 
 
-@dataclass(frozen=True)
-class _NamePlace:
-    """Corners of a name, pt, and its distance from other curves, pt."""
-
-    low: Array
-    high: Array
-    margin: float
+Box = tuple[Array, Array]
+"""Lower left and upper right corner of a name, pt."""
 
 
 def name_curves(
@@ -65,23 +59,23 @@ def name_curves(
     add_legend(drawing, lines, names)
 
 
-def _write(axes: Axes, names: Sequence[str], places: Sequence[_NamePlace]) -> None:
+def _write(axes: Axes, names: Sequence[str], places: Sequence[Box]) -> None:
     to_data = axes.transData.inverted()
-    for line, name, place in zip(axes.lines, names, places, strict=False):
-        x, y = to_data.transform((place.low + place.high) / 2 * axes.figure.dpi / 72)
+    for line, name, (low, high) in zip(axes.lines, names, places, strict=False):
+        x, y = to_data.transform((low + high) / 2 * axes.figure.dpi / 72)
         look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
         look["path_effects"] = [Stroke(linewidth=1.5, foreground=ink(0)), Normal()]
         axes.text(float(x), float(y), name, color=darker(str(line.get_color())), **look)
 
 
-def _places(axes: Axes, names: Sequence[str]) -> list[_NamePlace]:
+def _places(axes: Axes, names: Sequence[str]) -> list[Box]:
     """Return the places of all names; none if one finds no room."""
     if len(axes.lines) < len(names):
         return []
     curves = [_points(axes, line) for line in axes.lines]
     if any(not len(points) for points in curves[: len(names)]):
         return []
-    places: list[_NamePlace] = []
+    places: list[Box] = []
     for index, name in enumerate(names):
         others = np.concatenate([*curves[:index], *curves[index + 1 :]])
         room = _size(axes, name) + 2 * max(map(_marked, axes.lines))
@@ -92,12 +86,10 @@ def _places(axes: Axes, names: Sequence[str]) -> list[_NamePlace]:
     return places
 
 
-def _best(
-    axes: Axes, own: Array, others: Array, size: Array, taken: Sequence[_NamePlace]
-) -> _NamePlace | None:
+def _best(axes: Axes, own: Array, others: Array, size: Array, taken: Sequence[Box]) -> Box | None:
     """Return the place beside a curve that is farthest from all others."""
     low, high = _points_of(axes, axes.bbox.get_points())
-    free: list[_NamePlace] = []
+    best, farthest = None, -np.inf
     for x in np.linspace(low[0], high[0], _PLACES)[1:-1]:
         beside = own[np.abs(own[:, 0] - x) <= size[0] / 2 + _PAD]
         if not len(beside):
@@ -107,13 +99,14 @@ def _best(
             corner, opposite = middle - size / 2, middle + size / 2
             if (corner < low + _PAD).any() or (opposite > high - _PAD).any():
                 continue
-            if any((corner < t.high).all() and (t.low < opposite).all() for t in taken):
+            if any((corner < end).all() and (start < opposite).all() for start, end in taken):
                 continue
             away = _distance(others, corner, opposite)
             if away < _PAD or away < _NEARER * max(_distance(own, corner, opposite), _GAP):
                 continue
-            free.append(_NamePlace(corner, opposite, away))
-    return max(free, key=lambda place: place.margin, default=None)
+            if away > farthest:
+                best, farthest = (corner, opposite), away
+    return best
 
 
 def _distance(points: Array, low: Array, high: Array) -> float:

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from eqt_cli.analysis.comparison.intervals import Resampling, intervals_of_means
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.layout import NO_NUMBERS
-from eqt_cli.plots.drawing.style import Look, ink, line_style, marker
+from eqt_cli.plots.drawing.style import Look, ink, line_style
 from eqt_cli.plots.shown.controllers import Ensemble
 
 BAND = (0.1, 0.9)
@@ -95,7 +95,7 @@ def draw_points(
     """Draw a curve with a hollow marker at every point, and the band around it."""
     look = line_style(of)
     axes.fill_between(across, *band, label=title, **band_look(look["color"]))
-    return axes.plot(across, up, label=title, marker=marker(of), **_POINTS, **look)
+    return axes.plot(across, up, label=title, marker=of.marker, **_POINTS, **look)
 
 
 def band_look(colour: str) -> dict[str, Any]:
@@ -106,7 +106,7 @@ def band_look(colour: str) -> dict[str, Any]:
 def thin_line(look: Look, count: int) -> dict[str, Any]:
     """Return the line style of one of `count` single runs of a controller."""
     opacity = min(0.8, 4 / np.sqrt(count))  # few lines are visible, many make shades
-    return {"color": (line_style(look)["color"], opacity), "linewidth": THIN}
+    return {"color": (look.colour, opacity), "linewidth": THIN}
 
 
 def thin_line_legend(shown: Sequence[Ensemble], most: int) -> dict[str, Artist]:
@@ -151,7 +151,7 @@ def draw_density(axes: Axes, paths: Sequence[Path], edges: tuple[Array, Array], 
     for path in paths:
         across, up = _between(path)
         visits += np.histogram2d(across, up, bins=list(edges))[0] > 0
-    shades = LinearSegmentedColormap.from_list("", [ink(0), line_style(look)["color"]])
+    shades = LinearSegmentedColormap.from_list("", [ink(0), look.colour])
     norm = PowerNorm(_FAINT, vmin=0, vmax=_DARKEST)
     seen = np.ma.masked_equal(visits.T / max(len(paths), 1), 0)
     cells: dict[str, Any] = {"cmap": shades, "norm": norm, "zorder": 0.4, "linewidth": 0}

@@ -41,7 +41,6 @@ _LONGEST = 30
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
 _DESCRIPTIVE = re.compile(r"_\{?([Ed])(?:\}|(?!\w))")
 """Index that describes, such as of an error or a desired value, and is therefore upright."""
-_DOLLAR = re.compile(r"(?<!\\)\$")
 
 _OF_MOTIONS = {
     "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|p_E\|", r"\|%s_E\|"),
@@ -183,20 +182,13 @@ def free_text(name: str, characters: int) -> str:
     holds for LaTeX, which could do much more than typeset.
     """
     shown = "".join(c if c.isprintable() else " " for c in name)
-    if not _DOLLAR.search(shown):  # parsing would warn of letters that the font lacks
+    if not latex.DOLLAR.search(shown):  # parsing would warn of letters that the font lacks
         return _in_lines(shown.replace(r"\$", "$"), characters)
     try:
         MathTextParser("path").parse(shown)
     except ValueError:
         return _in_lines(shown, characters)
-    if not _by_latex():
-        return shown
-    # Texts and mathematics in turn.
-    pieces = enumerate(_DOLLAR.split(shown))
-    return "".join(
-        f"${latex.mathematics(piece)}$" if number % 2 else _literal(piece.replace(r"\$", "$"))
-        for number, piece in pieces
-    )
+    return latex.with_mathematics(shown) if _by_latex() else shown
 
 
 def part_name(suffix: str) -> str:

@@ -86,6 +86,7 @@ _MISSING = re.compile(
     r"Failed to process string with tex because (.*)"
     r"|(.*(?:TeX implementation|PostScript font|usable font file).*)"
 )
+DOLLAR = re.compile(r"(?<!\\)\$")
 _COMMAND = re.compile(r"^(?:<recently read>|l\.\d+).*(\\\w+) *$", re.MULTILINE)
 
 _IN_LATEX = {
@@ -114,9 +115,10 @@ def preamble(given: str) -> str:
     return "\n".join([_PREAMBLE, given or _SYMBOLS])
 
 
-def escaped(text: str) -> str:
-    """Escape text, so that no character is a command."""
-    return "".join(map(_escaped_letter, unicodedata.normalize("NFC", text)))
+def escaped(text: str, kept: str = "") -> str:
+    """Escape text but the letters that are `kept`, so that no character is a command."""
+    letters = unicodedata.normalize("NFC", text)
+    return "".join(x if x in kept else _escaped_letter(x) for x in letters)
 
 
 def _escaped_letter(letter: str) -> str:
@@ -128,20 +130,18 @@ def _escaped_letter(letter: str) -> str:
 
 def sentence(text: str) -> str:
     """Return words, with mathematics between dollar signs, for a LaTeX document."""
-    pieces = enumerate(re.split(r"(?<!\\)\$", text.replace("\n", " ")))
+    return with_mathematics(text.replace("\n", " "), kept="-,'")
+
+
+def with_mathematics(text: str, kept: str = "") -> str:
+    """Return words as `escaped` does, with mathematics between dollar signs."""
     return "".join(
-        f"${mathematics(piece)}$" if number % 2 else _plain(piece) for number, piece in pieces
+        f"${_mathematics(piece)}$" if number % 2 else escaped(piece.replace(r"\$", "$"), kept)
+        for number, piece in enumerate(DOLLAR.split(text))
     )
 
 
-def _plain(text: str) -> str:
-    return "".join(
-        letter if letter in "-,'" else _escaped_letter(letter)
-        for letter in unicodedata.normalize("NFC", text.replace(r"\$", "$"))
-    )
-
-
-def mathematics(text: str) -> str:
+def _mathematics(text: str) -> str:
     """Return Matplotlib's mathematics for LaTeX, with ``%``, ``#`` and ``&`` escaped."""
     safe = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", text)
     return "".join(

@@ -234,9 +234,7 @@ slide, in."""
 
 _PRESENT: Any = matplotlib.rcParams
 
-_SHEET = Path(__file__).with_name("eqt.mplstyle")
-_SLIDE = Path(__file__).with_name("slide.mplstyle")
-_LATEX_SHEET = Path(__file__).with_name("latex.mplstyle")
+_SHEETS = Path(__file__).parent
 
 _KEPT: Settings = {
     "figure.constrained_layout.use": True,  # the legends above the panels need it
@@ -297,15 +295,15 @@ class Style:
         for sheet in self.sheets:
             given |= read(sheet)
         if self.width == "slide":
-            given = read_file(_SLIDE) | given
-        settings = read_file(_SHEET) | given | _KEPT
+            given = read_file(_SHEETS / "slide.mplstyle") | given
+        settings = read_file(_SHEETS / "eqt.mplstyle") | given | _KEPT
         if not (self.tex or given.get("text.usetex", False)):
             return settings | {"text.usetex": False, "font.family": _installed(settings)}
         # Fonts that a sheet names are Matplotlib's; LaTeX's fonts come with its preamble.
         kind = {"font.family": given.get("font.family")}
         kept = kind if kind["font.family"] in (["sans-serif"], ["monospace"]) else {}
         preamble = latex.preamble(given.get("text.latex.preamble", ""))
-        own = read_file(_LATEX_SHEET) | kept
+        own = read_file(_SHEETS / "latex.mplstyle") | kept
         return settings | own | {"text.latex.preamble": preamble}
 
     def prepare(self, formats: Sequence[str] = ("pdf",)) -> None:

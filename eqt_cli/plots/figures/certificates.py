@@ -17,7 +17,7 @@ from eqt_cli.core.option_types import CountOrNone
 from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.drawing.labels import notation
 from eqt_cli.plots.drawing.layout import add_legend
-from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink, line_style, marker
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.certificates import ShownCertificates
 
 _ROW_HEIGHT = 0.155
@@ -66,16 +66,21 @@ class Certificates(OfCertificates):
         shown.keep(nearest)
         drawing = Drawing(figsize=(WIDTHS[width], 0.5 + _ROW_HEIGHT * len(shown.names)))
         axes = drawing.add_subplot(label="certificates")
-        looks = {law.label: _look(law.look) for law in shown.laws} | {
-            "": {"color": ink(_NO_LAW), "marker": "|"}
-        }
-        least = _least(shown)
+        looks = {e.label: {"color": e.look.colour, "marker": e.look.marker} for e in shown.laws}
+        looks[""] = {"color": ink(_NO_LAW), "marker": "|"}
+        ratios = list(map(_ratio, shown.shown))
+        smallest = min([*(ratio for ratio in ratios if ratio > 0), 1.0])
+        least = float(10.0 ** (np.floor(np.log10(smallest)) - 1))  # a decade below
         for height, name in enumerate(shown.names):
             rows = shown.rows(name)
-            for row, shift in zip(rows, _shifts(len(rows)), strict=True):
-                _mark(axes, row, height + shift, least, looks[row.controller])
+            shifts = np.linspace(-0.27, 0.27, len(rows)) if len(rows) > 1 else [0.0]
+            for row, shift in zip(rows, shifts, strict=True):
+                at = max(_ratio(row), least)  # an exact 0 stands at the left end
+                style = _MARKER | looks[row.controller] | _shape(row.verdict)
+                label = f"{row.name} {row.controller}".strip()
+                axes.plot([at], [height + shift], label=label, **style)
         _name_rows(axes, shown, width)
-        _name_scale(axes, least, max(10.0, *map(_ratio, shown.shown)))
+        _name_scale(axes, least, max(10.0, *ratios))
         handles = _legend(shown, looks)
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
@@ -100,27 +105,6 @@ def _ratio(row: Row) -> float:
     """Return the ratio of measured to bound; 0 where both are 0."""
     assert row.measured is not None and row.bound is not None
     return min(abs(row.measured) / row.bound, _MOST) if row.measured else 0.0
-
-
-def _least(shown: ShownCertificates) -> float:
-    """Return the left end of the scale: a decade below the least ratio that is not 0."""
-    ratios = [ratio for row in shown.shown if (ratio := _ratio(row)) > 0]
-    return float(10.0 ** (np.floor(np.log10(min([*ratios, 1.0]))) - 1))
-
-
-def _look(of: Look) -> dict[str, Any]:
-    return {"color": line_style(of)["color"], "marker": marker(of)}
-
-
-def _shifts(count: int) -> list[float]:
-    """Return the offsets of the laws of one statement within its row."""
-    return [0.0] if count == 1 else list(np.linspace(-0.27, 0.27, count))
-
-
-def _mark(axes: Axes, row: Row, height: float, least: float, look: dict[str, Any]) -> None:
-    at = max(_ratio(row), least)  # an exact 0 stands at the left end
-    label = f"{row.name} {row.controller}".strip()
-    axes.plot([at], [height], label=label, **(_MARKER | look | _shape(row.verdict)))
 
 
 def _shape(verdict: Verdict) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from eqt_cli.core.option_types import CountOrNone
 from eqt_cli.plots.base import OverTime, Panelled
 from eqt_cli.plots.drawing.labels import force_component, free_text, quantity
 from eqt_cli.plots.drawing.layout import add_legend, name_scale
-from eqt_cli.plots.drawing.style import Width, ink, line_style
+from eqt_cli.plots.drawing.style import Width, ink
 from eqt_cli.plots.law_columns import law_columns
 from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
@@ -85,21 +85,24 @@ class Commands(Panelled, OverTime):
             axes = {name: free_text(f"{name} ({unit})", most) for name in names}
         places, wanted = list(axes), self.picked(list(axes))
         drawing, rows = law_columns(runs, width, wanted)
-        kinds = _Kinds()
+        kinds: set[str] = set()
         limits = {e.label: runs.limits(e, self.run, signal) for e in runs.shown}
         for name in wanted:
             name_scale(next(iter(rows[name].values())), axes[name])
             for ensemble in runs.shown:
                 k, panel = places.index(name), rows[name][ensemble.label]
-                self._fill(panel, runs, ensemble, k, limits[ensemble.label], kinds)
+                kinds |= self._fill(panel, runs, ensemble, k, limits[ensemble.label])
         self._add_legend(drawing, runs, kinds)
         runs.remarks.append(f"Run {self.run}.")
         return drawing
 
     def _fill(
-        self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits, kinds: "_Kinds"
-    ) -> None:
-        """Draw one axis, thruster or wheel of a controller; shade where it is at a limit."""
+        self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits
+    ) -> set[str]:
+        """Draw one axis, thruster or wheel of a controller; shade where it is at a limit.
+
+        Return the names of what the legend explains.
+        """
         times, signal = runs.times(ensemble), self._signal
         given = runs.of_run(signal, ensemble, self.run)[:, k]
         command = given
@@ -115,35 +118,28 @@ class Commands(Panelled, OverTime):
                 beyond = runs.of_run("at_limit", ensemble, self.run) > 0
         for start, end in _stretches(times, beyond):
             axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
+        kinds = {"at a limit"} if beyond.any() else set()
         reach = _SEEN * np.max(np.abs(given), initial=0.0, where=np.isfinite(given))
         for number, end in enumerate((low, high)):
             if np.isfinite(end) and abs(end) <= reach:
                 axes.axhline(end, label=f"limit {number}", **_limit())
-                kinds.limits = True
-        axes.plot(times, given, color=line_style(ensemble.look)["color"], label=_GIVEN[signal])
+                kinds.add("limit")
+        axes.plot(times, given, color=ensemble.look.colour, label=_GIVEN[signal])
         if signal == "torque":
             axes.plot(times, command, color=ink(), label="asked", **_ASKED)
-        kinds.shaded |= bool(beyond.any())
+        return kinds
 
-    def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: "_Kinds") -> None:
-        alone = line_style(runs.shown[0].look)["color"] if len(runs.shown) == 1 else ink(_ANY)
+    def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: set[str]) -> None:
+        alone = runs.shown[0].look.colour if len(runs.shown) == 1 else ink(_ANY)
         given = {**_GIVEN, "torque": "given by the actuators"}[self._signal]
         handles: dict[str, Artist] = {given: Line2D([], [], color=alone)}
         if self._signal == "torque":
             handles["asked by the law"] = Line2D([], [], color=ink(), **_ASKED)
-        if kinds.limits:
+        if "limit" in kinds:
             handles["limit"] = Line2D([], [], **_limit())
-        if kinds.shaded:
+        if "at a limit" in kinds:
             handles["at a limit"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         add_legend(drawing, list(handles.values()), list(handles))
-
-
-@dataclass
-class _Kinds:
-    """Artists that the legend explains."""
-
-    limits: bool = False
-    shaded: bool = False
 
 
 def _limit() -> dict[str, Any]:

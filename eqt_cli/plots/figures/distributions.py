@@ -202,9 +202,9 @@ class Distributions(OfMetrics):
 def _fill_boxes(axes: Axes, metrics: ShownMetrics, samples: Sequence[MetricValues]) -> None:
     """Draw a box per law, the first on top."""
     for row, (ensemble, sample) in enumerate(zip(metrics.shown, samples, strict=True)):
-        colour = line_style(ensemble.look)["color"]
         if sample.values.size:
-            draw_box(axes, row, sample, metrics.end(ensemble), colour, ensemble.label)
+            end, colour = metrics.end(ensemble), ensemble.look.colour
+            draw_box(axes, row, sample, end, colour, ensemble.label)
     axes.set_ylim(len(samples) - 0.5, -0.5)
     axes.margins(x=0.06)
     axes.grid(visible=False, axis="y")

@@ -15,7 +15,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import Extras, OfDifferences
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend
-from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink, line_style, marker
+from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.result import Result
 from eqt_cli.tuning.held_out import side_by_side
@@ -128,9 +128,8 @@ def _draw_differences(panel: Axes, rows: Array, differences: Array, name: str) -
 
 def _draw_shares(panel: Axes, rows: Array, shares: Array, of: Look, title: str) -> None:
     share, low, high = shares.T
-    colour = line_style(of)["color"]
-    look: Settings = {"marker": marker(of), "markersize": _SMALL, "color": colour}
+    look: Settings = {"marker": of.marker, "markersize": _SMALL, "color": of.colour}
     panel.plot(share, rows, label=title, linestyle="", **look)
-    bars: Settings = {"fmt": "none", "ecolor": colour, "elinewidth": 0.8}
+    bars: Settings = {"fmt": "none", "ecolor": of.colour, "elinewidth": 0.8}
     ends = [share - low, high - share]
     panel.errorbar(share, rows, xerr=ends, label=f"{title}, intervals", **bars)

@@ -15,7 +15,7 @@ from eqt_cli.plots.drawing.cells import scale
 from eqt_cli.plots.drawing.curves import RESAMPLING
 from eqt_cli.plots.drawing.labels import metric_label
 from eqt_cli.plots.drawing.layout import add_legend
-from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
+from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
 from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, looks, positions
 from eqt_cli.results.origin import label_named, law_title
 from eqt_cli.results.result import Result
@@ -127,7 +127,7 @@ class Fronts(Figure[ShownFronts]):
             points = [_intervals(values) for values in shown.values(front)]
             best = front.best
             others = np.setdiff1d(np.arange(len(front.labels)), best)
-            style: dict[str, Any] = look | {"marker": marker(of), "markersize": _SMALL}
+            style: dict[str, Any] = look | {"marker": of.marker, "markersize": _SMALL}
             x, y = (each[best, 0] for each in points)
             lines += panel.plot(x, y, label=front.law, **style)
             _crosses(panel, points, best, look["color"], f"{front.law}, intervals")

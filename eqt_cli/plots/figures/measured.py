@@ -20,7 +20,7 @@ from eqt_cli.plots.base import Extras, Panelled, Timed
 from eqt_cli.plots.drawing.labels import axis_labels, part_curves, part_name
 from eqt_cli.plots.drawing.layout import EMPTY, add_legend, add_title, name_scale, sheet
 from eqt_cli.plots.drawing.style import WIDTHS, Width, colours_of_style, ink, line_style, mixed
-from eqt_cli.plots.shown.controllers import ALWAYS, TimeRange, error_of, positions
+from eqt_cli.plots.shown.controllers import Chosen, error_of, positions
 from eqt_cli.results.result import Result
 
 _MEASURED: dict[str, Any] = {"linewidth": 2.4, "zorder": 1.5, "solid_capstyle": "butt"}
@@ -46,6 +46,8 @@ class ShownMeasured:
     ----------
     pair
         The run and the recording.
+    group
+        The group G.
 
     Raises
     ------
@@ -54,28 +56,18 @@ class ShownMeasured:
     """
 
     def __init__(
-        self,
-        result: Result,
-        measured: Recording | None,
-        figure: str,
-        chosen: Sequence[str],
-        run: int,
-        time: TimeRange = ALWAYS,
+        self, result: Result, measured: Recording | None, figure: str, chosen: Chosen, run: int
     ) -> None:
         if measured is None:
             text = f"figure '{figure}' shows a recording beside a run, and none is given"
             raise EqtError(text, Remedy("give one with {}", "measured"))
-        (places,) = positions([result], figure, chosen)
-        if chosen and len(places) > 1:
+        (places,) = positions([result], figure, chosen.controllers)
+        if chosen.controllers and len(places) > 1:
             raise error_of(result, figure, f"shows one controller, got {len(places)}")
         (self.pair,) = measured_runs(result, measured, places[:1], run, f"figure '{figure}'")
-        self.unit, self._time = result.units("time"), time
+        self.unit, self._time = result.units("time"), chosen.time
+        self.group = self.pair.recording.group
         self._error = partial(error_of, result, figure)
-
-    @property
-    def group(self) -> MatrixLieGroup:
-        """The group G."""
-        return self.pair.recording.group
 
     @property
     def curves(self) -> list[tuple[str, tuple[Array, Array], tuple[Array, Array]]]:
@@ -137,8 +129,7 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
     def subject(self, results: Sequence[Result], extras: Extras) -> ShownMeasured:
         """Return the run of one controller, aligned in time with the recording."""
         shown = self._only(results, "result")
-        time = self.chosen.time
-        return ShownMeasured(shown, extras.measured, self.name, self.controllers, self.run, time)
+        return ShownMeasured(shown, extras.measured, self.name, self.chosen, self.run)
 
     def compose(self, shown: ShownMeasured, width: Width) -> Drawing:
         """Draw a row for each quantity; the coordinates of a part share a panel."""

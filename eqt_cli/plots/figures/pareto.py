@@ -13,7 +13,7 @@ from eqt_cli.plots.drawing.cells import scale
 from eqt_cli.plots.drawing.curve_labels import name_points
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend
-from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
+from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.tuning.ranking import front
 
@@ -61,7 +61,7 @@ class Pareto(OfSweep):
         panel = drawing.add_subplot()
         lines, fronts = [], []
         for k, (of, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
-            look = line_style(of) | {"marker": marker(of), "label": title}
+            look = line_style(of) | {"marker": of.marker, "label": title}
             x, y = cost[:, k], error[:, k]
             pale = {"color": look["color"], "alpha": _PALE, "linewidths": 0}
             panel.scatter(x, y, s=16, marker=look["marker"], label=title, **pale)
@@ -90,7 +90,7 @@ def _name_fronts(
         x, y = cost[best, k], error[best, k]
         points.append(np.column_stack([x, y]))
         texts += [free_text(swept.point_name(int(point)), _LONGEST) for point in best]
-        colours += [line_style(look)["color"]] * len(best)
+        colours += [look.colour] * len(best)
         corners += [steps(x, y)]
     name_points(panel, np.concatenate(points), texts, colours, np.concatenate(corners))
 

@@ -13,7 +13,7 @@ from eqt_cli.plots.base import Extras, Figure
 from eqt_cli.plots.drawing import layout
 from eqt_cli.plots.drawing.cells import scale, scale_along
 from eqt_cli.plots.drawing.labels import metric_label
-from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, line_style, marker
+from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, line_style
 from eqt_cli.plots.shown.controllers import ALL, Chosen, error_of, looks, positions
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
@@ -164,14 +164,11 @@ class WorstFigure(Figure[ShownWorst]):
         layout.share_scale(panels.values())
         titles: dict[str, Any] = {}
         for key in shown.keys:
-            panel = panels[key]
             for line in (line for line in shown.lines if line.key == key):
-                drawn = _draw(panel, line)
-                titles.setdefault(line.title, drawn)
-            scale_along(panel, shown.results, shown.swept(key), room)
+                titles.setdefault(line.title, _draw(panels[key], line))
+            scale_along(panels[key], shown.results, shown.swept(key), room)
         seen = np.concatenate([line.worst for line in shown.lines])
-        if np.isfinite(seen).any():
-            scale(panels[mosaic[0][0]], "y", seen[np.isfinite(seen)], log=self.log)
+        scale(panels[mosaic[0][0]], "y", seen, log=self.log)
         label = f"worst {metric_label(shown.results, shown.objective, 30)}"
         for row in mosaic:
             panels[row[0]].set_ylabel(label)
@@ -181,20 +178,15 @@ class WorstFigure(Figure[ShownWorst]):
 
 
 def _draw(panel: Axes, line: Profile) -> Any:
-    look = line_style(line.look)
-    mark: dict[str, Any] = {"marker": marker(line.look), "color": look["color"]}
-    hollow = look | mark | {"markersize": _SMALL, "markerfacecolor": "none"}
+    look = line_style(line.look) | {"marker": line.look.marker}
+    hollow = look | {"markersize": _SMALL, "markerfacecolor": "none"}
     (drawn,) = panel.plot(line.values, line.worst, label=line.title, **hollow)
     found_look = hollow | {"markersize": _LARGE, "linestyle": "", "clip_on": False}
     point = [line.values[line.found]], [line.worst[line.found]]
     panel.plot(*point, label=f"{line.title}, found", **found_look)
     if line.failed.any():
         x = line.values[line.failed]
-        top: dict[str, Any] = {
-            "transform": panel.get_xaxis_transform(),
-            "linestyle": "",
-            "clip_on": False,
-        }
-        ends = np.full(len(x), 0.97)
-        panel.plot(x, ends, label=f"{line.title}, failed", marker="x", color=look["color"], **top)
+        top = look | {"transform": panel.get_xaxis_transform(), "linestyle": "", "clip_on": False}
+        crosses = top | {"marker": "x", "label": f"{line.title}, failed"}
+        panel.plot(x, np.full(len(x), 0.97), **crosses)
     return drawn

@@ -50,9 +50,6 @@ class TimeRange(NamedTuple):
         return inside
 
 
-ALWAYS = TimeRange()
-
-
 class Chosen(NamedTuple):
     """Which controllers a figure shows.
 
@@ -70,7 +67,7 @@ class Chosen(NamedTuple):
 
     controllers: Sequence[str] = ()
     focus: Sequence[str] = ()
-    time: TimeRange = ALWAYS
+    time: TimeRange = TimeRange()
     colours: Mapping[str, str] = MappingProxyType({})
 
 
@@ -106,11 +103,6 @@ class Ensemble:
     def law(self) -> str:
         """The controller's label in its own result."""
         return self.results.labels[self.controller]
-
-    @property
-    def failed(self) -> int:
-        """Number of runs left out because they failed."""
-        return int(self.good.size - np.count_nonzero(self.good))
 
 
 class ShownControllers:
@@ -150,7 +142,13 @@ class ShownControllers:
                 )
                 raise error_of(one, figure, message)
         kept = positions(results, figure, chosen.controllers)
-        self.ensembles = _ensembles(results, kept, looks(results, kept, figure, chosen))
+        self.ensembles: list[Ensemble] = []
+        look = iter(looks(results, kept, figure, chosen))
+        for one, places, name in zip(results, kept, names(results), strict=True):
+            end = f", {name}" if len(results) > 1 else ""
+            for k in places:
+                label, title = one.labels[k] + end, one.titles[k] + end
+                self.ensembles.append(Ensemble(one, k, next(look), label, title, one.good[k]))
         if not self.shown:
             raise self.error("has nothing to show, since every run failed; see `eqt show`")
 
@@ -173,9 +171,9 @@ class ShownControllers:
     def notes(self) -> list[str]:
         """Return the notes for the reader: runs left out, and laws whose gains are not matched."""
         failed = [
-            f"{e.title}: {e.failed} of {e.good.size} runs failed; left out."
+            f"{e.title}: {count} of {e.good.size} runs failed; left out."
             for e in self.ensembles
-            if e.failed
+            if (count := np.count_nonzero(~e.good))
         ]
         own = [e.title for e in self.shown if e.law in e.results.not_matched]
         matched = [f"Gains not matched: {', '.join(own)}."] if own else []
@@ -304,19 +302,6 @@ def _colours(shown: Sequence[str], every: Sequence[str]) -> dict[str, int]:
     kept = {law: colour for law, colour in own.items() if colour < count}
     free = iter(sorted(set(range(count)) - set(kept.values())))
     return kept | {law: next(free) for law in shown if law not in kept}
-
-
-def _ensembles(
-    results: Sequence[Result], kept: Sequence[Sequence[int]], of: Sequence[Look]
-) -> list[Ensemble]:
-    """Return the ensembles of the controllers at these positions of each result."""
-    ensembles: list[Ensemble] = []
-    for number, (one, name) in enumerate(zip(results, names(results), strict=True)):
-        end = f", {name}" if len(results) > 1 else ""
-        for k in kept[number]:
-            label, title = one.labels[k] + end, one.titles[k] + end
-            ensembles.append(Ensemble(one, k, of[len(ensembles)], label, title, one.good[k]))
-    return ensembles
 
 
 def error_of(result: Result, figure: str, message: str) -> EqtError:
