@@ -17,9 +17,9 @@ from eqt_cli.core.errors import EqtError, suggestion
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison.compare import Comparison
     from eqt_cli.analysis.comparison.intervals import Resampling
-    from eqt_cli.analysis.comparison.maps import Map
     from eqt_cli.analysis.comparison.notation import Plain
     from eqt_cli.analysis.differences import Change, Dataset, Differences
+    from eqt_cli.analysis.measured import Explanation
     from eqt_cli.analysis.text_tables import TextTable
     from eqt_cli.results.result import Result
 
@@ -133,11 +133,26 @@ def compare(
         return
     how = Resampling(confidence, resamples, seed)
     write = Latex() if format is TableFormat.LATEX else Plain()
-    recorded = measured, mapping, log_format, run
-    narrowed = bool(metric or window or table or robust)
-    shown = _of_recording(
-        result, recorded, narrowed, against or (), point, write, unit or (), whole=verbose
-    )
+    shown = None
+    if measured is None:
+        options.require_measured(mapping, log_format, run)
+    elif metric or window or table or robust:
+        raise EqtError(
+            "--measured compares with a recording; leave --metric, --window, --table and --robust "
+            "out"
+        )
+    else:
+        explained = api.compare_measured(
+            result,
+            measured,
+            mapping,
+            format=log_format,
+            run=run,
+            controllers=against or (),
+            point=point,
+            units=unit or (),
+        )
+        shown = _of_recording(explained, measured, write, whole=verbose)
     if shown is None and robust:
         shown = _robustness(result, share, confidence, write)
     elif shown is None and point is None:
@@ -146,7 +161,10 @@ def compare(
             result, metric or (), table, controller or (), narrow, how, write, unit or ()
         )
     if shown is None:
-        _require_table_of_experiment(table)
+        if table in (TableName.WINNERS, TableName.POINTS):
+            raise EqtError(f"--table {table} needs a whole sweep; this is a single experiment")
+        if table is TableName.FRONTS:
+            raise EqtError("--table fronts needs a result of `eqt tune` with two `objectives`")
         comparison = api.compare(
             result,
             metric or (),
@@ -164,12 +182,19 @@ def compare(
         shown = _of_experiment(
             comparison, table, against, format, write, whole=whole, laws_as_rows=as_rows
         )
+    _print(shown, result, format, json)
+
+
+def _print(shown: _Found, result: Path, format: TableFormat, json: bool) -> None:
     if json:
         output.print_json({"path": str(result), **shown.document})
     elif format is TableFormat.CSV:
         output.print_verbatim(as_csv(shown.records))
+    elif format is TableFormat.LATEX:
+        output.print_verbatim("\n\n".join(map(as_latex, shown.tables)))
     else:
-        _print_tables(shown.tables, format)
+        for number, each in enumerate(shown.tables):
+            output.print_text(*([""] * (number > 0)), output.laid_out(each))
         if shown.findings:
             output.print_text(*([""] * bool(shown.tables)), *shown.findings)
     for remark in () if json else shown.remarks:
@@ -177,45 +202,16 @@ def compare(
 
 
 def _of_recording(
-    result: Path,
-    recorded: tuple[Path | None, Path | None, str, int],
-    narrowed: bool,
-    laws: Sequence[str],
-    point: int | None,
-    write: Plain,
-    units: Sequence[str],
-    *,
-    whole: bool,
-) -> _Found | None:
+    parts: Sequence[Explanation], measured: Path, write: Plain, *, whole: bool
+) -> _Found:
     """Return how much of the errors in a recording the run of each controller explains."""
-    measured, mapping, kind, run = recorded
-    if measured is None:
-        options.require_measured(mapping, kind, run)
-        return None
-    from eqt_cli import api
     from eqt_cli.analysis.measured import explained_table, records
 
-    if narrowed:
-        raise EqtError(
-            "--measured compares with a recording; leave --metric, --window, --table and --robust "
-            "out"
-        )
-    parts = api.compare_measured(
-        result, measured, mapping, format=kind, run=run, controllers=laws, point=point, units=units
-    )
     axes = whole or len(parts) == 1
     table = explained_table(parts, write, axes=axes)
     remarks = [] if axes else ["next: --verbose prints every axis, --against LAW one law"]
     document = {"measured": str(measured), "controllers": [asdict(one) for one in parts]}
     return _Found(document, records(parts), [table], remarks)
-
-
-def _print_tables(tables: Sequence[TextTable], format: TableFormat) -> None:
-    if format is TableFormat.LATEX:
-        output.print_verbatim("\n\n".join(map(as_latex, tables)))
-        return
-    for number, table in enumerate(tables):
-        output.print_text(*([""] * (number > 0)), output.laid_out(table))
 
 
 class _Found(NamedTuple):
@@ -240,6 +236,7 @@ def _of_whole(
 ) -> _Found | None:
     """Return the findings on a sweep or on fronts as a whole; None for other results."""
     from eqt_cli import api
+    from eqt_cli.analysis.comparison.maps import map_records, map_tables
 
     with api.open_results(path, "arrays") as opened:
         result = opened.in_units(units)
@@ -256,25 +253,11 @@ def _of_whole(
         maps = api.compare_sweep(
             path, metrics or (MAPPED,), controllers=laws, units=units, **vars(how)
         )
-        return _of_sweep(maps, result, table, write)
-
-
-def _require_table_of_experiment(table: TableName | None) -> None:
-    if table in (TableName.WINNERS, TableName.POINTS):
-        raise EqtError(f"--table {table} needs a whole sweep; this is a single experiment")
-    if table is TableName.FRONTS:
-        raise EqtError("--table fronts needs a result of `eqt tune` with two `objectives`")
-
-
-def _of_sweep(maps: Sequence[Map], result: Result, table: TableName | None, write: Plain) -> _Found:
-    """Return which law wins at each point of a sweep."""
-    from eqt_cli.analysis.comparison.maps import map_records, map_tables
-
-    records = [record for one in maps for record in map_records(one, result)]
-    whole = table is TableName.POINTS
-    made = [each for one in maps for each in map_tables(one, result, write, whole=whole)]
-    shown = [each for each in made if table is None or each.name == table]
-    return _Found({"points": records}, records, shown)
+        records = [record for one in maps for record in map_records(one, result)]
+        whole = table is TableName.POINTS
+        made = [each for one in maps for each in map_tables(one, result, write, whole=whole)]
+        shown = [each for each in made if table is None or each.name == table]
+        return _Found({"points": records}, records, shown)
 
 
 def _print_metrics(results: Result, json: bool) -> None:
@@ -369,12 +352,9 @@ def _findings(comparison: Comparison) -> list[str]:
             lines += [f"  {each.verdict}: “{each.claim}”{without}", f"    {each.words}"]
         else:
             lines.append(f"{each.verdict}: {each.words}" if each.verdict else f"  {each.words}")
-    return [_wrapped(line) for line in lines]
-
-
-def _wrapped(line: str) -> str:
-    indent = " " * (len(line) - len(line.lstrip()))
-    return output.folded(line, output.room_of_tables() or PIPED, indent + "  ")
+    room = output.room_of_tables() or PIPED
+    hanging = [" " * (2 + len(line) - len(line.lstrip())) for line in lines]
+    return [output.folded(line, room, more) for line, more in zip(lines, hanging, strict=True)]
 
 
 def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _Found:

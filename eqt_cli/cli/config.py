@@ -10,7 +10,6 @@ import typer
 
 from eqt_cli.cli.shared import completion, options, output
 from eqt_cli.cli.shared.options import Command, Group, example
-from eqt_cli.cli.shared.output import complain, print_json, print_text, table
 from eqt_cli.config import shipped
 from eqt_cli.core.errors import ConfigError, EqtError, Problems
 from eqt_cli.core.files import new_file, refusals
@@ -120,10 +119,7 @@ def check(
         output.print_json(_document(config, output.problem_records(error.problems)))
         raise typer.Exit(error.exit_code) from error
     if resolved:
-        if json:
-            output.print_json(checked.resolved)
-        else:
-            output.print_verbatim(dump(checked.resolved))
+        output.print_source(checked.resolved, dump(checked.resolved), json=json)
         return
     experiment = checked.base
     for remark in remarks(experiment, shown):
@@ -244,7 +240,7 @@ def check_log(
 
     checked = api.check_log(file, mapping, format=format_, group=group)
     if json:
-        print_json(asdict(checked))
+        output.print_json(asdict(checked))
     else:
         _print_log(checked)
     if checked.problems:
@@ -256,7 +252,7 @@ def _print_log(checked: LogCheck) -> None:
         [one.heading, one.name or "-", one.use, f"{one.unit}{' (assumed)' * one.assumed}" or "-"]
         for one in checked.columns
     ]
-    print_text(table(["column", "name", "use", "unit"], rows), "")
+    output.print_text(output.table(["column", "name", "use", "unit"], rows), "")
     lines = [
         f"poses     {checked.group}, format {checked.format}",
         f"rows      {checked.rows}, from {checked.begin:.9g} to {checked.end:.9g} s",
@@ -265,10 +261,10 @@ def _print_log(checked: LogCheck) -> None:
     ]
     if checked.norms:
         lines.append("norms     {:.6g} to {:.6g} of quaternions".format(*checked.norms))
-    print_text("\n".join(lines))
-    print_text(*(f"note      {note}" for note in checked.notes))
+    output.print_text("\n".join(lines))
+    output.print_text(*(f"note      {note}" for note in checked.notes))
     for problem in checked.problems:
-        complain(problem)
+        output.complain(problem)
 
 
 def _gaps(checked: LogCheck) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import print_found, print_json, print_verbatim
+from eqt_cli.cli.shared.output import print_found, print_source
 
 
 def report(
@@ -79,7 +79,4 @@ def cite(
     from eqt_cli import api
 
     entries = api.cite(result)
-    if json:
-        print_json({"bibtex": entries.split("\n\n")})
-    else:
-        print_verbatim(entries)
+    print_source({"bibtex": entries.split("\n\n")}, entries, json=json)

@@ -50,8 +50,6 @@ def tune(
     search = Search.read(source, trust_plugins=trust_plugins)
     computing = (executor, workers, scheduler)
     done = _searched(search, api.tune, out, computing, dry_run=dry_run, force=force, json=json)
-    if done is None:
-        return
     laws, failed = done.record["laws"], done.judged.failed
     lost = [
         f"no feasible point of {law['label']}: the least violation is {law['least_violation']:.3g}"
@@ -99,8 +97,6 @@ def worst(
     search = WorstSearch.read(source, trust_plugins=trust_plugins)
     computing = (executor, workers, scheduler)
     done = _searched(search, api.worst, out, computing, dry_run=dry_run, force=force, json=json)
-    if done is None:
-        return
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))
     _report(done, worst_tables, causes, done.record["laws"][0]["config"], json=json)
     if causes:
@@ -130,8 +126,8 @@ def _searched(
     dry_run: bool,
     force: bool,
     json: bool,
-) -> Found | None:
-    """Search and return the outcome; for a dry run, print the plan and return None.
+) -> Found:
+    """Search and return the outcome; for a dry run, print the plan and end the command.
 
     Parameters
     ----------
@@ -145,7 +141,7 @@ def _searched(
     executor = executor_from(Study(None, search.base), *computing)
     if dry_run:
         _print_plan(search, executor, json=json)
-        return None
+        raise typer.Exit
     out = out or search.folder
     output.say(_runs_line(search))
     try:

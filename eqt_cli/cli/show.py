@@ -77,7 +77,6 @@ def show(
 
 
 def _unfinished(path: Path, state: Unfinished, json: bool) -> None:
-
     share = 100 * state.done / state.runs
     running = "no; the same eqt run or eqt sweep continues"
     if state.writer is not None:
@@ -139,15 +138,11 @@ def _summary(results: Result, json: bool) -> None:
 
 
 def _config(results: Result, json: bool) -> None:
-
-    if json:
-        output.print_json(_stored(results, "config"))
-    else:
-        output.print_verbatim(str(results.attributes["config"]))
+    text = str(results.attributes["config"])
+    output.print_source(_stored(results, "config"), text, json=json)
 
 
 def _variables(results: Result, json: bool) -> None:
-
     rows = [
         (name, results.dims(name), results.units(name), results.long_name(name))
         for name in results.names
@@ -156,7 +151,6 @@ def _variables(results: Result, json: bool) -> None:
 
 
 def _failed(results: Result, json: bool) -> None:
-
     failures = results.failures
     messages = results.messages(failures) if len(failures) else []
     document, lines = [], []
@@ -192,21 +186,14 @@ def _unsettled(results: Result, json: bool) -> None:
             runs, settles.T[runs], poses, velocities, strict=True
         )
     ]
-    if records and not json:
-        output.print_verbatim(as_csv(records).removesuffix("\n"))
-    else:
-        output.print_found(records, json=json, nothing="every run settled")
+    output.print_source(records, as_csv(records), json=json, nothing="every run settled")
 
 
 def _plugins(results: Result, json: bool) -> None:
-
     sources = _stored(results, "plugins")
     lines = [f"# {path}\n{source}" for path, source in sources.items()]
     text = "\n".join(line.removesuffix("\n") for line in lines)
-    if text and not json:
-        output.print_verbatim(text)
-    else:
-        output.print_found(sources, json=json, nothing="no plugins")
+    output.print_source(sources, text, json=json, nothing="no plugins")
 
 
 def _stored(results: Result, name: str) -> Any:

@@ -133,6 +133,16 @@ def print_found(document: Any, *pieces: str | Text, json: bool, nothing: str = "
         say(nothing)
 
 
+def print_source(document: Any, text: str, *, json: bool, nothing: str = "") -> None:
+    """Print findings as one JSON document or verbatim; say `nothing`, if given, without a text."""
+    if json:
+        print_json(document)
+    elif text or not nothing:
+        print_verbatim(text)
+    else:
+        say(nothing)
+
+
 def print_error(error: EqtError) -> None:
     """Print an error as one JSON document, with the place of every problem that has one."""
     problems = problem_records(getattr(error, "problems", ()))

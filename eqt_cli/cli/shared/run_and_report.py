@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from eqt_cli.cli.shared import options, output
-from eqt_cli.cli.shared.options import cores
 from eqt_cli.core.errors import EqtError, InterruptedRun
 from eqt_cli.core.files import new_file
 from eqt_cli.core.interruptions import Interrupted
@@ -46,13 +45,14 @@ def executor_from(
     name, _, listed = (asked or "").partition(":")
     if scheduler and name not in ("", "dask"):
         raise EqtError(f"--scheduler: is for --executor dask, got --executor {name}")
-    options = {}
+    given = {}
     for option in filter(None, listed.split(",")):
         key, equals, value = option.partition("=")
         if not equals:
             raise EqtError(f"--executor: expected NAME:KEY=VALUE, got '{asked}'")
-        options[key.strip()] = parse_value(value, "--executor")
-    return choose_executor(experiment, workers or cores(), name or None, scheduler, options)
+        given[key.strip()] = parse_value(value, "--executor")
+    count = workers or options.cores()
+    return choose_executor(experiment, count, name or None, scheduler, given)
 
 
 LONG = 5.0

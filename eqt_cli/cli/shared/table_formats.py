@@ -57,9 +57,8 @@ def as_csv(records: Sequence[Mapping[str, Any]]) -> str:
     writer.writerow(map(csv_cell, names))
     for record in records:
         row = [record.get(name, "") for name in names]
-        writer.writerow(
-            "" if value != value else csv_cell(value) for value in row
-        )  # NaN is missing
+        # NaN is missing.
+        writer.writerow("" if value != value else csv_cell(value) for value in row)
     return stream.getvalue().rstrip("\n")
 
 
