@@ -44,15 +44,8 @@ def run(
         place = source.place(("sweep",))
         raise EqtError(f"{place}: defines a sweep; use `eqt sweep {source.path}`")
     found = study(source, trust_plugins=trust_plugins)
-    run_experiment(
-        found,
-        out,
-        executor_from(found, executor, workers, scheduler),
-        shard,
-        force=force,
-        rerun_failed=rerun_failed,
-        json=json,
-    )
+    chosen = executor_from(found, executor, workers, scheduler)
+    run_experiment(found, out, chosen, shard, force=force, rerun_failed=rerun_failed, json=json)
 
 
 FIRST_POINTS = 5

@@ -50,14 +50,9 @@ def show(
     """
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
-    asked = (
-        (config, _config),
-        (plugins, _plugins),
-        (variables, _variables),
-        (failed, _failed),
-        (unsettled, _unsettled),
-    )
-    view = next((view for wanted, view in asked if wanted), None)
+    flags = (config, plugins, variables, failed, unsettled)
+    views = (_config, _plugins, _variables, _failed, _unsettled)
+    view = next((view for flag, view in zip(flags, views, strict=True) if flag), None)
     state = None if view or table else unfinished(result)
     if state is not None:
         _unfinished(result, state, json)

@@ -208,10 +208,7 @@ def _margins_document(result: Margins, causes: list[str]) -> dict[str, Any]:
                 "delay_margin": law.delay,
                 "delay_margin_periods": law.delay_periods,
                 "delay_margin_is_least": law.delay_is_least,
-                "gain_margins": {
-                    name: {"lower": gain.lower, "upper": gain.upper}
-                    for name, gain in law.gains.items()
-                },
+                "gain_margins": {name: asdict(gain) for name, gain in law.gains.items()},
             }
             for law in result.laws
         ],

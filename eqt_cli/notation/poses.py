@@ -162,14 +162,8 @@ def _rotations(G: EuclideanGroup) -> dict[str, Callable[[Any, EuclideanGroup, Pr
     """Return readers of the forms of a rotation; they raise errors, or note them at inner keys."""
     if not G.rotations:
         return {}
-    if G.space == 2:
-        return {"rotvec": _rotvec, "matrix": _rotation_matrix}
-    return {
-        "rotvec": _rotvec,
-        "quaternion": _quaternion,
-        "euler": _euler,
-        "matrix": _rotation_matrix,
-    }
+    in_space = {"quaternion": _quaternion, "euler": _euler} if G.space != 2 else {}
+    return {"rotvec": _rotvec, **in_space, "matrix": _rotation_matrix}
 
 
 def _rotvec(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
@@ -212,8 +206,7 @@ def _quaternion(value: Any, G: EuclideanGroup, problems: Problems) -> Array | No
 
 
 def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
-    keys = {"sequence", "angles"}
-    if not isinstance(value, dict) or value.keys() != keys:
+    if not isinstance(value, dict) or value.keys() != {"sequence", "angles"}:
         raise InputError(f"expected {{sequence: ZYX, angles: […]}}, got {shown(value)}")
     sequence = value["sequence"]
     angles = validated(list[Angle], value["angles"], problems.at("angles"))

@@ -57,23 +57,21 @@ def encode(
     more: dict[str, Any] = {"metadata": _metadata(format, title, description)}
     pdf = _steady_names_of_fonts() if format == "pdf" else nullcontext()
     larger = _larger_pages(times) if format == "pdf" else nullcontext()
-    with house_style(style), _arranged(), _quiet_font_tools(), pdf, larger, _without_date():
+    # Without the layout of the style, for which Matplotlib draws everything twice.
+    arranged = rc_context({"figure.constrained_layout.use": False})
+    with house_style(style), arranged, _quiet_font_tools(), pdf, larger, _without_date():
         drawing.set_layout_engine(None)
         if format == "png":
             dots = drawing.dpi if rcParams["savefig.dpi"] == "figure" else rcParams["savefig.dpi"]
             more |= {"dpi": times * dots, "pil_kwargs": {"dpi": (dots, dots)}}
         drawing.savefig(buffer, format=format, **more)
-    return _enlarged(buffer.getvalue(), times) if format == "svg" else buffer.getvalue()
+    if format != "svg":
+        return buffer.getvalue()
 
+    def enlarged(size: re.Match[bytes]) -> bytes:
+        return b'%s="%gpt"' % (size[1], times * float(size[2]))
 
-def _arranged() -> AbstractContextManager[None]:
-    """Switch off the layout of the style, for which Matplotlib draws everything twice."""
-    return rc_context({"figure.constrained_layout.use": False})
-
-
-def _enlarged(svg: bytes, times: float) -> bytes:
-    """Return the picture enlarged by a factor."""
-    return _SIZE.sub(lambda size: b'%s="%gpt"' % (size[1], times * float(size[2])), svg, count=2)
+    return _SIZE.sub(enlarged, buffer.getvalue(), count=2)
 
 
 def _larger_pages(times: float) -> AbstractContextManager[None]:

@@ -14,7 +14,6 @@ from eqt_cli.plots.animation.scene import (
     FACES,
     INERTIAL,
     TRAIL,
-    BodyPath,
     Motion,
     Scene,
     motion,
@@ -65,12 +64,9 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
         "run": shown.run,
         "times": _rounded(shown.times[kept]),
         "controllers": [styles[ensemble.controller] for ensemble in shown.ensembles],
-        "bodies": [
-            _course(BodyPath(shown.body.rotation[c], shown.body.position[c]), kept, shown)
-            for c in range(len(shown.ensembles))
-        ],
+        "bodies": [_course(*body, kept, shown) for body in zip(*shown.body, strict=True)],
         "thrusts": [[_rounded(now.ravel()) for now in each[kept]] for each in shown.thrusts],
-        "reference": _course(shown.reference, kept, shown),
+        "reference": _course(*shown.reference, kept, shown),
         "moves": shown.has_translation,
         "length": scene.length,
         "columns": scene.columns,
@@ -94,11 +90,9 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
     }
 
 
-def _course(course: BodyPath, kept: Array, shown: Motion) -> dict[str, Any]:
-    return {
-        "rotation": [_rounded(matrix.ravel()) for matrix in course.rotation[kept]],
-        "position": _places(course.position[kept], shown),
-    }
+def _course(rotation: Array, position: Array, kept: Array, shown: Motion) -> dict[str, Any]:
+    rotations = [_rounded(matrix.ravel()) for matrix in rotation[kept]]
+    return {"rotation": rotations, "position": _places(position[kept], shown)}
 
 
 def _places(track: Array, shown: Motion) -> list[list[float | None]]:

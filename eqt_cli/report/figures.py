@@ -123,11 +123,7 @@ def inline_figures(
     drawn: list[dict[str, str]] = []
     remarks: list[str] = []
     refusals: list[str] = []
-    due = [
-        figure
-        for figure in wanted
-        if figure.name in figures.names() and not _is_idle(result, figure, certificates)
-    ]
+    due = [figure for figure in wanted if _is_due(result, figure, certificates)]
     with step(DRAWN, len(due)):
         for figure in due:
             try:
@@ -141,11 +137,11 @@ def inline_figures(
     return drawn, remarks if drawn or remarks else refusals[:1]
 
 
-def _is_idle(result: Result, wanted: Wanted, certificates: Sequence[Row]) -> bool:
-    """Return whether a figure has nothing to show, or no certificates, which the page says."""
-    if wanted.needs and not result.has(wanted.needs):
-        return True
-    return not certificates and issubclass(figures.get(wanted.name), OfCertificates)
+def _is_due(result: Result, wanted: Wanted, certificates: Sequence[Row]) -> bool:
+    """Return whether a figure exists and has data; that certificates are missing, the page says."""
+    if wanted.name not in figures.names() or (wanted.needs and not result.has(wanted.needs)):
+        return False
+    return bool(certificates) or not issubclass(figures.get(wanted.name), OfCertificates)
 
 
 def named(names: Sequence[str]) -> list[Wanted]:

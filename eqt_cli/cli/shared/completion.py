@@ -103,7 +103,8 @@ def _below(data: Any, prefix: str) -> Iterator[str]:
 @cache
 def _known() -> dict[str, Any]:
     """Return component names, configuration keys and figure options, cached or collected anew."""
-    state, file = _state(), _file()
+    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    state, file = _state(), Path(caches) / "eqt" / "completion.json"
     with suppress(OSError):
         kept = read_record(file, "state", "names", "keys", "figure_options")
         if kept and kept["state"] == state:
@@ -113,11 +114,6 @@ def _known() -> dict[str, Any]:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_record(file, collected)
     return collected
-
-
-def _file() -> Path:
-    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(caches) / "eqt" / "completion.json"
 
 
 def _state() -> list[int]:

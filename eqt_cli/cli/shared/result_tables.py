@@ -110,14 +110,9 @@ def _block(result: Result, part: str) -> Block:
     for row in result.headline():
         *means, residual = (row[name] for name in names)
         of = f"/{row['runs']}" * ("settled" in row)
-        rows.append(
-            [
-                result.title_of[row["controller"]],
-                f"{row.get('settled', row['runs'] - row['failed'])}{of}",
-                *map(significant, means),
-                significant(residual, 1),
-            ]
-        )
+        ended = f"{row.get('settled', row['runs'] - row['failed'])}{of}"
+        title = result.title_of[row["controller"]]
+        rows.append([title, ended, *map(significant, means), significant(residual, 1)])
     units = listed([u for u in dict.fromkeys(result.units(name) for name in names) if u != "1"])
     return Block(f"{part[1:].replace('_', ' ')}, in {units}" if part else "", rows)
 

@@ -6,6 +6,7 @@ seen by a camera that follows body and target.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +22,7 @@ MOST_CONTROLLERS = 6
 """Most bodies that are shown side by side."""
 
 
-@dataclass(frozen=True)
-class BodyPath:
+class BodyPath(NamedTuple):
     """Orientation and position over time.
 
     Attributes

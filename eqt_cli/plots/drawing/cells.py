@@ -273,13 +273,9 @@ class Cells:
             if np.isfinite(value):
                 red, green, blue, _ = ground = image.cmap(image.norm(value))
                 dark = 0.2126 * red + 0.7152 * green + 0.0722 * blue < _DARK
-                panel.annotate(
-                    texts[point],
-                    (self.columns[point], self.rows[point]),
-                    color=ink(0) if dark else ink(),
-                    bbox={"facecolor": ground, "edgecolor": "none", "pad": 0.6},
-                    **_WRITTEN,
-                )
+                place, colour = (self.columns[point], self.rows[point]), ink(0) if dark else ink()
+                box = {"facecolor": ground, "edgecolor": "none", "pad": 0.6}
+                panel.annotate(texts[point], place, color=colour, bbox=box, **_WRITTEN)
         return True
 
     def mark(self, panel: Axes, points: Sequence[int]) -> None:

@@ -200,18 +200,12 @@ def _place(
     """
     for distance in _DISTANCES:
         for right, up in _DIRECTIONS:
-            offset = np.array([right, up]) * distance / np.hypot(right, up)
-            written = axes.annotate(
-                text,
-                (float(point[0]), float(point[1])),
-                xytext=(float(offset[0]), float(offset[1])),
-                textcoords="offset points",
-                ha=_ACROSS[right + 1],
-                va=_UP[up + 1],
-                fontsize="small",
-                color=colour,
-                arrowprops=_POINT_LEADER | {"color": colour} if distance > _DISTANCES[0] else None,
-            )
+            x, y = (float(each * distance / np.hypot(right, up)) for each in (right, up))
+            look: dict[str, Any] = {"ha": _ACROSS[right + 1], "va": _UP[up + 1], "color": colour}
+            look |= {"textcoords": "offset points", "fontsize": "small"}
+            if distance > _DISTANCES[0]:
+                look["arrowprops"] = _POINT_LEADER | {"color": colour}
+            written = axes.annotate(text, (float(point[0]), float(point[1])), (x, y), **look)
             written.get_window_extent()  # moves the text to its place
             box = Text.get_window_extent(written)  # without its leader
             line = np.array([axes.transData.transform(point), box.get_points().mean(axis=0)])

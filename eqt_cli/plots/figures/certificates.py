@@ -150,15 +150,9 @@ def _name_scale(axes: Axes, least: float, most: float) -> None:
     numbers = [f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks]
     axes.set_xticks([least, *ticks], ["0", *numbers])
     _break(axes, least * 10**0.5)
+    place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
     above: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": "small"}
-    axes.annotate(
-        "bound",
-        (1, 1),
-        (0, 1),
-        xycoords=("data", "axes fraction"),
-        textcoords="offset points",
-        **above,
-    )
+    axes.annotate("bound", (1, 1), (0, 1), **place, **above)
 
 
 def _break(axes: Axes, place: float) -> None:

@@ -53,9 +53,12 @@ class EstimateFigure(OverTime):
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row with its own scale per error, and a column per law."""
-        self._require_estimates(runs)
         G, shown = self._group(runs), runs.shown
-        errors = {_words(part, e): (part, e) for e in self._errors(runs, shown) for part in G.parts}
+        errors = {
+            f"{part_name(part.name)} {'bias' if e == 'bias' else 'error'}": (part, e)
+            for e in self._errors(runs, shown)
+            for part in G.parts
+        }
         judged = {e.label: e for e in shown if e.results.has("nees")}
         names = [*errors, "NEES"] if judged else [*errors]
         drawing, rows = law_columns(
@@ -63,8 +66,8 @@ class EstimateFigure(OverTime):
         )
         for row, (part, error) in errors.items():
             unit = part.velocity_unit if error == "bias" else part.error_unit
-            words = row if len(G.parts) > 1 else _words(part, error, alone=True)
-            words = f"{words.removesuffix(' error')} error"
+            alone = error == "bias" and len(G.parts) == 1
+            words = "bias error" if alone else f"{row.removesuffix(' error')} error"
             name_scale(rows[row][shown[0].label], in_words(words, unit))
             for ensemble in shown:
                 self._fill(rows[row][ensemble.label], runs, ensemble, error, G, part)
@@ -76,20 +79,18 @@ class EstimateFigure(OverTime):
         return drawing
 
     def _group(self, runs: ShownRuns) -> MatrixLieGroup:
-        if runs.group is None:
-            raise runs.error(
-                f"shows no estimate on a group of a plugin, {runs.results[0].group_name}"
-            )
-        return runs.group
-
-    def _require_estimates(self, runs: ShownRuns) -> None:
-        """Refuse controllers that read no estimate."""
+        """Return the group; refuse controllers that read no estimate."""
         for ensemble in runs.shown:
             if not ensemble.results.has("estimated_pose"):
                 raise ensemble.results.error(
                     f"figure '{self.name}' finds no estimate, since the laws read measurements; "
                     "set the key 'estimator' and run the experiment again"
                 )
+        if runs.group is None:
+            raise runs.error(
+                f"shows no estimate on a group of a plugin, {runs.results[0].group_name}"
+            )
+        return runs.group
 
     def _errors(self, runs: ShownRuns, shown: list[Ensemble]) -> list[str]:
         """Return ``pose``, and ``bias`` where there is one, or one is estimated."""
@@ -156,13 +157,6 @@ class EstimateFigure(OverTime):
 
 
 _NEES: dict[str, Any] = {"color": "0.45", "linewidth": 0.6}
-
-
-def _words(part: Part, error: str, *, alone: bool = False) -> str:
-    """Return the label of a row: ``rotation error``, ``bias error``."""
-    if error == "bias":
-        return "bias error" if alone else f"{part_name(part.name)} bias"
-    return f"{part_name(part.name)} error"
 
 
 def _limits(degrees: float, runs: int) -> Array:

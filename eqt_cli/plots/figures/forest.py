@@ -94,13 +94,11 @@ class Forest(OfDifferences):
         return relative_difference(resolved_differences(first, second), second, self.confidence)
 
     def _remarks(self, swept: ShownSweep, differences: Array, first: str) -> list[str]:
-        better = {
-            "lower": f" Left of 0: {first} is better.",
-            "higher": f" Right of 0: {first} is better.",
-        }
         quantity = swept.results.quantity(self.metric_of(swept))
+        side = {"lower": "Left", "higher": "Right"}.get(quantity.better)
+        better = f" {side} of 0: {first} is better." if side else ""
         notes = [
-            f"{swept.count} per row.{better.get(quantity.better, '')} "
+            f"{swept.count} per row.{better} "
             f"Intervals of {100 * self.confidence:g} %, each by itself; filled where they exclude "
             "0. Failed runs are no part of the differences."
         ]

@@ -63,11 +63,8 @@ class ShownFronts:
         wanted = [label_named(name, known) for name in chosen.controllers]
         positions([results], figure, [name for name in wanted if name not in laws])
         if record is None or len(record["objectives"]) < 2:
-            raise error_of(
-                results,
-                figure,
-                "shows the fronts of `eqt tune` with two `objectives`; this is none",
-            )
+            message = "shows the fronts of `eqt tune` with two `objectives`; this is none"
+            raise error_of(results, figure, message)
         self.objectives = list(record["objectives"])
         drawn = [front for front in fronts(results, record) if not wanted or front.law in wanted]
         if not drawn:
@@ -156,13 +153,6 @@ def _intervals(values: Array) -> Array:
 def _crosses(panel: Axes, points: list[Array], rows: Array, colour: str, name: str) -> None:
     """Draw intervals along both scales."""
     (x, left, right), (y, low, high) = (each[rows].T for each in points)
-    panel.errorbar(
-        x,
-        y,
-        xerr=[x - left, right - x],
-        yerr=[y - low, high - y],
-        fmt="none",
-        ecolor=(colour, 0.5),
-        elinewidth=0.5,
-        label=name,
-    )
+    ends: dict[str, Any] = {"xerr": [x - left, right - x], "yerr": [y - low, high - y]}
+    bars: dict[str, Any] = {"fmt": "none", "ecolor": (colour, 0.5), "elinewidth": 0.5}
+    panel.errorbar(x, y, label=name, **ends, **bars)

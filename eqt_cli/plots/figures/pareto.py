@@ -52,11 +52,9 @@ class Pareto(OfSweep):
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw the means over the runs of every point, and the front of every controller."""
         swept.require_choices()
-        cost_name, error_name = (
-            self.cost or swept.of_one_unit("effort"),
-            self.error or swept.of_one_unit("mean_pose_error"),
-        )
-        cost, error = map(swept.means, (cost_name, error_name))
+        cost_name = self.cost or swept.of_one_unit("effort")
+        error_name = self.error or swept.of_one_unit("mean_pose_error")
+        cost, error = swept.means(cost_name), swept.means(error_name)
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panel = drawing.add_subplot()
         lines, fronts = [], []
@@ -72,8 +70,8 @@ class Pareto(OfSweep):
         panel.margins(0.03)
         scale(panel, "x", cost, log=self.log)
         scale(panel, "y", error, log=self.log)
-        for name, set_label in ((cost_name, panel.set_xlabel), (error_name, panel.set_ylabel)):
-            set_label(metric_label(swept.results, name, 36))
+        panel.set_xlabel(metric_label(swept.results, cost_name, 36))
+        panel.set_ylabel(metric_label(swept.results, error_name, 36))
         add_legend(drawing, lines, swept.titles)
         if width != "column" and sum(map(len, fronts)) <= MOST_NAMED:
             _name_fronts(panel, swept, fronts, cost, error)

@@ -78,10 +78,8 @@ class RunsFigure(OverTime):
         room = WIDTHS[width] / len(places[0])
         drawing, panels = layout.sheet(width, places, runs.span, runs.unit("time"))
         for part in parts:
-            column, signal = (
-                [panels[layout.panel(e.label, part)] for e in shown],
-                self.signal + part,
-            )
+            column = [panels[layout.panel(e.label, part)] for e in shown]
+            signal = self.signal + part
             layout.share_scale(column)
             for ensemble, axes in zip(shown, column, strict=True):
                 values = runs.errors(signal, ensemble, degrees=self.degrees)

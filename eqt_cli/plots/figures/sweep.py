@@ -85,7 +85,11 @@ class SweepFigure(OfOneMetric):
         lines = []
         for k, (look, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
             chosen = values[order, k]
-            mean, band = np.mean(chosen, axis=-1), self._band(swept, chosen)
+            if swept.results.quantity(self.metric_of(swept)).counts:
+                _, low, high = np.moveaxis(shares(chosen), -1, 0)
+            else:
+                low, high = np.quantile(chosen, BAND, axis=-1)
+            mean, band = np.mean(chosen, axis=-1), (low, high)
             lines += draw_points(panel, axis.values[order], mean, band, look, title)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
@@ -98,14 +102,6 @@ class SweepFigure(OfOneMetric):
         else:
             name_curves(drawing, [panel], lines, swept.titles)
         return drawing
-
-    def _band(self, swept: ShownSweep, values: Array) -> tuple[Array, Array]:
-        """Return a band of quantiles; for a metric that counts runs, intervals of the share."""
-        if swept.results.quantity(self.metric_of(swept)).counts:
-            _, low, high = np.moveaxis(shares(values), -1, 0)
-        else:
-            low, high = np.quantile(values, BAND, axis=-1)
-        return low, high
 
     def _maps(
         self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width
@@ -122,11 +118,13 @@ class SweepFigure(OfOneMetric):
             spare.remove()
         norm = self._colours(means)
         room = (WIDTHS[width] - _COLOURS) / columns, height - _AROUND
-        failed, beyond = swept.failed_runs, swept.beyond(self.metric_of(swept))
+        # Runs that failed, and runs beyond the horizon: (points, laws, runs).
+        failed = swept.results.status[:, swept.controllers] != 0
+        beyond = swept.results.censored(self.metric_of(swept))[:, swept.controllers]
         for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
             image = cells.draw(panel, means[:, index], norm=norm)
-            cells.hatch(panel, np.flatnonzero(failed[:, index]), FAILED)
-            cells.hatch(panel, np.flatnonzero(beyond[:, index]), BEYOND)
+            cells.hatch(panel, np.flatnonzero(failed[:, index].any(axis=-1)), FAILED)
+            cells.hatch(panel, np.flatnonzero(beyond[:, index].any(axis=-1)), BEYOND)
             named = swept.laws(index)
             others = np.array([point not in named for point in range(len(means))])
             shown = np.where(others, means[:, index], np.nan)

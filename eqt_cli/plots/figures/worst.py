@@ -96,21 +96,13 @@ class ShownWorst:
         for law in record["laws"]:
             position = results.labels.index(law["label"])
             for line in law["lines"] if position in shown else ():
-                points = slice(*line["points"])
-                key = line["key"]
-                values = results.coordinate(coordinate_of(key))[points]
+                key, points = line["key"], slice(*line["points"])
+                values = results.coordinate(coordinate_of(key))[points].astype(float)
                 cost = costs[points, position]
-                self.lines.append(
-                    Profile(
-                        key,
-                        look_of[position],
-                        results.title_of[law["label"]],
-                        values.astype(float),
-                        quantity.cost(np.where(np.isfinite(cost), cost, np.nan)),
-                        np.isposinf(cost),
-                        int(np.argmin(np.abs(values - law["values"][key]))),
-                    )
-                )
+                worst = quantity.cost(np.where(np.isfinite(cost), cost, np.nan))
+                failed, found = np.isposinf(cost), np.argmin(np.abs(values - law["values"][key]))
+                look, title = look_of[position], results.title_of[law["label"]]
+                self.lines.append(Profile(key, look, title, values, worst, failed, int(found)))
 
     @property
     def keys(self) -> list[str]:

@@ -39,13 +39,11 @@ class TimeRange(NamedTuple):
         high = np.inf if self.end is None else self.end + _ROUNDING
         inside = np.flatnonzero((times >= low) & (times <= high))
         if len(inside) < 2:
-            ends = (
-                (times[0] if self.start is None else self.start),
-                (times[-1] if self.end is None else self.end),
-            )
+            start = times[0] if self.start is None else self.start
+            end = times[-1] if self.end is None else self.end
             raise problem(
-                "needs two samples or more in the time that it shows, got {:g} s to {:g} s; the "
-                "result holds {:g} s to {:g} s".format(*ends, times[0], times[-1])
+                f"needs two samples or more in the time that it shows, got {start:g} s to {end:g} "
+                f"s; the result holds {times[0]:g} s to {times[-1]:g} s"
             )
         return inside
 

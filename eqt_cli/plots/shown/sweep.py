@@ -126,15 +126,6 @@ class ShownSweep:
             raise self.error(f"finds no point at which every run has a {name}")
         return means
 
-    @property
-    def failed_runs(self) -> Array:
-        """Number of failed runs, ``(points, shown controllers)``."""
-        return np.count_nonzero(self.results.status, axis=-1)[:, self.controllers]
-
-    def beyond(self, name: str) -> Array:
-        """Return the number of runs with a metric beyond the horizon, ``(points, controllers)``."""
-        return self.results.censored(name).sum(axis=-1)[:, self.controllers]
-
     def laws(self, shown: int) -> dict[int, str]:
         """Return the titles of the registered laws that the n-th shown controller equals, by point.
 
