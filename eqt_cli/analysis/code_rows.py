@@ -236,25 +236,23 @@ def _repeatable(judged: Judged) -> Iterator[Row]:
     same = np.array_equal(first, second[::-1], equal_nan=True) and all(
         np.array_equal(kept[name], again[name][::-1], equal_nan=True) for name in kept
     )
-    own, words = judged.law.called.own_state, list[str]()
+    own, words = judged.law.called.own_state, ""
     variables, functions = own or ([], [])
     verdict = Verdict.FAILS if variables or not same else Verdict.HOLDS
     if variables:
-        words.append(
+        words = (
             f"it keeps {', '.join(variables)} from call to call; put it into memory, or make it "
             "const"
         )
     elif not same:
-        words.append(
-            "it reads what is neither input nor named memory, as a variable without a value"
-        )
+        words = "it reads what is neither input nor named memory, as a variable without a value"
     elif own is None:
-        words.append("undecided: eqt cannot read the symbols that this compiler writes; install nm")
+        words = "undecided: eqt cannot read the symbols that this compiler writes; install nm"
         verdict = Verdict.UNDECIDED
     elif functions:
-        words.append(f"undecided: it calls {', '.join(functions)}, which may keep a state")
+        words = f"undecided: it calls {', '.join(functions)}, which may keep a state"
         verdict = Verdict.UNDECIDED
-    yield _row(judged, "equal inputs give equal torques", verdict, words)
+    yield _row(judged, "equal inputs give equal torques", verdict, [words])
 
 
 NO_NUMBER = (
@@ -425,12 +423,11 @@ def _other_law(question: Question, torque: Array, real: str) -> str:
 def _memory_row(judged: Judged, question: Question, kept: dict[str, Array], real: str) -> Row:
     """Check that the memory changes over a period as that of the law."""
     loop, period = question.loop, judged.loop.period
-    s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
+    of_loop = loop.group, loop.inertia, loop.gains
+    s = question.inputs.tracking(*of_loop, question.memory)
     _, later = loop.controller.answer(s, period)
     still = question.inputs.zeroed("velocity", "desired_velocity", "desired_acceleration")
-    at_rest = loop.controller.memory_rate(
-        still.tracking(loop.group, loop.inertia, loop.gains, question.memory)
-    )
+    at_rest = loop.controller.memory_rate(still.tracking(*of_loop, question.memory))
     words, worst, limit = [], 0.0, 0.0
     for name, z in question.memory.items():
         went, expected = kept[name] - z, later[name] - z

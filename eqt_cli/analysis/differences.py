@@ -114,9 +114,8 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
     arrays = [_datasets(each) for each in both]
     names = list(dict.fromkeys(chain(*arrays)))
     compared = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
-    configurations = [
-        dict(_leaves(renamed(x.data, names))) for x, names in zip(sources, own, strict=True)
-    ]
+    renaming = zip(sources, own, strict=True)
+    configurations = [dict(_leaves(renamed(source.data, names))) for source, names in renaming]
     attributes = [
         {key: value for key, value in result.attributes.items() if key not in _APART}
         | {f"file {names[name]}": text for name, text in stored.items()}

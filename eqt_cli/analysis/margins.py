@@ -293,10 +293,8 @@ def margins_of(experiment: Experiment) -> Margins:
         for label, loop in experiment.loops.items():
             laws.append(_of_law(label, loop, along))
             reporter().advance(1)
-    first = next(iter(experiment.loops.values()))
-    control = first.vehicle.control
-    period = None if control is None else control.period
-    return Margins(experiment, laws, period)
+    period = next(iter(experiment.loops.values())).period
+    return Margins(experiment, laws, period or None)
 
 
 def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:

@@ -109,9 +109,8 @@ def aligned(recording: Recording, times: Array, run: Pieces) -> Alignment:
             raise _unknown(recording, f"expected {FEWEST} {what} or more, got {count}")
     begin, end = recording.times[[0, -1]]
     step = max(float(np.median(np.diff(recording.times))), float(end - begin) / MOST_INSTANTS)
-    seen = _Resampled.of(
-        recording, begin + step * np.arange(int((end - begin) / step * (1 + 1e-9)) + 1)
-    )
+    instants = begin + step * np.arange(int((end - begin) / step * (1 + 1e-9)) + 1)
+    seen = _Resampled.of(recording, instants)
     peaks = [_peak(signal, float(begin), times, step) for signal in _signals(seen, times, run)]
     if not peaks:
         raise _unknown(recording, "its rows are too far apart for the run")
@@ -266,9 +265,8 @@ def _correlations(measured: Array, simulated: Array) -> Array:
     sums = over_shifts(there, x), over_shifts(y, here)
     n = np.where(enough, count, 1.0)
     both = over_shifts(y, x) - sums[0] * sums[1] / n
-    squares = (
-        over_shifts(there, x * x) + over_shifts(y * y, here) - (sums[0] ** 2 + sums[1] ** 2) / n
-    )
+    squares = over_shifts(there, x * x) + over_shifts(y * y, here)
+    squares = squares - (sums[0] ** 2 + sums[1] ** 2) / n
     total, squares, enough = both.sum(axis=1), squares.sum(axis=1), enough[:, 0]
     moves = squares > CONSTANT_WITHIN * squares.max()  # below this, only rounding is left
     return np.where(enough & moves, 2 * total / np.where(moves, squares, 1.0), np.nan)

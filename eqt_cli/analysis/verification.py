@@ -171,19 +171,14 @@ class _Verifier:
     @property
     def _by_parts(self) -> tuple[str, ...]:
         """Additional metrics if settling has thresholds by part."""
-        return ("settling_time",) if self._thresholds else ()
+        given = self.experiment.config.settling_threshold
+        return ("settling_time",) if isinstance(given, dict) and given else ()
 
     @property
     def _of_estimate(self) -> tuple[str, ...]:
         """The signals of a filter with a covariance, where the laws read its estimate."""
         vehicle = next(iter(self.experiment.loops.values())).vehicle
         return OF_ESTIMATE if vehicle.knows_covariance else ()
-
-    @property
-    def _thresholds(self) -> Mapping[str, float]:
-        """Settling thresholds by part; empty if there is one threshold for the pose error."""
-        given = self.experiment.config.settling_threshold
-        return given if isinstance(given, dict) else {}
 
     @property
     def _threshold(self) -> float:
@@ -223,7 +218,7 @@ class _Verifier:
             claims_decrease=batch.problem.loop.claims_decrease,
             rtol=batch.engine.rtol,
             threshold=self._threshold,
-            settled=np.isfinite(values["settling_time"][good]) if self._thresholds else None,
+            settled=np.isfinite(values["settling_time"][good]) if self._by_parts else None,
             times=values.get("time", batch.problem.times),
             **{"lyapunov": None, **kept},
             **{name: values[name][good] for name in JUDGED},

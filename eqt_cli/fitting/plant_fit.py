@@ -420,9 +420,8 @@ def write_fitted(result: PlantFit, folder: Path) -> Path:
     path, mark = folder / FITTED, FOUND_BY.format("fit")
     with refusals(path, "written", OTHER_FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
-        ResultFolder(folder).write_config(
-            study(result.source, trust_plugins=True), path.name, mark.encode()
-        )
+        fitted = study(result.source, trust_plugins=True)
+        ResultFolder(folder).write_config(fitted, path.name, mark.encode())
     return path
 
 

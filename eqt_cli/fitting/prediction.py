@@ -326,9 +326,8 @@ def linear(errors: PredictionErrors, noise: Array) -> Linear:
     def weighted(values: Array) -> Array:
         return (values[:, measured] / noise[measured, None]).reshape(-1, values.shape[-1])
 
-    r, by_state, by_number = map(
-        weighted, (errors.values[..., None], errors.by_state, errors.by_number)
-    )
+    parts = errors.values[..., None], errors.by_state, errors.by_number
+    r, by_state, by_number = map(weighted, parts)
     basis, R = np.linalg.qr(by_state)
     return Linear(
         (r - basis @ (basis.T @ r))[:, 0],

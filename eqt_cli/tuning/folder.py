@@ -35,9 +35,10 @@ _BOUND = {"metric", "bound", "above", "every_run"}
 def fits_tuning(record: dict[str, Any], result: Result) -> bool:
     """Whether a record has the form that `tune` writes, with laws and metrics of the result."""
     with suppress(TypeError, KeyError, AttributeError, ValueError):
-        searches = [search for law in record["laws"] for search in law["searches"]]
-        winners = [winner for law in record["laws"] for winner in law["winners"]]
-        labels = [*(law["start"] for law in record["laws"]), *(w["label"] for w in winners)]
+        laws, place = record["laws"], result.labels.index
+        searches = [search for law in laws for search in law["searches"]]
+        winners = [winner for law in laws for winner in law["winners"]]
+        labels = [*(law["start"] for law in laws), *(w["label"] for w in winners)]
         wanted = list(record["objectives"])
         metrics = [*wanted, *(bound["metric"] for bound in record["constraints"])]
         numbers = [
@@ -46,12 +47,8 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
             *(record[name] for name in ("generations", "population", "runs")),
             *(number for search in searches for row in search["objectives"] for number in row),
         ]
-        order = [
-            (result.labels.index(winner["label"]), result.labels.index(law["start"]))
-            for law in record["laws"]
-            for winner in law["winners"]
-        ]
         flags = [bound[name] for bound in record["constraints"] for name in ("above", "every_run")]
+
         return (
             0 < len(wanted) <= 2
             and len(record["cases"]) == (result.points if result.is_sweep else 0)
@@ -63,12 +60,12 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
             and len(set(labels)) == len(labels)
             and {*labels, *(search["label"] for search in searches)} - {None} <= set(result.labels)
             and all(len(row) == len(wanted) for search in searches for row in search["objectives"])
-            and all(law["searches"] for law in record["laws"])
-            and all(isinstance(law["label"], str) for law in record["laws"])
+            and all(law["searches"] for law in laws)
+            and all(isinstance(law["label"], str) for law in laws)
             and all(isinstance(number, int | float) for number in numbers)
             and all(isinstance(flag, bool) for flag in flags)
             and all(set(bound) == _BOUND for bound in record["constraints"])
-            and all(winner < start for winner, start in order)
+            and all(place(w["label"]) < place(law["start"]) for law in laws for w in law["winners"])
         )
     return False
 

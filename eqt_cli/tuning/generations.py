@@ -67,9 +67,8 @@ def evolve(
         shares = first_points(section.population, list(law.axes), law.start, seed)
         for number in range(section.budget):
             if number:
-                shares = trials(
-                    searches[seed], generator(seed, law.label, number), search.keeps_ends
-                )
+                random = generator(seed, law.label, number)
+                shares = trials(searches[seed], random, search.keeps_ends)
             outs = folder.generation(law, seed, number, len(cases))
             scores = [
                 _generation(search, case, out, shares, executor)

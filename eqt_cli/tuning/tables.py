@@ -32,11 +32,13 @@ Record = Mapping[str, Any]
 
 Range = tuple[float, float]
 
+_WRITE = Plain()
 
-def measured(result: Result, name: str, write: Plain) -> str:
+
+def measured(result: Result, name: str) -> str:
     """Return the name of a metric with its unit, for captions."""
-    unit = write.unit(result.units(name))
-    return f"{write.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
+    unit = _WRITE.unit(result.units(name))
+    return f"{_WRITE.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
 
 
 def _means_over(result: Result) -> str:
@@ -64,14 +66,14 @@ def differences(result: Result, record: Record, metric: str) -> list[tuple[str, 
     ]
 
 
-def searches_table(result: Result, record: Record, write: Plain) -> TextTable:
+def searches_table(result: Result, record: Record) -> TextTable:
     """Return the table of the differences between laws over all searches of both."""
     (name,) = record["objectives"]
-    what = measured(result, name, write)
+    what = measured(result, name)
     rows = [
         [
-            write.text(f"{law_title(one)} − {law_title(two)}"),
-            *(write.number(significant(end, 3)) for end in ends),
+            f"{law_title(one)} − {law_title(two)}",
+            *(significant(end, 3) for end in ends),
             "yes" if ends[0] > 0 or ends[1] < 0 else "no",
         ]
         for one, two, ends in differences(result, record, name)
@@ -82,11 +84,7 @@ def searches_table(result: Result, record: Record, write: Plain) -> TextTable:
         "over held-out runs",
         ["laws", "smallest", "largest", "the same sign in all"],
         [Block("", rows)] if rows else [],
-        [
-            write.text(
-                "Where the sign is not the same in all, the search decides which law is ahead."
-            )
-        ],
+        ["Where the sign is not the same in all, the search decides which law is ahead."],
     )
 
 
@@ -100,54 +98,50 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     record
         Record of the search.
     """
-    write = Plain()
     cases, result = cases_of(result, record), held_out(result, record)
-    bounds = _bounds(cases, record, write)
+    bounds = _bounds(cases, record)
     if len(record["objectives"]) > 1:
-        how = Resampling()
-        made = [equal_cost_table(result, record, write, how), _front_points(result, record, how)]
+        equal_cost = equal_cost_table(result, record, _WRITE, Resampling())
+        made = [equal_cost, _front_points(result, record)]
         return [table for table in [*made, bounds] if table.blocks]
     comparison = compared(result, record)
     tuned = {winner["label"] for law in record["laws"] for winner in law["winners"]}
     between = [pair for pair in comparison.pairs if {pair.first, pair.second} <= tuned]
     shown = replace(comparison, pairs=between, levels=[], judgements=[])
-    pairs = text_tables(shown, write, brief=True)
-    searches = searches_table(result, record, write)
-    by_case = _by_case(cases, record, write)
-    violated = _violated(cases, record)
-    winners = _winners(result, record, comparison, violated, write)
-    made = [winners, by_case, bounds, *pairs.values(), searches]
+    pairs = text_tables(shown, _WRITE, brief=True)
+    winners = _winners(result, record, comparison, _violated(cases, record))
+    searches = searches_table(result, record)
+    made = [winners, _by_case(cases, record), bounds, *pairs.values(), searches]
     return [table for table in made if table.blocks]
 
 
-def _by_case(cases: Mapping[str, Result], record: Record, write: Plain) -> TextTable:
+def _by_case(cases: Mapping[str, Result], record: Record) -> TextTable:
     """Return the table of each winner's objective in each case; empty without cases."""
     labels = [winner["label"] for law in record["laws"] for winner in law["winners"]]
     (name,) = record["objectives"]
     rows = []
     for case, result in cases.items() if record["cases"] else ():
         values = result.counted(name)[[result.labels.index(label) for label in labels]]
-        rows.append([case, *_spreads(values, Resampling(), write)])
+        rows.append([case, *_spreads(values)])
     result = next(iter(cases.values()))
     return TextTable(
         "cases",
-        f"{measured(result, name, write)} of the tuned laws in each case: {_means_over(result)}",
+        f"{measured(result, name)} of the tuned laws in each case: {_means_over(result)}",
         ["case", *(result.title_of[label] for label in labels)],
         [Block("", rows)] if rows and labels else [],
     )
 
 
-def _spreads(values: Array, how: Resampling, write: Plain) -> list[str]:
+def _spreads(values: Array) -> list[str]:
     """Format the mean over runs of each row with half its interval."""
-    means = intervals_of_means(values.T, how)
+    means = intervals_of_means(values.T, Resampling())
     ends = zip(means.mean.tolist(), means.low.tolist(), means.high.tolist(), strict=True)
-    return [write.spread(*three) for three in ends]
+    return [_WRITE.spread(*three) for three in ends]
 
 
-def _front_points(result: Result, record: Record, how: Resampling) -> TextTable:
+def _front_points(result: Result, record: Record) -> TextTable:
     """Return the table of all winners of the fronts and of the starting gains."""
-    write = Plain()
-    cells = [_spreads(result.counted(name), how, write) for name in record["objectives"]]
+    cells = [_spreads(result.counted(name)) for name in record["objectives"]]
     rows = []
     for law in record["laws"]:
         known = {law["start"]: "", **{w["label"]: values_text(w["values"]) for w in law["winners"]}}
@@ -155,7 +149,7 @@ def _front_points(result: Result, record: Record, how: Resampling) -> TextTable:
             k = result.labels.index(label)
             rows.append([result.titles[k], values, *(column[k] for column in cells)])
     names = [
-        f"{write.name(result.quantity(name))} {write.unit(result.units(name))}".strip()
+        f"{_WRITE.name(result.quantity(name))} {_WRITE.unit(result.units(name))}".strip()
         for name in record["objectives"]
     ]
     return TextTable(
@@ -191,40 +185,31 @@ def _mark(violated: Mapping[str, Sequence[str]], label: str) -> str:
 
 
 def _winners(
-    result: Result,
-    record: Record,
-    comparison: Comparison,
-    violated: Mapping[str, Sequence[str]],
-    write: Plain,
+    result: Result, record: Record, comparison: Comparison, violated: Mapping[str, Sequence[str]]
 ) -> TextTable:
-    blocks = []
-    for name in record["objectives"]:
-        levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}
-        values = dict(zip(result.labels, result.counted(name), strict=True))
-        rows = []
-        for law in record["laws"]:
-            start = levels[law["start"]]
-            before = write.spread(start.mean, start.low, start.high)
-            before += _mark(violated, law["start"])
-            for winner in law["winners"]:
-                level = levels[winner["label"]]
-                after = write.spread(level.mean, level.low, level.high)
-                change = _relative(values[winner["label"]], values[law["start"]])
-                named = result.title_of[winner["label"]] + _mark(violated, winner["label"])
-                means = [levels[label].mean for label in seed_labels(law)]
-                over = _range(means, (level.high - level.low) / 2)
-                rows.append([named, values_text(winner["values"]), before, after, over, change])
-            if not law["winners"]:
-                rows.append([law_title(law["label"]), "no feasible point", before, "-", "-", "-"])
-        measured = next(iter(levels.values())).measured
-        unit = write.unit(measured.unit)
-        title = write.name(measured.quantity) + (f" in {unit}" if unit else "")
-        blocks.append(Block(title, rows))
+    (name,) = record["objectives"]
+    levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}
+    values = dict(zip(result.labels, result.counted(name), strict=True))
+    rows = []
+    for law in record["laws"]:
+        start = levels[law["start"]]
+        before = _WRITE.spread(start.mean, start.low, start.high)
+        before += _mark(violated, law["start"])
+        for winner in law["winners"]:
+            level = levels[winner["label"]]
+            after = _WRITE.spread(level.mean, level.low, level.high)
+            change = _relative(values[winner["label"]], values[law["start"]])
+            named = result.title_of[winner["label"]] + _mark(violated, winner["label"])
+            means = [levels[label].mean for label in seed_labels(law)]
+            over = _range(means, (level.high - level.low) / 2)
+            rows.append([named, values_text(winner["values"]), before, after, over, change])
+        if not law["winners"]:
+            rows.append([law_title(law["label"]), "no feasible point", before, "-", "-", "-"])
     return TextTable(
         "tuned",
         f"Tuned laws against their starting gains: {_means_over(result)}",
         ["law", "tuned", "start", "found", "over searches", "change"],
-        blocks,
+        [Block(measured(result, name), rows)],
         list(_notes(result, record)),
     )
 
@@ -236,14 +221,9 @@ def _notes(result: Result, record: Record) -> Iterator[str]:
         "the largest mean of their winners."
     )
     if cases := record["cases"]:
-        yield (
-            f"Over the cases {listed(cases)}: each number is "
-            + (
-                "that of the case in which the mean over all runs is worst."
-                if record["over_cases"] == "worst"
-                else "the mean over the cases."
-            )
-        )
+        worst = "that of the case in which the mean over all runs is worst"
+        each = worst if record["over_cases"] == "worst" else "the mean over the cases"
+        yield f"Over the cases {listed(cases)}: each number is {each}."
     yield from _counted(result)
 
 
@@ -270,7 +250,7 @@ def _counted(result: Result) -> Iterator[str]:
             yield f"Runs {what}, of {result.runs}: {'; '.join(listed)}."
 
 
-def _bounds(cases: Mapping[str, Result], record: Record, write: Plain) -> TextTable:
+def _bounds(cases: Mapping[str, Result], record: Record) -> TextTable:
     """Return the table of the bounds on the held-out runs, in each case."""
     rows: list[list[str]] = []
     for entry in record["constraints"]:
@@ -326,7 +306,7 @@ def worst_tables(result: Result, record: Record) -> list[TextTable]:
     record
         Record of the search.
     """
-    what = measured(result, record["objective"], Plain())
+    what = measured(result, record["objective"])
     rows = [
         [
             law_title(law["label"]),

@@ -49,9 +49,8 @@ def identity_rows(
 def trajectory_rows(runs: Iterable[Runs]) -> list[Row]:
     """Check every statement about solutions on the runs of every law."""
     checks = _of_kind(TrajectoryCheck)
-    return _in_order(
-        [check.check(each) for each in runs for check in checks if check.applies(each)]
-    )
+    rows = [check.check(each) for each in runs for check in checks if check.applies(each)]
+    return _in_order(rows)
 
 
 def hypothesis_rows(setting: Setting) -> list[Row]:

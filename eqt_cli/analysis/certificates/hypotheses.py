@@ -7,7 +7,6 @@ import numpy as np
 
 from eqt_cli.analysis.certificates.base import Hypothesis, Row, Verdict
 from eqt_cli.analysis.evidence.runs import Setting
-from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.mechanics.critical_points import CriticalSet, critical_sets
@@ -172,9 +171,8 @@ class AdjointBounded(Hypothesis):
             return [self.row(Verdict.UNKNOWN, measured, remark=f"class of {G.name} not known")]
         verdict = Verdict.HOLDS if G.compact_times_vector else Verdict.UNKNOWN
         kind = "compact" if G.compact else "compact ⋉ vector space"
-        return [
-            self.row(verdict, measured, remark=f"{kind}; largest condition number of Ad_{{Q_d}}")
-        ]
+        remark = f"{kind}; largest condition number of Ad_{{Q_d}}"
+        return [self.row(verdict, measured, remark=remark)]
 
 
 class LawCovered(Hypothesis):
@@ -185,21 +183,16 @@ class LawCovered(Hypothesis):
     section: ClassVar[float] = 6.44
 
     def check(self, setting: Setting) -> list[Row]:
-        """One row per law."""
-        return [
-            replace(self._covered(loop, label), statement=self._where(loop.controller.theorem))
-            for label, loop in setting.loops.items()
-        ]
-
-    def _covered(self, loop: ClosedLoop, label: str) -> Row:
-        if loop.departures:
-            return self.row(Verdict.NOT_COVERED, remark=loop.departures, controller=label)
+        """One row per law, with its source where it is published, else the paper's statement."""
         verdicts = {True: Verdict.HOLDS, False: Verdict.VIOLATED, None: Verdict.UNKNOWN}
-        return self.row(verdicts[loop.claims_decrease], controller=label)
-
-    def _where(self, theorem: str) -> str:
-        """Return the source of a published law, or the paper's statement for other laws."""
-        return self.statement if theorem in ("", Controller.theorem) else theorem
+        rows = []
+        for label, loop in setting.loops.items():
+            verdict = Verdict.NOT_COVERED if loop.departures else verdicts[loop.claims_decrease]
+            row = self.row(verdict, remark=loop.departures, controller=label)
+            theorem = loop.controller.theorem
+            published = theorem not in ("", Controller.theorem)
+            rows.append(replace(row, statement=theorem) if published else row)
+        return rows
 
 
 def _over_horizon(values: Array) -> tuple[float, Verdict]:

@@ -413,9 +413,8 @@ def extreme_points(result: Result, metrics: Sequence[str] = METRICS) -> TextTabl
 def _settled(result: Result) -> list[list[str]]:
     """Return the points where most and fewest runs settle, for each controller."""
     rows = []
-    for title, column in zip(
-        result.titles, np.moveaxis(shares(result.metric("settled")), 1, 0), strict=True
-    ):
+    columns = np.moveaxis(shares(result.metric("settled")), 1, 0)
+    for title, column in zip(result.titles, columns, strict=True):
         share: Array = column[:, 0]
         if np.isfinite(share).any():
             for end, point in (("best", np.nanargmax(share)), ("worst", np.nanargmin(share))):

@@ -115,9 +115,8 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
                 for value, n in zip(values.tolist(), counts[:, law].tolist(), strict=True)
             ]
             holds = np.array([each.low >= wanted for each in tested])
-            reached.append(
-                Reach(label, name, tested, tested[easiest], *_around(values, holds, easiest))
-            )
+            ends = _around(values, holds, easiest)
+            reached.append(Reach(label, name, tested, tested[easiest], *ends))
     return across, reached
 
 

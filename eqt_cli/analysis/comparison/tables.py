@@ -430,20 +430,18 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     return notes
 
 
-def _of_shares(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
+def _of_shares(comparison: Comparison, shown: Sequence[Pair]) -> Iterator[str]:
     """Note the method for shares of runs, with the p-values."""
     tested = [pair for pair in shown if pair.p_value is not None]
     if not tested:
-        return []
+        return
     tests = "; ".join(
         f"{pair.measured.quantity.plain}, {_difference(comparison, pair.first, pair.second)}: "
         f"p = {pair.p_value:.2g}"
         for pair in tested
     )
-    level = f"{100 * comparison.confidence:g} %"
-    return [
-        f"Shares of runs: with {level} paired intervals of Newcombe. McNemar's exact test: {tests}."
-    ]
+    intervals = f"{100 * comparison.confidence:g} % paired intervals of Newcombe"
+    yield f"Shares of runs: with {intervals}. McNemar's exact test: {tests}."
 
 
 def _claims(comparison: Comparison, write: Plain) -> TextTable:

@@ -6,7 +6,7 @@ to the other one, and draws more states there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -59,31 +59,35 @@ class States(NamedTuple):
         """The number of states."""
         return len(self.inputs.velocity)
 
+    @property
+    def parts(self) -> list[Array]:
+        """The parts of the inputs that there are, and of the memory."""
+        inputs = [np.asarray(part) for part in self.inputs if part is not None]
+        return [*inputs, *self.memory.values()]
+
+    def with_parts(self, parts: Iterable[Array]) -> States:
+        """Return states with other parts, in the order of `parts`."""
+        others = iter(parts)
+        inputs = self.inputs.each(lambda _: next(others))
+        return States(inputs, dict(zip(self.memory, others, strict=True)))
+
     def of(self, where: Any) -> States:
         """Return some of the states."""
-        inputs = self.inputs.each(lambda part: np.asarray(part)[where])
-        return States(inputs, {name: values[where] for name, values in self.memory.items()})
+        return self.with_parts(part[where] for part in self.parts)
 
     def not_finite(self) -> States:
         """Return the first state with NaN, and with infinity, in every part in turn."""
-        inputs = {name: x for name, x in self.inputs._asdict().items() if x is not None}
-        values: list[Array] = [*inputs.values(), *self.memory.values()]
-        rows = [(k, bad) for k in range(len(values)) for bad in (np.nan, np.inf)]
-        parts = [np.repeat(np.asarray(part, dtype=float)[:1], len(rows), axis=0) for part in values]
+        rows = [(k, bad) for k in range(len(self.parts)) for bad in (np.nan, np.inf)]
+        parts = [np.repeat(part[:1].astype(float), len(rows), axis=0) for part in self.parts]
         for row, (k, bad) in enumerate(rows):
             parts[k][row] = bad
-        given = LawInput(**dict(zip(inputs, parts, strict=False)))
-        return States(given, dict(zip(self.memory, parts[len(inputs) :], strict=True)))
+        return self.with_parts(parts)
 
     @classmethod
-    def joined(cls, parts: Sequence[States]) -> States:
+    def joined(cls, several: Sequence[States]) -> States:
         """Return the states of several."""
-        inputs = zip(*(part.inputs for part in parts), strict=True)
-        names = parts[0].memory
-        return cls(
-            LawInput._make(None if each[0] is None else np.concatenate(each) for each in inputs),
-            {name: np.concatenate([part.memory[name] for part in parts]) for name in names},
-        )
+        parts = zip(*(states.parts for states in several), strict=True)
+        return several[0].with_parts(map(np.concatenate, parts))
 
 
 def drawn_states(loop: ClosedLoop, horizon: float, random: np.random.Generator) -> States:
@@ -236,41 +240,27 @@ class OutcomeSearch:
         return x.of(slice(0))
 
     def _axes(self, states: States) -> int:
-        lengths = sum(values.shape[-1] for values in states.memory.values())
-        flat = [part[0].size for part in states.inputs[6:] if part is not None]
-        return 1 + 5 * self.loop.group.dimension + sum(flat) + lengths
+        return 1 + 5 * self.loop.group.dimension + sum(part[0].size for part in states.parts[6:])
 
     def _any_steps(self, states: States) -> Array:
         """Return steps of any size in any direction, some along one axis."""
         shape = states.rows, self._axes(states)
-        steps = self.random.standard_normal(shape) * 10.0 ** self.random.uniform(
-            -9, 0, (shape[0], 1)
-        )
+        steps = self.random.standard_normal(shape)
+        steps *= 10.0 ** self.random.uniform(-9, 0, (shape[0], 1))
         one = self.random.integers(shape[1], size=(shape[0], 1)) == np.arange(shape[1])
         return np.where((self.random.random((shape[0], 1)) < 0.5) & ~one, 0.0, steps)
 
     def _moved(self, states: States, by: Array) -> States:
         """Return states moved by steps of t, Q, V, Q_d, V_d, V̇_d and the memory."""
-        G, (t, Q, V, Qd, Vd, Vd_dot, *flat) = self.loop.group, states.inputs
-        m, flat = G.dimension, [part for part in flat if part is not None]
-        more = [*flat, *states.memory.values()]
-        lengths = [part[0].size for part in more]
-        dt, q, v, qd, vd, vd_dot, *moves = np.split(
-            by, np.cumsum([1, *[m] * 5, *lengths])[:-1], axis=-1
-        )
+        G, (t, Q, V, Qd, Vd, Vd_dot, *more) = self.loop.group, states.parts
+        lengths = [1, *[G.dimension] * 5, *(part[0].size for part in more)]
+        dt, q, v, qd, vd, vd_dot, *moves = np.split(by, np.cumsum(lengths)[:-1], axis=-1)
         moved = [part + dz.reshape(part.shape) for part, dz in zip(more, moves, strict=True)]
         if not isinstance(self.loop.inertia, Inertia):
             dt = 0 * dt
-        inputs = LawInput(
-            t + dt[:, 0],
-            Q @ G.exp(_short(q)),
-            V + v,
-            Qd @ G.exp(_short(qd)),
-            Vd + vd,
-            Vd_dot + vd_dot,
-            *moved[: len(flat)],
-        )
-        return States(inputs, dict(zip(states.memory, moved[len(flat) :], strict=True)))
+        turned, desired = Q @ G.exp(_short(q)), Qd @ G.exp(_short(qd))
+        rest = [turned, V + v, desired, Vd + vd, Vd_dot + vd_dot, *moved]
+        return states.with_parts([t + dt[:, 0], *rest])
 
 
 def _repeated(states: States, times: int) -> States:

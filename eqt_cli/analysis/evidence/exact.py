@@ -370,7 +370,7 @@ class Exact(Number):
         return value.moving(Exact.of(slope(name, argument) * self.rate))
 
 
-ZERO, TWO = Exact(0), Exact(2)
+ZERO = Exact(0)
 
 
 def free(value: int) -> Exact:
@@ -429,9 +429,8 @@ def _adjugate(rows: list[list[Fraction]], degree: int) -> tuple[list[list[Fracti
         for i in range(n):
             if i != k:
                 factor = work[i][k]
-                work[i] = [
-                    (pivot * a - factor * b) / before for a, b in zip(work[i], work[k], strict=True)
-                ]
+                pairs = zip(work[i], work[k], strict=True)
+                work[i] = [(pivot * a - factor * b) / before for a, b in pairs]
         before = pivot
     return [row[n:] for row in work], before
 

@@ -202,10 +202,7 @@ class Bounded(Number):
 def lifted(values: Array, errors: Any = 0.0, rates: Any = 0.0) -> Array:
     """Convert floats to `Bounded` numbers with given errors and rates."""
     parts = [np.asarray(part, dtype=float) for part in (values, errors, rates)]
-    return np.asarray(_OF_NUMBERS(*parts), dtype=object)
-
-
-_OF_NUMBERS = np.frompyfunc(Bounded, 3, 1)
+    return _each(Bounded, *parts)
 
 
 def value_of(numbers: Array) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -147,19 +147,19 @@ def bounded(
     }
 
 
+@dataclass
 class _Analysis:
-    def __init__(
-        self,
-        program: Program,
-        inputs: Mapping[str, Array],
-        by: Arithmetic,
-        errors: Mapping[str, Array],
-        count: int,
-    ) -> None:
-        self.program, self.inputs, self.by, self.errors = program, inputs, by, errors
-        self.count = count
-        self.numbers: list[_ProgramValue] = []
-        for value in program.values:
+    """A program at `count` inputs, with a number for each of its values."""
+
+    program: Program
+    inputs: Mapping[str, Array]
+    by: Arithmetic
+    errors: Mapping[str, Array]
+    count: int
+    numbers: list[_ProgramValue] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        for value in self.program.values:
             if isinstance(value, Input):
                 number = self._input(value)
             elif isinstance(value, Constant):

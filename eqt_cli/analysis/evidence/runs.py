@@ -1,6 +1,5 @@
 """The runs of one law as certificates read them, and the setting that all laws share."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -50,12 +49,6 @@ class VehicleRuns:
         """The loop with the numbers of every run, for states ``(runs, samples, n)``."""
         return self.problem.batched_loop(extra_axes=1)
 
-    @property
-    def tick(self) -> float:
-        """Tick, s; infinite if the law acts continuously."""
-        control = self.problem.loop.vehicle.control
-        return math.inf if control is None else control.tick
-
     def white_noise(self) -> Iterator[Array]:
         """Yield the white noise of each sensor in each run, ``(runs, instants, n)``, of variance 1.
 
@@ -66,7 +59,7 @@ class VehicleRuns:
         G = problem.loop.group
         for place, sensor, clock, _, axes in vehicle.drawings(G):
             count = int(clock.numbers(problem.control_instants)[-1]) + 1
-            period, whitened = clock.every * self.tick, []
+            period, whitened = clock.every * vehicle.tick, []
             for run in self.numbers.tolist():
                 random = generator_at(self.seed, Stream.VEHICLE, run, place)
                 own = sensor.drawn(random)
