@@ -240,7 +240,9 @@ class _Text:
 
     def _is_operand(self, place: int) -> bool:
         token = self.tokens[place]
-        return token.kind in ("name", "number") or token.text in (")", "]")
+        return token.text in (")", "]") or (
+            token.kind in ("name", "number") and token.text not in _BEFORE
+        )
 
     def _first(self, place: int, text: str) -> int:
         while place < len(self.tokens) - 1 and self.tokens[place].text != text:
