@@ -211,6 +211,8 @@ def test_a_run_whose_covariance_loses_definiteness_ends_and_harms_no_other(solve
     assert np.isfinite(found.states[1]).all(axis=1).tolist() == [True] * 5 + [False] * 6
     for run in (0, 2):
         np.testing.assert_array_equal(found.states[run], whole.states[run])
+    assert (found.steps == whole.steps).tolist() == [True, False, True]
+    assert 0 < found.steps[1] < whole.steps[1]
 
 
 def test_definiteness_is_told_by_pivots():
