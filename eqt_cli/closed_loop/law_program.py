@@ -209,11 +209,8 @@ def name_of_number(path: str) -> str:
 
 def _memory(loop: ClosedLoop) -> tuple[Entry, ...]:
     lengths = loop.controller.memory(loop.group)
-    names = distinct(list(lengths))
-    return tuple(
-        Entry(name, (length,), source)
-        for name, (source, length) in zip(names, lengths.items(), strict=True)
-    )
+    pairs = zip(distinct(lengths), lengths.items(), strict=True)
+    return tuple(Entry(name, (length,), source) for name, (source, length) in pairs)
 
 
 def _flat(memory: tuple[Entry, ...], values: Mapping[str, Array]) -> dict[str, Array]:

@@ -33,11 +33,8 @@ class StateLayout:
     @cached_property
     def slices(self) -> dict[str, slice]:
         """The slice of each stretch in a flat state."""
-        ends = accumulate(self.lengths.values())
-        return {
-            name: slice(end - length, end)
-            for (name, length), end in zip(self.lengths.items(), ends, strict=True)
-        }
+        pairs = zip(self.lengths.items(), accumulate(self.lengths.values()), strict=True)
+        return {name: slice(end - length, end) for (name, length), end in pairs}
 
     def split(self, state: Array) -> dict[str, Array]:
         """Split flat states ``(..., length)`` into their stretches."""

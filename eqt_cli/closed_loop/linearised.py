@@ -53,15 +53,9 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
         raise InputError("actuators slower than the law have no regulator; shorten their period")
     pieces = slice(1) if linear.is_constant else slice(1, -1)
     piece = 2 * float(times[1] - times[0])
-    plant = LinearPlant(
-        times[pieces],
-        A[pieces],
-        B[pieces],
-        period,
-        piece,
-        1 if period is None else round(piece / period),
-        bool(np.abs(A[0] - A[-1]).max() <= SAME * np.abs(A).max()),
-    )
+    periods = 1 if period is None else round(piece / period)
+    is_periodic = bool(np.abs(A[0] - A[-1]).max() <= SAME * np.abs(A).max())
+    plant = LinearPlant(times[pieces], A[pieces], B[pieces], period, piece, periods, is_periodic)
     return dataclasses.replace(loop, controller=loop.controller.designed(loop.group, plant))
 
 

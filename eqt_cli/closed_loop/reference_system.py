@@ -40,17 +40,8 @@ class ReferenceSystem(ClosedLoop):
     def tracking(self, t: Any, state: Array) -> Tracking:
         """Return the tracking state with the true state equal to the desired one."""
         desired, inertia = self._desired(t, state)
-        return Tracking(
-            G=self.group,
-            inertia=inertia,
-            gains=self.gains,
-            t=t,
-            Q=desired.Q,
-            P=desired.P,
-            Qd=desired.Q,
-            Pd=desired.P,
-            tau_d=desired.tau,
-        )
+        Q, P, tau = desired.Q, desired.P, desired.tau
+        return Tracking(self.group, inertia, self.gains, t, Q, P, Q, P, tau)
 
     def vector_field(self, t: Any, state: Array) -> Array:
         """Return the rates Q̇_d = Q_d V_d^, Ṗ_d = ad*_{V_d} P_d + τ_d."""

@@ -238,7 +238,7 @@ class Cascade(Controller):
             why = "the thrusters push in more than one direction"
             remedy = "give the one that carries the body, such as along: [0, 0, -1]"
         if along is None:
-            problems.at("along").add(f"missing; {why}", (Remedy(remedy),))
+            problems.at("along").add(f"missing; {why}", Remedy(remedy))
         if problems:
             return self
         direction = unit_vector(along)
@@ -475,7 +475,7 @@ def check_flat_output(plant: PlantModel, problems: Problems) -> None:
     if plant.flat is None:
         problems.add(
             "needs a reference that gives jerk and snap",
-            (Remedy("use reference: {kind: flat, position: […]}, or {kind: flat, of: …}"),),
+            Remedy("use reference: {kind: flat, position: […]}, or {kind: flat, of: …}"),
         )
 
 

@@ -244,7 +244,7 @@ class Problems:
         """The place as users write it."""
         return dotted(self._path)
 
-    def add(self, message: str, remedies: tuple[Remedy, ...] = ()) -> None:
+    def add(self, message: str, *remedies: Remedy) -> None:
         """Note an error at this place; the same error is noted once."""
         place = self._located(self._path)
         problem = InputProblem(self.path, message, place, remedies)
@@ -261,7 +261,7 @@ class Problems:
         try:
             yield
         except InputError as error:
-            self.at(*steps).add(str(error.args[0]), error.remedies)
+            self.at(*steps).add(str(error.args[0]), *error.remedies)
 
     def __iter__(self) -> Iterator[InputProblem]:
         depth = len(self._path)

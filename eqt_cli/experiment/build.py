@@ -413,7 +413,7 @@ def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
     except InputError as error:
         unchecked = ", ".join(key for key in OF_THE_GROUP if key in data)
         more = f", so the numbers of {unchecked} were not checked" if unchecked else ""
-        problems.add(error.args[0].replace(";", f"{more};", 1), error.remedies)
+        problems.add(error.args[0].replace(";", f"{more};", 1), *error.remedies)
     return None
 
 

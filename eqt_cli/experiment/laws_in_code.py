@@ -91,17 +91,13 @@ def with_code(source: ConfigSource, file: Path, claimed: str | None) -> ConfigSo
         gains; None to keep the statement of the entry, if any.
     """
     name = os.path.relpath(file, source.folder)
-    entries = source.data.get("controllers")
-    known = [
-        entry
-        for entry in (entries if isinstance(entries, list) else ())
-        if isinstance(entry, dict) and os.path.normpath(str(entry.get("file"))) == name
-    ]
+    listed = source.data.get("controllers")
+    entries = [e for e in listed if isinstance(e, dict)] if isinstance(listed, list) else []
+    known = [e for e in entries if os.path.normpath(str(e.get("file"))) == name]
     code = next(kind.name for kind in controllers.all() if kind.code is not Controller.code)
     entry = {**(known[0] if known else {"kind": code, "file": name, "label": file.stem})}
     if claimed is not None:
-        named = [e for e in entries if isinstance(e, dict)] if isinstance(entries, list) else []
-        meant = next((e for e in named if claimed in (e.get("label"), e.get("kind"))), {})
+        meant = next((e for e in entries if claimed in (e.get("label"), e.get("kind"))), {})
         own = {key: value for key, value in meant.items() if key not in ("label", "gains")}
         entry |= {"as": own or claimed} | {k: v for k, v in meant.items() if k == "gains"}
     given = source.overrides | {("controllers",): "--code"}

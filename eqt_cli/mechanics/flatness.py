@@ -254,19 +254,17 @@ def check_rigid_body(G: MatrixLieGroup, inertia: InertiaLaw, problems: Problems)
     """Note an inertia other than diag(J, m I)."""
     turns, moves = (part.axes for part in G.parts)
     if not isinstance(inertia, Inertia):
-        problems.add(
-            "needs a constant inertia diag(J, m I)", (Remedy("write `inertia` as numbers"),)
-        )
+        problems.add("needs a constant inertia diag(J, m I)", Remedy("write `inertia` as numbers"))
         return
     M, size = inertia.matrix, ROUNDING * np.abs(inertia.matrix).max()
     mass = M[moves, moves]
     if np.abs(M[turns, moves]).max() > size:
         problems.add(
             "needs an inertia diag(J, m I), and this one couples rotation and translation",
-            (Remedy("move the frame of the body to its centre of mass"),),
+            Remedy("move the frame of the body to its centre of mass"),
         )
     elif np.abs(mass - mass[0, 0] * np.eye(len(mass))).max() > size:
         problems.add(
             "needs an inertia diag(J, m I), and this one has masses that differ by direction",
-            (Remedy("use a law of SE2 or SE3 for a body with added mass"),),
+            Remedy("use a law of SE2 or SE3 for a body with added mass"),
         )

@@ -286,13 +286,13 @@ class FlatReference(ClosedReference):
         if along is None:
             problems.at("along").add(
                 "missing; nothing says in which direction the body is pushed",
-                (Remedy("give it in the body frame, such as along: [0, 0, 1]"),),
+                Remedy("give it in the body frame, such as along: [0, 0, 1]"),
             )
         for force in plant.forces:
             if _turns_with_body(G, force):
                 problems.add(
                     f"needs known forces that do not depend on the attitude, and {force.name} does",
-                    (Remedy("move it from model.forces to plant.forces"),),
+                    Remedy("move it from model.forces to plant.forces"),
                 )
         if problems:
             return self
@@ -316,11 +316,9 @@ class FlatReference(ClosedReference):
         if smallest <= WEAK * max(largest, np.linalg.norm(position[:, 2], axis=-1).max()):
             problems.add(
                 f"needs a thrust of {self.mass * smallest:.2g} N at {t:.4g} s: no attitude follows",
-                (
-                    Remedy("change the motion there")
-                    if self.known_forces
-                    else Remedy("give the weight of the body in model.forces"),
-                ),
+                Remedy("change the motion there")
+                if self.known_forces
+                else Remedy("give the weight of the body in model.forces"),
             )
         if self.heading == ALONG_VELOCITY:
             smallest, largest, t = _smallest(times, position[:, 1, :2], position[:, 2, :2])

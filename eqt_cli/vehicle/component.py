@@ -138,19 +138,16 @@ if TYPE_CHECKING:  # The parts that `of_run` returns have arrays in their place.
     Numbers: TypeAlias = Any
     Matrix: TypeAlias = Any
 else:
+    _Drawn = Annotated[Uniform, Tag("uniform")] | Annotated[Normal, Tag("normal")]
+
     Number = Annotated[
-        Annotated[Real, Tag("number")]
-        | Annotated[Uniform, Tag("uniform")]
-        | Annotated[Normal, Tag("normal")],
+        Annotated[Real, Tag("number")] | _Drawn,
         one_of(_kind, "a number, {uniform: [least, greatest]} or {normal: [mean, std]}"),
     ]
     """A number, or a distribution from which every run draws its own."""
 
     NumberOrExpression = Annotated[
-        Annotated[Real, Tag("number")]
-        | Annotated[str, Tag("expression")]
-        | Annotated[Uniform, Tag("uniform")]
-        | Annotated[Normal, Tag("normal")],
+        Annotated[Real, Tag("number")] | Annotated[str, Tag("expression")] | _Drawn,
         one_of(
             lambda value: (
                 "expression" if isinstance(value, str) and not has_unit(value) else _kind(value)
