@@ -5,8 +5,6 @@ The groups of its inputs are named `TOLD`, `NUMBER` or `MEMORY` followed by the 
 Engines evaluate it at control instants, and it is exported.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """The linear-quadratic regulator in the error coordinates of a symmetry of rigid motions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 

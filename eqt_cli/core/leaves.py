@@ -6,8 +6,6 @@ and in those of the components that it holds, alone or in a tuple: ``gains.K``,
 leading axis of runs, or by symbols.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from functools import cache

@@ -5,8 +5,6 @@ which gets one sample after the other, has the same operations. Sums go from sam
 order, so that both round alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, Self
 

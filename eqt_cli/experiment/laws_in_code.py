@@ -1,7 +1,5 @@
 """Reads, compiles and tries out laws in user code before any run."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Determines whether the linearised loops of an experiment are stable."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import reduce
 from math import log

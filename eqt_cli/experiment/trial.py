@@ -1,7 +1,5 @@
 """Tries an experiment once, before any run: its loop at the first start, and the user's parts."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The files of an exported law: its header, its source, and the program that checks them."""
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap

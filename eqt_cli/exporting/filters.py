@@ -5,8 +5,6 @@ are those that a law needs: neither those that only judge the estimate, nor the 
 simulated run, are part of it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial

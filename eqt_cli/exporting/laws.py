@@ -3,8 +3,6 @@
 A reference in closed form is exported, too: from a time, and the piece it is in, to a motion.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields

@@ -1,7 +1,5 @@
 """The README of a folder with exported laws, and their size: bytes of flash, and of stack."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import struct

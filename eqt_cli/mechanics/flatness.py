@@ -4,8 +4,6 @@ Such a push and torques move a body to any place: along its motion, the force F 
 axis must point, and a heading says the rest. The rates of the attitude follow from those of F.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

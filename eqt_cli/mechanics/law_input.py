@@ -73,20 +73,10 @@ class LawInput(NamedTuple):
         self, G: MatrixLieGroup, inertia: InertiaLaw, gains: Gains, memory: Mapping[str, Array]
     ) -> Tracking:
         """Return the tracking state that the law reads, with momenta by its own inertia."""
-        now = inertia.at(self.t)
+        now, Q, Qd = inertia.at(self.t), self.pose, self.desired_pose
         P = now.momentum(self.velocity)
-        tracking = Tracking(
-            G=G,
-            inertia=now,
-            gains=gains,
-            t=self.t,
-            Q=self.pose,
-            P=P,
-            Qd=self.desired_pose,
-            Pd=P,  # until `following` gives it, and τ_d
-            tau_d=P,
-            memory=memory,
-            flat=None if self.position is None else FlatOutput(self.position, self.heading),
-        )
+        flat = None if self.position is None else FlatOutput(self.position, self.heading)
+        # In place of P_d and τ_d, until `following` gives them, is P.
+        tracking = Tracking(G, now, gains, self.t, Q, P, Qd, P, P, memory, flat=flat)
         vars(tracking).update(V=self.velocity)
         return tracking.following(self.desired_velocity, self.desired_acceleration)

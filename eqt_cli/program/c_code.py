@@ -1,7 +1,5 @@
 """Names that are valid in C: ASCII letters, digits and underscores, and no keywords."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection, Iterable, Iterator

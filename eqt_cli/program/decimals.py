@@ -1,7 +1,5 @@
 """Evaluation of programs in decimals of many digits, to which rounded results are compared."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable, Mapping
 from decimal import Context, Decimal, localcontext

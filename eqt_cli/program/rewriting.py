@@ -1,7 +1,5 @@
 """Joins programs, and fuses their operations, without changing a bit."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeAlias

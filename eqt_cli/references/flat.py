@@ -1,7 +1,5 @@
 """A reference for bodies that are pushed along one body axis: position and heading say the rest."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
