@@ -4,7 +4,10 @@ import pytest
 
 from eqt_cli.engines.native.decisions import watched
 
-TEXT = '# 1 "a.c"\nint f(int a, int b, int *p) {{\n{body}\n}}\n# 1 "eqt.c"\nint g(void) {{ f(1, 2, 0); }}'
+TEXT = (
+    '# 1 "a.c"\nint f(int a, int b, int *p) {{\n{body}\n}}\n'
+    '# 1 "eqt.c"\nint g(void) {{ f(1, 2, 0); }}'
+)
 
 BODIES = {
     "if (a < b) a = 1;": ["a < b"],
