@@ -6,8 +6,9 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.loading import ResultPath, experiment_at
 from eqt_cli.config.named_files import load_stored_plugins
@@ -20,9 +21,6 @@ from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.logs.recording import Recording
 from eqt_cli.results.result import Result, open_result, point_folder
-
-if TYPE_CHECKING:
-    from eqt_cli.analysis.certificates.base import Row
 
 
 def animate(

@@ -418,11 +418,8 @@ def diff(
 
 
 def _print_differences(diffs: Differences) -> None:
-    for heading, changes in (
-        ("configuration", diffs.configuration),
-        ("attribute", diffs.attributes),
-        ("provenance", diffs.provenance),
-    ):
+    changed = (diffs.configuration, diffs.attributes, diffs.provenance)
+    for heading, changes in zip(("configuration", "attribute", "provenance"), changed, strict=True):
         if changes:
             rows = [
                 [each.key, _value_shown(each.first), _value_shown(each.second)] for each in changes
@@ -441,14 +438,11 @@ def _outcome(diffs: Differences) -> str:
         if diffs.provenance:
             return f"equal: provenance differs, the {datasets} do not"
         return f"equal: {datasets}, configuration and provenance"
-    keys = [
-        f"{output.count_of(len(changes), noun)} of the {whole}"
-        for changes, noun, whole in (
-            (diffs.configuration, "key", "configuration"),
-            (diffs.attributes, "attribute", "files"),
-        )
-        if changes
-    ]
+    keys = []
+    if diffs.configuration:
+        keys.append(f"{output.count_of(len(diffs.configuration), 'key')} of the configuration")
+    if diffs.attributes:
+        keys.append(f"{output.count_of(len(diffs.attributes), 'attribute')} of the files")
     differing = f"{len(diffs.datasets) or 'none'} of {datasets}"
     only_nan = diffs.datasets and all(map(_differs_in_nan_only, diffs.datasets))
     return f"different: {', '.join([*keys, differing])}{' (only the bits of NaN)' * bool(only_nan)}"

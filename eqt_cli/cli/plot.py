@@ -180,13 +180,12 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
         choices = ["pareto"] if are_choices(swept) else []
     if 1 <= len(swept) <= 2:
         return ["sweep", *choices]
+    keys = ", ".join(one.key for one in swept)
     if not choices:
-        keys = ", ".join(one.key for one in swept)
         raise EqtError(
             f"no figure shows {len(swept)} swept keys at once ({keys}); choose points with --point"
         )
     if swept and remark:
-        keys = ", ".join(one.key for one in swept)
         say(
             f"figure 'sweep' shows at most two swept keys, and this result has {len(swept)} "
             f"({keys}); drew 'pareto' instead; --point draws one point"
@@ -202,9 +201,10 @@ def _options(
     Each flag sets an option, given as name and value, of all figures that have it.
     """
     from eqt_cli.config.yaml_source import parse_value
-    from eqt_cli.plots.render import options_of
+    from eqt_cli.core.option_types import option_names
+    from eqt_cli.plots.figures import figures
 
-    known = {name: options_of(name) for name in names}
+    known = {name: option_names(figures.get(name)) for name in names}
     by_figure: dict[str, dict[str, Any]] = {name: {} for name in names}
     for flag, (key, wish) in flags.items():
         takers = [name for name in known if key in known[name]]

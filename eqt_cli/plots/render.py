@@ -23,7 +23,7 @@ from matplotlib.figure import Figure as Drawing
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, Problems, suggestion
 from eqt_cli.core.files import write_all
-from eqt_cli.core.option_types import option_names, validated
+from eqt_cli.core.option_types import validated
 from eqt_cli.core.registry import summary
 from eqt_cli.core.version import __version__
 from eqt_cli.experiment.experiment import Experiment
@@ -346,7 +346,9 @@ def render(
         for format in wanted
     }
     if caption:
-        files[folder / caption_name(figure.name)] = as_caption(captions, title)
+        # Sentences to `\input` in a `\caption`.
+        text = f"% caption by eqt: {title}\n{' '.join(map(sentence, captions))}%\n"
+        files[folder / caption_name(figure.name)] = text.encode()
     write_all(files, folder)
     return list(files)
 
@@ -356,25 +358,9 @@ def caption_name(figure: str) -> str:
     return f"{figure}-caption.tex"
 
 
-def as_caption(remarks: Sequence[str], title: str) -> bytes:
-    r"""Return remarks as sentences to ``\input`` in a ``\caption``, under a titled comment."""
-    return f"% caption by eqt: {title}\n{' '.join(map(sentence, remarks))}%\n".encode()
-
-
 def _names(shown: Sequence[Result | Experiment]) -> list[str]:
     results = [one for one in shown if isinstance(one, Result)]
     return names(results) + [one.name for one in shown if isinstance(one, Experiment)]
-
-
-def options_of(name: str) -> list[str]:
-    """Return the names of the options of a figure.
-
-    Raises
-    ------
-    ComponentError
-        If there is no such figure.
-    """
-    return option_names(figures.get(name))
 
 
 def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:

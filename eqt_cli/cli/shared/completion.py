@@ -109,7 +109,15 @@ def _known() -> dict[str, Any]:
         kept = read_record(file, "state", "names", "keys", "figure_options")
         if kept and kept["state"] == state:
             return kept
-    collected = {"state": state} | _collected()
+    from eqt_cli.config.json_schema import json_schema, keys_of
+    from eqt_cli.core.option_types import option_names
+
+    collected = {
+        "state": state,
+        "names": {kind: {one.name: summary(one) for one in registry(kind).all()} for kind in KINDS},
+        "keys": {each.key: each.meaning for each in keys_of(json_schema())},
+        "figure_options": {one.name: option_names(one) for one in registry("figures").all()},
+    }
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
         write_record(file, collected)
@@ -121,14 +129,3 @@ def _state() -> list[int]:
     own = Path(__file__).parents[1]
     times = [path.stat().st_mtime_ns for path in own.rglob("*.py")]
     return [len(times), max(times), Path(sysconfig.get_path("purelib")).stat().st_mtime_ns]
-
-
-def _collected() -> dict[str, Any]:
-    from eqt_cli.config.json_schema import json_schema, keys_of
-    from eqt_cli.core.option_types import option_names
-
-    return {
-        "names": {kind: {one.name: summary(one) for one in registry(kind).all()} for kind in KINDS},
-        "keys": {each.key: each.meaning for each in keys_of(json_schema())},
-        "figure_options": {one.name: option_names(one) for one in registry("figures").all()},
-    }

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from itertools import zip_longest
 
 from rich.cells import cell_len
@@ -40,44 +40,31 @@ _STYLES = {
 _VERDICT = "verdict"
 
 
-@dataclass(frozen=True)
 class _Column:
-    """A heading and the cells below it."""
+    """A heading and the cells below it.
 
-    heading: str
-    cells: list[str]
+    Attributes
+    ----------
+    full
+        Width of the cells and of the heading on one line.
+    folded
+        Width with one word of the heading per line.
+    least
+        Width with wrapped text.
+    is_text
+        Whether there are cells that may be wrapped.
+    numeric
+        Whether there are only numbers or per cents, which are aligned right.
+    """
 
-    @cached_property
-    def full(self) -> int:
-        """Return the width of the cells and of the heading on one line."""
-        return max(cell_len(self.heading), self.body)
-
-    @cached_property
-    def body(self) -> int:
-        """Return the width of the cells."""
-        return max(map(cell_len, self.cells), default=0)
-
-    @cached_property
-    def folded(self) -> int:
-        """Return the width with one word of the heading per line."""
-        return max(_longest_word(self.heading), self.body)
-
-    @cached_property
-    def least(self) -> int:
-        """Return the width with wrapped text."""
-        cells = [cell_len(x) if _is_whole(x) else _longest_word(x) for x in self.cells]
+    def __init__(self, heading: str, cells: list[str]) -> None:
+        self.heading, self.cells = heading, cells
+        body, word = max(map(cell_len, cells), default=0), _longest_word(heading)
+        self.full, self.folded = max(cell_len(heading), body), max(word, body)
+        self.is_text, self.numeric = not all(map(_is_whole, cells)), all(map(_is_number, cells))
+        unbroken = [cell_len(cell) if _is_whole(cell) else _longest_word(cell) for cell in cells]
         wrapped = min(self.folded, max(_NARROW, min(_WIDE, self.folded // 2)))
-        return max([_longest_word(self.heading), *cells, wrapped if self.is_text else 0])
-
-    @cached_property
-    def is_text(self) -> bool:
-        """Return whether the column has cells that may be wrapped."""
-        return not all(map(_is_whole, self.cells))
-
-    @cached_property
-    def numeric(self) -> bool:
-        """Return whether the column holds only numbers or per cents, which are aligned right."""
-        return all(_is_number(cell) for cell in self.cells)
+        self.least = max([word, *unbroken, wrapped if self.is_text else 0])
 
 
 @dataclass(frozen=True)

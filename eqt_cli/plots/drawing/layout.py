@@ -105,6 +105,18 @@ def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, di
     return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY)
 
 
+def sheet_of_maps(
+    count: int, columns: int, width: Width, height: float
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure of maps with common scales, each `height` inches high, and its panels."""
+    rows = -(-count // columns)
+    drawing = Figure(figsize=(WIDTHS[width], height * rows))
+    grid = drawing.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for spare in grid[count:]:
+        spare.remove()
+    return drawing, list(grid[:count])
+
+
 def rows_of(names: Sequence[str], columns: int) -> Mosaic:
     """Return panels row by row, the last row filled up with empty places."""
     rows = [list(names[start : start + columns]) for start in range(0, len(names), columns)]

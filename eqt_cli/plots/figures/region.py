@@ -11,7 +11,7 @@ from eqt_cli.analysis.comparison.intervals import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSettled
 from eqt_cli.plots.drawing.cells import Cells, map_columns
-from eqt_cli.plots.drawing.layout import add_title
+from eqt_cli.plots.drawing.layout import add_title, sheet_of_maps
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.sweep import ShownSweep
 
@@ -44,18 +44,13 @@ class Region(OfSettled):
             )
         cells, count = Cells(*swept.axes), len(swept.titles)
         columns = map_columns(count, width)
-        rows = -(-count // columns)
         height = min(max(_LEAST, _ROW * cells.shape[0] + _AROUND), _MOST)
-        drawing = Drawing(figsize=(WIDTHS[width], height * rows))
-        grid = drawing.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        panels = list(grid.ravel())
-        for spare in panels[count:]:
-            spare.remove()
+        drawing, panels = sheet_of_maps(count, columns, width, height)
         percent = 100 * shares(swept.settled(self.by).astype(float))
         room = (WIDTHS[width] - _SCALES) / columns, height - _AROUND
         look: dict[str, Any] = {"vmin": 0, "vmax": 100, "edgecolors": ink(0), "linewidth": 0.4}
         written = []
-        for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=False)):
+        for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
             share, low, high = percent[:, index].T
             image = cells.draw(panel, share, label=title, **look)
             alone = [_per_cent(number) for number in share]
@@ -67,9 +62,9 @@ class Region(OfSettled):
             add_title(panel, title, WIDTHS[width] / columns)
             edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
             below = cells.scales(panel, swept.results, room[0], **edges)
-        drawing.set_figheight(height * rows + below)
+        drawing.set_figheight(drawing.get_figheight() + below)
         when = f"by {self.by:g} s" if self.by else "at the end"
-        drawing.colorbar(image, ax=panels[:count], label=f"share settled {when} (%)")
+        drawing.colorbar(image, ax=panels, label=f"share settled {when} (%)")
         swept.remarks.append(
             f"A cell per tested value, of {swept.count}; {_intervals(percent, written)}."
         )

@@ -16,7 +16,7 @@ from eqt_cli.plots.drawing.cells import Cells, map_columns, scale, scale_along, 
 from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import BAND, draw_points
 from eqt_cli.plots.drawing.labels import free_text, metric_label
-from eqt_cli.plots.drawing.layout import add_legend, add_title
+from eqt_cli.plots.drawing.layout import add_legend, add_title, sheet_of_maps
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.swept_key import SweptKey
@@ -109,13 +109,8 @@ class SweepFigure(OfOneMetric):
         count, cells = len(swept.titles), Cells(*axes)
         # Two maps fit side by side even in a column, since few cells hold numbers.
         columns = count if count == 2 else map_columns(count, width)
-        rows = -(-count // columns)
-        height = _HEIGHTS[width] if rows == 1 else _LOWER[width]
-        drawing = Drawing(figsize=(WIDTHS[width], height * rows))
-        grid = drawing.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-        panels = grid[:count]
-        for spare in grid[count:]:
-            spare.remove()
+        height = _HEIGHTS[width] if count <= columns else _LOWER[width]
+        drawing, panels = sheet_of_maps(count, columns, width, height)
         norm = self._colours(means)
         room = (WIDTHS[width] - _COLOURS) / columns, height - _AROUND
         # Runs that failed, and runs beyond the horizon: (points, laws, runs).
@@ -136,8 +131,8 @@ class SweepFigure(OfOneMetric):
             add_title(panel, title, WIDTHS[width] / columns)
             edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
             below = cells.scales(panel, swept.results, room[0], **edges)
-        drawing.set_figheight(height * rows + below)
-        drawing.colorbar(image, ax=list(panels), label=label)
+        drawing.set_figheight(drawing.get_figheight() + below)
+        drawing.colorbar(image, ax=panels, label=label)
         _explain(drawing, bool(failed.any()), bool(beyond.any()))
         return drawing
 

@@ -51,10 +51,8 @@ class ShownCertificates:
     def keep(self, names: Sequence[str]) -> None:
         """Show only these certificates, in the paper's order, and note how many there were."""
         if len(names) < len(self.names):
-            self._told = [
-                f"The {len(names)} of {len(self.names)} statements that come nearest to their "
-                "bounds, or beyond."
-            ]
+            shown = f"The {len(names)} of {len(self.names)} statements"
+            self._told = [f"{shown} that come nearest to their bounds, or beyond."]
         self.names = [name for name in self.names if name in names]
         self.shown = [row for row in self.shown if row.name in names]
 

@@ -225,13 +225,12 @@ def looks(
     variants
         Whether the variants of a law differ in their dashes, and not the laws.
     """
-    places = [(number, k) for number, of in enumerate(kept) for k in of]
     laws = [_laws(one) for one in results]
     every = list(dict.fromkeys(law for of in laws for law, _ in of))
     most = 1 + max(variant for of in laws for _, variant in of)
-    variant = {(number, k): number * most + laws[number][k][1] for number, k in places}
-    several = variants and len(set(variant.values())) > 1
-    shown = list(dict.fromkeys(laws[number][k][0] for number, k in places))
+    places = [(*laws[number][k], number * most) for number, of in enumerate(kept) for k in of]
+    several = variants and len({start + variant for _, variant, start in places}) > 1
+    shown = list(dict.fromkeys(law for law, *_ in places))
     own = {
         _law(results, laws, name, figure, "to colour"): _colour(results, figure, name, colour)
         for name, colour in chosen.colours.items()
@@ -243,11 +242,10 @@ def looks(
     coloured = (focus or set(shown[:MOST_COLOURS])) | own.keys()
     colours = _colours([law for law in shown if law in coloured], every)
     curves: list[CurvePlace] = []
-    for number, k in places:
-        law = laws[number][k][0]
+    for law, variant, start in places:
         grey = None if law in coloured else sum(place.grey is not None for place in curves)
         position = colours.get(law, every.index(law))
-        of_law = (variant[number, k], most * len(results)) if several else (0, 1)
+        of_law = (start + variant, most * len(results)) if several else (0, 1)
         curves.append(CurvePlace(position, *of_law, grey, own.get(law, "")))
     return distinct(curves)
 
