@@ -364,18 +364,14 @@ def test_the_c_alone_finds_what_the_engine_finds(batch, here):
 
 
 @pytest.mark.slow("ziglang compiles a C library, and an emulator runs the program")
-@pytest.mark.parametrize(
-    ("loop", "processor", "lanes"),
-    [("flies", "aarch64", 2), ("SE3", "riscv64", 1)],
-    indirect=["loop"],
-    scope="module",
-)
-def test_another_processor_finds_the_same_bits(alone, here, processor, lanes):
+@pytest.mark.parametrize("loop", ["flies"], indirect=True, scope="module")
+def test_another_processor_finds_the_same_bits(alone, here):
+    processor = "aarch64"  # contracts products with sums, unless it is told not to
     emulator = shutil.which(f"qemu-{processor}") or shutil.which(f"qemu-{processor}-static")
     if not find_spec("ziglang"):
         pytest.skip("needs ziglang, which compiles for other processors")
     if not emulator:
         pytest.skip(f"needs qemu-{processor} (the package qemu-user)")
     command = [sys.executable, "-m", "ziglang", "cc", "-static", "-target"]
-    found = alone([*command, f"{processor}-linux-musl"], lanes, emulator)
+    found = alone([*command, f"{processor}-linux-musl"], 2, emulator)
     assert hashlib.sha256(found).hexdigest() == hashlib.sha256(here).hexdigest()
