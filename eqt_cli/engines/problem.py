@@ -152,9 +152,7 @@ class Problem:
 
     def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
         """Return the sensor errors at a control instant, in these runs."""
-        if self.errors is None:
-            return None
-        return self.errors.of(runs, tick)
+        return None if self.errors is None else self.errors.of(runs, tick)
 
     @staticmethod
     def joined(problems: Sequence[Problem]) -> Problem:

@@ -129,28 +129,25 @@ class InstantPrograms:
 
     def chained(self, loop: ClosedLoop) -> Program:
         """Return one program: ``state`` from the loop's inputs, bit for bit as the programs'."""
-        chain, inputs = self._begun()
-        torque, memory, measured = self._answer(loop, chain, inputs)
+        chain, inputs, torque, memory, measured = self._answer(loop)
         after = inputs | measured | {"torque": torque, "memory": memory}
         state = chain.then(self.answered, after)["state"]
         return chain.program({"state": ((loop.state_length,), state)})
 
     def asked(self, loop: ClosedLoop) -> Program:
         """Return the program of ``torque``, ``memory`` if there is any, and the measured state."""
-        chain, inputs = self._begun()
-        torque, memory, measured = self._answer(loop, chain, inputs)
+        chain, _, torque, memory, measured = self._answer(loop)
         outputs = {"torque": torque} | ({"memory": memory} if memory else {}) | measured
         return chain.program({name: ((len(places),), places) for name, places in outputs.items()})
 
-    def _begun(self) -> tuple[Chain, dict[str, Places]]:
-        chain = Chain(dict(self.told.inputs))
-        return chain, {group: chain.given(group) for group, _ in self.told.inputs}
-
     def _answer(
-        self, loop: ClosedLoop, chain: Chain, inputs: dict[str, Places]
-    ) -> tuple[Places, Places, dict[str, Places]]:
+        self, loop: ClosedLoop
+    ) -> tuple[Chain, dict[str, Places], Places, Places, dict[str, Places]]:
+        """Return a chain with the law: its inputs, torque, memory, and the measured state."""
         control = loop.vehicle.control
         assert control is not None and self.law is not None
+        chain = Chain(dict(self.told.inputs))
+        inputs = {group: chain.given(group) for group, _ in self.told.inputs}
         told = chain.then(self.told, inputs)
         given = {TOLD + entry.name: told[entry.source] for entry in self.law.told}
         for entry in self.law.numbers[:-1]:
@@ -162,7 +159,7 @@ class InstantPrograms:
         answer = chain.then(self.law.step, given)
         memory = [place for entry in self.law.memory for place in answer[MEMORY + entry.name]]
         measured = {"state": told["state"]} if "state" in told else {}
-        return answer[TORQUE], memory, measured
+        return chain, inputs, answer[TORQUE], memory, measured
 
 
 def law_of(loop: ClosedLoop) -> LawProgram:
@@ -344,15 +341,12 @@ def _inputs(loop: ClosedLoop, length: int) -> dict[str, int]:
 def _symbolic(loop: ClosedLoop, given: Arrays) -> ClosedLoop:
     """Return the loop with symbols for all its numbers, in the order of the rows."""
     holding = loop.holding(0.0)
-    symbols = np.concatenate([given["parameters"], given["held"]])
-    return with_leaves(holding, _cut(symbols, leaves(holding)))
-
-
-def _cut(symbols: Array, numbers: Mapping[str, Array]) -> dict[str, Array]:
-    """Cut symbols to the shapes of some numbers, each with a leading run axis."""
+    symbols, numbers = np.concatenate([given["parameters"], given["held"]]), leaves(holding)
     ends = np.cumsum([value.size for value in numbers.values()])
     parts = zip(numbers.items(), np.split(symbols, ends), strict=False)
-    return {name: part.reshape(1, *value.shape) for (name, value), part in parts}
+    # Each has a leading run axis.
+    cut = {name: part.reshape(1, *value.shape) for (name, value), part in parts}
+    return with_leaves(holding, cut)
 
 
 def _errors(loop: ClosedLoop, given: Arrays) -> Errors | None:

@@ -269,10 +269,8 @@ def _diverged(integrator: Integrator, span: Span, states: Array) -> Array:
 
 def _advanced(integrator: Integrator, span: Span, states: Array, kept: Array) -> SpanResult:
     """Advance some runs through a span and store the samples; return whole states."""
-    moving, later = (
-        integrator.problem.loop.moving_length,
-        slice(span.first, span.first + span.later),
-    )
+    moving = integrator.problem.loop.moving_length
+    later = slice(span.first, span.first + span.later)
     result, runs = integrator.advance(span, states[:, :moving]), integrator.runs
     if span.later and result.samples.base is not kept:
         kept[runs, later, :moving] = result.samples

@@ -59,14 +59,7 @@ def batches(study: Study, label: str, entries: Array) -> Iterator[Batch]:
 
     Within a problem the runs keep the order of `entries`.
     """
-    points, runs = np.divmod(entries, study.plan.runs)
-    yield from _batches(study, label, points, runs)
-
-
-def reference_batches(study: Study, points: Array) -> Iterator[Batch]:
-    """Group the references of some points, without runs, into problems."""
-    label = next(iter(study.base.loops))  # all controllers have the same reference
-    yield from _batches(study, label, points)
+    yield from batches_at(study, label, *np.divmod(entries, study.plan.runs))
 
 
 def initial_states(study: Study, points: Array, runs: Array) -> tuple[Array, Array]:
@@ -93,7 +86,10 @@ def _draw(study: Study, point: int, runs: tuple[int, ...]) -> tuple[Array, Array
     )
 
 
-def _batches(study: Study, label: str, points: Array, runs: Array | None = None) -> Iterator[Batch]:
+def batches_at(
+    study: Study, label: str, points: Array, runs: Array | None = None
+) -> Iterator[Batch]:
+    """Group runs of one controller, each at its point; without runs, the references of points."""
     kinds: dict[Hashable, list[int]] = {}
     for point in _distinct(points):
         kinds.setdefault(_kind(study.experiment(point), label), []).append(point)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from eqt_cli.core.over_time import SampledRuns
 from eqt_cli.core.registry import blamed
 from eqt_cli.core.reporting import working_for
 from eqt_cli.engines import Solution, Status
-from eqt_cli.execution.batches import Batch, batches, initial_states, reference_batches
+from eqt_cli.execution.batches import Batch, batches, batches_at, initial_states
 from eqt_cli.execution.cross_check import chosen_entries, largest, squares
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.part_files import PartFiles
@@ -33,9 +33,9 @@ from eqt_cli.mechanics.settling import settling_error
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, SETTLING
 from eqt_cli.results.quantity import Quantity, ValuePer
-from eqt_cli.results.quantity_table import DESIRED, measured_of
+from eqt_cli.results.quantity_table import DESIRED, QUANTITIES, measured_of
 from eqt_cli.store.reader import ResultFile, open_results
-from eqt_cli.store.writer import Attribute, Table, Variable
+from eqt_cli.store.writer import Table, Variable, write
 
 LEADING = {
     ValuePer.TRAJECTORY: "kept",
@@ -69,17 +69,6 @@ def shared_reference(study: Study) -> dict[str, Array]:
     return {name: values[0] for name, values in solve_references(study, np.array([0])).items()}
 
 
-def reference_table(study: Study) -> Table:
-    """Return the table of the shared reference, which is stored until the parts are packed."""
-    found = shared_reference(study)
-    return Table(
-        {
-            entry.name: Variable(("sample", *entry.dims[1:]), found[entry.name])
-            for entry in Layout(study).of(ValuePer.DESIRED)
-        }
-    )
-
-
 def solve_references(study: Study, points: Array) -> dict[str, Array]:
     """Solve the references of some points: `DESIRED` as ``(points, samples, …)``."""
     # All laws have the same reference.
@@ -87,7 +76,7 @@ def solve_references(study: Study, points: Array) -> dict[str, Array]:
     systems = [ReferenceSystem.of(study.experiment(int(point)).loops[label]) for point in points]
     states = np.empty((len(points), len(times), systems[0].state_length))
     if systems[0].state_length:  # a reference without states needs no integration
-        for batch in reference_batches(study, points):
+        for batch in batches_at(study, label, points):
             states[batch.rows] = batch.engine.solve(batch.problem).states
     found = [_desired(system, times, own) for system, own in zip(systems, states, strict=True)]
     return {name: np.array([own[name] for own in found]) for name in DESIRED}
@@ -252,27 +241,7 @@ def _blank(quantity: Quantity, shape: tuple[int, ...]) -> Array:
     return np.full(shape, missing, dtype=quantity.dtype)
 
 
-@dataclass(frozen=True)
-class KeptPart:
-    """A part in memory with the reading interface of its file."""
-
-    path: Path
-    table: Table
-
-    @property
-    def attributes(self) -> Mapping[str, Attribute]:
-        """Attributes of the table."""
-        return self.table.attributes
-
-    def has(self, name: str) -> bool:
-        """Whether the table has such a variable."""
-        return name in self.table.variables
-
-    def __getitem__(self, name: str) -> Array:
-        return self.table.variables[name].data
-
-
-StoredPart = KeptPart | ResultFile
+StoredPart = Table | ResultFile
 """A finished part, in memory or in a file."""
 
 
@@ -288,8 +257,8 @@ def is_number(quantity: Quantity) -> bool:
     )
 
 
-def read_part(results: StoredPart, quantities: Sequence[Quantity]) -> dict[str, Array]:
-    """Read all variables of a part, by name.
+def read_part(results: StoredPart, path: Path, quantities: Sequence[Quantity]) -> dict[str, Array]:
+    """Read all variables of a part, which is kept at a path, by name.
 
     Raises
     ------
@@ -304,7 +273,7 @@ def read_part(results: StoredPart, quantities: Sequence[Quantity]) -> dict[str, 
         and not (entry.name in rows if is_number(entry) else results.has(entry.name))
     ]
     if missing:
-        raise ResultError(f"{results.path}: does not hold {', '.join(missing)}")
+        raise ResultError(f"{path}: does not hold {', '.join(missing)}")
     return {
         entry.name: numbers[rows.index(entry.name)] if is_number(entry) else results[entry.name]
         for entry in quantities
@@ -325,9 +294,9 @@ def _solve(
     first = engine.measured(*_functions(batch, names), batch.problem, rows, kept, *how)
     estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:
-        compared, motion = Difference(), [first.arrays[MOTION]]
+        motion = [first.arrays[MOTION]]
         second = engine.tightened(0.1).measured(
-            compared, Difference.largest, batch.problem, motion, (), *how
+            difference, largest_difference, batch.problem, motion, (), *how
         )
         estimate = second.numbers[ERROR]
     _judge(first.solution, estimate, solver.judgement.max_error)
@@ -462,26 +431,22 @@ class Numbers:
         }
 
 
-@dataclass(frozen=True)
-class Difference:
-    """Compares a solution with another one at a sample, for floats or symbols."""
+def difference(loop: ClosedLoop, t: Any, states: Array, other: Array) -> dict[str, Array]:
+    """Return the squared differences of pose and velocity at a sample, for floats or symbols.
 
-    def __call__(self, loop: ClosedLoop, t: Any, states: Array, other: Array) -> dict[str, Array]:
-        """Return the squared differences of pose and velocity.
+    Parameters
+    ----------
+    other
+        The motion of the other solution.
+    """
+    apart = _motion(loop.tracking(t, states)) - other
+    pose, velocity = np.split(apart, [loop.group.size**2], axis=-1)
+    return {ERROR: squares(pose[..., None], velocity)}
 
-        Parameters
-        ----------
-        other
-            The motion of the other solution.
-        """
-        difference = _motion(loop.tracking(t, states)) - other
-        pose, velocity = np.split(difference, [loop.group.size**2], axis=-1)
-        return {ERROR: squares(pose[..., None], velocity)}
 
-    @staticmethod
-    def largest(over: SampledRuns, found: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the largest difference of pose or velocity over all samples."""
-        return {ERROR: largest(over, found[ERROR])}
+def largest_difference(over: SampledRuns, found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the largest difference of pose or velocity over all samples."""
+    return {ERROR: largest(over, found[ERROR])}
 
 
 def _motion(s: Tracking) -> Array:
@@ -561,10 +526,9 @@ class PartTask:
         return self._save(item, lost_part(self.study.piece(index), part, message))
 
     def _save(self, item: int, table: Table) -> int:
-        failed = int(np.count_nonzero(table.variables["status"].data))
-        attributes = {**table.attributes, "digest": self.study.digest}
-        whole = Table(table.variables, {}, attributes)
-        self.files.save(item, whole, failed)
+        failed = int(np.count_nonzero(table["status"]))
+        whole = replace(table, attributes={**table.attributes, "digest": self.study.digest})
+        write(self.files.part(item, failed), whole)
         self._kept.pop(item, None)
         if self.keeps and _bytes(whole, *self._kept.values()) <= KEPT_BYTES:
             self._kept[item] = whole
@@ -573,7 +537,7 @@ class PartTask:
     def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:
         """Open a finished part: from memory the first time if it is there, else from its file."""
         if item in self._kept:
-            return nullcontext(KeptPart(path, self._kept.pop(item)))
+            return nullcontext(self._kept.pop(item))
         return open_results(path)
 
     @blamed()
@@ -582,7 +546,11 @@ class PartTask:
         for index in range(len(self.study.shapes)):
             piece = self.study.piece(index)
             if not (piece.desired_varies or self._has_reference(index)):
-                self.files.write(self.files.reference(index), reference_table(piece))
+                stored = {
+                    name: Variable(("sample", *QUANTITIES[name].dims[1:]), values)
+                    for name, values in shared_reference(piece).items()
+                }
+                write(self.files.reference(index), Table(stored))
 
     def _has_reference(self, index: int) -> bool:
         try:

@@ -175,11 +175,9 @@ class ResultFolder:
 
     def of_another(self, study: Study, *remedies: Remedy) -> EqtError:
         """Return the error that the folder holds another experiment, with the differences."""
-        runs = self.manifest or {}
-        keys = _differences(runs.get("config", {}), study.numeric_config)
-        lines = [f"  {line}" for line in keys]
+        keys = _differences((self.manifest or {}).get("config", {}), study.numeric_config)
         message = f"{self.path}: holds another experiment, which differs in"
-        return EqtError(message, *remedies, lines=lines)
+        return EqtError(message, *remedies, lines=[f"  {key}" for key in keys])
 
     def _copied(self, folder: str, texts: Mapping[str, str], suffix: str = "") -> dict[str, str]:
         """Copy the files that a configuration refers to, so that the folder can be moved.

@@ -12,16 +12,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eqt_cli.core.files import OwnFile, read_record, remove_own
 from eqt_cli.execution.lock import holder
 from eqt_cli.experiment.parts import Plans
 from eqt_cli.store.reserved_names import FILE_NAME
-
-if TYPE_CHECKING:
-    from eqt_cli.store.writer import Table
-
 
 MANIFEST, PARTS = "manifest.json", "parts"
 """Names in a result folder: the record of the experiment, and the folder of finished parts."""
@@ -66,16 +62,9 @@ class PartFiles:
                     parts[number] = FinishedPart(self.folder / name, failed)
         return parts
 
-    def save(self, number: int, table: Table, failed: int) -> None:
-        """Write a finished part atomically."""
-        name = f"{number:06d}.f{failed}.h5" if failed else f"{number:06d}.h5"
-        self.write(self.folder / name, table)
-
-    def write(self, path: Path, table: Table) -> None:
-        """Write a file of this folder atomically."""
-        from eqt_cli.store.writer import write
-
-        write(path, table)
+    def part(self, number: int, failed: int) -> Path:
+        """Return the file of a finished part with so many failed runs."""
+        return self.folder / (f"{number:06d}.f{failed}.h5" if failed else f"{number:06d}.h5")
 
     def tidy(self) -> None:
         """Remove parts of which another file has fewer failed runs."""

@@ -6,20 +6,16 @@ import os
 import platform
 import re
 import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eqt_cli.core.files import content_of
 from eqt_cli.core.version import __version__
-
-if TYPE_CHECKING:
-    from eqt_cli.engines import Engine
-
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 
 @contextmanager
@@ -109,15 +105,15 @@ OTHERS = "other_sessions"
 """Entry for other sessions that computed some of the runs and differ in `NUMERIC`."""
 
 
-def provenance(folder: Path, engine: Engine) -> dict[str, Any]:
-    """Describe this machine and session; `folder` is the folder of the configuration."""
+def provenance(folder: Path, tools: Mapping[str, str]) -> dict[str, Any]:
+    """Describe this machine, the tools of the engine, and the session of a configuration."""
     return {
         "eqt": __version__,
         "python": platform.python_version(),
         **{name: import_module(name).__version__ for name in PACKAGES},
         "platform": platform.platform(),
         "machine": platform.machine(),
-        **engine.provenance(),
+        **tools,
         "cpu_count": os.cpu_count(),
         "command": " ".join(["eqt", *sys.argv[1:]]),
         "started": now(),

@@ -315,7 +315,7 @@ class _Session:
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
         manifest = self.folder.manifest or {}
-        here = provenance(self.study.source.folder, self.study.base.engine)
+        here = provenance(self.study.source.folder, self.study.base.engine.provenance())
         earlier = manifest.get("provenance", here)
         self._remark_versions([earlier], here)
         origin = together(earlier, here)
@@ -371,7 +371,7 @@ class _Session:
     def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
         study = self.study
         same = earlier.get("digest") == study.digest
-        origin = provenance(study.source.folder, study.base.engine)
+        origin = provenance(study.source.folder, study.base.engine.provenance())
         if same and not afresh and "provenance" in earlier:
             origin = together(origin, earlier["provenance"])
             self._remark_versions(origin.get(OTHERS, []), origin)
@@ -513,7 +513,7 @@ def _put_parts(task: PartTask, file: NewResultFile) -> tuple[_ByController, _ByC
                 digest = task.study.digest
                 if results.attributes.get("digest", digest) != digest:
                     raise ResultError(f"{listed.path}: is a part of another experiment")
-                variables = read_part(results, layout.quantities)
+                variables = read_part(results, listed.path, layout.quantities)
                 for entry in layout.quantities:
                     if entry.name in variables:
                         _put(place, layout, entry, variables[entry.name], part)

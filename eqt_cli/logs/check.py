@@ -77,11 +77,6 @@ class _Fit(NamedTuple):
     shape: float
     """The relative difference that remains after the factor."""
 
-    @property
-    def is_doubtful(self) -> bool:
-        """Whether they differ by much, or almost only by a factor."""
-        return self.difference > DOUBT or (self.shape <= CLEAR and self.difference > 2 * CLEAR)
-
 
 def misfits(log: Log) -> Iterator[str]:
     """Describe each velocity that does not fit the poses: its difference, and what would fit."""
@@ -99,7 +94,9 @@ def misfits(log: Log) -> Iterator[str]:
             (_fit(variant, G, recorded), words) for words, variant in _variants(log, recorded.kind)
         )
         fitting = [(fit, words) for fit, words in others if fit is not None and fit.shape <= FITS]
-        if not (as_mapped.is_doubtful or any(fit.difference <= CLEAR for fit, _ in fitting)):
+        # They differ by much, or almost only by a factor.
+        is_doubtful = as_mapped.difference > DOUBT or as_mapped.shape <= CLEAR
+        if not (is_doubtful or any(fit.difference <= CLEAR for fit, _ in fitting)):
             continue
         yield f"{', '.join(recorded.names)} {_advice(log, recorded, as_mapped, fitting)}"
 

@@ -52,10 +52,10 @@ def check_attributes(result: ResultFile) -> None:
     ResultError
         For the first such attribute.
     """
-    for name, expected in _EXPECTED.items():
+    for name, (expected, kind) in _EXPECTED.items():
         if name in result.attributes:
             try:
-                value = _KINDS[expected].validate_python(result.attributes[name], strict=True)
+                value = kind.validate_python(result.attributes[name], strict=True)
             except ValidationError:
                 raise result.refusal(f"its attribute '{name}' is not {expected}") from None
             if isinstance(value, _AboutLaws):
@@ -70,7 +70,7 @@ def _check_labels(result: ResultFile, name: str, value: _AboutLaws) -> None:
     """Refuse an attribute about controllers that the file does not have."""
     if "controller" not in result.coordinates:
         return
-    for label in value.labels():
+    for label in (*value.functions, *value.unclaimed, *value.not_matched):
         if label not in result.coordinate("controller").tolist():
             raise result.refusal(f"its attribute '{name}' names '{label}', which is no controller")
 
@@ -153,33 +153,21 @@ class _AboutLaws(BaseModel):
     unclaimed: list[str] = []
     not_matched: list[str] = []
 
-    def labels(self) -> list[str]:
-        """Return the labels of all of them."""
-        return [*self.functions, *self.unclaimed, *self.not_matched]
 
+_TEXT, _NUMBER = ("text", TypeAdapter(str)), ("a number", TypeAdapter(float))
 
-_KINDS: dict[str, TypeAdapter[Any]] = {
-    "text": TypeAdapter(str),
-    "a number": TypeAdapter(float),
-    "a whole number of at least 0": TypeAdapter(NonNegativeInt),
-    "a mapping in JSON from names to texts": TypeAdapter(Json[dict[str, str]]),
-    "versions and times in JSON": TypeAdapter(Json[_Origin]),
-    "names of functions in JSON": TypeAdapter(Json[_AboutLaws]),
-    "labels of laws in JSON": TypeAdapter(Json[_AboutLaws]),
+_EXPECTED: dict[str, tuple[str, TypeAdapter[Any]]] = {
+    **dict.fromkeys(("title", "group", "digest", "config", "plugins"), _TEXT),
+    "titles": ("a mapping in JSON from names to texts", TypeAdapter(Json[dict[str, str]])),
+    "provenance": ("versions and times in JSON", TypeAdapter(Json[_Origin])),
+    "lyapunov_functions": ("names of functions in JSON", TypeAdapter(Json[_AboutLaws])),
+    "matching": ("labels of laws in JSON", TypeAdapter(Json[_AboutLaws])),
+    "cross_check_method": _TEXT,
+    "cross_check_runs": ("a whole number of at least 0", TypeAdapter(NonNegativeInt)),
+    "cross_check_difference": _NUMBER,
+    "cross_check_bound": _NUMBER,
 }
-
-_EXPECTED = {
-    **dict.fromkeys(("title", "group", "digest", "config", "plugins"), "text"),
-    "titles": "a mapping in JSON from names to texts",
-    "provenance": "versions and times in JSON",
-    "lyapunov_functions": "names of functions in JSON",
-    "matching": "labels of laws in JSON",
-    "cross_check_method": "text",
-    "cross_check_runs": "a whole number of at least 0",
-    "cross_check_difference": "a number",
-    "cross_check_bound": "a number",
-}
-"""Expected kind of each attribute that a file may have."""
+"""Expected kind of each attribute that a file may have, in words and as a type."""
 
 
 OUT_OF_TIME = "ended by its limit of time"
@@ -308,8 +296,7 @@ class KnownResult(ResultFile):
         """
         titles = {self.label_of(name): printable(given) for name, given in names.items()}
         self.given_names = titles
-        for name in ("titles", "title_of"):
-            vars(self).pop(name, None)
+        vars(self).pop("title_of", None)
         return [
             name
             for name, known in zip(names, titles, strict=True)
@@ -320,14 +307,13 @@ class KnownResult(ResultFile):
         """Whether it is the name of a quantity of this result."""
         return self.has(name)
 
-    @cached_property
+    @property
     def titles(self) -> list[str]:
         """Display names of the controllers: given by the user, titles of their laws, or labels.
 
         Labels where several laws have one title.
         """
-        given = {k: name for k, name in self.given_names.items() if k in self.labels}
-        return list(told_apart(self._own_titles | given).values())
+        return list(self.title_of.values())
 
     @cached_property
     def _own_titles(self) -> dict[str, str]:
@@ -343,7 +329,8 @@ class KnownResult(ResultFile):
     @cached_property
     def title_of(self) -> dict[str, str]:
         """Display names by label."""
-        return dict(zip(self.labels, self.titles, strict=True))
+        given = {k: name for k, name in self.given_names.items() if k in self.labels}
+        return told_apart(self._own_titles | given)
 
     def label_of(self, name: str) -> str:
         """Return the label of a controller, given its label or its display name: ``EqT``.

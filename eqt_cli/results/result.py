@@ -535,32 +535,20 @@ class Result(StoredRuns):
             if the units differ; NaN if no run is good. Also the number of ``settled`` runs and the
             mean ``saturated_share``, if the result has them.
         """
-        good = self.good
-        return [
-            {
-                "controller": label,
-                "runs": good[..., c, :].size,
-                "failed": self.failed[label],
-                **{
-                    each: self._over_good(each, c, of)
-                    for name, of in HEADLINE.items()
-                    for each in self.in_parts(name)
-                },
-                **self._settled(c),
-                **self._saturated(c),
-            }
-            for c, label in enumerate(self.labels)
-        ]
-
-    def _settled(self, controller: int) -> dict[str, int]:
-        if not self.has("settling_time"):
-            return {}
-        times = self.metric("settling_time", controller)[self.good[..., controller, :]]
-        return {"settled": int(np.count_nonzero(np.isfinite(times)))}
-
-    def _saturated(self, controller: int) -> dict[str, float]:
-        name = "saturated_share"
-        return {name: self._over_good(name, controller, np.mean)} if self.has(name) else {}
+        summary: list[dict[str, Any]] = []
+        for c, label in enumerate(self.labels):
+            good = self.good[..., c, :]
+            row: dict[str, Any] = {"controller": label, "runs": good.size}
+            row["failed"] = self.failed[label]
+            for name, of in HEADLINE.items():
+                row |= {each: self._over_good(each, c, of) for each in self.in_parts(name)}
+            if self.has("settling_time"):
+                times = self.metric("settling_time", c)[good]
+                row["settled"] = int(np.count_nonzero(np.isfinite(times)))
+            if self.has("saturated_share"):
+                row["saturated_share"] = self._over_good("saturated_share", c, np.mean)
+            summary.append(row)
+        return summary
 
     def _over_good(self, name: str, controller: int, of: Callable[[Array], Any]) -> float:
         values = self.metric(name, controller)[self.good[..., controller, :]]
@@ -610,16 +598,13 @@ class Result(StoredRuns):
             If the result lacks the data.
         """
         window, unit = window.within(self.times), self._unit_of(quantity)
-        stored = self._stored_as(quantity, window)
+        stored, runs = self._stored_as(quantity, window), np.arange(self.runs)
         if stored is not None:
-            runs = np.arange(self.runs)
             columns = self[stored]
         elif self._has_signals(quantity):
-            runs = self.stored_runs
-            each = [self._computed(quantity, window, c) for c in range(len(self.labels))]
-            columns = np.stack(each)
+            runs, laws = self.stored_runs, range(len(self.labels))
+            columns = np.stack([self._computed(quantity, window, c) for c in laws])
         elif self._follows(quantity.name):
-            runs = np.arange(self.runs)
             columns = self._number(quantity.name)
         else:
             raise self._not_stored(quantity, window)
@@ -673,11 +658,10 @@ class Result(StoredRuns):
         )
 
     def _not_stored(self, quantity: Quantity, window: Window | None = None) -> EqtError:
-        what = quantity.name if window is None else f"{quantity.name} over {window} s"
+        name = quantity.name
         if not quantity.windowed:
-            return self.error(
-                f"holds no metric '{quantity.name}' over a window; it is one of whole runs"
-            )
+            return self.error(f"holds no metric '{name}' over a window; it is one of whole runs")
+        what = name if window is None else f"{name} over {window} s"
         return self.error(f"cannot compute {what}: it needs {lacks(quantity.signals)}")
 
 

@@ -121,11 +121,9 @@ def _differing(values: list[Any]) -> list[Any]:
     same = {key for key in first if all(key in one and one[key] == first[key] for one in others)}
     left = [{key: value[key] for key in value if key not in same} for value in values]
     names = {key for value in left for key in value}
-    return (
-        _differing([value[key] for value in left for key in value])
-        if (len(names) == 1 and all(left))
-        else left
-    )
+    if len(names) == 1 and all(left):
+        return _differing([value[key] for value in left for key in value])
+    return left
 
 
 def _in_words(value: Any) -> str:
@@ -135,15 +133,13 @@ def _in_words(value: Any) -> str:
         named = {key.replace("_", " "): each for key, each in value.items() if key != "kind"}
         others = (f"{key} {_in_words(each)}" for key, each in named.items())
         return ", ".join([*own, *others]) or "none"
-    if isinstance(value, list) and (
-        not value or value == [each for each in value[:1] if isinstance(each, dict)]
-    ):
-        return _in_words(value[0]) if value else "none"
     if isinstance(value, list):
+        if len(value) == 1 and isinstance(value[0], dict):
+            return _in_words(value[0])
         inner = (
             f"{{{_in_words(one)}}}" if isinstance(one, dict) else _in_words(one) for one in value
         )
-        return f"[{', '.join(inner)}]"
+        return f"[{', '.join(inner)}]" if value else "none"
     if isinstance(value, float | int) and not isinstance(value, bool):
         return f"{value:g}".replace("-", "−")
     return value if isinstance(value, str) else json.dumps(value)

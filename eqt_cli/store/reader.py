@@ -59,11 +59,10 @@ class ResultFile:
             # No locks: result files never change, and some network disks refuse to lock.
             self._file = stack.enter_context(_opened(path))
             _check_format(path, safety.format_of(self._file), safety.version_of(self._file))
-            checked = safety.inspect(self._file, self._view)
+            self._root, self._points, self._heaps = safety.inspect(self._file, self._view)
             self._open = stack.pop_all()
-        self._root, self._points, self._heaps = checked.root, checked.points, checked.heaps
-        self.attributes: Mapping[str, Attribute] = _Attributes(path, checked.root.attributes)
-        self._show(checked.root)
+        self.attributes: Mapping[str, Attribute] = _Attributes(path, self._root.attributes)
+        self._show(self._root)
 
     def _show(self, contents: safety.Contents, fixed: Mapping[str, int] | None = None) -> None:
         """Show the root or a group, at a position along the `fixed` dimensions."""

@@ -5,6 +5,7 @@ rest of a result file, these heaps have no checksum.
 """
 
 import re
+import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -30,14 +31,18 @@ from eqt_cli.store.writer import Attribute
 
 _SIGNATURE = b"GCOL\x01"
 _HEADER = 16  # size of the header of a collection, and of each object in it, bytes
+_DAMAGED = "its strings are damaged"
+
+Heaps = dict[int, dict[int, int]]
+"""The sizes of all strings of a file: address of collection → index of object → bytes."""
 
 
-class BrokenHeapError(Exception):
-    """Raised for a collection whose objects do not fill it exactly."""
+class Refusal(Exception):
+    """Raised for a refused file; the message follows the file's path in a sentence."""
 
 
-def read_heaps(view: mmap, gaps: Iterable[tuple[int, int]]) -> dict[int, dict[int, int]]:
-    """Return the sizes of all strings in a file: address of collection → index of object → bytes.
+def read_heaps(view: mmap, gaps: Iterable[tuple[int, int]]) -> Heaps:
+    """Return the sizes of all strings in a file.
 
     Parameters
     ----------
@@ -48,16 +53,16 @@ def read_heaps(view: mmap, gaps: Iterable[tuple[int, int]]) -> dict[int, dict[in
 
     Raises
     ------
-    BrokenHeapError
-        If a collection is broken.
+    Refusal
+        If the objects of a collection do not fill it exactly.
     """
     heaps = {}
     for begin, end in gaps:
         at = view.find(_SIGNATURE, begin, end)
         while at >= 0:
-            stop = at + _number(view, at + 8, 8)
+            stop = at + int.from_bytes(view[at + 8 : at + 16], "little")
             if stop > end:
-                raise BrokenHeapError
+                raise Refusal(_DAMAGED)
             heaps[at] = _objects(view, at + _HEADER, stop)
             at = view.find(_SIGNATURE, stop, end)
     return heaps
@@ -67,19 +72,15 @@ def _objects(view: mmap, at: int, stop: int) -> dict[int, int]:
     """Return the sizes in a collection; object 0, and a rest shorter than a header, are free."""
     sizes: dict[int, int] = {}
     while at + _HEADER <= stop:
-        index, size = _number(view, at, 2), _number(view, at + 8, 8)
+        index, size = struct.unpack_from("<H6xQ", view, at)
         step = _HEADER + -(-size // 8) * 8 if index else size
         if index in sizes or step < _HEADER:
-            raise BrokenHeapError
+            raise Refusal(_DAMAGED)
         sizes[index] = size
         at += step
     if at > stop:
-        raise BrokenHeapError
+        raise Refusal(_DAMAGED)
     return sizes
-
-
-def _number(view: mmap, at: int, size: int) -> int:
-    return int.from_bytes(view[at : at + size], "little")
 
 
 _LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
@@ -95,10 +96,6 @@ _REFERENCE = np.dtype([("length", "<u4"), ("collection", "<u8"), ("index", "<u4"
 
 MOST_DATASETS = 1000
 """Largest number of datasets in the root or in a group of a point; eqt writes about 40."""
-
-
-class Refusal(Exception):
-    """Raised for a refused file; the message follows the file's path in a sentence."""
 
 
 @dataclass(frozen=True)
@@ -119,19 +116,6 @@ class Contents:
     coordinates: set[str]
     dimensions: dict[str, int]
     attributes: dict[str, Attribute]
-
-
-@dataclass(frozen=True)
-class Checked:
-    """A checked file: its root, the groups of its points, and its heaps of strings.
-
-    The places of all datasets are checked when the file is opened. Because there may be hundreds of
-    groups, the attributes and dimensions of a group are checked when its point is first used.
-    """
-
-    root: Contents
-    points: Sequence[Callable[[], Contents]]
-    heaps: dict[int, dict[int, int]]
 
 
 def format_of(file: Any) -> int | None:
@@ -156,8 +140,13 @@ def _without_heap(file: Any, name: str, kind: int) -> Any:
     return None if not is_kind or _is_text(handle) else file.attrs[name]
 
 
-def inspect(file: Any, view: mmap) -> Checked:
-    """Check the structure, the heaps and the attributes of an open file, whose bytes are `view`."""
+def inspect(file: Any, view: mmap) -> tuple[Contents, Sequence[Callable[[], Contents]], Heaps]:
+    """Check the structure, the heaps and the attributes of an open file, whose bytes are `view`.
+
+    Returns its root, the groups of its points, and its heaps. The places of all datasets are
+    checked here. Because there may be hundreds of groups, the attributes and dimensions of a group
+    are checked when its point is first used.
+    """
     size = len(view)
     version, offset_bytes, length_bytes = view[8:11]
     if version not in (2, 3) or (offset_bytes, length_bytes) != (8, 8):
@@ -175,7 +164,7 @@ def inspect(file: Any, view: mmap) -> Checked:
         cache(partial(_contents, h5py.Group(group), within, size))
         for (_, group), within in zip(groups, by_group, strict=True)
     ]
-    return Checked(contents, points, heaps)
+    return contents, points, heaps
 
 
 def _contents(owner: Any, datasets: Mapping[str, Any], size: int) -> Contents:
@@ -206,7 +195,7 @@ def _contents(owner: Any, datasets: Mapping[str, Any], size: int) -> Contents:
     )
 
 
-def _heaps(datasets: Iterable[Any], view: mmap) -> dict[int, dict[int, int]]:
+def _heaps(datasets: Iterable[Any], view: mmap) -> Heaps:
     """Check the places of the datasets, and return the heaps of strings between them."""
     spans = [span for data in datasets for span in _spans(data.name[1:], data, len(view))]
     gaps, position = [], 0
@@ -216,10 +205,7 @@ def _heaps(datasets: Iterable[Any], view: mmap) -> dict[int, dict[int, int]]:
         gaps.append((position, begin))
         position = end
     gaps.append((position, len(view)))
-    try:
-        return read_heaps(view, gaps)
-    except BrokenHeapError:
-        raise Refusal("its strings are damaged") from None
+    return read_heaps(view, gaps)
 
 
 def attributes_of(owner: Any, size: int) -> dict[str, Attribute]:
@@ -394,7 +380,7 @@ def _attached(scale: Any) -> list[tuple[int, int]]:
     return [(int(address), int(axis)) for address, axis, _ in raw.view(_ATTACHMENT)]
 
 
-def check_text(dataset: Any, view: mmap, heaps: dict[int, dict[int, int]]) -> None:
+def check_text(dataset: Any, view: mmap, heaps: Heaps) -> None:
     """Refuse strings that are not in the file's heaps, or declare more text than the file has.
 
     Each string is a reference (length, address) into a heap. Many references to one long string

@@ -75,6 +75,14 @@ class Table:
     coordinates: Mapping[str, Variable] = field(default_factory=dict)
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
 
+    def has(self, name: str) -> bool:
+        """Whether it holds a variable of this name."""
+        return name in self.variables
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return the data of a variable, as a file does."""
+        return self.variables[name].data
+
     @property
     def dimensions(self) -> dict[str, int]:
         """The size of every dimension, those with coordinates first."""
@@ -160,23 +168,6 @@ class Sink:
         """Do nothing, because the file has no buffer."""
 
 
-@contextmanager
-def created(path: str | Path) -> Iterator[Any]:
-    """Open a new HDF5 file that replaces `path` when the block ends without an error.
-
-    Raises
-    ------
-    ResultError
-        If the file cannot be written; `path` is then unchanged.
-    """
-    target = Path(path)
-    try:
-        with replacement(target) as written, Sink(written) as sink, _create(sink) as file:
-            yield file
-    except OSError as error:
-        raise _refused(target, error) from error
-
-
 def _create(sink: Sink) -> Any:
     """Create an HDF5 file in `sink`, in the layout of HDF5 1.8 and without time stamps."""
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
@@ -184,10 +175,16 @@ def _create(sink: Sink) -> Any:
     # From 1.8 on, attributes may exceed 64 KB and metadata carry checksums.
     access.set_libver_bounds(h5py.h5f.LIBVER_V18, h5py.h5f.LIBVER_V18)
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
-    creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
+    creation = _creation(h5py.h5p.FILE_CREATE)
+    return h5py.File(h5py.h5f.create(b"results", h5py.h5f.ACC_TRUNC, creation, access))
+
+
+def _creation(kind: Any) -> Any:
+    """Return properties of a new file or group: names in the order of writing, and no times."""
+    creation = h5py.h5p.create(kind)
     creation.set_obj_track_times(False)
     creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
-    return h5py.File(h5py.h5f.create(b"results", h5py.h5f.ACC_TRUNC, creation, access))
+    return creation
 
 
 def _refused(target: Path, error: OSError) -> ResultError:
@@ -275,9 +272,7 @@ class Assembly:
         variables: Mapping[str, Blank | Variable],
     ) -> Assembly:
         """Add a group with its own dimensions and variables, as `assemble` does for the file."""
-        creation = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
-        creation.set_obj_track_times(False)
-        creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
+        creation = _creation(h5py.h5p.GROUP_CREATE)
         group = h5py.Group(h5py.h5g.create(self._file.id, name.encode(), gcpl=creation))
         return Assembly(group, sizes, coordinates, variables, self._compression)
 
@@ -358,10 +353,14 @@ def assemble(
     ResultError
         If the file cannot be written; `path` is then unchanged.
     """
-    with created(path) as file:
-        file.attrs[FORMAT_ATTRIBUTE] = FORMAT
-        file.attrs[VERSION_ATTRIBUTE] = np.bytes_(__version__)
-        yield Assembly(file, sizes, coordinates, variables, compression)
+    target = Path(path)
+    try:
+        with replacement(target) as written, Sink(written) as sink, _create(sink) as file:
+            file.attrs[FORMAT_ATTRIBUTE] = FORMAT
+            file.attrs[VERSION_ATTRIBUTE] = np.bytes_(__version__)
+            yield Assembly(file, sizes, coordinates, variables, compression)
+    except OSError as error:
+        raise _refused(target, error) from error
 
 
 def _compressed(shape: tuple[int, ...], dtype: np.dtype[Any]) -> dict[str, Any]:

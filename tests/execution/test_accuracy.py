@@ -1,5 +1,7 @@
 """Error estimates of every run, their limit, and which runs the cross-check redoes."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -28,22 +30,9 @@ def simulate(experiment):
         for entry in Layout(study).quantities
         if entry.per in (ValuePer.RUN, ValuePer.TRAJECTORY)
     ]
-    found = [read_part(_Read(table), kept) for table in tables]
+    found = [read_part(table, Path("part"), kept) for table in tables]
     start = {name: tables[0].variables[name].data for name in ("initial_pose", "initial_velocity")}
     return start | {name: np.array([one[name] for one in found]) for name in found[0]}
-
-
-class _Read:
-    """A table in memory, read as a file is."""
-
-    def __init__(self, table):
-        self.variables, self.attributes = table.variables, table.attributes
-
-    def has(self, name):
-        return name in self.variables
-
-    def __getitem__(self, name):
-        return self.variables[name].data
 
 
 def values(simulated, name):

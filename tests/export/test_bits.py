@@ -73,9 +73,9 @@ def compare(tmp_path, law, group):
         Rows(held_rows(loop, np.array([0.0]))[0]),
     ]
     lengths = tuple(each.length for each in rows)
-    told = library.evaluation(parts.told, lengths).at(problem.runs, 1, rows)
+    told = library.evaluation(parts.told, lengths)(problem.runs, 1, rows)
     instant = library.evaluation(trace(loop).after_instant, lengths)
-    after = instant.at(problem.runs, 1, rows)["state"][:, 0]
+    after = instant(problem.runs, 1, rows)["state"][:, 0]
     memory, later = loop.memory(states), loop.memory(after)
     for run in range(problem.runs):
         one = {name: values[run, 0] for name, values in told.items()}

@@ -3,7 +3,7 @@ from mmap import ACCESS_READ, mmap
 
 import pytest
 
-from eqt_cli.store.safety import BrokenHeapError, read_heaps
+from eqt_cli.store.safety import Refusal, read_heaps
 
 
 def header(size):
@@ -39,7 +39,7 @@ def test_looks_only_where_no_data_are(read):
 
 
 def test_refuses_a_collection_that_reaches_into_data(read):
-    with pytest.raises(BrokenHeapError):
+    with pytest.raises(Refusal, match="its strings are damaged"):
         read(GOOD, [(0, 80)])
 
 
@@ -69,5 +69,5 @@ def test_refuses_a_collection_that_reaches_into_data(read):
     ],
 )
 def test_refuses_what_hdf5_would_trust(read, content):
-    with pytest.raises(BrokenHeapError):
+    with pytest.raises(Refusal, match="its strings are damaged"):
         read(content)

@@ -122,7 +122,7 @@ class Native(Engine):
         """Return what integrates a field, on the CPU or the device."""
         device = devices.chosen(self.device)
         if device is None:
-            return library.integration(field, at_samples=at_samples)
+            return library.integration(field, at_samples)
         return devices.integration(field, device, at_samples)
 
     @property
@@ -171,8 +171,8 @@ class Native(Engine):
             Rows(parameter_rows(problem), by_run=True),
             Rows(held_rows(loop, times), by_sample=True),
         ]
-        found = library.evaluation(program, tuple(each.length for each in given))
-        return found.at(problem.runs, len(times), given)
+        evaluated = library.evaluation(program, tuple(each.length for each in given))
+        return evaluated(problem.runs, len(times), given)
 
     def measured(
         self,
@@ -209,7 +209,7 @@ class Native(Engine):
         )
         solution = walked(lanes, self.groups(ends, workers), progress, workers)
         last = library.evaluation(found.ended, (len(found.starts),))
-        numbers = last.at(problem.runs, 1, [Rows(lanes.memory, by_run=True)])
+        numbers = last(problem.runs, 1, [Rows(lanes.memory, by_run=True)])
         ends_at = np.cumsum([math.prod(shape) for _, shape in found.kept])
         stretches = np.split(lanes.kept, ends_at, axis=-1)
         arrays = {

@@ -182,7 +182,7 @@ def _first(called: tuple[tuple[str, ...], ...]) -> Compiler:
     errors: list[TraceError] = []
     for command in called:
         try:
-            return _known(command) or _asked(command)
+            return _described(command)
         except TraceError as error:
             errors.append(error)
     raise errors[0] if errors else TraceError(missing() or "there is no C compiler")
@@ -194,7 +194,7 @@ def _asked(command: tuple[str, ...]) -> Compiler:
     for flags in ((OWN_MACHINE,), ()):
         answer = run([*command, *flags, "-dM", "-E", "-x", "c", "-"])
         if answer.returncode == 0 and "#define" in answer.stdout:
-            return _remembered(_read(command, flags, answer.stdout))
+            return _read(command, flags, answer.stdout)
         said = answer.stderr or answer.stdout
     raise TraceError(
         f"the C compiler {shlex.join(command)} does not work", CHOOSE, lines=_told(said)
@@ -223,25 +223,20 @@ def _read(command: tuple[str, ...], flags: tuple[str, ...], told: str) -> Compil
 # To query a compiler takes 50 to 200 ms, longer than to load a library from the cache.
 
 
-def _known(command: tuple[str, ...]) -> Compiler | None:
-    """Return the cached description of a compiler, on a processor like this."""
+def _described(command: tuple[str, ...]) -> Compiler:
+    """Return the compiler of a command: cached, on a processor like this, or as it says itself."""
     cache, key = own_cache(), _state(command)
     if cache is None or key is None:
-        return None
+        return _asked(command)
     with suppress(OSError, ValueError, TypeError):
         if found := cache.find(key, ".json"):
             entries = json.loads(found)
             tuples = {name: tuple(entries[name]) for name in ("command", "flags", "features")}
             return Compiler(**{**entries, **tuples})
-    return None
-
-
-def _remembered(found: Compiler) -> Compiler:
-    cache, key = own_cache(), _state(found.command)
-    if cache is not None and key is not None:
-        with suppress(OSError):
-            cache.keep(key, ".json", json.dumps(asdict(found)).encode())
-    return found
+    asked = _asked(command)
+    with suppress(OSError):
+        cache.keep(key, ".json", json.dumps(asdict(asked)).encode())
+    return asked
 
 
 def _state(command: tuple[str, ...]) -> str | None:

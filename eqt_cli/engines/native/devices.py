@@ -190,11 +190,11 @@ def integration(
                         f"{str(error).strip().splitlines()[0]}"
                     )
                 )
-                return library.integration(field, at_samples=at_samples)
+                return library.integration(field, at_samples)
 
 
 class Kernel:
-    """``eqt_runs`` of a field on a device; a call does what `library.advance` does.
+    """``eqt_runs`` of a field on a device; a call does what that of `library.integration` does.
 
     Parameters
     ----------

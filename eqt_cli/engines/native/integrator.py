@@ -160,7 +160,7 @@ class Lanes(Integrator):
         if id(program) not in self._compiled:  # hashing all its operations takes long
             lengths = tuple(each.length for each in given)
             self._compiled[id(program)] = library.evaluation(program, lengths)
-        found = self._compiled[id(program)].at(runs, 1, given)
+        found = self._compiled[id(program)](runs, 1, given)
         return {name: values[:, 0] for name, values in found.items()}
 
     def _failure(self, run: Any) -> Failure:
@@ -171,10 +171,9 @@ class Lanes(Integrator):
             return Failure(Status.STEP_LIMIT, reason, t)
         if end == library.NOT_FINITE:
             return Failure(t=t)
+        reason = "the law switches back and forth without end; smooth it, as with tanh"
         if end == library.STEP_TOO_SHORT:
             reason = "no step is short enough: the state has no bound, or the law is singular"
-            return Failure(Status.SOLVER_FAILED, reason, t)
-        reason = "the law switches back and forth without end; smooth it, as with tanh"
         return Failure(Status.SOLVER_FAILED, reason, t)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,12 @@ THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING = range(5)
 
 Advance = Callable[..., None]
 """Integrates runs through a span, given `Measuring` and the members of ``eqt_span``."""
+
+Evaluation = Callable[[int, int, Sequence["Rows"]], dict[str, Array]]
+"""Gives a program's arrays, ``(runs, samples, …)`` each, by name.
+
+It takes the numbers of runs and of samples, and the program's inputs, a stretch after the other.
+"""
 
 _INTEGERS = ("runs", "later", "most_steps", "to_next_run")
 SPAN_NUMBERS = ("start", "stop", "first_inside", "last_inside", "rtol", "atol")
@@ -62,25 +68,24 @@ class _Measuring(ctypes.Structure):
 
 
 @lru_cache(maxsize=32)
-def integration(
-    field: Program, lanes: int | None = None, at_samples: source.SampleProgram | None = None
-) -> Advance:
-    """Return ``eqt_advance`` of a field, for the lanes of this machine by default."""
-    lanes = lanes or compiler.compiler().lanes
-    return partial(
-        _advance, compiler.library(source.integration(field, lanes, at_samples)).eqt_advance
-    )
+def integration(field: Program, at_samples: source.SampleProgram | None = None) -> Advance:
+    """Return ``eqt_advance`` of a field, which takes the members of ``eqt_span``.
 
+    Arrays are C-contiguous.
+    """
+    text = source.integration(field, compiler.compiler().lanes, at_samples)
+    function = compiler.library(text).eqt_advance
 
-def _advance(function: Any, measuring: Measuring | None = None, **values: Any) -> None:
-    """Call ``eqt_advance`` with the members of ``eqt_span``; arrays are C-contiguous."""
-    at_samples = None if measuring is None else measuring.as_c()  # it must live during the call
-    span = _Span(
-        measuring=None if at_samples is None else ctypes.addressof(at_samples),
-        **{name: values[name] for name in (*_INTEGERS, *SPAN_NUMBERS)},
-        **{name: values[name].ctypes.data for name in _ARRAYS},
-    )
-    function(ctypes.byref(span))
+    def advance(measuring: Measuring | None, **values: Any) -> None:
+        measured = None if measuring is None else measuring.as_c()  # it must live during the call
+        span = _Span(
+            measuring=None if measured is None else ctypes.addressof(measured),
+            **{name: values[name] for name in (*_INTEGERS, *SPAN_NUMBERS)},
+            **{name: values[name].ctypes.data for name in _ARRAYS},
+        )
+        function(ctypes.byref(span))
+
+    return advance
 
 
 @dataclass(frozen=True)
@@ -148,42 +153,18 @@ def _sources(given: Sequence[Rows], arrays: Sequence[Array], samples: int) -> An
     return found
 
 
-@dataclass(frozen=True)
-class Evaluation:
-    """A compiled program that is evaluated for many runs at many samples.
+@lru_cache(maxsize=64)
+def evaluation(program: Program, stretches: tuple[int, ...]) -> Evaluation:
+    """Compile a program whose inputs are cut into stretches of these lengths."""
+    text = source.evaluation(program, stretches, compiler.compiler().lanes)
+    function = compiler.library(text).eqt_evaluate
 
-    Attributes
-    ----------
-    function
-        ``eqt_evaluate``.
-    shapes
-        The shape of each of its arrays, by name.
-    """
-
-    function: Any
-    shapes: dict[str, tuple[int, ...]]
-
-    def at(self, runs: int, samples: int, given: Sequence[Rows]) -> dict[str, Array]:
-        """Return the arrays of the program, ``(runs, samples, …)`` each, by name.
-
-        Parameters
-        ----------
-        given
-            The inputs of the program, one stretch after the other.
-        """
+    def evaluated(runs: int, samples: int, given: Sequence[Rows]) -> dict[str, Array]:
         arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in given]
         sources = _sources(given, arrays, samples)
-        found = {name: np.empty((runs, samples, *shape)) for name, shape in self.shapes.items()}
+        found = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
         places = (ctypes.c_void_p * len(found))(*(array.ctypes.data for array in found.values()))
-        self.function(ctypes.byref(_Evaluations(runs, samples, sources, places)))
+        function(ctypes.byref(_Evaluations(runs, samples, sources, places)))
         return found
 
-
-@lru_cache(maxsize=64)
-def evaluation(
-    program: Program, stretches: tuple[int, ...], lanes: int | None = None
-) -> Evaluation:
-    """Compile a program whose inputs are cut into stretches of these lengths."""
-    lanes = lanes or compiler.compiler().lanes
-    function = compiler.library(source.evaluation(program, stretches, lanes)).eqt_evaluate
-    return Evaluation(function, {each.name: each.shape for each in program.outputs})
+    return evaluated

@@ -13,10 +13,11 @@ import signal
 import struct
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from itertools import islice
 from pathlib import Path
 from struct import iter_unpack, unpack_from
 from typing import Any
@@ -252,6 +253,10 @@ class OwnCode(RunsCode):
     def _calls(self) -> str:
         X, numbers = self.prefix, [name for name, _ in self.numbers]
         has_defaults = re.search(rf"\b{X}_defaults\s*=", self._plain)
+
+        def sizes(kind: str, fields: Iterable[str]) -> str:
+            return "".join(f"(long)sizeof(((EQT_{kind}_TYPE *)0)->{name}), " for name in fields)
+
         definitions = {
             "EQT_NUMBER_TYPE": f"{X}_numbers",
             "EQT_MEMORY_TYPE": f"{X}_memory",
@@ -261,20 +266,14 @@ class OwnCode(RunsCode):
             "EQT_CODE_AXES": str(self.axes),
             "EQT_DEFAULT_NUMBERS": f"{X}_defaults" if has_defaults else "{0}",
             "EQT_SET_INPUT": "".join(f"EQT_IN(input.{name}, inputs); " for name in self.inputs),
-            "EQT_LIST_INPUT": "".join(
-                f"(long)sizeof(((EQT_INPUT_TYPE *)0)->{name}), " for name in self.inputs
-            ),
+            "EQT_LIST_INPUT": sizes("INPUT", self.inputs),
             "EQT_SET_NUMBERS": "".join(f"EQT_IN(numbers.{name}, given); " for name in numbers),
             "EQT_READ_MEMORY": "".join(f"EQT_IN(memory.{name}, kept); " for name in self.memory),
             "EQT_WRITE_MEMORY": "".join(
                 f"EQT_OUT(remembered, memory.{name}); " for name in self.memory
             ),
-            "EQT_LIST_NUMBERS": "".join(
-                f"(long)sizeof(((EQT_NUMBER_TYPE *)0)->{name}), " for name in numbers
-            ),
-            "EQT_LIST_MEMORY": "".join(
-                f"(long)sizeof(((EQT_MEMORY_TYPE *)0)->{name}), " for name in self.memory
-            ),
+            "EQT_LIST_NUMBERS": sizes("NUMBER", numbers),
+            "EQT_LIST_MEMORY": sizes("MEMORY", self.memory),
         }
         if self.starts:
             definitions["EQT_CODE_START"] = f"{X}_start"
@@ -531,11 +530,8 @@ def _ended(code: int) -> str:
 
 def described(function: CodeFunction, row: Array) -> str:
     """Return an input in words, with numbers that can be copied."""
-    inputs = function.code.inputs
-    parts = np.split(row, np.cumsum([*inputs.values()])[:-1])
-    return ", ".join(
-        f"{name} = {', '.join(f'{x:.9g}' for x in part)}"
-        if len(part) == 1
-        else f"{name} = {{{', '.join(f'{x:.9g}' for x in part)}}}"
-        for name, part in zip(inputs, parts, strict=True)
-    )
+    words, numbers = [], iter(row)
+    for name, length in function.code.inputs.items():
+        listed = ", ".join(f"{x:.9g}" for x in islice(numbers, length))
+        words.append(f"{name} = {listed}" if length == 1 else f"{name} = {{{listed}}}")
+    return ", ".join(words)

@@ -95,16 +95,6 @@ class Design(Component):
         return self.place(next(changing, 0), key)
 
 
-def check_values(values: list[Any], problems: Problems) -> None:
-    """Note lists of mappings, which do not fit into a table; `cases` gives them names."""
-    for index, value in enumerate(values):
-        if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
-            problems.at(index).add(
-                f"expected a number, a text, a list of numbers or one mapping, got {shown(value)}; "
-                "give each list a name: sweep: [{cases: {NAME: {KEY: VALUE}, …}}]"
-            )
-
-
 def overlap(one: str, other: str) -> bool:
     """Whether two keys are equal, or one is within the other."""
     short, long = sorted((one, other), key=len)
@@ -193,12 +183,18 @@ class Listed(Design):
         return tuple(self.axes)
 
     def check(self, problems: Problems) -> None:
-        """Note invalid ranges, and values that are lists of mappings."""
+        """Note invalid ranges, and lists of mappings, which fit into a table by a name only."""
         for key, axis in self.axes.items():
             if isinstance(axis, Spaced):
                 axis.check(problems.at(key))
-            else:
-                check_values(axis, problems.at(key))
+                continue
+            for index, value in enumerate(axis):
+                if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
+                    problems.at(key, index).add(
+                        "expected a number, a text, a list of numbers or one mapping, got "
+                        f"{shown(value)}; give each list a name: "
+                        "sweep: [{cases: {NAME: {KEY: VALUE}, …}}]"
+                    )
 
     @abstractmethod
     def index(self, point: int, key: str) -> int:

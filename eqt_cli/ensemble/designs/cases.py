@@ -30,7 +30,7 @@ class Cases(Design):
     cases: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
 
     def check(self, problems: Problems) -> None:
-        """Note names that do not fit into tables, invalid keys, and overlapping keys."""
+        """Note names that do not fit into tables, invalid or overlapping keys, and equal cases."""
         for case, settings in self.cases.items():
             at_case = problems.at(case)
             if not (case.strip() and case.isprintable() and len(case) <= MAX_CHARACTERS):
@@ -45,11 +45,8 @@ class Cases(Design):
             for one, other in combinations(settings, 2):
                 if overlap(one, other):
                     at_case.at(other).add(f"{other} overlaps with {one}; remove one of them")
-        if not problems:
-            self._check_distinct(problems)
-
-    def _check_distinct(self, problems: Problems) -> None:
-        """Note a case with the same changes as an earlier one."""
+        if problems:
+            return
         for one, other in combinations(self.cases, 2):
             if self.cases[one] == self.cases[other]:
                 problems.at(other).add(f"changes the same as '{one}'; remove one of them")
