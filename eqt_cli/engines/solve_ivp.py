@@ -7,12 +7,11 @@ keeps the error of the worst run of a block below its error alone.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -76,7 +75,7 @@ class SolveIvp(Engine):
     def tightened(self, factor: float) -> SolveIvp:
         """Return the engine with both tolerances times `factor`."""
         rtol = max(self.rtol * factor, SMALLEST_RTOL)
-        return dataclasses.replace(self, rtol=rtol, atol=self.atol * factor)
+        return replace(self, rtol=rtol, atol=self.atol * factor)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
         """Return evaluations, as many per step as stages, for an explicit method; else 0."""

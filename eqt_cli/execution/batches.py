@@ -1,9 +1,8 @@
 """Groups runs of equal structure, also of different points, into problems for the engine."""
 
-import dataclasses
 import json
 from collections.abc import Callable, Hashable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -49,9 +48,7 @@ class Batch:
     def select(self, runs: Array) -> "Batch":
         """Return the batch of some of its runs."""
         problem = self.problem.select(runs)
-        return dataclasses.replace(
-            self, rows=self.rows[runs], points=self.points[runs], problem=problem
-        )
+        return replace(self, rows=self.rows[runs], points=self.points[runs], problem=problem)
 
 
 def batches(study: Study, label: str, entries: Array) -> Iterator[Batch]:
@@ -118,7 +115,7 @@ def _problem(study: Study, label: str, points: Array, runs: Array | None) -> Pro
     errors = None
     if runs is not None and loops[0].vehicle.measures:
         errors = _errors(problem, experiments, which, runs)
-    return dataclasses.replace(problem, states=states, errors=errors)
+    return replace(problem, states=states, errors=errors)
 
 
 def differing(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:

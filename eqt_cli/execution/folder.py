@@ -1,15 +1,16 @@
 """The folder of a result: its files, the experiment it belongs to, and the rules for removal."""
 
 import re
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from eqt_cli.config.yaml_source import dump
-from eqt_cli.core.errors import OTHER_FOLDER, EqtError, KeyPath, Remedy, dotted
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, FullDiskError, KeyPath, Remedy, dotted
 from eqt_cli.core.files import (
+    NO_SPACE,
     Own,
     OwnFile,
     OwnFolder,
@@ -82,6 +83,33 @@ class ResultFolder:
     def is_complete(self, study: Study) -> bool:
         """Whether the folder holds the complete result of this study."""
         return (self.manifest or {}).get("digest") == study.digest and self.results.exists()
+
+    def kept_runs(self, study: Study) -> int:
+        """Return the number of a study's runs in finished parts."""
+        if (self.manifest or {}).get("digest") != study.digest:
+            return 0
+        return sum(study.plans.runs_of(n) for n in self.parts.listed() if n < len(study.plans))
+
+    @contextmanager
+    def reporting_kept_runs(self, study: Study) -> Iterator[None]:
+        """Add to an error of a full disk how many runs are saved, and how to continue."""
+        try:
+            yield
+        except EqtError as error:
+            cause = error.__cause__
+            full = isinstance(cause, OSError) and cause.errno in NO_SPACE
+            if not full and not isinstance(error, FullDiskError):
+                raise
+            kept, total = self.kept_runs(study), study.plans.total
+            if not kept:
+                raise
+            again = Remedy("free some space and run the same command again")
+            elsewhere = Remedy("move the folder to another disk and name it with {}", "out")
+            if kept == total:
+                again = Remedy(f"free some space and run `eqt pack {self.path}`")
+                elsewhere = Remedy("move the folder to another disk and run `eqt pack` there")
+            message = f"{error.args[0]}; {kept} of {total} runs are kept in {self.path}"
+            raise FullDiskError(message, again, elsewhere) from error
 
     @property
     def is_tidy(self) -> bool:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -30,15 +30,6 @@ TEXT_BYTES = 16
 MIXED = "mixed"
 """Unit of a variable whose unit differs between points."""
 
-Positions = tuple[int | slice, ...]
-
-
-class Destination(Protocol):
-    """Receives the variables of a piece."""
-
-    def put(self, name: str, data: Array, positions: Positions = ()) -> None:
-        """Write part of a variable, at positions along (point,) and its further axes."""
-
 
 @dataclass(frozen=True)
 class NewResultFile:
@@ -56,7 +47,7 @@ class NewResultFile:
 
     root: Assembly
     groups: list[Assembly]
-    places: Sequence[Destination]
+    places: "Sequence[Destination]"
 
 
 class Layout:
@@ -154,10 +145,10 @@ def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
             return
         of_point = {p: layouts[index] for index, points in enumerate(study.shapes) for p in points}
         groups = [_group(file, study, point, of_point[point]) for point in range(len(study))]
-        places = [
-            _Spread(file, [groups[p] for p in points], points, layouts[index], set(blanks))
-            for index, points in enumerate(study.shapes)
-        ]
+        places = []
+        for points, layout in zip(study.shapes, layouts, strict=True):
+            by_point = {entry.name for entry in layout.quantities if layout.by_point(entry)}
+            places.append(_Spread(file, [groups[p] for p in points], points, by_point, blanks))
         yield NewResultFile(file, groups, places)
 
 
@@ -198,22 +189,24 @@ def _sizes(given: Mapping[str, Variable]) -> dict[str, int]:
     return {name: len(given[name].data) for name in given if given[name].dims == (name,)}
 
 
+@dataclass(frozen=True)
 class _Spread:
-    """Writes the variables of a piece to the groups of its points, and metrics also to the root."""
+    """Writes the variables of a piece to the groups of its points, and metrics also to the root.
 
-    def __init__(
-        self,
-        root: Assembly,
-        groups: list[Assembly],
-        points: Sequence[int],
-        layout: Layout,
-        of_root: Collection[str],
-    ) -> None:
-        self.root, self.groups, self.points = root, groups, points
-        self.by_point = {entry.name for entry in layout.quantities if layout.by_point(entry)}
-        self.in_root = {entry.name for entry in layout.of(ValuePer.RUN) if entry.name in of_root}
+    Attributes
+    ----------
+    by_point, in_root
+        Names of the variables with separate values for each point, and of those in the root.
+    """
 
-    def put(self, name: str, data: Array, positions: Positions = ()) -> None:
+    root: Assembly
+    groups: list[Assembly]
+    points: Sequence[int]
+    by_point: Collection[str]
+    in_root: Collection[str]
+
+    def put(self, name: str, data: Array, positions: tuple[int | slice, ...] = ()) -> None:
+        """Write part of a variable, at positions along (point,) and its further axes."""
         if name not in self.by_point:
             for group in self.groups:
                 group.put(name, data, positions)
@@ -225,6 +218,10 @@ class _Spread:
             self.groups[inner].put(name, values, tuple(rest))
             if name in self.in_root:
                 self.root.put(name, values, (self.points[inner], *rest))
+
+
+Destination = Assembly | _Spread
+"""Receives the variables of a piece."""
 
 
 def swept_coordinates(study: Study) -> dict[str, Variable]:

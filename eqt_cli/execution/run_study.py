@@ -7,7 +7,7 @@ import json
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,15 +15,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import (
-    OTHER_FOLDER,
-    EqtError,
-    EqtWarning,
-    FullDiskError,
-    Remedy,
-    ResultError,
-)
-from eqt_cli.core.files import NO_SPACE
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, ResultError
 from eqt_cli.core.reporting import RUNS_DONE, reporter, step
 from eqt_cli.engines import Status
 from eqt_cli.execution.compute_part import PartTask, checked_states, read_part
@@ -35,14 +27,7 @@ from eqt_cli.execution.folder import CONFIG, RERUN, ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
 from eqt_cli.execution.part_files import PartFiles
 from eqt_cli.execution.provenance import OTHERS, differences, now, provenance, timed, together
-from eqt_cli.execution.result_layout import (
-    Destination,
-    Layout,
-    NewResultFile,
-    described,
-    in_root,
-    new_result_file,
-)
+from eqt_cli.execution.result_layout import Destination, Layout, described, in_root, new_result_file
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.experiment.parts import StudyPart
 from eqt_cli.experiment.study import Study
@@ -161,12 +146,12 @@ def execute(
     complete = None if force else _complete(study, folder)
     if complete and not (rerun_failed and complete.failed):
         return complete
-    kept = 0 if force else _kept_runs(study, folder)
+    kept = 0 if force else folder.kept_runs(study)
     if complete:
         kept = complete.runs - complete.failed
     check_resources(study, out, 1 - kept / study.plans.total)
     with ExitStack() as locks:
-        locks.enter_context(_reporting_kept_runs(study, folder))
+        locks.enter_context(folder.reporting_kept_runs(study))
         locks.enter_context(locked(out, shared=shard is not None))
         if shard:
             locks.enter_context(
@@ -196,7 +181,7 @@ def pack_folder(study: Study, out: Path) -> Execution:
     folder.check()
     if complete := _complete(study, folder):
         return complete
-    with _reporting_kept_runs(study, folder), locked(out):
+    with folder.reporting_kept_runs(study), locked(out):
         if (folder.manifest or {}).get("digest") != study.digest:
             raise folder.of_another(study, Remedy(f"undo the changes of {out / CONFIG}"))
         missing = len(PartTask(study, folder.parts).missing())
@@ -224,37 +209,6 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
             folder.tidy()
             folder.finish({"finished": now(), **manifest})
     return Execution(folder, True, [], study.plans.total, int(manifest.get("failed", 0)))
-
-
-def _kept_runs(study: Study, folder: ResultFolder) -> int:
-    """Return the number of a study's runs that its folder holds in finished parts."""
-    if (folder.manifest or {}).get("digest") != study.digest:
-        return 0
-    return sum(study.plans.runs_of(n) for n in folder.parts.listed() if n < len(study.plans))
-
-
-@contextmanager
-def _reporting_kept_runs(study: Study, folder: ResultFolder) -> Iterator[None]:
-    """Add to an error of a full disk how many runs are saved, and how to continue."""
-    try:
-        yield
-    except EqtError as error:
-        cause = error.__cause__
-        full = isinstance(cause, OSError) and cause.errno in NO_SPACE
-        if not full and not isinstance(error, FullDiskError):
-            raise
-        kept, total = _kept_runs(study, folder), study.plans.total
-        if not kept:
-            raise
-        raise FullDiskError(
-            f"{error.args[0]}; {kept} of {total} runs are kept in {folder.path}",
-            Remedy("free some space and run the same command again")
-            if kept < total
-            else Remedy(f"free some space and run `eqt pack {folder.path}`"),
-            Remedy("move the folder to another disk and name it with {}", "out")
-            if kept < total
-            else Remedy("move the folder to another disk and run `eqt pack` there"),
-        ) from error
 
 
 def _without_work(shard: Shard, out: Path, parts: int) -> EqtWarning:
@@ -438,7 +392,7 @@ def pack(
             for name, values in (shared or {}).items():
                 place.put(name, values[::decimate])
         with step(PACKING, len(task)):
-            states, work = _put_parts(task, file)
+            states, work = _put_parts(task, file.places)
         pieces = [study.piece(index) for index in range(len(study.shapes))]
         redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in pieces)
         deadline = time.monotonic() + max(LEAST_SECONDS, seconds.get("simulation", 0.0))
@@ -467,7 +421,7 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
         for written in (file.root, *file.groups):
             written.replaces = True
         with step(PACKING, len(task)):
-            _put_parts(task, file)
+            _put_parts(task, file.places)
         file.root.describe({**old.attributes, **attributes})
     with open_results(results) as new:
         return int(np.count_nonzero(new["status"]))
@@ -492,8 +446,10 @@ def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
         yield slice(start, min(start + step, shape[0]))
 
 
-def _put_parts(task: PartTask, file: NewResultFile) -> tuple[_ByController, _ByController]:
-    """Write the content of all finished parts into the result file.
+def _put_parts(
+    task: PartTask, places: Sequence[Destination]
+) -> tuple[_ByController, _ByController]:
+    """Write the content of all finished parts into the result file, by piece.
 
     Returns
     -------
@@ -505,7 +461,7 @@ def _put_parts(task: PartTask, file: NewResultFile) -> tuple[_ByController, _ByC
     work: _ByController = defaultdict(lambda: defaultdict(list))
     for item, listed in sorted(task.files.listed().items()):
         index, part = task.part(item)
-        study, place = task.study.piece(index), file.places[index]
+        study, place = task.study.piece(index), places[index]
         layout = Layout(study)
         label, loop = list(study.base.loops.items())[part.controller]
         try:

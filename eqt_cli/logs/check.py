@@ -11,14 +11,7 @@ from eqt_cli.core.arrays import Array, apply_matrix, norm, transpose
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup, groups
 from eqt_cli.groups.euclidean import EuclideanGroup
-from eqt_cli.logs.mapping import (
-    PARTNERS,
-    LogMapping,
-    MappingError,
-    TrajectoryFormat,
-    is_angular,
-    units_of,
-)
+from eqt_cli.logs.mapping import PARTNERS, LogMapping, MappingError, TrajectoryFormat, units_of
 from eqt_cli.logs.reading import (
     EULER,
     VELOCITY,
@@ -428,7 +421,7 @@ def notes(log: Log) -> Iterator[str]:
 
 def _angles_without_unit(log: Log) -> Iterator[str]:
     for name in log.columns.names:
-        if is_angular(name) and not log.sheet.units.get(name):
+        if "rad" in units_of(name) and not log.sheet.units.get(name):
             largest = float(np.abs(log.table.columns[name]).max())
             if largest > 2 * np.pi:
                 yield (

@@ -30,16 +30,6 @@ def units_of(name: str) -> tuple[str, ...]:
     return next(matching, ())
 
 
-def is_angular(name: str) -> bool:
-    """Whether a pose column of this name holds an angle or a rotation vector's component."""
-    return "rad" in units_of(name)
-
-
-def is_known(name: str, unit: str) -> bool:
-    """Whether a column may have this unit; an empty unit stands for the default."""
-    return not unit or any(factor(unit, own) for own in units_of(name))
-
-
 def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:
     """Return the factor that converts a column to eqt's units.
 

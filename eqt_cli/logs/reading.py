@@ -231,18 +231,14 @@ def _assembled(
         angle = table.get(rotation)
         rotations = G.rotation(G.exp(np.pad(angle, ((0, 0), (0, G.dimension - 1)))))
     elif rotation and in_space == EULER:
-        rotations = _from_euler(mapping.euler, table, suffix)
+        axis = dict(zip("zyx", EULER, strict=True))
+        angles = table.get([axis[letter] + suffix for letter in mapping.euler.lower()])
+        rotations = rotation_of_euler(mapping.euler, angles)
     elif rotation:
         rotations = G.rotation_towards(table.get(rotation))
     rows = table.get(columns[len(rotation) :]) if G.columns else np.zeros((len(table), 0))
     translations = rows.reshape(len(table), len(G.columns), G.space).swapaxes(-1, -2)
     return _in_axes(G, rotations, translations, mapping)
-
-
-def _from_euler(sequence: str, table: LogTable, suffix: str) -> Array:
-    axis = dict(zip("zyx", EULER, strict=True))
-    angles = table.get([axis[letter] + suffix for letter in sequence.lower()])
-    return rotation_of_euler(sequence, angles)
 
 
 def _in_axes(
@@ -312,9 +308,8 @@ class Log:
     def gaps(self) -> Array:
         """The rows after which rows are missing."""
         steps = np.diff(self.times)
-        return (
-            np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) > 2 else np.empty(0, int)
-        )
+        usual = np.median(steps) if len(steps) > 2 else np.inf
+        return np.flatnonzero(steps > GAP * usual)
 
     def in_body(self, recorded: RecordedColumns) -> Array:
         """Return recorded velocities or wrenches in the body frame, ``(n, k)``.

@@ -15,14 +15,8 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError, suggestion
-from eqt_cli.logs.mapping import (
-    LogMapping,
-    MappingError,
-    TrajectoryFormat,
-    factor_of,
-    is_known,
-    units_of,
-)
+from eqt_cli.core.units import factor
+from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat, factor_of, units_of
 from eqt_cli.logs.ulog import DAMAGED, SUFFIX
 from eqt_cli.logs.ulog import NAMES as PX4
 
@@ -247,12 +241,9 @@ def open_sheet(text: str, name: str, form: TrajectoryFormat, mapping: LogMapping
     damaged = bool(lines) and lines[0] == DAMAGED
     lines, numbers = lines[damaged:], numbers[damaged:]
     number, header = (numbers[0], lines.pop(0)) if lines else (1, "")
-    headings, units = [], {}
-    for entry in _entries(header, ","):
-        heading, unit = _heading(entry.removeprefix("#").strip())
-        headings.append(heading)
-        units[heading] = unit
-    if _is_tum(header):
+    read = [_heading(entry.removeprefix("#").strip()) for entry in _entries(header, ",")]
+    headings, words = [heading for heading, _ in read], header.split()
+    if len(words) == MIN_ENTRIES and all(map(_is_number, words)):
         raise InputError(f"{name}:{number}: has 8 numbers separated by spaces; use the format tum")
     if not header or any(not entry or _is_number(entry) for entry in headings):
         raise InputError(
@@ -260,7 +251,7 @@ def open_sheet(text: str, name: str, form: TrajectoryFormat, mapping: LogMapping
         )
     eqt_names = _renamed(headings, mapping, f"{name}:{number}")
     order = mapping.quaternion or ""
-    known = {eqt: units[heading] for eqt, heading in zip(eqt_names, headings, strict=True)}
+    known = {eqt: unit for eqt, (_, unit) in zip(eqt_names, read, strict=True)}
     return Sheet(
         name, eqt_names, headings, known, ",", lines, numbers[1:], number, False, order, damaged
     )
@@ -281,18 +272,18 @@ def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Shee
             raise MappingError(("units", name), f"{sheet.name} has no column {name}{hint}")
         if name in used:
             factor_of(name, unit, ("units", name))
-        if units.get(name) and units[name] != unit and is_known(name, units[name]):
+        given = units.get(name) or unit
+        if given != unit and any(factor(given, own) for own in units_of(name)):
             raise MappingError(
                 ("units", name),
-                f"the header of {sheet.name} says {units[name]} for {name}, got {unit}; remove one",
+                f"the header of {sheet.name} says {given} for {name}, got {unit}; remove one",
             )
         units[name] = unit
     for name in used:
-        if not is_known(name, units.get(name, "")):
-            try:
-                factor_of(name, units[name])
-            except InputError as error:
-                raise InputError(f"{sheet.header_place}: {error.args[0]}") from None
+        try:
+            factor_of(name, units.get(name, ""))
+        except InputError as error:
+            raise InputError(f"{sheet.header_place}: {error.args[0]}") from None
     return replace(sheet, units=units)
 
 
@@ -369,11 +360,6 @@ def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> She
 def _is_eqt_name(name: str) -> bool:
     """Whether eqt has a column of this name."""
     return bool(units_of(name) or _WITHOUT_UNIT.fullmatch(name))
-
-
-def _is_tum(line: str) -> bool:
-    entries = line.split()
-    return len(entries) == MIN_ENTRIES and all(map(_is_number, entries))
 
 
 def _heading(entry: str) -> tuple[str, str]:

@@ -206,6 +206,7 @@ def by_thresholds_of_parts(quantity: Quantity, thresholds: Mapping[str, float]) 
 
 _less_is_better = partial(Quantity, better="lower")
 _compared = partial(_less_is_better, compared=(WHOLE,))
+_integrated_square = partial(_compared, units="({})^2 s", formula=r"\int {}^2\,\mathrm{d}t")
 
 
 def _statistic(of: Callable[..., Any], label: str, words: str) -> Callable[..., Quantity]:
@@ -263,13 +264,11 @@ def _closing(name: str, signal: str, what: str) -> Quantity:
 
 METRICS = (
     _mean("mean_torque", "torque_norm", "||tau||", stored=False, compared=(EARLY, WHOLE)),
-    _compared(
+    _integrated_square(
         "effort",
         "control effort, integral of ||tau||^2",
-        units="({})^2 s",
         signals=("torque_norm",),
         label="effort",
-        formula=r"\int {}^2\,\mathrm{d}t",
         of=effort,
     ),
     _peak("peak_torque", "torque_norm", "||tau||", compared=(WHOLE,)),
@@ -292,13 +291,11 @@ METRICS = (
         of=actuator_work,
     ),
     _mean("mean_pose_error", "pose_error", "||I - Q_E||_F", compared=(WHOLE,)),
-    _compared(
+    _integrated_square(
         "squared_pose_error",
         "integral of ||I - Q_E||_F^2",
-        units="({})^2 s",
         signals=("pose_error",),
         label="squared error",
-        formula=r"\int {}^2\,\mathrm{d}t",
         stored=False,
         of=integral_of_square,
     ),

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -23,14 +22,7 @@ from eqt_cli.config.source import ConfigSource, source_of
 from eqt_cli.config.yaml_source import dump, load
 from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import (
-    ComponentError,
-    ConfigError,
-    EqtError,
-    Problems,
-    printable,
-    suggestion,
-)
+from eqt_cli.core.errors import ConfigError, EqtError, Problems, printable, suggestion
 from eqt_cli.core.option_types import fields_of
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment, told_apart
@@ -222,21 +214,13 @@ class KnownResult(ResultFile):
     Labels, titles and all other texts are safe to display.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        super().__init__(path)
-        try:
-            check_attributes(self)
-            check_coordinates(self)
-        except BaseException:
-            self.close()
-            raise
+    def _check(self) -> None:
+        check_attributes(self)
+        check_coordinates(self)
 
     def at(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
         """Return a view of one point, as `ResultFile.at`."""
         view = super().at(point, attributes)
-        if self.has_groups:  # each group has its own attributes and coordinates
-            check_attributes(view)
-            check_coordinates(view)
         for kind in type(self).__mro__:
             for name, value in vars(kind).items():  # drop cached values of the whole result
                 if isinstance(value, cached_property):
@@ -274,7 +258,7 @@ class KnownResult(ResultFile):
     @cached_property
     def group(self) -> MatrixLieGroup | None:
         """The group; None if it comes from a plugin that is not loaded."""
-        with suppress(ComponentError):
+        with suppress(EqtError):
             return group_named(self.group_name)
         return None
 

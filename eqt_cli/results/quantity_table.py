@@ -49,21 +49,12 @@ _DESIRED = tuple(
     for name, like in DESIRED.items()
 )
 
-_INITIAL = (
-    Quantity(
-        "initial_pose",
-        "pose at the start, same for all controllers",
-        ValuePer.INITIAL,
-        signals=("pose",),
-        dims=("row", "col"),
-    ),
-    Quantity(
-        "initial_velocity",
-        "body velocity at the start",
-        ValuePer.INITIAL,
-        signals=("velocity",),
-        dims=("axis",),
-    ),
+_INITIAL = tuple(
+    Quantity(f"initial_{like}", words, ValuePer.INITIAL, signals=(like,), dims=_SIGNALS[like].dims)
+    for like, words in (
+        ("pose", "pose at the start, same for all controllers"),
+        ("velocity", "body velocity at the start"),
+    )
 )
 
 _OF_THE_RUN = (

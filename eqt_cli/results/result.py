@@ -56,10 +56,7 @@ class StoredRuns(KnownResult):
     @property
     def horizon(self) -> float | None:
         """Duration of the runs, s; None if it differs between points."""
-        if not self.has("time"):
-            return None
-        times = self.times
-        return float(times[-1] - times[0])
+        return float(self.times[-1] - self.times[0]) if self.has("time") else None
 
     @cached_property
     def status(self) -> Array:
@@ -76,9 +73,8 @@ class StoredRuns(KnownResult):
     @property
     def failed(self) -> dict[str, int]:
         """Number of failed runs of each controller, by label."""
-        counts = np.count_nonzero(self.status, axis=-1)
-        totals = counts.sum(axis=0) if self.is_sweep else counts
-        return {label: int(total) for label, total in zip(self.labels, totals, strict=True)}
+        counts = np.count_nonzero(self.status, axis=(0, 2) if self.is_sweep else 1)
+        return dict(zip(self.labels, counts.tolist(), strict=True))
 
     @property
     def failures(self) -> Array:
@@ -257,10 +253,8 @@ class StoredRuns(KnownResult):
 
 def meaning_of(status: int) -> str:
     """Describe a status in words."""
-    try:
-        return Status(status).name.lower().replace("_", " ")
-    except ValueError:
-        return f"status {status}"
+    names = {each.value: each.name.lower().replace("_", " ") for each in Status}
+    return names.get(status, f"status {status}")
 
 
 def _fixed(values: Array) -> Array:

@@ -60,9 +60,13 @@ class ResultFile:
             self._file = stack.enter_context(_opened(path))
             _check_format(path, safety.format_of(self._file), safety.version_of(self._file))
             self._root, self._points, self._heaps = safety.inspect(self._file, self._view)
+            self.attributes: Mapping[str, Attribute] = _Attributes(path, self._root.attributes)
+            self._show(self._root)
+            self._check()
             self._open = stack.pop_all()
-        self.attributes: Mapping[str, Attribute] = _Attributes(path, self._root.attributes)
-        self._show(self._root)
+
+    def _check(self) -> None:
+        """Refuse attributes and coordinates that eqt does not write; here, any are accepted."""
 
     def _show(self, contents: safety.Contents, fixed: Mapping[str, int] | None = None) -> None:
         """Show the root or a group, at a position along the `fixed` dimensions."""
@@ -125,6 +129,8 @@ class ResultFile:
         else:
             view._show(self._root, {POINT: point})
         view.attributes = _Attributes(self.path, merged | dict(attributes or {}))
+        if self._points:  # each group has its own attributes and coordinates
+            view._check()
         return view
 
     def single(self, what: str) -> Self:

@@ -29,22 +29,9 @@ POINT_GROUP = re.compile(r"point_(0|[1-9][0-9]*)")
 COORDINATES = "coordinates"
 """The CF attribute that names further coordinates of a variable, separated by blanks."""
 
-RESERVED = frozenset(
-    {
-        FORMAT_ATTRIBUTE,
-        VERSION_ATTRIBUTE,
-        COORDINATES,
-        "CLASS",
-        "DIMENSION_LABELS",
-        "NAME",
-        "DIMENSION_LIST",
-        "REFERENCE_LIST",
-        "_Netcdf4Dimid",
-        "_Netcdf4Coordinates",
-        "_NCProperties",
-        "_nc3_strict",
-    }
-)
+_OF_HDF5 = "CLASS NAME DIMENSION_LABELS DIMENSION_LIST REFERENCE_LIST".split()
+_OF_NETCDF = "_Netcdf4Dimid _Netcdf4Coordinates _NCProperties _nc3_strict".split()
+RESERVED = {FORMAT_ATTRIBUTE, VERSION_ATTRIBUTE, COORDINATES, *_OF_HDF5, *_OF_NETCDF}
 """Attributes that hold the structure of the file, and are never a user's."""
 
 

@@ -7,7 +7,6 @@ import hashlib
 import shutil
 import subprocess
 import sys
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
@@ -92,9 +91,9 @@ def built(monkeypatch):
     def by(lanes=4, **compiled_by):
         chosen = dataclasses.replace(compiler.compiler(), **compiled_by)
         monkeypatch.setattr(compiler, "compiler", lambda: chosen)
+        monkeypatch.setattr(compiler.Compiler, "lanes", lanes)
         for name in ("integration", "evaluation"):
-            anew = getattr(library, name).__wrapped__
-            monkeypatch.setattr(library, name, partial(anew, lanes=lanes))
+            monkeypatch.setattr(library, name, getattr(library, name).__wrapped__)
 
     return by
 

@@ -7,11 +7,10 @@ the same bits whatever its neighbours, its thread and the compiler.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -96,7 +95,7 @@ class Native(Engine):
 
     def tightened(self, factor: float) -> Native:
         """Return the engine with both tolerances times `factor`."""
-        return dataclasses.replace(self, rtol=self.rtol * factor, atol=self.atol * factor)
+        return replace(self, rtol=self.rtol * factor, atol=self.atol * factor)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
         """Return steps of DOP853."""
@@ -203,7 +202,7 @@ class Native(Engine):
             Rows(held_rows(problem.loop, times), by_sample=True),
             Rows(found.columns, by_sample=True),
         ]
-        ends = dataclasses.replace(problem, times=times[[0, -1]])
+        ends = replace(problem, times=times[[0, -1]])
         lanes = MeasuringLanes(
             ends, programs(one), self._settings, self._integration, found, times, given
         )

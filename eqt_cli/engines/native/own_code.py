@@ -47,15 +47,7 @@ SECONDS = 60.0
 """Time limit of `nm`, s."""
 
 
-WITHOUT_STATE = {
-    "memcmp",
-    "memcpy",
-    "memmove",
-    "memset",
-    "sincos",
-    "sincosf",
-    "_GLOBAL_OFFSET_TABLE_",
-}
+WITHOUT_STATE = set("memcmp memcpy memmove memset sincos sincosf _GLOBAL_OFFSET_TABLE_".split())
 """Names that compilers call of their own accord, beside those with two underscores."""
 
 
@@ -316,11 +308,6 @@ class CodeFunction:
     library: Any = field(repr=False, compare=False)
     fills: bool = False
 
-    @property
-    def row(self) -> int:
-        """The number of entries of an input."""
-        return sum(self.code.inputs.values())
-
     def started(self, numbers: Array, period: float, inputs: Array) -> Array:
         """Return the memory at the start of runs with these inputs, ``(runs, …)``."""
         memory = np.zeros((len(inputs), sum(self.lengths.values())))
@@ -382,7 +369,7 @@ class CodeFunction:
         kept = np.array(memory, dtype=float, order="C")
         rows = np.ascontiguousarray(inputs, dtype=float)
         torques = np.empty((runs, self.code.axes))
-        assert rows.shape == (runs, self.row)
+        assert rows.shape == (runs, sum(self.code.inputs.values()))
         arrays = (given, kept, rows, torques, *outcomes)
         addresses = [ctypes.c_void_p(a.ctypes.data) for a in arrays] + [None] * (6 - len(arrays))
         self.library.eqt_code(
