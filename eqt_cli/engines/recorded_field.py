@@ -174,22 +174,8 @@ class Recorded(NDArrayOperatorsMixin):
         self, recording: RecordedCalls, value: Array, memory: _Memory | None = None
     ) -> None:
         self.recording, self.value, self.memory = recording, value, memory or _Memory()
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return self.value.shape
-
-    @property
-    def ndim(self) -> int:
-        return self.value.ndim
-
-    @property
-    def size(self) -> int:
-        return self.value.size
-
-    @property
-    def dtype(self) -> Any:
-        return self.value.dtype
+        self.shape, self.ndim = value.shape, value.ndim
+        self.size, self.dtype = value.size, value.dtype
 
     @property
     def T(self) -> Recorded:

@@ -26,7 +26,7 @@ from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.engines.base import Reduction, SampledFunction
 from eqt_cli.engines.problem import Problem
 from eqt_cli.program import Program, traced
-from eqt_cli.program.rewriting import Chain, Places
+from eqt_cli.program.rewriting import Chain
 from eqt_cli.program.running import Memory, Running
 from eqt_cli.vehicle.sensors.channels import Errors
 
@@ -103,8 +103,8 @@ def trace(loop: ClosedLoop) -> LoopPrograms:
     if instant.law is None:
         return LoopPrograms(program, None, instant)
     if loop.vehicle.solves:
-        return LoopPrograms(program, None, instant, instant.asked(loop))
-    return LoopPrograms(program, instant.chained(loop))
+        return LoopPrograms(program, None, instant, instant.joined(loop))
+    return LoopPrograms(program, instant.joined(loop))
 
 
 @dataclass(frozen=True)
@@ -127,23 +127,12 @@ class InstantPrograms:
     law: LawProgram | None
     answered: Program
 
-    def chained(self, loop: ClosedLoop) -> Program:
-        """Return one program: ``state`` from the loop's inputs, bit for bit as the programs'."""
-        chain, inputs, torque, memory, measured = self._answer(loop)
-        after = inputs | measured | {"torque": torque, "memory": memory}
-        state = chain.then(self.answered, after)["state"]
-        return chain.program({"state": ((loop.state_length,), state)})
+    def joined(self, loop: ClosedLoop) -> Program:
+        """Return one program from the loop's inputs, bit for bit as the programs'.
 
-    def asked(self, loop: ClosedLoop) -> Program:
-        """Return the program of ``torque``, ``memory`` if there is any, and the measured state."""
-        chain, _, torque, memory, measured = self._answer(loop)
-        outputs = {"torque": torque} | ({"memory": memory} if memory else {}) | measured
-        return chain.program({name: ((len(places),), places) for name, places in outputs.items()})
-
-    def _answer(
-        self, loop: ClosedLoop
-    ) -> tuple[Chain, dict[str, Places], Places, Places, dict[str, Places]]:
-        """Return a chain with the law: its inputs, torque, memory, and the measured state."""
+        It gives ``state``; before a vehicle with a solver, ``torque``, ``memory`` if there is any,
+        and the measured state.
+        """
         control = loop.vehicle.control
         assert control is not None and self.law is not None
         chain = Chain(dict(self.told.inputs))
@@ -159,7 +148,10 @@ class InstantPrograms:
         answer = chain.then(self.law.step, given)
         memory = [place for entry in self.law.memory for place in answer[MEMORY + entry.name]]
         measured = {"state": told["state"]} if "state" in told else {}
-        return chain, inputs, answer[TORQUE], memory, measured
+        outputs = {"torque": answer[TORQUE]} | ({"memory": memory} if memory else {}) | measured
+        if not loop.vehicle.solves:
+            outputs = chain.then(self.answered, {**inputs, "memory": memory, **outputs})
+        return chain.program({name: ((len(places),), places) for name, places in outputs.items()})
 
 
 def law_of(loop: ClosedLoop) -> LawProgram:

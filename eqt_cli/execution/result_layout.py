@@ -157,12 +157,10 @@ def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[s
     swept = swept_coordinates(study)
     if not study.is_ragged:
         return layouts[0].blanks(), layouts[0].coordinates | swept
-    wanted = _shared(layouts[0], layouts[1:])
-    first, *rest = [layout.blanks(layout.of(ValuePer.RUN)) for layout in layouts]
+    every = [layout.blanks(layout.of(ValuePer.RUN)) for layout in layouts]
     kept = {
-        name: replace(blank, attributes=_agreed([one[name].attributes for one in (first, *rest)]))
-        for name, blank in first.items()
-        if name in {entry.name for entry in wanted}
+        name: replace(every[0][name], attributes=_agreed([one[name].attributes for one in every]))
+        for name in (entry.name for entry in _shared(layouts[0], layouts[1:]))
     }
     shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
     return kept, shared | swept

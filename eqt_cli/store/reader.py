@@ -205,16 +205,14 @@ class ResultFile:
                     f"{self.path}: '{name}' has no dimension '{dim}'"
                     f"{suggestion(dim, dims)}; its dimensions are: {', '.join(dims)}"
                 )
-        positions = [
-            self._fixed[dim]
-            if dim in self._fixed
-            else _positions(
-                f"{self.path}: '{name}': {dim}",
-                self._labelled(name, dim, selection.get(dim)),
-                self.dimensions[dim],
-            )
-            for dim in entry.dims
-        ]
+        positions: list[int | slice | NDArray[Any]] = []
+        for dim in entry.dims:
+            if dim in self._fixed:
+                positions.append(self._fixed[dim])
+                continue
+            place = f"{self.path}: '{name}': {dim}"
+            chosen = self._labelled(place, dim, selection.get(dim))
+            positions.append(_positions(place, chosen, self.dimensions[dim]))
         if not self._file:
             raise ResultError(f"{self.path}: is closed; read within its `with` block")
         with _guard(self.path, name):
@@ -223,18 +221,17 @@ class ResultFile:
                 return _read(entry.dataset.asstr(), positions).astype(object)
             return _read(entry.dataset, positions)
 
-    def _labelled(self, name: str, dim: str, selection: Selection | None) -> Positions | None:
+    def _labelled(self, place: str, dim: str, selection: Selection | None) -> Positions | None:
         """Return a selection with positions in place of labels."""
         if isinstance(selection, str):
-            return self._position_of(name, dim, selection)
+            return self._position_of(place, dim, selection)
         if isinstance(selection, Sequence):
-            return [self._position_of(name, dim, label) for label in selection]
+            return [self._position_of(place, dim, label) for label in selection]
         return selection
 
-    def _position_of(self, name: str, dim: str, label: int | str) -> int:
+    def _position_of(self, place: str, dim: str, label: int | str) -> int:
         if not isinstance(label, str):
             return label
-        place = f"{self.path}: '{name}': {dim}"
         if dim not in self.coordinates or not self._entry(dim).is_text:
             raise ResultError(
                 f"{place}: has no labels, so '{label}' selects nothing; use positions"

@@ -263,9 +263,8 @@ def _kind(parent: Any, raw: bytes, path: str) -> int:
     return int(h5py.h5o.get_info(parent, raw).type)
 
 
-def _datasets(parent: Any, names: Iterable[bytes], path: str) -> dict[str, Any]:
+def _datasets(parent: Any, names: list[bytes], path: str) -> dict[str, Any]:
     """Open objects in `path`, which must all be datasets."""
-    names = list(names)
     if len(names) > MOST_DATASETS:
         raise Refusal(f"it holds {len(names)} datasets in '{path or '/'}'")
     return {raw.decode(): _dataset(parent, raw, path) for raw in names}

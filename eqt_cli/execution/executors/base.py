@@ -15,7 +15,6 @@ from eqt_cli.core.reporting import reporter
 if TYPE_CHECKING:
     from eqt_cli.engines import Engine
 
-Progress = Callable[[float], None]
 
 MOST_TRIES = 3
 """Number of lost workers after which an item is given up."""
@@ -33,7 +32,7 @@ class TaskContext:
         Largest number of threads to use.
     """
 
-    progress: Progress = field(default_factory=lambda: reporter().advance)
+    progress: Callable[[float], None] = field(default_factory=lambda: reporter().advance)
     threads: int = 1
 
 
