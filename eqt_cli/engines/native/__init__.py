@@ -113,7 +113,8 @@ class Native(Engine):
 
     def integrator(self, problem: Problem) -> Lanes:
         """Return the integrator of lanes, whose steps depend on their own run only."""
-        return Lanes(problem, programs(LoopKey(problem.loop)), self._settings, self._integration)
+        law = programs(LoopKey(problem.loop))
+        return Lanes(problem, law, self._settings, self._integration(law.field))
 
     def _integration(
         self, field: Program, at_samples: SampleProgram | None = None
@@ -202,10 +203,10 @@ class Native(Engine):
             Rows(held_rows(problem.loop, times), by_sample=True),
             Rows(found.columns, by_sample=True),
         ]
-        ends = replace(problem, times=times[[0, -1]])
-        lanes = MeasuringLanes(
-            ends, programs(one), self._settings, self._integration, found, times, given
-        )
+        ends, law = replace(problem, times=times[[0, -1]]), programs(one)
+        at_samples = SampleProgram(found.at_sample, tuple(row.length for row in given))
+        advance = self._integration(law.field, at_samples)
+        lanes = MeasuringLanes(ends, law, self._settings, advance, found, times, given)
         solution = walked(lanes, self.groups(ends, workers), progress, workers)
         last = library.evaluation(found.ended, (len(found.starts),))
         numbers = last(problem.runs, 1, [Rows(lanes.memory, by_run=True)])

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines.native import library
-from eqt_cli.engines.native.library import Measuring, Rows
-from eqt_cli.engines.native.source import SampleProgram
+from eqt_cli.engines.native.library import Advance, Measuring, Rows
 from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.traced_loop import (
     InstantPrograms,
@@ -24,9 +24,6 @@ from eqt_cli.mechanics.law_input import LawInput
 from eqt_cli.program import Program
 from eqt_cli.vehicle.sensors.channels import Errors
 
-Integration = Callable[[Program, SampleProgram | None], library.Advance]
-"""Returns what integrates a field, and what looks at its samples."""
-
 
 class Lanes(Integrator):
     """Integrates a group of runs, as many side by side as there are lanes.
@@ -37,22 +34,15 @@ class Lanes(Integrator):
         The programs of the loop.
     settings
         ``rtol`` and ``atol``, the tolerances of a step, and ``most_steps``, of a run.
-    integration
-        What integrates the field, and measures by a program: the CPU or a device.
-    at_samples
-        Program that looks at each sample; without it, states are stored.
+    advance
+        What integrates the field of the loop: the CPU or a device.
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        law: LoopPrograms,
-        settings: Mapping[str, float],
-        integration: Integration,
-        at_samples: SampleProgram | None = None,
+        self, problem: Problem, law: LoopPrograms, settings: Mapping[str, float], advance: Advance
     ) -> None:
         super().__init__(problem)
-        self._law, self._advance = law, integration(law.field, at_samples)
+        self._law, self._advance = law, advance
         self._compiled: dict[int, library.Evaluation] = {}
         self._settings = settings
         self._all_parameters = parameter_rows(problem)
@@ -184,8 +174,10 @@ class MeasuringLanes(Lanes):
     ----------
     problem
         Problem with the first and the last sample time only.
+    advance
+        What integrates the field, and measures by a program that looks at each sample.
     measures
-        Programs that measure.
+        The programs that measure.
     times
         All sample times, s.
     rows
@@ -204,16 +196,16 @@ class MeasuringLanes(Lanes):
         problem: Problem,
         law: LoopPrograms,
         settings: Mapping[str, float],
-        integration: Integration,
+        advance: Advance,
         measures: RunningPrograms,
         times: Array,
         rows: Sequence[Rows],
     ) -> None:
-        at_samples = SampleProgram(measures.at_sample, tuple(row.length for row in rows))
-        super().__init__(problem, law, settings, integration, at_samples)
+        super().__init__(problem, law, settings, advance)
         self._sample_times, self._rows, self._starts = times, rows, measures.starts
         self.memory = np.empty((problem.runs, len(measures.starts)))
-        self.kept = np.empty((problem.runs, len(times), at_samples.kept))
+        kept = sum(math.prod(shape) for _, shape in measures.kept)
+        self.kept = np.empty((problem.runs, len(times), kept))
 
     def advance(self, span: Span, states: Array) -> SpanResult:
         """Integrate and measure these runs, which are neighbours."""
