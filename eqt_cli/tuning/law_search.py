@@ -61,10 +61,8 @@ class LawSearch:
 
     def values(self, shares: Sequence[float]) -> dict[str, float]:
         """Return the values at a point of the unit cube, by key."""
-        return {
-            key: axis.at(share)
-            for (key, axis), share in zip(self.axes.items(), shares, strict=True)
-        }
+        axes = zip(self.axes.items(), shares, strict=True)
+        return {key: axis.at(share) for (key, axis), share in axes}
 
     def as_written(self, path: str) -> str:
         """Translate a path of `source` into one of the user's configuration."""

@@ -81,8 +81,6 @@ class Search(Searches[TuneSection]):
         return cases or super().in_cases(law)
 
     def over_cases(self, cases: Sequence[Scores]) -> Scores:
-        if not self.cases:
-            return super().over_cases(cases)
         return Scores.over_cases(cases, worst=self.section.over_cases == "worst")
 
     @property
@@ -196,11 +194,6 @@ class Search(Searches[TuneSection]):
 def started(label: str) -> str:
     """Return the label of a law at its starting gains."""
     return f"{label}, start"
-
-
-def seeded(label: str, seed: int) -> str:
-    """Return the label of the winner of one search, where another search found a better one."""
-    return f"{label}, seed {seed}"
 
 
 OF_LAWS = {
@@ -333,12 +326,13 @@ class Tuned:
         Empty for a front: only the front of all searches together is confirmed.
         """
         names: dict[int, str] = {}
+        label = self.law.label
         for seed, winners in self.by_seed.items():
             if winners and not self.seeks_front:
                 best = self.searches[seed].shares[winners[0]]
                 same = np.array_equal(best, self.population.shares[self.winners[0]])
-                taken = self.law.label in names.values()
-                names[seed] = self.law.label if same and not taken else seeded(self.law.label, seed)
+                is_best = same and label not in names.values()
+                names[seed] = label if is_best else f"{label}, seed {seed}"
         return names
 
     @property

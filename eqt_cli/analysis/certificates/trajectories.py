@@ -324,16 +324,6 @@ class MomentumConvergence(Convergence):
         return self.arrived(runs, left.left, left.arrived, left, LEFT)
 
 
-@dataclass(frozen=True)
-class _Ending:
-    """The final behaviour of an error, with its verdict."""
-
-    name: str
-    left: float
-    verdict: Verdict
-    reason: str
-
-
 class Tracks(TrajectoryCheck):
     """The errors of pose and velocity over the last fifth of the horizon, relative to the first.
 
@@ -350,42 +340,44 @@ class Tracks(TrajectoryCheck):
             ("pose", runs.pose_error, runs.threshold),
             ("velocity", runs.velocity_error, LEFT * runs.desired_speed),
         )
-        endings = []
+        endings: dict[str, tuple[float, Verdict, str]] = {}
         for name, errors, near in given:
             if errors is None or not len(errors):
                 return self.undecided(runs, "" if errors is not None else NOT_STORED)
             fifths = Fifths.of(runs.times, errors)
             if fifths is None:
                 return self.undecided(runs, f"{len(runs.times)} samples are too few")
-            endings.append(self._ending(runs, name, errors, near, fifths))
-        worst = max(endings, key=lambda each: (_WORSE.index(each.verdict), each.left))
-        both = ", ".join(f"{each.name} {each.left:.2g}" for each in endings)
-        doubts = dict.fromkeys(each.reason for each in endings if each.verdict is worst.verdict)
+            endings[name] = fifths.left, *self._ending(runs, errors, near, fifths)
+        left, worst, _ = max(endings.values(), key=lambda each: (_WORSE.index(each[1]), each[0]))
+        both = ", ".join(f"{name} {ratio:.2g}" for name, (ratio, *_) in endings.items())
+        doubts = dict.fromkeys(why for _, verdict, why in endings.values() if verdict is worst)
         remark = joined(both, *doubts, runs.remark)
         bound = GROWN if runs.departures else TRACKED
-        return self.row(worst.verdict, worst.left, bound, remark, runs.label)
+        return self.row(worst, left, bound, remark, runs.label)
 
-    def _ending(self, runs: Runs, name: str, errors: Array, near: float, fifths: Fifths) -> _Ending:
-        """Judge an error; values below `near` count as none."""
+    def _ending(
+        self, runs: Runs, errors: Array, near: float, fifths: Fifths
+    ) -> tuple[Verdict, str]:
+        """Judge an error, with the reason; values below `near` count as none."""
         left, closing = fifths.left, float(np.median(fifths.last))
         size = max(float(np.median(errors.max(axis=1))), runs.desired_speed, SMALLEST_SCALE)
         near = max(near, STATES_PER_RTOL * runs.rtol * size)
         if left < TRACKED or closing < near:
-            return _Ending(name, left, Verdict.HOLDS, "")
+            return Verdict.HOLDS, ""
         if fifths.still_falls() or _falls(runs):
-            return _Ending(name, left, Verdict.UNDECIDED, "the error still falls")
+            return Verdict.UNDECIDED, "the error still falls"
         if runs.rate is not None and runs.rate * SPAN * (runs.times[-1] - runs.times[0]) < -np.log(
             TRACKED
         ):
             words = f"small errors decay at {runs.rate:.2g} 1/s, too slowly for this horizon"
-            return _Ending(name, left, Verdict.UNDECIDED, words)
+            return Verdict.UNDECIDED, words
         if _start_on_reference(runs):
-            return _Ending(name, left, Verdict.UNDECIDED, "the runs begin on the reference")
+            return Verdict.UNDECIDED, "the runs begin on the reference"
         if runs.departures and (left <= GROWN or not _has_grown(runs)):
-            return _Ending(name, left, Verdict.UNDECIDED, runs.departures)
+            return Verdict.UNDECIDED, runs.departures
         if runs.claims_decrease and not _has_grown(runs):
-            return _Ending(name, left, Verdict.UNDECIDED, "L has not grown")
-        return _Ending(name, left, Verdict.FAILS, "the error no longer falls")
+            return Verdict.UNDECIDED, "L has not grown"
+        return Verdict.FAILS, "the error no longer falls"
 
 
 _WORSE = (Verdict.HOLDS, Verdict.UNDECIDED, Verdict.FAILS)

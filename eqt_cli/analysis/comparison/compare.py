@@ -408,13 +408,12 @@ def _judgements(
     return rows
 
 
-def _uncut(chosen: Sequence[tuple[Quantity, Window]], windows: Sequence[Window]) -> list[str]:
+def _uncut(chosen: Sequence[tuple[Quantity, Window]], windows: Sequence[Window]) -> Iterator[str]:
     """Note the measures to which the chosen windows do not apply."""
     names = [measure.name for measure, _ in chosen if not measure.windowed] if windows else []
-    if not names:
-        return []
-    verb = "have windows of their own" if len(names) > 1 else "has a window of its own"
-    return [f"Windows do not apply to {', '.join(names)}, which {verb}."]
+    if names:
+        verb = "have windows of their own" if len(names) > 1 else "has a window of its own"
+        yield f"Windows do not apply to {', '.join(names)}, which {verb}."
 
 
 def _clipped(result: Result, windows: Sequence[Window]) -> list[str]:
@@ -427,18 +426,17 @@ def _clipped(result: Result, windows: Sequence[Window]) -> list[str]:
     ]
 
 
-def _missing(result: Result) -> list[str]:
+def _missing(result: Result) -> Iterator[str]:
     """Note the numbers that need trajectories which are not stored."""
     stored = len(result.stored_runs)
     if stored == 0:
-        return [
+        yield (
             "No trajectories are stored, so only stored metrics are compared: no other windows, no "
             "parts of other norms, no integral that is not among them, and no test that L never "
             "rises. Set store.trajectories to all for these."
-        ]
-    if stored < result.runs:
-        return [
+        )
+    elif stored < result.runs:
+        yield (
             f"Trajectories are stored of the first {stored} of {result.runs} runs; numbers that "
             "take trajectories are about those."
-        ]
-    return []
+        )

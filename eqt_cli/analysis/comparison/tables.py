@@ -356,13 +356,11 @@ def _functions(comparison: Comparison) -> list[str]:
 
 
 def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: str) -> TextTable:
-    position = {label: index for index, label in enumerate(comparison.labels)}
-
     def names(pair: Pair) -> tuple[str, str]:
         return pair.first, pair.second
 
-    def order(pair: Pair) -> tuple[int, int]:
-        return position[pair.first], position[pair.second]
+    def order(pair: Pair) -> list[int]:
+        return list(map(comparison.labels.index, names(pair)))
 
     shown = [p for p in comparison.pairs if not against or set(names(p)) & set(against)]
     blocks = []

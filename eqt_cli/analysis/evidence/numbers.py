@@ -48,29 +48,28 @@ def is_number(x: Any) -> bool:
 
 def rate_of(numbers: Array) -> Array:
     """Return the rates of change as numbers without rates."""
-    return _each(lambda x: x.derivative() if is_number(x) else 0.0, numbers)
+    return entrywise(lambda x: x.derivative() if is_number(x) else 0.0, numbers)
 
 
 def with_rate(numbers: Array, rates: Any) -> Array:
     """Return the numbers with these rates instead of their own; not all may be plain floats."""
-    numbers, rates = np.broadcast_arrays(
-        np.asarray(numbers, dtype=object), np.asarray(rates, dtype=object)
-    )
+    numbers, rates = (np.asarray(array, dtype=object) for array in (numbers, rates))
     kind = next(type(x) for array in (numbers, rates) for x in array.flat if is_number(x))
-    return _each(lambda x, rate: kind.of(x).moving(kind.of(rate)), numbers, rates)
+    return entrywise(lambda x, rate: kind.of(x).moving(kind.of(rate)), numbers, rates)
 
 
 def floats(numbers: Array) -> Array:
     """Return the values as floats."""
-    return _each(lambda x: x.nearest if is_number(x) else x, numbers).astype(float)
+    return entrywise(lambda x: x.nearest if is_number(x) else x, numbers).astype(float)
 
 
 def granted(numbers: Array, error: float) -> Array:
     """Return the numbers with error bounds raised by `error`, if they have error bounds."""
-    return _each(lambda x: x.granted(error) if is_number(x) else x, numbers)
+    return entrywise(lambda x: x.granted(error) if is_number(x) else x, numbers)
 
 
-def _each(function: Any, *arrays: Array) -> Array:
+def entrywise(function: Any, *arrays: Any) -> Array:
+    """Return the values of a function at the entries of arrays, broadcast against each other."""
     results = np.frompyfunc(function, len(arrays), 1)(*arrays)
     return np.asarray(results, dtype=object)
 
@@ -202,12 +201,13 @@ class Bounded(Number):
 def lifted(values: Array, errors: Any = 0.0, rates: Any = 0.0) -> Array:
     """Convert floats to `Bounded` numbers with given errors and rates."""
     parts = [np.asarray(part, dtype=float) for part in (values, errors, rates)]
-    return _each(Bounded, *parts)
+    return entrywise(Bounded, *parts)
 
 
 def value_of(numbers: Array) -> tuple[Array, Array]:
     """Return the values and the bounds of their errors, as floats."""
-    return _read(numbers, "value"), _read(numbers, "error")
+    errors = entrywise(lambda x: x.error if is_number(x) else 0.0, numbers)
+    return floats(numbers), errors.astype(float)
 
 
 def discrepancy(left: Array, right: Array) -> tuple[float, float]:
@@ -222,12 +222,6 @@ def discrepancy(left: Array, right: Array) -> tuple[float, float]:
     ratio = np.where(np.isnan(ratio), math.inf, ratio)
     worst = np.unravel_index(ratio.argmax() if ratio.any() else difference.argmax(), ratio.shape)
     return float(difference[worst]), float(bound[worst])
-
-
-def _read(numbers: Array, attribute: str) -> Array:
-    numbers = np.asarray(numbers, dtype=object)
-    values = [getattr(Bounded.of(entry), attribute) for entry in numbers.flat]
-    return np.array(values, dtype=float).reshape(numbers.shape)
 
 
 register_symbols(

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.analysis.evidence.exact import Exact, Ledger, free, inverse, noting
-from eqt_cli.analysis.evidence.numbers import UNIT, is_number, lifted, with_rate
+from eqt_cli.analysis.evidence.numbers import UNIT, entrywise, is_number, lifted, with_rate
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.expressions import Expression, Node
@@ -95,8 +95,7 @@ class Sample:
 
     def lifted(self, values: Any) -> Array:
         """Convert floats or numbers to the sample's kind of number, without rates."""
-        kind = type(self.flat.flat[0])
-        return np.asarray(np.frompyfunc(kind.of, 1, 1)(values), dtype=object)
+        return entrywise(type(self.flat.flat[0]).of, values)
 
     @property
     def G(self) -> MatrixLieGroup:
@@ -354,7 +353,7 @@ def _with_any_force(vehicle: Vehicle, force: Array) -> Vehicle:
 
 def _freed(loop: ClosedLoop, parameters: Parameters) -> dict[str, Array]:
     """Return free tensors and gains, and the exact values of the law's own numbers."""
-    free = {path: _constants(value) for path, value in leaves(loop).items()}
+    free = {path: entrywise(Exact.of, value) for path, value in leaves(loop).items()}
     free[K] = parameters.symmetric(len(free[K]))
     free[K_D] = parameters.array(*free[K_D].shape)
     for path in {MATRIX, INITIAL} & free.keys():
@@ -362,7 +361,3 @@ def _freed(loop: ClosedLoop, parameters: Parameters) -> dict[str, Array]:
     if INVERSE in free:
         free[INVERSE] = inverse(free[MATRIX])
     return free
-
-
-def _constants(values: Array) -> Array:
-    return np.asarray(np.frompyfunc(Exact.of, 1, 1)(values), dtype=object)
