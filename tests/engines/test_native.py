@@ -48,7 +48,10 @@ FLIES = {
 LOOPS = {"SE3": ("se3", {}), "flies": ("paper", FLIES)}
 
 
-@pytest.fixture(scope="module", params=LOOPS)
+@pytest.fixture(
+    scope="module",
+    params=["flies", pytest.param("SE3", marks=pytest.mark.slow("compiles a larger group, too"))],
+)
 def loop(request):
     """The study of a few short runs, by the name of the loop."""
     name, changes = LOOPS[request.param]
@@ -113,20 +116,6 @@ def test_the_compiler_in_a_wheel_changes_no_bit(batch, expected, built):
     if not find_spec("ziglang"):
         pytest.skip("needs ziglang")
     built(command=(sys.executable, "-m", "ziglang", "cc"))
-    assert solved(batch) == expected
-
-
-# The tests compile without optimisation, users as the first of these. On x86-64, the last has
-# vectors of two numbers, and fused products in a function of libm only.
-@pytest.mark.parametrize(
-    "flags",
-    [
-        ("-O2", "-march=native"),
-        pytest.param(("-O3",), marks=pytest.mark.slow("for no processor of today")),
-    ],
-)
-def test_processors_and_optimisation_change_no_bit(batch, expected, built, flags):
-    built(lanes=4 if "-O2" in flags else 1, flags=flags)
     assert solved(batch) == expected
 
 
@@ -222,13 +211,21 @@ def test_other_runs_change_no_bit(batch):
     assert backwards.states[::-1].tobytes() == together.states.tobytes()
 
 
+# The tests compile without optimisation, users as the first of these. On x86-64, `-O3` alone has
+# vectors of two numbers, and fused products in a function of libm only.
 @pytest.mark.parametrize(
-    "lanes", [2, *(pytest.param(n, marks=pytest.mark.slow("compiles it again")) for n in (1, 8))]
+    ("lanes", "flags"),
+    [
+        (2, ("-O2", "-march=native")),
+        pytest.param(1, ("-O3",), marks=pytest.mark.slow("for no processor of today")),
+        pytest.param(8, ("-O0",), marks=pytest.mark.slow("compiles it again")),
+    ],
 )
-def test_lanes_change_no_bit(loop, built, lanes):
-    """Of signals and metrics."""
+def test_lanes_processors_and_optimisation_change_no_bit(loop, built, lanes, flags):
+    """Of states, signals and metrics."""
     expected = stored(loop)
-    built(lanes)
+    assert {"pose", "velocity"} < set(expected)
+    built(lanes, flags=flags)
     assert stored(loop) == expected
 
 
@@ -248,7 +245,7 @@ def forget():
 def test_results_say_how_they_were_compiled_and_depend_on_it_in_no_number(run, invoke, monkeypatch):
     if not (other := shutil.which("clang") or shutil.which("gcc")):
         pytest.skip("needs clang or gcc beside cc")
-    run("solver.engine=native", out="one")
+    run("solver.engine=native", out="one", controllers="[eqt]")
     forget()
     monkeypatch.setenv("CC", other)
     words = ("--executor", "threads", "--workers", 2)
