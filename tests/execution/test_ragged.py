@@ -14,6 +14,7 @@ from eqt_cli.engines import Status
 from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.run_study import Shard, execute, pack_folder
+from eqt_cli.experiment.law_names import law_names
 from eqt_cli.experiment.read_study import MOST_GROUPS, add_grids, study
 from eqt_cli.results.result import open_result
 from eqt_cli.store.reader import open_results
@@ -213,9 +214,11 @@ def test_xarray_opens_root_and_groups(finished):
 
 
 def test_points_of_one_shape_keep_the_layout_without_groups(make, tmp_path):
+    """And without names of laws, which stay the same."""
     execute(make("sweep: [{grid: {group: [SO3], gains.kp: [1, 2]}}]\n"), tmp_path / "out")
     with h5py.File(tmp_path / "out/results.h5") as file:
         assert "pose" in file
+        assert "law" not in file
         assert not any(isinstance(entry, h5py.Group) for entry in file.values())
 
 
@@ -248,7 +251,7 @@ def study_digest(results, folder):
     return study(read_config_text(results, folder)).digest
 
 
-@only(["times"])
+@only(["groups"])
 def test_points_that_do_not_exist(finished):
     path = finished[0] / "results.h5"
     with open_results(path) as results, pytest.raises(ResultError) as caught:
@@ -343,19 +346,9 @@ sweep:
     [("0.5", "", "gt"), ("[1, 2, 3]", "", ""), ("0.5", "gains.kp=1,2", "")],
     ids=["alike from every frame", "with axes of its own", "another key swept"],
 )
-def test_the_frame_of_damping_is_no_difference_where_it_changes_no_torque(
-    make, tmp_path, kd, swept, name
-):
+def test_the_frame_of_damping_is_no_difference_where_it_changes_no_torque(make, kd, swept, name):
     """GT damps in the body frame, and this member of the family in the spatial one."""
     law = "{kind: family, gyroscopic: 0.5, transport: 0.5, connection: 0.5, label: a}"
     text = f"sweep: [{{zip: {{'controllers[0]': [{law}]}}}}]\n"
     found = make(text, f"gains.kd={kd}", grids=[swept] if swept else [])
-    execute(found, tmp_path / "out")
-    with open_results(tmp_path / "out") as results:
-        assert results["law"][0, 0] == name
-
-
-def test_laws_are_not_named_where_they_stay_the_same(make, tmp_path):
-    execute(make("", grids=["gains.kp=1,2"]), tmp_path / "out")
-    with open_results(tmp_path / "out") as results:
-        assert not results.has("law")
+    assert law_names(found)[0, 0] == name
