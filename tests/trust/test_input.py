@@ -55,22 +55,19 @@ NAMED = {
     "starts": ("config check c.yaml --set|initial={{file: {}.csv}}", ".csv", 64_000_000),
     "recording": ("log check {}.csv", ".csv", 400_000_000),
     "mapping": ("log check {0}.csv --mapping {0}.csv", ".csv", TEXT_BYTES),
-    "notes": ("report own --notes {}.txt", ".txt", TEXT_BYTES),
-    "style": ("plot own --style {}.mplstyle --out f --format svg", ".mplstyle", TEXT_BYTES),
+    "notes": ("report RESULT --notes {}.txt", ".txt", TEXT_BYTES),
+    "style": ("plot RESULT --style {}.mplstyle --out f --format svg", ".mplstyle", TEXT_BYTES),
 }
 
 
 @posix
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("named", NAMED)
-def test_only_regular_files_of_a_moderate_size_are_read(sent, eqt, named, kind):
+def test_only_regular_files_of_a_moderate_size_are_read(sent, eqt, default_result, named, kind):
     words, suffix, most = NAMED[named]
-    if named in ("notes", "style"):
-        eqt("run", "c.yaml", "--out", "own", "--quiet")
     said = KINDS[kind](Path(f"x{suffix}"))
-    filled = words.format("x")
-    first, *rest = filled.split("|")
-    done = eqt(*first.split(), *rest)
+    first, *rest = words.format("x").split("|")
+    done = eqt(*(w.replace("RESULT", str(default_result)) for w in first.split()), *rest)
     assert (done.code, done.out) == (2, "")
     expected = f"it is {said}; expected a regular file"
     if said is None:
@@ -124,7 +121,7 @@ SECRETS = {
         "config check c.yaml --set|reference={kind: waypoints, file: secret, format: euroc}"
     ),
     "starts": "config check c.yaml --set|initial={file: secret}",
-    "style": "plot own --style ./secret --out f",
+    "style": "plot RESULT --style ./secret --out f",
     "configuration": "run secret",
 }
 CONTENTS = {
@@ -137,12 +134,12 @@ CONTENTS = {
 
 @pytest.mark.parametrize("content", CONTENTS)
 @pytest.mark.parametrize("named", SECRETS)
-def test_a_message_shows_nothing_of_a_file_of_another_kind(sent, eqt, named, content):
+def test_a_message_shows_nothing_of_a_file_of_another_kind(
+    sent, eqt, default_result, named, content
+):
     Path("secret").write_text(CONTENTS[content], encoding="utf-8")
-    if named == "style":
-        eqt("run", "c.yaml", "--out", "own", "--quiet")
     first, *rest = SECRETS[named].split("|")
-    done = eqt(*first.split(), *rest)
+    done = eqt(*(w.replace("RESULT", str(default_result)) for w in first.split()), *rest)
     assert done.code == 2
     for part in ("hunter2", "5f4dcc3b", "secret_a", "root", "b3Blbn"):
         assert part not in done.err.replace("./secret", "")
