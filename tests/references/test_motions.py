@@ -42,7 +42,16 @@ def G(request):
 
 # What is compiled knows no group.
 on_engines = pytest.mark.parametrize(
-    ("G", "engine"), [*((name, "solve_ivp") for name in GROUPS), ("SO3", "native")], indirect=["G"]
+    ("G", "engine"),
+    [
+        ("SO3", "native"),
+        ("SE3*SO2", "solve_ivp"),
+        *(
+            pytest.param(name, "solve_ivp", marks=pytest.mark.slow("a product has their parts"))
+            for name in GROUPS[:-1]
+        ),
+    ],
+    indirect=["G"],
 )
 
 
@@ -272,7 +281,7 @@ def test_so_it_does_far_from_0(start):
 )
 def test_a_run_that_starts_on_its_reference_stays_there(kind, engine):
     G = group_named("SO3" if engine == "native" else "SE23")  # what is compiled knows no group
-    s = on_reference(closed_loop(G, reference(kind, G)), engine)
+    s = on_reference(closed_loop(G, reference(kind, G)), engine, TIMES[:33])
     assert frobenius(s.Q - s.Qd).max() < ON_REFERENCE
     assert norm(s.V_tilde).max() < ON_REFERENCE
 

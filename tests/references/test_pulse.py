@@ -8,6 +8,7 @@ from eqt_cli.engines.native import compiler
 from eqt_cli.execution.compute_part import shared_reference
 
 HEIGHT = "3.5/(1e-5*sqrt(2*pi))"
+AGAIN = pytest.mark.slow("compiles another reference")
 BODY = {"inertia": 1.0, "rigid": False, "time.duration": 5.0, "time.samples": 6}
 
 
@@ -16,8 +17,8 @@ BODY = {"inertia": 1.0, "rigid": False, "time.duration": 5.0, "time.samples": 6}
     [
         ("solve_ivp", "t - 3"),
         ("native", "t - 3"),
-        ("native", "(t**2 - 9)/6"),
-        ("native", "sin(t - 3)"),
+        pytest.param("native", "(t**2 - 9)/6", marks=AGAIN),
+        pytest.param("native", "sin(t - 3)", marks=AGAIN),
     ],
 )
 def test_a_pulse_shorter_than_a_step_gives_its_impulse(engine, inner):

@@ -7,9 +7,22 @@ passive form. An algebra is given by its basis, and all else is matrices.
 """
 
 import numpy as np
-from scipy.linalg import block_diag, expm, logm
+from scipy.linalg import block_diag, expm
 
 # The algebras, in the coordinates of the configurations ------------------------------------------
+
+
+def logarithm(Q):
+    """By two square roots (Denman and Beavers, 1976), and log Y = 2 artanh((Y − I)(Y + I)⁻¹)."""
+    for _ in range(2):
+        one = np.eye(len(Q))
+        for _ in range(10):
+            Q, one = (Q + np.linalg.inv(one)) / 2, (one + np.linalg.inv(Q)) / 2
+    X = (Q - np.eye(len(Q))) @ np.linalg.inv(Q + np.eye(len(Q)))
+    square, power, found = X @ X, X, 0 * X
+    for k in range(1, 45, 2):
+        found, power = found + power / k, power @ square
+    return 8 * found
 
 
 def basis(group):
@@ -56,7 +69,7 @@ class Algebra:
         return expm(self.hat(v))
 
     def log(self, Q):
-        return self.vee(np.real(logm(Q)))
+        return self.vee(logarithm(Q))
 
     def ad(self, v):
         V = self.hat(v)

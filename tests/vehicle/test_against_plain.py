@@ -98,14 +98,21 @@ def expected(group, name):
 
 
 SLOW = pytest.mark.slow("the plain program takes seconds there")
+ALONE = pytest.mark.slow("fast cases have this part with others")
+TOGETHER = ("all", "sampled", "unequal limits", "delay", "uneven period")
 ENGINES = ("solve_ivp", "native")
 
 
 @pytest.mark.parametrize(
     ("group", "engine", "name"),
     [
-        pytest.param(group, ENGINES[(k + shift) % 2], name, marks=marks)
-        for group, shift, marks in (("SO3", 0, ()), ("SE3", 1, SLOW))  # each case by both engines
+        pytest.param(
+            group,
+            ENGINES[(k + shift) % 2],
+            name,
+            marks=SLOW if group == "SE3" else [ALONE] * (name not in TOGETHER),
+        )
+        for group, shift in (("SO3", 0), ("SE3", 1))  # each case by both engines
         for k, name in enumerate(CASES)
     ],
 )

@@ -95,7 +95,7 @@ def close(found, expected, tolerance=1e-8):
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
 
 
-MORE = pytest.mark.slow("scipy.linalg.logm takes milliseconds at every fix, on every group")
+MORE = pytest.mark.slow("the filters are written once for all groups")
 
 
 @pytest.mark.parametrize(
@@ -137,8 +137,19 @@ def coordinates(group, Q):
     return Q[..., :-1, -1]
 
 
-@pytest.mark.parametrize("kind", FILTERS)
-@pytest.mark.parametrize("group", ["R3", "SO2"])
+def by_turns(*groups):
+    """Every group with every filter, of which each is fast once."""
+    return pytest.mark.parametrize(
+        ("group", "kind"),
+        [
+            pytest.param(group, kind, marks=[MORE] * (i != j))
+            for i, group in enumerate(groups)
+            for j, kind in enumerate(FILTERS)
+        ],
+    )
+
+
+@by_turns("R3", "SO2")
 def test_on_vectors_and_on_the_circle_it_is_kalmans_filter(solved, group, kind):
     """The first fix begins it, with the deviations of the sensors."""
     n = DIMENSION[group]
@@ -168,8 +179,7 @@ def test_on_vectors_and_on_the_circle_it_is_kalmans_filter(solved, group, kind):
             close(s["nees"][run, k], e @ np.linalg.solve(F.P, e), 1e-10 * (1 + s["nees"][run, k]))
 
 
-@pytest.mark.parametrize("kind", FILTERS)
-@pytest.mark.parametrize("group", ["R1", "SO2"])
+@by_turns("SO2", "R1")
 def test_its_steady_covariance_solves_the_riccati_equation(solved, group, kind):
     """With a fix at every instant, and deviations with which it is steady after some seconds."""
     noise = ", pose_std: 0.1, velocity_std: 2.0, bias_walk: 4.0"
@@ -192,7 +202,7 @@ PARTS = (
 
 @pytest.mark.parametrize(
     "kind",
-    [pytest.param(kind, marks=pytest.mark.slow("scipy.linalg.logm, often")) for kind in FILTERS],
+    [pytest.param(kind, marks=pytest.mark.slow("the next section has rates")) for kind in FILTERS],
 )
 def test_a_late_fix_of_a_part_corrects_the_state_of_its_own_time(solved, kind):
     """An attitude at every instant, a position at some, three instants late and with drop-outs."""

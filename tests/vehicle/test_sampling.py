@@ -59,7 +59,7 @@ def with_engine(text, engine, options=""):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_sampled_loop_converges_to_the_continuous_one(solved, engine):
-    text = with_engine(LOOP + "time: {duration: 3, samples: 2}\n", engine)
+    text = with_engine(LOOP + "time: {duration: 1.5, samples: 2}\n", engine)
     _, continuous = solved(text, runs=[0, 1, 2])
     errors = []
     for period in (0.1, 0.05, 0.025):
@@ -131,7 +131,12 @@ def test_noise_has_the_covariance_that_is_asked_for(period):
     np.testing.assert_allclose(later, 0.0, atol=0.011)
 
 
-@pytest.mark.parametrize("period", [0.02, 0.1, 0.5])
+AGAIN = pytest.mark.slow("draws thousands of runs again")
+
+
+@pytest.mark.parametrize(
+    "period", [0.1, *(pytest.param(each, marks=AGAIN) for each in (0.02, 0.5))]
+)
 def test_a_bias_walks_by_the_root_of_time(period):
     # 2000 runs: a variance errs by 3 %; five of these are allowed.
     instants = round(2.0 / period) + 1
@@ -166,7 +171,7 @@ def test_both_engines_meet_the_same_vehicles_and_noise(solved):
 def test_an_engine_of_a_plugin_meets_the_same_vehicles_and_noise(solved):
     """It knows nothing of instants: what an engine is gives them to all."""
     engine = runpy.run_path(str(EXAMPLES / "runge_kutta.py"))["RungeKutta"](rtol=1e-9)
-    text = NOISY.replace("duration: 2, samples: 41", "duration: 1, samples: 21")
+    text = NOISY.replace("duration: 2, samples: 41", "duration: 0.3, samples: 7")
     text = with_engine(text, "solve_ivp", ", rtol: 1.0e-11")
     problem, solution = solved(text, runs=[0, 1, 2])
     found = engine.solve(problem).states
@@ -290,9 +295,7 @@ def test_engines_agree_on_what_acts_at_instants(solved):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_energy_balance_of_a_sampled_law_with_memory(solved, engine):
-    text = NOISY.replace("[eqt]", "[{kind: goodarzi2013, bound: 0.5}]").replace(
-        "duration: 2", "duration: 4"
-    )
+    text = NOISY.replace("[eqt]", "[{kind: goodarzi2013, bound: 0.5}]")
     problem, solution = solved(with_engine(text, engine), label="goodarzi2013")
     found = compute(problem.batched_loop(extra_axes=1), problem.times, solution.states)
     L, balance = found["lyapunov"], found["energy_balance"]

@@ -91,8 +91,15 @@ def test_states_are_those_of_a_plain_program(solved):
     np.testing.assert_allclose(speed, found[:, 12:] / SPIN - found[:, 9:12] @ A, atol=1e-6)
 
 
-@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
-@pytest.mark.parametrize("sampled", [True, False])
+@pytest.mark.parametrize(
+    ("engine", "sampled"),
+    [
+        ("native", False),
+        ("solve_ivp", True),
+        pytest.param("native", True, marks=pytest.mark.slow("the same by the other engine")),
+        pytest.param("solve_ivp", False, marks=pytest.mark.slow("the same by the other engine")),
+    ],
+)
 def test_the_total_momentum_is_constant(solved, engine, sampled):
     text = TEXT.replace("engine: native", f"engine: {engine}")
     if not sampled:
