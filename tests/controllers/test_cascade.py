@@ -219,7 +219,7 @@ def nearest(R):
 @pytest.mark.parametrize(
     ("reference", "desired", "R0", "engine", "duration"),
     [
-        (HELIX, helix, np.eye(3), "native", 0.2),
+        (HELIX, helix, np.eye(3), "native", 0.05),
         pytest.param(
             *(HELIX, helix, np.eye(3), "native", 10.0),
             marks=pytest.mark.slow("the plain program takes a minute"),
@@ -384,6 +384,7 @@ def wrong_rate(monkeypatch):
     return lambda: monkeypatch.setattr(cascade, "attitude", without)
 
 
+@pytest.mark.slow("compiles a law; the certificate of the rates tells it fast")
 def test_a_wrong_rate_breaks_the_balance(wrong_rate):
     wrong_rate()
     one = experiment(reference=HELIX)
@@ -522,8 +523,9 @@ def test_margins_know_the_period_of_the_position():
     np.testing.assert_allclose(*moving, atol=1e-6)
 
 
-@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
-@pytest.mark.parametrize("control", [{}, {"control": {"period": 0.01}}])
+@pytest.mark.parametrize(
+    ("engine", "control"), [("native", {}), ("solve_ivp", {"control": {"period": 0.01}})]
+)
 def test_a_run_in_which_the_force_is_0_ends_with_its_time_and_the_remedy(engine, control):
     """g/k_x above the target; a run beside it goes on."""
     one = experiment(solver={"engine": engine, "rtol": 1e-9}, **control)

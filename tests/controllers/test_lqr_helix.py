@@ -135,20 +135,21 @@ SAMPLED = {"control": {"period": PERIOD, "delay": 1}}
 
 def test_gains_of_a_sampled_loop_are_those_of_the_periodic_difference_equation():
     """States ε, e, the command that acts and the one on its way; A of each period at its middle."""
-    count = round(REPEATS / PERIOD)
-    found = table_of(count, **SAMPLED).gains
+    period = 0.04
+    count = round(REPEATS / period)
+    found = table_of(count, control={"period": period, "delay": 1}).gains
     B, steps = np.zeros((18, 6)), []
     B[12:] = np.eye(6)
     for k in range(count):
-        rows = np.block([*plant((k + 0.5) * PERIOD)])
-        both = expm(PERIOD * np.vstack([rows, np.zeros((6, 18))]))
+        rows = np.block([*plant((k + 0.5) * period)])
+        both = expm(period * np.vstack([rows, np.zeros((6, 18))]))
         steps.append(np.vstack([both[:12], np.zeros((6, 18))]))
     cost, S = np.zeros((18, 18)), np.zeros((18, 18))
-    cost[:12, :12] = PERIOD * Q
+    cost[:12, :12] = period * Q
     for _ in range(8):
         expected = []
         for A in reversed(steps):
-            K = np.linalg.solve(PERIOD * R + B.T @ S @ B, B.T @ S @ A)
+            K = np.linalg.solve(period * R + B.T @ S @ B, B.T @ S @ A)
             S = cost + A.T @ S @ (A - B @ K)
             expected.insert(0, K)
     size = np.abs(expected).max()

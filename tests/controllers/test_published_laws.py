@@ -189,14 +189,14 @@ def attitude(s, k):
 @pytest.mark.parametrize("name", NINE)
 def test_literal_form_on_SO3(name):
     loop = loop_on("SO3", law(name))
-    states = any_states(loop, 50)
+    states = any_states(loop, 12)
     random = np.random.default_rng(2)
     for key, where in loop.layout.slices.items():
         if key.startswith("controller."):
-            states[:, where] = random.standard_normal((50, 3))
+            states[:, where] = random.standard_normal((12, 3))
     s = loop.tracking(0.7, states)
     torque, options = loop.command(s), vars(loop.controller)
-    for k in range(50):
+    for k in range(12):
         memory = {key: value[k] for key, value in s.memory.items()}
         literal = globals()[name](attitude(s, k), options, memory)
         np.testing.assert_allclose(torque[k], literal, rtol=0, atol=LITERAL)
@@ -342,7 +342,10 @@ def test_torque_is_finite_at_a_half_turn(name):
     np.testing.assert_allclose(np.abs(torque), [APPROACHES[name], 0, 0], atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["logarithmic", "quaternion"])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param("logarithmic", marks=pytest.mark.slow("compiles a longer law")), "quaternion"],
+)
 def test_runs_through_a_half_turn_agree_and_keep_the_balance(name):
     """Fast enough to pass π: both engines see the jump, and L, which is continuous, still falls."""
     loop = loop_on("SO3", law(name), weight=1.0)
