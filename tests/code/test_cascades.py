@@ -129,7 +129,10 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(
+    "fault",
+    [pytest.param("gravity", marks=pytest.mark.slow("with another it is fast")), "rates", "both"],
+)
 def test_what_is_missing_is_named(question, fault):
     changes, words = FAULTS[fault]
     law = with_fields(question.loop.controller, **changes)

@@ -19,6 +19,12 @@ from eqt_cli.vehicle.sampling import Sampling
 OTHER = pytest.mark.slow("SE(3) has what they have")
 
 
+def one_fast(first, *others):
+    """A law, and others that are explained by the same parts."""
+    slow = pytest.mark.slow("another law is tried fast")
+    return pytest.mark.parametrize("law", [first, *(pytest.param(x, marks=slow) for x in others)])
+
+
 @pytest.fixture(params=["SE3", *(pytest.param(name, marks=OTHER) for name in ("SO3", "SE2"))])
 def question(request):
     """A law on a group, at random states, with gains and an inertia that are alike in no frame."""
@@ -57,7 +63,7 @@ def test_no_desired_acceleration(law, question):
     assert found.words.startswith("lacks desired acceleration: coefficient 0.00 of 1; the same")
 
 
-@pytest.mark.parametrize("law", ["eqt", "lee2010", "goodarzi2013"])
+@one_fast("lee2010", "eqt", "goodarzi2013")
 def test_more_damping(law, question):
     asked = question(law)
     found = explained(asked, asked.torque(K_d=1.5), "double")
@@ -73,7 +79,7 @@ def test_weights_of_the_family(question):
     assert "lacks transport (weight c): coefficient 0.00 of 1" in found.words
 
 
-@pytest.mark.parametrize("law", ["eqt", "lee2010", "slotine_li"])
+@one_fast("eqt", "lee2010", "slotine_li")
 def test_a_transposed_gain(law, question):
     asked = question(law)
     turned = Gains(asked.loop.gains.K, asked.loop.gains.K_d.T)

@@ -7,8 +7,6 @@ import pytest
 
 import eqt_cli
 
-LAWS = ["lee2010", "eqt", "goodarzi2013"]
-
 
 @pytest.mark.slow("compiles two closed loops for each law")
 @pytest.mark.parametrize("law", ["eqt", "goodarzi2013"])
@@ -28,7 +26,14 @@ def test_a_run_with_the_exported_c_has_the_bits_of_the_law(law, faulty, tmp_path
             np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    "law",
+    [
+        pytest.param("lee2010", marks=pytest.mark.slow("eqt and a law with memory are fast")),
+        "eqt",
+        "goodarzi2013",
+    ],
+)
 def test_exported_c_is_the_law(law, faulty, judged):
     assert judged(faulty(law)) == {}
 

@@ -178,7 +178,7 @@ def test_its_numbers_are_tuned(written, config):
     tune = {
         "over": {"controllers[0].numbers.kR": [0.5, 10]},
         "objective": "mean_pose_error",
-        "budget": 2,
+        "budget": 1,
         "population": 5,
         "seeds": 1,
         "confirm": {"runs": 2},

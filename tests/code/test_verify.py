@@ -62,7 +62,7 @@ def test_a_law_that_was_typed_in_well(real, written, config, judged):
             "V_d is read on axis 3 only",
             marks=pytest.mark.slow("one of several faults"),
         ),
-        (
+        pytest.param(
             [
                 (
                     "in->desired_pose[3 * k + i] * in->pose[3 * k + j]",
@@ -71,6 +71,7 @@ def test_a_law_that_was_typed_in_well(real, written, config, judged):
             ],
             "the frames are exchanged: the pose error is in the other frame, Q Q_d⁻¹ for Q_d⁻¹Q, "
             "wherever it occurs",
+            marks=pytest.mark.slow("test_exported.py has a fast one"),
         ),
         pytest.param(
             [
@@ -106,12 +107,17 @@ def test_what_is_not_finite_without_an_error(written, config, judged):
     assert re.match(r"at \d+ of \d+ states, for example at t = ", rows[DOUBLE])
 
 
+OTHER = pytest.mark.slow("another branch is tried fast")
+
+
 @pytest.mark.parametrize(
     ("condition", "outcome"),
     [
         ("in->t > 4.8 && in->t <= 5", "(in->t > 4.8 && in->t <= 5) is true"),
-        ("in->t > 150000", "in->t > 150000 is true"),
-        ("!(1e-9 < W[0] - 3 * W[1])", "(!(1e-9 < W[0] - 3 * W[1])) is true"),
+        pytest.param("in->t > 150000", "in->t > 150000 is true", marks=OTHER),
+        pytest.param(
+            "!(1e-9 < W[0] - 3 * W[1])", "(!(1e-9 < W[0] - 3 * W[1])) is true", marks=OTHER
+        ),
         ("(W[1] - 3.21) * (W[1] - 3.21) < 1e-9", "(W[1] - 3.21) * (W[1] - 3.21) < 1e-9 is true"),
     ],
 )
@@ -131,7 +137,11 @@ def test_a_line_that_was_never_run(written, config, judged):
 
 
 @pytest.mark.parametrize(
-    "name", ["static real s = 0; s += 1e-3;", "static struct { int k; } s[2]; ++s[0].k;"]
+    "name",
+    [
+        pytest.param("static real s = 0; s += 1e-3;", marks=pytest.mark.slow("an array is fast")),
+        "static struct { int k; } s[2]; ++s[0].k;",
+    ],
 )
 def test_a_state_of_its_own(name, written, config, judged):
     """It is told by its name, even if it changes nothing."""

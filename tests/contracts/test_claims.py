@@ -39,8 +39,8 @@ def test_its_laws_are_known(claim_class):
 
 
 def test_its_measures_are_known(claim_class, result):
-    for row in rows(claim_class):
-        assert api.compare(result, metrics=[row.measure]).levels
+    for measure in {row.measure for row in rows(claim_class)}:
+        assert api.compare(result, metrics=[measure]).levels
 
 
 def test_bounds_and_windows_are_numbers(claim_class):

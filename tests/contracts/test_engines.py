@@ -24,7 +24,7 @@ from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors.channels import Errors
 from eqt_cli.vehicle.sensors.noise import Noise
 
-RUNS, SAMPLES, DURATION, RTOL = 5, 9, 4.0, 1e-7
+RUNS, SAMPLES, DURATION, RTOL = 5, 9, 4.0, 1e-6
 SHORT = 1.0
 # Over 4 s, at frequencies up to 2 rad/s, errors of a step add up and are not damped; measured over
 # all engines: 0.1 to 40 rtol.
@@ -178,8 +178,8 @@ def test_it_solves_oscillators_to_its_tolerance(engine, oscillators):
 
 def test_a_tightened_engine_is_more_accurate(engine, oscillators):
     problem, expected = oscillators
-    loose = dataclasses.replace(engine, rtol=1e-4)
-    tight = loose.tightened(1e-4)
+    loose = dataclasses.replace(engine, rtol=1e-3)
+    tight = loose.tightened(1e-3)
     assert type(tight) is type(engine)
     one, other = (
         np.abs(positions(problem, each.solve(problem)) - expected).max() for each in (loose, tight)

@@ -34,7 +34,7 @@ CONFIG = {
     "initial": {"pose": {"kind": "exp_normal", "std": 1.0}, "velocity": "normal"},
     "ensemble": {"runs": 3, "seed": 1},
     "time": {"duration": 2.0, "samples": 11},
-    "solver": {"rtol": 1e-3, "cross_check": 0},
+    "solver": {"rtol": 1e-3, "cross_check": 0, "error_estimate": False},
 }
 ESTIMATED = {
     "actuators": [{"kind": "limit", "limit": 5.0}],

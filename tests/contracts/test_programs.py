@@ -30,8 +30,11 @@ def given(loop, t, state, **errors):
     return {"state": state, "time": [t], **numbers, **errors}
 
 
+EVERY = pytest.mark.slow("compiles every law")
+
+
 @pytest.mark.parametrize(
-    "group", ["SO3", "SE3", pytest.param("SE2", marks=pytest.mark.slow("compiles every law"))]
+    "group", ["SO3", *(pytest.param(name, marks=EVERY) for name in ("SE3", "SE2"))]
 )
 def test_c_gives_the_same_field_as_the_law(loop_with, make, controller_class, states, in_c, group):
     loop, problems = loop_with(group, make(controller_class)), Problems(str)

@@ -61,7 +61,7 @@ def errors_and_bounds(law, folder, count):
     ("law", "group", "real"), [("lee2010", "SE3", "double"), ("logarithmic", "SE2", "float")]
 )
 def test_a_law_is_within_its_bound(tmp_path, law, group, real):
-    judge(law_of(group, law, real), tmp_path, 150)
+    judge(law_of(group, law, real), tmp_path, 80)
 
 
 @pytest.mark.slow("every law, at hundreds of states in decimals")
@@ -84,7 +84,9 @@ def regulator(real):
     return law
 
 
-@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize(
+    "real", ["double", pytest.param("float", marks=pytest.mark.slow("laws in float are fast"))]
+)
 def test_a_regulator_with_a_model_of_its_actuators_is_within_its_bound(tmp_path, real):
     law = regulator(real)
     gain = law.program.values(law.loop)["regulator_gain"]

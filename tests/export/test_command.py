@@ -165,7 +165,9 @@ FUNCTIONS = """* (1 + 0.1 * sin(50.0 * s.V) + exp(-s.V**2) + log(1 + s.V**2) + (
 """
 
 
-@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize(
+    "real", ["double", pytest.param("float", marks=pytest.mark.slow("as test_files.py has it"))]
+)
 def test_a_plugin_has_the_functions_that_it_calls(config, invoke, real):
     text = PLUGIN.replace("{rest}", FUNCTIONS).replace(
         "Controller\n", "Controller, exp, log, sin\n", 1
@@ -223,7 +225,15 @@ REFERENCES = {
 }
 
 
-@pytest.mark.parametrize("kind", REFERENCES)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        kind
+        if kind in ("waypoints", "path")
+        else pytest.param(kind, marks=pytest.mark.slow("others are tried fast"))
+        for kind in REFERENCES
+    ],
+)
 def test_a_closed_reference_has_the_values_of_the_law(tmp_path, kind):
     experiment = made("SO3", ["lee2010"], reference=REFERENCES[kind])
     [law] = exported(experiment, [], DOUBLE, reference=True)

@@ -29,7 +29,7 @@ def replayed(engine="solve_ivp", **changes):
             reference={"kind": "log", **file},
             controllers=[{"kind": "replay", **file}],
             plant=true_plant("SO3"),
-            time={"duration": 4.0, "samples": 101},
+            time={"duration": 2.0, "samples": 51},
             solver={"engine": engine, "cross_check": 0},
         )
         | changes

@@ -20,8 +20,8 @@ SMALL: dict[str, Any] = {
     "controllers": ["eqt", {"kind": "family", "gyroscopic": 1.0}],
     "initial": {"pose": "haar", "velocity": "normal"},
     "ensemble": {"runs": 2, "seed": 1},
-    "time": {"duration": 1.0, "samples": 11},
-    "solver": {"rtol": 1.0e-6, "cross_check": 0},
+    "time": {"duration": 0.5, "samples": 6},
+    "solver": {"rtol": 1.0e-6, "cross_check": 0, "error_estimate": False},
     "tune": {
         "over": {"gains.kp": {"log": [0.1, 10]}, "controllers[1].gyroscopic": [0, 2]},
         "objective": "mean_pose_error",

@@ -242,9 +242,10 @@ def test_the_luck_of_the_searches_is_in_the_tables(
     ],
 )
 def test_a_record_with_other_searches_is_none(
-    searched_twice: tuple[Path, dict[str, Any]], searches: list[dict[str, Any]]
+    searched: tuple[Found, Path], searches: list[dict[str, Any]]
 ) -> None:
-    folder, record = searched_twice
+    done, folder = searched
+    record = done.record
     laws = [law | {"searches": searches} for law in record["laws"]]
     with open_result(folder) as result:
         assert fits_tuning(record, result)

@@ -34,8 +34,8 @@ WHEEL: dict[str, Any] = {
     "initial": {"pose": {"kind": "exp_normal", "std": 0.5}},
     "control": {"period": 0.5},
     "ensemble": {"runs": 3, "seed": 1},
-    "time": {"duration": 2.0, "samples": 9},
-    "solver": {"rtol": 1.0e-6, "cross_check": 0},
+    "time": {"duration": 1.0, "samples": 5},
+    "solver": {"rtol": 1.0e-6, "cross_check": 0, "error_estimate": False},
     "worst": {
         "over": {"plant.inertia.relative": [-0.2, 0.2], "control.period": {"log": [0.25, 0.5]}},
         "objective": "mean_pose_error",
