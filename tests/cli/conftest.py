@@ -45,6 +45,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture
+def untimed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dry runs that time nothing: every run takes 0.1 s."""
+    monkeypatch.setattr("eqt_cli.execution.cost._time_per_run", lambda *_: 0.1)
+
+
 @pytest.fixture(scope="session")
 def _kept() -> dict[tuple[str, ...], tuple[Done, Path]]:
     """How a command ended and a copy of its folder."""

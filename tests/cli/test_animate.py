@@ -17,11 +17,12 @@ class Twin(SO3):
 def twin(eqt, folder):
     """A result on a group of a plugin, which is then forgotten."""
     Path("twin.py").write_text(GROUP)
-    assert eqt("run", "c.yaml", "--set", "plugins=[twin.py]", "--set", "group=Twin").code == 0
+    twin = ("--set", "plugins=[twin.py]", "--set", "group=Twin", "--set", "controllers=[eqt]")
+    assert eqt("run", "c.yaml", *twin).code == 0
 
 
 def test_a_wrong_run_is_said_at_once(eqt):
-    eqt("run", "c.yaml")
+    eqt("run", "c.yaml", "-q")
     done = eqt("animate", "results/c", "--run", 9)
     assert (done.code, done.err) == (
         2,

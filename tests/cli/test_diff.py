@@ -14,6 +14,11 @@ import pytest
 import eqt_cli
 from eqt_cli.analysis import differences
 
+BRIEF = (
+    *("--set", "controllers=[eqt]", "--set", "ensemble.runs=1"),
+    *("--set", "time.duration=0.1"),
+)
+
 
 @pytest.fixture(autouse=True)
 def first(eqt: Any) -> str:
@@ -50,7 +55,7 @@ def test_a_result_that_was_run_again(eqt: Any) -> None:
     assert lines[-1] == "equal: provenance differs, the 33 datasets do not"
 
 
-def test_another_configuration(eqt: Any) -> None:
+def test_another_configuration(eqt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     eqt("run", "c.yaml", "--set", "gains.kp=2", "--out", "second", "--quiet")
     done = eqt("diff", "first", "second")
     assert (done.code, done.err) == (4, "")
@@ -71,6 +76,9 @@ def test_another_configuration(eqt: Any) -> None:
         *(f"{gap.max():.3g}", f"{relative:.3g}"),
     ]
     assert row.endswith(f"  {place}")
+    whole = eqt_cli.diff("first", "second")
+    monkeypatch.setattr(differences, "BLOCK_ENTRIES", 50)
+    assert eqt_cli.diff("first", "second") == whole  # large datasets are read in parts
 
 
 def test_a_single_entry(eqt: Any, second: Any) -> None:
@@ -137,20 +145,13 @@ def test_datasets_that_one_result_lacks(eqt: Any) -> None:
 
 
 def test_points_of_several_shapes(eqt: Any, second: Any) -> None:
-    words = ["--grid", "time.samples=3,6", "--set", "controllers=[eqt]", "--set", "ensemble.runs=1"]
+    words = ["--grid", "time.samples=3,6", *BRIEF]
     eqt("sweep", "c.yaml", *words, "--out", "one", "--quiet")
     shutil.copytree("one", "two")
     assert eqt_cli.diff("one", "two").equal
     second("point_1/pose", (0, 0, 2, 1, 1), 0.5, of="two")
     (found,) = eqt_cli.diff("one", "two").datasets
     assert (found.name, found.place) == ("point 1: pose", (0, 0, 2, 1, 1))
-
-
-def test_large_datasets_are_read_in_parts(eqt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    eqt("run", "c.yaml", "--set", "gains.kp=2", "--out", "second", "--quiet")
-    whole = eqt_cli.diff("first", "second")
-    monkeypatch.setattr(differences, "BLOCK_ENTRIES", 7)
-    assert eqt_cli.diff("first", "second") == whole
 
 
 def test_one_document(eqt: Any, second: Any) -> None:
@@ -194,7 +195,8 @@ def test_a_key_that_one_result_lacks(eqt: Any) -> None:
 def test_a_stored_file_is_compared_by_its_text(eqt: Any) -> None:
     """Its name is another one where the configuration is the copy in the result folder."""
     Path("starts.csv").write_text("wx,wy,wz\n1,0,0\n", encoding="utf-8")
-    initial = ("--set", "initial={file: starts.csv}", "--set", "ensemble={}", "-q", "--out")
+    brief = (*BRIEF, "--set", "ensemble={}")
+    initial = (*brief, "--set", "initial={file: starts.csv}", "-q", "--out")
     eqt("run", "c.yaml", *initial, "one")
     eqt("run", "one/config.yaml", "-q", "--out", "again")
     done = eqt("diff", "one", "again")
@@ -213,20 +215,3 @@ def test_quiet_leaves_the_exit_code(eqt: Any, second: Any) -> None:
     second("effort", (1, 2), 1e6)
     done = eqt("diff", "first", "second", "--quiet")
     assert (done.code, done.out, done.err) == (4, "", "")
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ("nowhere", "nowhere: not found; give a result folder or its results.h5"),
-        (
-            "c.yaml",
-            "c.yaml is a configuration, not a result; run it with `eqt run c.yaml`, then give the "
-            "result folder, such as results/c",
-        ),
-    ],
-)
-def test_what_is_no_result(eqt: Any, given: str, message: str) -> None:
-    for words in (("first", given), (given, "first")):
-        done = eqt("diff", *words)
-        assert (done.code, done.out, done.err) == (2, "", f"eqt: {message}\n")

@@ -41,8 +41,9 @@ def test_the_table(invoke, paper_result, log):
     assert "flight.csv: column battery is not used." in text
 
 
-def test_all_controllers_by_their_parts(invoke, paper_result, log):
-    found = invoke("compare", paper_result, "--measured", log, "--run", 1)
+def test_all_controllers_by_their_parts_and_as_plain_data(invoke, paper_result, log):
+    options = "compare", paper_result, "--measured", log, "--run", 1
+    found = invoke(*options)
     lines = found.stdout.splitlines()
     assert lines[0] == "How much of the measured error run 1 of each law explains"
     assert [line for line in lines[4:20] if not line.startswith(" ")] == [
@@ -53,10 +54,6 @@ def test_all_controllers_by_their_parts(invoke, paper_result, log):
     ]
     assert sum(line.split()[1:3] == ["rotation", "all"] for line in lines) == 12
     assert found.stderr == "next: --verbose prints every axis, --against LAW one law\n"
-
-
-def test_as_plain_data(invoke, paper_result, log):
-    options = "compare", paper_result, "--measured", log, "--run", 1
     found = json.loads(invoke(*options, "--json").stdout)
     assert found["measured"] == "flight.csv"
     assert [one["controller"] for one in found["controllers"]] == ["eqt", "gt", "nog", "asym"]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_experiment import configuration
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -142,14 +143,14 @@ def test_an_option_of_one_figure_is_refused_by_it(eqt: Eqt, result: str) -> None
 
 def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt: Eqt) -> None:
     grid = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=1,2", "--grid", "ensemble.seed=1,2")
-    eqt("sweep", "c.yaml", *grid, "--out", "out")
+    brief = ("--set", "controllers=[eqt]", "--set", "time.duration=0.1")
+    eqt("sweep", "c.yaml", *grid, *brief, "--out", "out")
     done = eqt("plot", "out", "--format", "svg")
     assert done.err == (
         "figure 'sweep' shows at most two swept keys, and this result has 3 (gains.kp, gains.kd, "
         "ensemble.seed); drew 'pareto' instead; --point draws one point\n"
     )
     assert done.out.endswith(f"figure   {Path('out/figures/pareto.svg')}\n")
-    assert eqt("plot", "out", "--format", "svg", "-q").err == ""
 
 
 DEFINED = """
@@ -170,7 +171,7 @@ class Spectrum(OverTime):
 
 def test_a_figure_of_a_plugin_in_a_result(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is known where the plugins are trusted, and an error in it is told with its line."""
-    config = Path("c.yaml").read_text(encoding="utf-8") + "plugins: [own.py]\n"
+    config = configuration(plugins="[own.py]", controllers="[eqt]")
     Path("own.yaml").write_text(config, encoding="utf-8")
     Path("own.py").write_text(DEFINED, encoding="utf-8")
     assert eqt("run", "own.yaml", "--out", "out", "-q").code == 0

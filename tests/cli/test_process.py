@@ -123,15 +123,6 @@ def test_a_reader_that_leaves_is_no_error(folder: Path, arguments: list[str], co
 # Imports ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("module", ["eqt_cli", "eqt_cli.cli", "eqt_cli.cli.app"])
-def test_importing_the_command_loads_nothing_heavy(module: str) -> None:
-    code = f"import sys, {module}; print([m for m in {HEAVY} if m in sys.modules])"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True
-    )
-    assert done.stdout == "[]\n"
-
-
 def test_help_loads_nothing_heavy() -> None:
     code = (
         "import sys, eqt_cli.cli as cli\n"
@@ -229,11 +220,12 @@ def test_entry_points_of_every_kind_run(process: Eqt, folder: Path) -> None:
             "controller 'x' of the entry point 'mine:MyLaw' cannot be loaded: No module named "
             "'eqt_does_not_exist'; fix or uninstall the distribution that declares it",
         ),
-        (
+        pytest.param(
             "MyLaw",
             "class MyLaw: pass",
             "controller 'x' of the entry point 'mine:MyLaw' is no Controller; derive it from "
             "eqt_cli.controllers.base.Controller",
+            marks=pytest.mark.slow("starts an interpreter"),
         ),
     ],
 )

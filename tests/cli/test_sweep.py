@@ -61,11 +61,11 @@ def test_dry_run_stores_nothing(eqt: Eqt) -> None:
     assert not Path("results").exists()
 
 
+@pytest.mark.usefixtures("untimed")
 def test_dry_run_of_very_many_points_checks_some(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eqt_cli.cli.run.MOST_CHECKED", 3)
     done = eqt("sweep", "c.yaml", *GRID, "--dry-run")
     assert done.err == "c.yaml: 3 of its 6 points were checked; a run checks all\n"
-    assert eqt("sweep", "c.yaml", *GRID, "--dry-run", "--quiet").err == ""
     # The first, one between, and the last.
     wrong = ("--grid", "gains.kp=1,2,3,4,5,-1")
     assert eqt("sweep", "c.yaml", *wrong, "--dry-run").code == 2
@@ -93,19 +93,19 @@ def test_dry_run_of_millions_of_points_builds_few(
     assert len(built) < 30
 
 
-@pytest.mark.parametrize("executor", ["auto", "serial"])
-def test_dry_run_counts_the_workers_that_will_work(eqt: Eqt, executor: str) -> None:
-    chosen = ("--workers", 2, "--executor", executor)
-    done = eqt("sweep", "c.yaml", *GRID, "--dry-run", *chosen)
+@pytest.mark.usefixtures("untimed")
+def test_dry_run_counts_the_workers_that_will_work(eqt: Eqt) -> None:
+    done = eqt("sweep", "c.yaml", *GRID, "--dry-run", "--workers", 2, "--executor", "auto")
     assert done.out.splitlines()[7].endswith(" with 1 worker")
-    document = json.loads(eqt("sweep", "c.yaml", *GRID, "--dry-run", "--json", *chosen).out)
-    assert document["workers"] == 1
 
 
+@pytest.mark.usefixtures("untimed")
 def test_dry_run_tells_the_size_of_the_data(eqt: Eqt) -> None:
     eqt("sweep", "c.yaml", *GRID, "--out", "out", "--quiet")
-    expected = json.loads(eqt("sweep", "c.yaml", *GRID, "--dry-run", "--json").out)
+    words = ("--dry-run", "--json", "--workers", 2, "--executor", "serial")
+    expected = json.loads(eqt("sweep", "c.yaml", *GRID, *words).out)
     assert (expected["points"], expected["runs"], len(expected["first"])) == (6, 36, 5)
+    assert expected["workers"] == 1
     size = Path("out/results.h5").stat().st_size
     # The rest of the file is structure, attributes and coordinates.
     assert expected["bytes"] < size < expected["bytes"] + 60_000

@@ -79,7 +79,8 @@ def test_as_json(eqt: Eqt, config: Path) -> None:
 def test_a_bound_that_no_point_keeps_ends_with_4_and_the_least_violation(
     eqt: Eqt, config: Path
 ) -> None:
-    config.write_text(config.read_text().replace("1000", "1.0e-9"), encoding="utf-8")
+    never = config.read_text().replace("1000", "1.0e-9").replace("budget: 2", "budget: 1")
+    config.write_text(never, encoding="utf-8")
     done = eqt("tune", config)
     assert done.code == 4
     assert "no feasible point of eqt: the least violation is" in done.out
@@ -94,7 +95,7 @@ def test_an_interruption_says_the_best_so_far(
         raise Interrupted(signal.SIGINT)
 
     monkeypatch.setattr("eqt_cli.tuning.tune.Search.confirmation", stopped)
-    done = eqt("tune", config)
+    done = eqt("tune", config, "--set", "tune.budget=1")
     assert done.code == 130
     assert "interrupted; what was found is kept in results/t-tuned: run the same" in done.err
     assert re.search(
@@ -106,12 +107,13 @@ def test_an_interruption_says_the_best_so_far(
 
 
 def test_a_folder_with_another_result_is_left_alone(eqt: Eqt, config: Path) -> None:
-    assert eqt("run", "c.yaml", "--out", "out").code == 0
+    assert eqt("run", "c.yaml", "--out", "out", "--quiet").code == 0
     done = eqt("tune", config, "--out", "out")
     assert done.code == 2
     assert "out: holds a result that eqt tune did not write" in done.err
 
 
+@pytest.mark.usefixtures("untimed")
 def test_a_dry_run_says_points_runs_and_time_and_searches_nothing(eqt: Eqt, config: Path) -> None:
     done = eqt("tune", config, "--dry-run", "--workers", "1")
     assert (done.code, done.err) == (0, "")
