@@ -523,15 +523,20 @@ def unarranged(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session")
 def page_of(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Callable[..., Path]:
-    """The page of one of the two results above, by `eqt report`; its figures are `unarranged`."""
+    """The page of one of the two results above, by `eqt report`; its figures are `unarranged`.
 
-    def written(result: Path) -> Path:
+    They are all that the page has, or some.
+    """
+
+    def written(result: Path, *figures: str) -> Path:
+        chosen = [f"--figure={name}" for name in figures]
+
         def write(folder: Path) -> None:
             with pytest.MonkeyPatch.context() as patched:
                 leave_unarranged(patched)
-                invoke("report", result, "--out", folder / "report.html")
+                invoke("report", result, *chosen, "--out", folder / "report.html")
 
-        return made_once(f"page of {result.parent.name}", write) / "report.html"
+        return made_once(" ".join(["page of", result.parent.name, *figures]), write) / "report.html"
 
     return written
 

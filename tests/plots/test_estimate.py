@@ -54,7 +54,8 @@ def test_errors_lie_in_three_deviations_and_nees_in_the_limits_of_chi_squared(fi
 
 def test_without_a_covariance_there_are_errors_only(filtered, simulate, opened, curve_names):
     """Beside a filter that has one, whose panels are below."""
-    other = opened(simulate(**FLIES, estimator={"kind": "complementary"}, name="other"))
+    few = FLIES | {"controllers": ["eqt"], "estimator": {"kind": "complementary"}}
+    other = opened(simulate(**few, name="other"))
     drawing = EstimateFigure(controllers=["eqt"]).draw([other])
     assert [panel.get_label() for panel in drawing.axes] == [
         "rotation error eqt",
@@ -68,7 +69,8 @@ def test_without_a_covariance_there_are_errors_only(filtered, simulate, opened, 
 
 
 def test_a_law_that_reads_measurements_has_no_estimate(simulate, opened):
-    result = opened(simulate(**FLIES))
+    brief = {"controllers": ["eqt"], "time": {"duration": 0.2, "samples": 2}}
+    result = opened(simulate(**FLIES | brief))
     with pytest.raises(EqtError) as caught:
         EstimateFigure().draw([result])
     assert str(caught.value).removeprefix(str(result.path)) == (

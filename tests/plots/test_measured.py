@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import eqt_cli
 from eqt_cli.core.errors import EqtError
 from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.base import Extras
@@ -140,11 +139,3 @@ def test_what_it_refuses(options, given, said, result, recording, paper_result):
     with pytest.raises(EqtError) as caught:
         drawn(result, recording if given else None, **options)
     assert str(caught.value).replace(str(paper_result), "RESULT") == said
-
-
-def test_a_recording_for_other_figures_is_refused(paper_result, folder):
-    with pytest.raises(EqtError) as caught:
-        eqt_cli.plot(paper_result, "paper", folder, measured="log.csv")
-    assert str(caught.value) == (
-        "measured: no figure that is drawn shows a recording; 'measured' does"
-    )

@@ -105,9 +105,8 @@ def test_rotation_and_translation_are_shown_apart(se3, opened, picture):
 
 
 def test_parts_of_extended_poses_have_symbols_of_their_own(simulate, opened, picture):
-    results = opened(
-        simulate(group="SE23", inertia=1.0, reference={"kind": "constant"}, controllers=["eqt"])
-    )
+    brief = {"controllers": ["eqt"], "time": {"duration": 0.1, "samples": 3}}
+    results = opened(simulate(group="SE23", inertia=1.0, reference={"kind": "constant"}, **brief))
     labels = [axes.get_ylabel().split(" $(")[0] for axes in picture(Paper(), results).axes[:6]]
     assert labels == [
         r"$\|I - R_{\mathrm{E}}\|_{\mathrm{F}}$",

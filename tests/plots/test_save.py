@@ -27,9 +27,11 @@ def test_files_say_what_they_show(so3, opened, picture):
     assert "date" not in dict(texts)
 
 
-def test_png_is_for_print(so3, opened, tmp_path):
-    (path,) = render([opened(so3)], "paper", tmp_path, ["png"], "column")
-    with Image.open(path) as image:
+def test_figures_are_known_as_eqts_and_png_is_for_print(so3, opened, tmp_path):
+    paths = render([opened(so3)], "paper", tmp_path, ["pdf", "svg", "png", "json"], "column")
+    assert len(paths) == 4
+    assert [path.name for path in paths if not is_eqts(path)] == []
+    with Image.open(paths[2]) as image:
         assert image.width == 1050  # 3.5 in at 300 dpi
         assert image.info["Title"] == "small: paper"
         assert image.info["Description"].startswith("Means over runs of pose error")
@@ -96,12 +98,6 @@ def test_files_of_others_are_not_replaced(tmp_path):
         f"{path}: exists, and is no file that eqt wrote; choose another place with out=…"
     )
     assert b"TeX" in path.read_bytes()
-
-
-def test_figures_are_known_as_eqts(so3, opened, tmp_path):
-    paths = render([opened(so3)], "paper", tmp_path, ["pdf", "svg", "png", "json"], "column")
-    assert len(paths) == 4
-    assert [path.name for path in paths if not is_eqts(path)] == []
 
 
 def test_nothing_is_written_when_the_figure_cannot_be_drawn(so3, altered, tmp_path):

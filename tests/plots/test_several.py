@@ -136,7 +136,9 @@ def test_all_curves_of_one_law_differ_in_colour_and_dashes(so3, stiff, opened, p
 
 
 def test_torques_are_drawn_with_their_own_reference(so3, opened, simulate, picture):
-    other = simulate(name="other", reference={"torque": ["sin(t)", "0", "1"]}, controllers=["eqt"])
+    reference = {"torque": ["sin(t)", "0", "1"]}
+    few = {"ensemble": {"runs": 1, "seed": 1}, "time": {"duration": 1.0, "samples": 11}}
+    other = simulate(name="other", reference=reference, controllers=["eqt"], **few)
     drawing = picture(Torque(controllers=["eqt"], share="total"), opened(so3), opened(other))
     drawn = {line.get_label(): line.get_ydata() for line in drawing.axes[0].lines}
     np.testing.assert_array_equal(drawn["desired, small"], opened(so3)["desired_torque"][:, 0])
