@@ -53,6 +53,7 @@ def test_contenders_integrate_the_same_sampled_loop(way, period):
     assert errors(found, own).max() < (1e-4 if way == "MuJoCo" else 1e-8)
 
 
+@pytest.mark.slow("flies a second plain program; that of the paper is tried fast")
 def test_the_plain_crazyflie_flies_as_the_configuration():
     """Steps of order 4, of 2 ms: measured 2e-8 over half a second."""
     overrides = [*sampled._undisturbed(), "time.duration=0.1", "time.samples=6"]

@@ -8,7 +8,7 @@ TESTS = """
 import time, pytest
 
 def burn():
-    end = time.process_time() + 0.3
+    end = time.process_time() + 0.12
     while time.process_time() < end:
         pass
 
@@ -17,7 +17,7 @@ def shared(): burn()
 
 def test_short(): pass
 def test_long(): burn()
-def test_asleep(): time.sleep(0.3)
+def test_asleep(): time.sleep(0.12)
 def test_shared(shared): pass
 @pytest.mark.slow("for a reason")
 def test_marked(): burn()
@@ -36,14 +36,14 @@ def test_a_test_that_takes_long_fails_unless_it_is_marked(pytester, conftest):
     pytester.makepyfile(TESTS)
     pytester.makeini("[pytest]\nmarkers = slow(reason): takes long\n")
     options = "-p", "no:cacheprovider", "-p", "no:xdist"
-    ran = pytester.inline_run(*options, plugins=[conftest.ProcessorTime(0.2)])
+    ran = pytester.inline_run(*options, plugins=[conftest.ProcessorTime(0.08)])
     _, _, failed = ran.listoutcomes()
     assert [report.location[2] for report in failed] == ["test_long"]
     assert (
         str(failed[0].longrepr)
         .rstrip()
         .endswith(
-            " s of the processor; expected at most 0.2 s. Let it do less, or mark it "
+            " s of the processor; expected at most 0.08 s. Let it do less, or mark it "
             '@pytest.mark.slow("why it must be")'
         )
     )

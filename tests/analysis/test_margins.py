@@ -121,13 +121,15 @@ def by_size(eigenvalues: Array) -> Array:
 
 def test_eigenvalues_are_those_of_the_period_that_stored_runs_show(tmp_path: Any) -> None:
     """A map x ↦ M x from instant to instant, by least squares over runs of small errors."""
-    experiment, loop = loop_of(LATE)
-    data = eqt_cli.open_results(eqt_cli.run(eqt_cli.load_experiment(LATE), tmp_path / "runs"))
-    G, Q = experiment.group, data.pose.values[0]
-    errors = G.log(G.inverse(data.desired_pose.values) @ Q)
-    asked, given = data.command.values[0], data.torque.values[0]
+    brief = {**LATE, "time": {"duration": 5.0, "samples": 11}}
+    experiment, loop = loop_of(brief)
+    run = eqt_cli.run(eqt_cli.load_experiment(brief), tmp_path / "runs")
+    with eqt_cli.open_results(run, "arrays") as data:
+        G, Q = experiment.group, data["pose"][0]
+        errors = G.log(G.inverse(data["desired_pose"]) @ Q)
+        asked, given, V = (data[name][0] for name in ("command", "torque", "velocity"))
     held = np.concatenate([0 * asked[:, :1], asked[:, :-1]], axis=1)  # one period late
-    x = np.concatenate([errors, data.velocity.values[0], given, held], axis=-1)
+    x = np.concatenate([errors, V, given, held], axis=-1)
     before, after = x[:, :-1].reshape(-1, 12), x[:, 1:].reshape(-1, 12)
     scale = np.abs(before).max(axis=0)
     M = np.linalg.lstsq(before / scale, after / scale)[0].T
@@ -472,7 +474,11 @@ def settled_gains(h: float, ticks: int) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("estimator", "gains"),
     [
-        ({"kind": "complementary", "kp": 0.7, "ki": 0.2}, (0.3 * 0.7, 0.3 * 0.2)),
+        pytest.param(
+            {"kind": "complementary", "kp": 0.7, "ki": 0.2},
+            (0.3 * 0.7, 0.3 * 0.2),
+            marks=pytest.mark.slow("a second filter"),
+        ),
         ({"kind": "invariant", **KALMAN}, settled_gains(0.1, 3)),
     ],
     ids=["complementary", "invariant"],
@@ -503,7 +509,6 @@ def test_an_estimator_is_part_of_the_loop(
     expected = np.concatenate([np.linalg.eigvals(cycle(J)) for J in (1.0, 2.0, 3.0)])
     found = by_size(np.linalg.eigvals(loop_of(body)[1].closed[0]))
     np.testing.assert_allclose(found, by_size(expected), rtol=1e-6)
-    assert not of(body).is_indicative
 
 
 @pytest.mark.parametrize(
@@ -525,16 +530,23 @@ def test_a_fast_lag_does_not_hide_a_slow_rate(kd: float, lags: list[float], stab
         ({"actuators": [{"kind": "limit", "limit": 5.0}]}, True),
         ({"sensors": {"pose": [{"kind": "noise", "std": 0.1, "dropout": 0.1}]}}, True),
         ({"sensors": {"pose": [{"kind": "noise", "std": 0.1}]}}, False),
+        (
+            {
+                "sensors": {"pose": [{"kind": "noise", "std": 0.1}]},
+                "estimator": {"kind": "complementary", "kp": 0.7, "ki": 0.2},
+            },
+            False,
+        ),
     ],
 )
 def test_what_is_left_out_makes_a_verdict_indicative(more: Any, indicative: bool) -> None:
-    assert of({**SLOW, **more}).is_indicative is indicative
+    assert of({**WHEEL, "control": {"period": 0.1}, **more}).is_indicative is indicative
 
 
 def test_every_law_counts(told: Any) -> None:
-    eqt_cli.margins({**WHEEL, "controllers": ["eqt", "gt", "sliding"]})
-    assert ("laws", 3) in told.steps
-    assert told.total("laws") == 3
+    eqt_cli.margins({**WHEEL, "controllers": ["eqt", "sliding"]})
+    assert ("laws", 2) in told.steps
+    assert told.total("laws") == 2
 
 
 def test_a_reference_that_is_not_finite_has_no_margins() -> None:
@@ -548,7 +560,7 @@ def test_the_delay_margin_of_any_sampled_loop_is_the_first_period_that_makes_it_
     Loops of up to four states and two commands, some of them at the edge of stability.
     """
     random, finite = np.random.default_rng(1), 0
-    for _ in range(80):
+    for _ in range(40):
         n, m = random.integers(1, 5), random.integers(1, 3)
         A = random.normal(size=(n, n))
         A *= random.choice([0.5, 0.9, 0.99, 1.0]) / np.abs(np.linalg.eigvals(A)).max()
@@ -561,4 +573,4 @@ def test_the_delay_margin_of_any_sampled_loop_is_the_first_period_that_makes_it_
         if first > 0:  # else it is unstable without delay
             assert delay_margin(loop) == pytest.approx(0.5 * (first - 1)) or first == 20
             finite += first < 20
-    assert finite > 10
+    assert finite > 5

@@ -161,7 +161,10 @@ MADE = {
 }
 
 
-@pytest.fixture(scope="module", params=MADE)
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param("SO3", marks=pytest.mark.slow("SE3 has its part, too")), "SE3"],
+)
 def made(request, made_once):
     """The folder of a result on this group, and its trajectories of EqT."""
     name = request.param

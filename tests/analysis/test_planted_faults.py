@@ -584,7 +584,7 @@ FAST = (
     "damping: sign",
     "inertia force: sign, prescribed",
     "ad*: sign",
-    "eq. (20): sign",
+    "eq. (20): Ad of X_d",
     "exp: Jacobian of the plane transposed",
     "critical points: half-turns about other axes",
 )

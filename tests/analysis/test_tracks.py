@@ -138,7 +138,7 @@ class OtherStiffness(EqT):
 @pytest.mark.parametrize(
     ("law", "verdict"),
     [
-        (Lee2010(), Verdict.HOLDS),
+        pytest.param(Lee2010(), Verdict.HOLDS, marks=pytest.mark.slow("as EqT")),
         (EqT(), Verdict.HOLDS),
         (WithoutAcceleration(), Verdict.FAILS),
         (OtherStiffness(), Verdict.FAILS),

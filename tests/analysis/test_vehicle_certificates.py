@@ -84,6 +84,10 @@ def test_all_hold(runs):
     assert verdicts(runs) == HOLD
 
 
+OF_MANY = pytest.mark.slow("one of many faults")
+SHORT = CONFIG.replace("duration: 2, samples: 41", "duration: 0.5, samples: 11")
+
+
 # The momentum balance -----------------------------------------------------------------------------
 
 
@@ -121,17 +125,16 @@ def with_the_rate_of_the_model(part, model, t, exact=RelativeInertia.at):
     ("owner", "method", "fault"),
     [
         (Vehicle, "acting", without_the_rate_of_the_inertia),
-        (Vehicle, "acting", with_the_momentum_of_the_model),
-        (Vehicle, "acting", with_forces_of_the_other_sign),
-        (RelativeInertia, "at", with_the_inverse_of_the_model),
+        pytest.param(Vehicle, "acting", with_the_momentum_of_the_model, marks=OF_MANY),
+        pytest.param(Vehicle, "acting", with_forces_of_the_other_sign, marks=OF_MANY),
+        pytest.param(RelativeInertia, "at", with_the_inverse_of_the_model, marks=OF_MANY),
         (RelativeInertia, "at", with_the_rate_of_the_model),
     ],
     ids=lambda value: getattr(value, "__name__", value),
 )
 def test_a_plant_that_does_not_obey_its_equation(owner, method, fault, monkeypatch, tmp_path):
     monkeypatch.setattr(owner, method, fault)
-    short = CONFIG.replace("duration: 2, samples: 41", "duration: 0.5, samples: 11")
-    found = failing(solved(tmp_path, runs=1, config=short))
+    found = failing(solved(tmp_path, runs=1, config=SHORT))
     assert found - {NoiseCovariance.name} == {MomentumBalance.name}
 
 
@@ -149,7 +152,7 @@ SAMPLED = ("control", "sensors")
 
 
 def test_without_a_clock_only_the_momentum_is_balanced(tmp_path):
-    kept = (line for line in CONFIG.splitlines() if line.split(":")[0] not in SAMPLED)
+    kept = (line for line in SHORT.splitlines() if line.split(":")[0] not in SAMPLED)
     config = "\n".join(kept)
     assert verdicts(solved(tmp_path, 1, config)) == [Verdict.HOLDS, None]
 

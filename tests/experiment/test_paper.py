@@ -1,4 +1,4 @@
-"""The paper's experiment (Hampsey et al. (2025), section 7 and Figure 3), with half of its runs.
+"""The paper's experiment (Hampsey et al. (2025), section 7 and Figure 3), with 60 of 200 runs.
 
 The values to expect were computed once, from other random numbers: each is a mean over 200 runs,
 so that the difference of two such means has at most √2 times the standard error of one. Four of
@@ -14,11 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eqt_cli.config.shipped import folder
-from eqt_cli.config.source import read_config
-from eqt_cli.engines.native import Native
-from eqt_cli.execution.run_study import execute
-from eqt_cli.experiment.read_study import study
 from eqt_cli.store.reader import ResultFile, open_results
 
 LABELS = ["eqt", "gt", "nog", "asym"]
@@ -31,20 +26,8 @@ MEAN_POSE_ERROR = {"eqt": 0.67, "gt": 0.57, "nog": 0.85, "asym": 0.56}
 
 
 @pytest.fixture(scope="module")
-def paper(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ResultFile]:
-    out: Path = tmp_path_factory.mktemp("paper")
-    engine = "solve_ivp" if Native.unavailable() else "native"
-    source = read_config(
-        folder() / "paper.yaml",
-        [
-            f"solver.engine={engine}",
-            "solver.error_estimate=false",
-            "store.decimate=4",
-            "ensemble.runs=100",
-        ],
-    )
-    execute(study(source), out / "out")
-    with open_results(out / "out") as results:
+def paper(paper_result: Path) -> Iterator[ResultFile]:
+    with open_results(paper_result) as results:
         yield results
 
 
@@ -56,7 +39,7 @@ def assert_expected(values: np.ndarray, expected: float, rounding: float) -> Non
 
 def test_every_run_of_every_controller_ends_well(paper: ResultFile) -> None:
     assert list(paper.coordinate("controller")) == LABELS
-    assert paper["status"].shape == (4, 100)
+    assert paper["status"].shape == (4, 60)
     assert not paper["status"].any()
 
 
@@ -109,5 +92,5 @@ def assert_smaller(one: np.ndarray, other: np.ndarray) -> None:
 
 
 def test_the_energy_balance_holds_for_every_run(paper: ResultFile) -> None:
-    # Of the order of rtol = 1e-9, times what the worst run amplifies (70 times).
-    assert paper["energy_residual"].max() < 1e-7
+    # Of the order of rtol = 1e-6, times what the worst run amplifies (70 times).
+    assert paper["energy_residual"].max() < 1e-4

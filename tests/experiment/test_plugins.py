@@ -53,7 +53,12 @@ class Push(Controller):
     def torque(self, s):
         return -self.gain * s.V_tilde
 """
-PUSH = {"plugins": "[law.py]", "controllers": "[push, eqt]"}
+PUSH = {
+    "plugins": "[law.py]",
+    "controllers": "[push, eqt]",
+    "ensemble": "{runs: 1}",
+    "time": "{duration: 0.1, samples: 3}",
+}
 
 
 @pytest.fixture
@@ -109,9 +114,9 @@ def test_a_plugin_is_all_that_a_process_needs_to_load() -> None:
 
 
 def test_plugins_of_every_kind_run_together(every_plugin: Path, tmp_path: Path) -> None:
-    found = study(read_config(every_plugin, ["ensemble.runs=2"]))
+    found = study(read_config(every_plugin, ["ensemble.runs=1", "time.duration=0.1"]))
     done = execute(found, tmp_path / "out", executor=executors.get("backwards")(1))
-    assert (done.runs, done.failed) == (10, 0)
+    assert (done.runs, done.failed) == (5, 0)
 
 
 def test_wrong_options_of_plugins_are_reported_together(every_plugin: Path) -> None:
@@ -179,13 +184,9 @@ def test_an_edited_plugin_is_another_experiment(run: Run, law: Path) -> None:
 # Results that hold plugins ----------------------------------------------------------------------
 
 
-def test_a_result_keeps_the_source(run: Run, law: Path) -> None:
-    run(**PUSH)
-    with open_results("out") as results:
-        assert "class Push(Controller)" in str(results.attributes["plugins"])
-
-
-def test_the_folder_runs_again_without_the_file(run: Run, law: Path, folder: Path) -> None:
+def test_a_folder_and_a_trusted_result_run_again_without_the_file(
+    run: Run, law: Path, folder: Path
+) -> None:
     run(**PUSH)
     law.unlink()
     kept = Path("out/config.yaml")
@@ -193,6 +194,12 @@ def test_the_folder_runs_again_without_the_file(run: Run, law: Path, folder: Pat
     source = read_config(kept)
     execute(study(source), folder / "again")
     assert_equal_datasets(folder / "out", folder / "again")
+    (folder / "away").mkdir()
+    moved = Path("out/results.h5").rename(folder / "away" / "results.h5")
+    source = read_config(moved)
+    execute(study(source, trust_plugins=True), folder / "alone")
+    assert_equal_datasets(moved, folder / "alone")
+    assert (folder / "alone/stored_plugins/0-law.py").read_text(encoding="utf-8") == LAW
 
 
 def test_a_sweep_takes_the_source_to_other_processes(
@@ -222,17 +229,6 @@ def test_a_result_executes_no_plugin_unasked(run: Run, law: Path) -> None:
         "executes only on request; read it with `eqt show --plugins`, then add "
         "trust_plugins=True"
     )
-
-
-def test_a_trusted_result_runs_again_alone(run: Run, law: Path, folder: Path) -> None:
-    run(**PUSH)
-    law.unlink()
-    (folder / "away").mkdir()
-    moved = Path("out/results.h5").rename(folder / "away" / "results.h5")
-    source = read_config(moved)
-    execute(study(source, trust_plugins=True), folder / "again")
-    assert_equal_datasets(moved, folder / "again")
-    assert (folder / "again/stored_plugins/0-law.py").read_text(encoding="utf-8") == LAW
 
 
 # Errors -----------------------------------------------------------------------------------------

@@ -21,7 +21,9 @@ def opened(invoke, folder, *options, **keys):
     return open_result(folder / "out")
 
 
-@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+@pytest.mark.parametrize(
+    "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.slow("compiles a law"))]
+)
 def test_distance_of_positions_and_turn_about_the_vertical(invoke, tmp_path, engine):
     reference = '{torque: ["cos(t)", "0", "0", "0", "sin(t)", "0"]}'
     with opened(
@@ -48,7 +50,14 @@ def test_a_heading_is_kept_under_a_tilt_and_0_upside_down():
     assert heading_of(G, np.diag([1.0, -1.0, -1.0])) == 0.0
 
 
-@pytest.mark.parametrize(("group", "found"), [("SO3", 0), ("SE23", 0), ("SE2", 4)])
+@pytest.mark.parametrize(
+    ("group", "found"),
+    [
+        pytest.param("SO3", 0, marks=pytest.mark.slow("as SE23, which has positions")),
+        ("SE23", 0),
+        ("SE2", 4),
+    ],
+)
 def test_groups_with_other_parts_have_no_such_error(invoke, tmp_path, group, found):
     with opened(
         invoke, tmp_path, "--set", "time.duration=0.1", group=group, reference="{kind: constant}"

@@ -8,7 +8,7 @@ from eqt_cli.store.writer import Table, Variable
 RUNS = ("controller", "run")
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def table():
     rng = np.random.default_rng(1)
     return Table(

@@ -47,9 +47,15 @@ def written(file, compression):
     return file
 
 
-@pytest.fixture(params=[None, "gzip"], ids=["plain", "gzip"])
-def path(request, tmp_path):
-    return written(tmp_path / "results.h5", request.param)
+@pytest.fixture(scope="module", params=[None, "gzip"], ids=["plain", "gzip"])
+def content(request, tmp_path_factory):
+    return written(tmp_path_factory.mktemp("written") / "results.h5", request.param).read_bytes()
+
+
+@pytest.fixture
+def path(tmp_path, content):
+    (tmp_path / "results.h5").write_bytes(content)
+    return tmp_path / "results.h5"
 
 
 def test_points_are_read_from_their_groups(path):
@@ -231,6 +237,7 @@ BUILDERS = {
 }
 
 
+@pytest.mark.parametrize("content", [None], indirect=True, ids=["plain"])
 @pytest.mark.parametrize("build", BUILDERS, ids=lambda build: build.__name__.strip("_"))
 def test_what_eqt_never_writes_is_refused(path, build):
     with h5py.File(path, "r+") as file:

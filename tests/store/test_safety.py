@@ -15,9 +15,16 @@ from eqt_cli.store.writer import Table, Variable, write
 AGAIN = "copy it again or run the experiment again"
 
 
+@pytest.fixture(scope="module")
+def content(tmp_path_factory, table):
+    path = tmp_path_factory.mktemp("written") / "results.h5"
+    write(path, table)
+    return path.read_bytes()
+
+
 @pytest.fixture
-def path(tmp_path, table):
-    write(tmp_path / "results.h5", table)
+def path(tmp_path, content):
+    (tmp_path / "results.h5").write_bytes(content)
     return tmp_path / "results.h5"
 
 
