@@ -1,7 +1,5 @@
 """The sentences that a report opens with."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -26,7 +24,8 @@ def found(make_result):
         metrics = {"mean_pose_error": pose, "early_torque": torque, **more}
         units = {"torque_norm": "N m", "early_torque": "N m"}
         result = make_result(labels, signals, metrics, units=units, kinds=kinds)
-        made = findings(replace(compare(result), titles=TITLES))
+        result.title_of = TITLES
+        made = findings(compare(result))
         return {finding.claim[:12]: finding for finding in made} if made[0].claim else made
 
     return of

@@ -28,7 +28,8 @@ class Stored(Result):
         if failed is not None:
             self.status[failed] = 1
         self.metrics = [name]
-        self.labels = self.titles = [f"law {k}" for k in range(self.values.shape[1])]
+        self.labels = [f"law {k}" for k in range(self.values.shape[1])]
+        self.title_of = {label: label for label in self.labels}
         self.dimensions = {"run": self.values.shape[2], "point": len(self.values)}
 
     def has(self, name: str) -> bool:

@@ -26,7 +26,7 @@ class Stored(Result):
         counts = np.array(settled)[..., None]
         self.settled = (np.arange(runs) < counts).astype(float)
         self.labels = [f"law {k}" for k in range(counts.shape[1])]
-        self.titles = self.labels
+        self.title_of = {label: label for label in self.labels}
         self.dimensions = {"run": runs, "point": len(counts)}
         self.swept_keys = list(keys)
 
