@@ -16,7 +16,6 @@ from eqt_cli.closed_loop.signals import SIGNALS, at_state, compute
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import dot
-from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.groups import group_named
@@ -106,7 +105,7 @@ def assert_constant(quantity):
 def controlled(request):
     """A loop of laws of each kind, and L and W along its trajectories.
 
-    The rate of L of every law is tested in controllers/test_paper_equations.py.
+    The rate of L of every law is tested in contracts/test_controllers.py.
     """
     name, group = request.param.split()
     loop = closed_loop(group_named(group), controllers.get(name)())
@@ -128,8 +127,9 @@ def test_lyapunov_function_decreases(controlled):
     assert (L[:, -1] < L[:, 0]).all()
 
 
-def test_energy_balance_off_the_plane(G):
+def test_energy_balance_off_the_plane():
     """Also where c + n ≠ 1, and L may well grow."""
+    G = group_named("SE3*SO2")
     loop = closed_loop(G, Family(gyroscopic=0.3, transport=-0.5, connection=0.2, damping="body"))
     states = trajectories(loop)
     assert_constant(loop.tracking(TIMES, states).lyapunov + loop.work(states))
@@ -179,15 +179,6 @@ def test_free_rigid_body_conserves_the_casimir():
     assert_constant(np.linalg.norm(s.P, axis=-1))
 
 
-def test_free_rigid_motion_conserves_both_casimirs():
-    """‖p‖ and π·p on SE(3)."""
-    loop = closed_loop(group_named("SE3"), Free())
-    s = loop.tracking(TIMES, trajectories(loop))
-    angular, linear = s.P[..., :3], s.P[..., 3:]
-    assert_constant(np.linalg.norm(linear, axis=-1))
-    assert_constant(dot(angular, linear))
-
-
 # References ---------------------------------------------------------------------------------------
 
 
@@ -234,21 +225,6 @@ def test_flat_state_holds_what_it_was_made_of(G):
     s = loop.tracking(0.0, state)
     for held, given in ((s.Q, Q), (s.V, V), (s.Qd, Qd), (s.Vd, Vd), (loop.work(state), 0.0)):
         np.testing.assert_allclose(held, given, rtol=0, atol=1e-14)
-
-
-def test_parameters_may_differ_from_run_to_run(G):
-    loops = [closed_loop(G, Family(g, c, 1 - c)) for g, c in ((0.0, 1.0), (1.0, 0.5), (2.0, -1.0))]
-    scaled = [
-        dataclasses.replace(loop, gains=Gains(k * loop.gains.K, k * loop.gains.K_d))
-        for k, loop in enumerate(loops, start=1)
-    ]
-    batched = with_leaves(
-        loops[0],
-        {path: np.stack([leaves(loop)[path] for loop in scaled]) for path in leaves(loops[0])},
-    )
-    states = initial_states(loops[0])
-    alone = [loop.vector_field(0.5, state) for loop, state in zip(scaled, states, strict=True)]
-    np.testing.assert_allclose(batched.vector_field(0.5, states), alone, rtol=0, atol=1e-13)
 
 
 # Signals ------------------------------------------------------------------------------------------

@@ -8,14 +8,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eqt_cli.analysis.evidence.numbers import lifted, rate_of, value_of
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import controllers
 from eqt_cli.controllers.family import Family
-from eqt_cli.core.arrays import apply_matrix, dot, norm, transpose
+from eqt_cli.core.arrays import apply_matrix, dot, transpose
 from eqt_cli.core.expressions import parse
 from eqt_cli.groups import group_named, groups
 from eqt_cli.mechanics import navigation
@@ -371,20 +370,6 @@ def prescribed(some, data):
 inertias = on_groups(["inertia"], [(factored,), (constant,), (prescribed,)])
 
 
-def assume_away_from_half_turns(s):
-    """At a half turn the torque of a law that jumps there has two values."""
-    x = s.G.log(s.relative.Q)
-    for part in s.G.parts:
-        if part.name.startswith("rotation"):
-            assume((norm(x[..., part.axes]) < np.pi - 1e-3).all())
-
-
-def exactly(curve):
-    """The derivative at 0 of a curve, by numbers that carry their rate instead of differences."""
-    rate, _ = value_of(rate_of(curve(lifted(np.array(0.0), rates=1.0))))
-    return rate
-
-
 def rate_of_L(some, data, controller, inertia, derivative):
     """dL/dt and dW/dt of a closed loop at any state, and what its law may read there."""
     G, t = some.G, 0.5
@@ -449,18 +434,3 @@ def test_closed_loop_integrates_the_rate_of_L_without_feedforward(
     controller = controllers.get("stabilising")(feedforward=False)
     rate, power, _ = rate_of_L(samples, data, controller, inertia, derivative)
     assert_is_difference(power, -rate)
-
-
-@EXAMPLES
-@given(data=st.data())
-def test_closed_loop_integrates_the_rate_of_L(samples_and_law, data, derivative):
-    samples, name = samples_and_law
-    jumps = name in ("logarithmic", "quaternion")  # L bends towards a half turn: no differences
-    rate_by = exactly if jumps else derivative
-    rate, power, s = rate_of_L(samples, data, law(name), constant, rate_by)
-    if jumps:
-        assume_away_from_half_turns(s)
-    if law(name).dissipation(s) is None:
-        assert_equal(power, 0.0, tolerance=0)
-    else:
-        assert_is_difference(power, -rate)

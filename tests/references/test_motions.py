@@ -297,16 +297,6 @@ def test_so_it_does_with_an_inertia_that_varies():
     assert norm(s.V_tilde).max() < ON_REFERENCE
 
 
-@pytest.mark.parametrize("engine", ["solve_ivp", "native"])
-def test_slew_ends_at_rest_at_its_target(engine):
-    G = group_named("SO3")
-    s = on_reference(closed_loop(G, reference("slew", G)), engine)
-    assert frobenius(s.Qd[0, -1] - poses(G)[3]) < 1e-9
-    assert norm(s.Vd[0, -1]) < 1e-9
-    assert frobenius(s.Q[0, -1] - poses(G)[3]) < 1e-9
-    assert norm(s.V[0, -1]) < 1e-9
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_acceleration_is_what_the_torque_gives(G, kind):
     """V̇_d from τ_d, by `Tracking`, is V̇_d of the reference."""

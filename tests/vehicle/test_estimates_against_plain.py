@@ -68,28 +68,6 @@ def true_bias(group, run, instants, walk=WALK):
     return BIAS + walk * np.sqrt(PERIOD) * (np.cumsum(steps, axis=0) - steps[:1])
 
 
-def filtered(start, V_m, correct, latest=0):
-    """A plain filter after every instant.
-
-    Parameters
-    ----------
-    start
-        Makes the filter as it is before what is measured at t = 0 corrects it.
-    correct
-        Corrects a filter by what was measured at one instant and has arrived by another one.
-    latest
-        After how many instants the last measurements arrive; the filter is made anew for each.
-    """
-    F = start()
-    for k in range(len(V_m)):
-        F = start() if latest else F
-        for j in range(0 if latest else k, k + 1):
-            if j:
-                F.predict((V_m[j] + V_m[j - 1]) / 2)
-            correct(F, j, k)
-        yield F
-
-
 def close(found, expected, tolerance=1e-8):
     assert np.isfinite(expected).all()  # of a run that failed, both are NaN
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
@@ -114,16 +92,14 @@ def test_estimates_are_those_of_a_plain_filter(solved, group, instants, kind):
     P = block_diag(0.8**2 * np.eye(m), 0.2**2 * np.eye(m))
     b = true_bias(group, 1, instants)
 
-    def start():
-        Q = s["pose"][0, 0] @ A.exp(-np.array(error))
-        return FILTERS[kind](group, PERIOD, VELOCITY, WALK, Q, np.zeros(m), P)
-
-    def correct(F, j, k):
-        if j % (instants // 3) == 0:
-            off = A.log(np.linalg.inv(F.pose) @ Q_m[0, j])
+    Q = s["pose"][0, 0] @ A.exp(-np.array(error))
+    F = FILTERS[kind](group, PERIOD, VELOCITY, WALK, Q, np.zeros(m), P)
+    for k in range(instants):
+        if k:
+            F.predict((V_m[0, k] + V_m[0, k - 1]) / 2)
+        if k % (instants // 3) == 0:
+            off = A.log(np.linalg.inv(F.pose) @ Q_m[0, k])
             F.correct(off, list(range(m)), POSE**2 * np.eye(m))
-
-    for k, F in enumerate(filtered(start, V_m[0], correct)):
         close(s["estimated_pose"][0, k], F.pose)
         close(s["estimated_bias"][0, k], F.bias)
         close(s["estimated_velocity"][0, k], V_m[0, k] - F.bias)
@@ -192,53 +168,6 @@ def test_its_steady_covariance_solves_the_riccati_equation(solved, group, kind):
     P = before - before @ H.T @ np.linalg.inv(H @ before @ H.T + R) @ H @ before
     close(s["pose_estimate_std"][0, -1, 0] ** 2, P[0, 0], 1e-10)
     close(s["bias_estimate_std"][0, -1, 0] ** 2, P[1, 1], 1e-10)
-
-
-PARTS = (
-    f"[{{kind: noise, std: 0.02, of: rotation}}, "
-    f"{{kind: noise, std: {POSE}, of: translation, period: 0.4, delay: 3, dropout: 0.4}}]"
-)
-
-
-@pytest.mark.parametrize(
-    "kind",
-    [pytest.param(kind, marks=pytest.mark.slow("the next section has rates")) for kind in FILTERS],
-)
-def test_a_late_fix_of_a_part_corrects_the_state_of_its_own_time(solved, kind):
-    """An attitude at every instant, a position at some, three instants late and with drop-outs."""
-    A, start_error, deviations = plain.Algebra("SE2"), np.array([0.5, -1, 1]), (0.02, 0.03, 0.04)
-    given = (
-        ", pose_std: [0.03, 0.05, 0.06], velocity_std: [0.02, 0.03, 0.04], bias_walk: 0.02, "
-        "initial_error: [0.5, -1, 1], initial_pose_std: 1.0, initial_bias_std: 0.1"
-    )
-    s, Q_m, V_m = told(
-        *solved(text("SE2", kind, duration=1.2, pose=PARTS, options=given), runs=[0])
-    )
-    R, P = np.diag([0.03, 0.05, 0.06]) ** 2, block_diag(np.eye(3), 0.1**2 * np.eye(3))
-    arrives = (
-        generator_at(4, Stream.VEHICLE, 0, "measured_pose_translation.arrived").random(3) >= 0.4
-    )
-    arrives[0] = True
-    assert arrives.tolist() == [True, False, True]
-
-    def start():
-        Q = s["pose"][0, 0] @ A.exp(-start_error)
-        return FILTERS[kind]("SE2", PERIOD, np.array(deviations), 0.02, Q, np.zeros(3), P)
-
-    def correct(F, j, k):
-        there = k >= j + 3 or j == 0
-        rows = [0, 1, 2] if j % 4 == 0 and arrives[j // 4] and there else [0]
-        measured = F.pose.copy()
-        measured[:2, :2] = Q_m[0, j, :2, :2]
-        if len(rows) == 3:
-            measured[:2, 2] = Q_m[0, j, :2, 2]
-        off = A.log(np.linalg.inv(F.pose) @ measured)
-        F.correct(off[rows], rows, R[np.ix_(rows, rows)])
-
-    for k, F in enumerate(filtered(start, V_m[0], correct, latest=3)):
-        close(s["estimated_pose"][0, k], F.pose)
-        close(s["estimated_bias"][0, k], F.bias)
-        close(s["estimated_velocity"][0, k], V_m[0, k] - F.bias)
 
 
 def test_the_complementary_filter_is_that_of_its_paper(solved):

@@ -154,6 +154,7 @@ def test_options_of_rotors_that_do_not_fit(experiment, options):
     assert said == WRONG[options]
 
 
+@pytest.mark.slow("compiles a long law; test_benchmarks.py flies it beside a plain program")
 def test_a_crazyflie_flies_by_both_engines_alike(invoke, tmp_path):
     short = "time.duration=0.02", "time.samples=3", "ensemble.runs=1", "solver.cross_check=0"
     found = []

@@ -179,15 +179,6 @@ def test_an_engine_of_a_plugin_meets_the_same_vehicles_and_noise(solved):
     np.testing.assert_allclose(found, solution.states, rtol=0, atol=1e-8)
 
 
-def test_results_do_not_depend_on_neighbours_or_workers(solved):
-    text = with_engine(NOISY, "native")
-    _, together = solved(text)
-    _, threads = solved(text, workers=2)
-    _, some = solved(text, runs=[7, 2])
-    np.testing.assert_array_equal(threads.states, together.states)
-    np.testing.assert_array_equal(some.states, together.states[[7, 2]])
-
-
 @pytest.mark.parametrize(
     ("kind", "offset"), [("velocity", [0.1, 0.0, 0.0]), ("pose", [0.0, 0.3, -0.2])]
 )

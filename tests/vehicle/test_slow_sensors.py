@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from eqt_cli.api import open_results
 from eqt_cli.config.signal_path import loop_in_words, signal_path
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError
@@ -153,20 +152,6 @@ def test_bits_do_not_depend_on_neighbours_threads_or_memory(solved, engine):
         np.testing.assert_allclose(some.states, expected, rtol=0, atol=1e-7)
     else:
         np.testing.assert_array_equal(some.states, expected)
-
-
-@pytest.mark.slow("compiles a loop; test_thrusters.py has a fast one of another engine")
-def test_a_run_that_goes_on_has_the_bits_of_one_in_one_go(tmp_path, invoke):
-    path, engine = tmp_path / "c.yaml", "solver: {engine: native, cross_check: 0}\n"
-    text = SE3.replace(", {kind: goodarzi2013, ki: 0.2, bound: 0.5}", "") + SENSORS + engine
-    path.write_text(text, encoding="utf-8")
-    one, other = tmp_path / "one", tmp_path / "other"
-    invoke("run", path, "--out", one)
-    invoke("run", path, "--out", other, "--shard", "1/2")
-    invoke("run", path, "--out", other)
-    with open_results(one, "arrays") as a, open_results(other, "arrays") as b:
-        for name in ("pose", "torque", "command"):
-            np.testing.assert_array_equal(b[name], a[name])
 
 
 def test_a_sweep_over_sensors_is_ragged_where_states_are(tmp_path):

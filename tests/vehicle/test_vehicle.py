@@ -114,16 +114,6 @@ def test_a_push_in_space_acts_on_a_body_at_rest():
     np.testing.assert_allclose(found, SE3.Ad_star(Q, np.array(push)), atol=ROUNDING)
 
 
-def test_weight_and_buoyancy_right_a_body_whose_mass_is_low():
-    force = Restoring(weight=10.0, buoyancy=12.0, centre_of_mass=[0.0, 0.0, -0.1])
-    angle = 0.2
-    Q = SE3.exp(np.array([[angle, 0.0, 0.0, 0.0, 0.0, 0.0]]))
-    found = acting(force, SE3, Q, np.zeros((1, 6)))[0]
-    np.testing.assert_allclose(found[0], -10.0 * 0.1 * np.sin(angle), atol=ROUNDING)
-    upward = SE3.rotation(Q)[0] @ found[3:]
-    np.testing.assert_allclose(upward, [0, 0, 2.0], atol=10 * ROUNDING)
-
-
 @pytest.mark.parametrize("G", [SE2, SE3], ids=lambda G: G.name)
 def test_weight_and_buoyancy_are_the_slope_of_their_energy(G, derivative):
     """Along every axis of the body: U = W h_G − B h_B, with both centres off every axis."""
