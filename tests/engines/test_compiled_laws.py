@@ -351,20 +351,6 @@ def faulty_problem(controller, faults):
     return Problem(problem.loop, problem.states, problem.times, varying)
 
 
-@pytest.mark.parametrize("fault", ["escape", "at_once"])
-def test_failing_run_harms_no_other(fault):
-    """The fourth of ten runs fails; the others are, bit for bit, what they are without it."""
-    problem = faulty_problem(FAULTS[fault][0], np.arange(10) == 3)
-    others = np.delete(np.arange(10), 3)
-    healthy = ENGINE.solve(problem.select(others))
-    assert not healthy.status.any()
-    for workers in (1, 2):
-        solution = ENGINE.solve(problem, workers)
-        assert solution.status[3]
-        assert np.array_equal(solution.states[others], healthy.states)
-        assert np.array_equal(solution.steps[others], healthy.steps)
-
-
 @pytest.mark.parametrize("fault", FAULTS)
 def test_failing_run_gets_a_status_and_keeps_its_samples_up_to_the_failure(fault):
     controller, status, reason = FAULTS[fault]

@@ -400,16 +400,11 @@ def test_without_a_folder_for_temporary_files_it_says_so(cc, monkeypatch):
 # What it keeps ------------------------------------------------------------------------------------
 
 
-def test_another_process_finds_what_was_compiled_and_who_compiled_it(cc):
+def test_another_process_finds_what_was_compiled_and_who_compiled_it(cc, told):
+    """And tells nothing of compiling."""
     assert works() and cc() == (1, 1)
     forget()
     assert works() and cc() == (1, 1)
-
-
-def test_compiling_is_told_and_loading_is_not(cc, told):
-    compiler.library(SOURCE)
-    forget()
-    compiler.library(SOURCE)
     assert told.activities == ["compiling the laws"]
 
 

@@ -172,16 +172,6 @@ def test_what_is_damaged_is_computed_again(make, whole, tmp_path, damage, begun)
 
 
 @pytest.mark.slow("computes an experiment several times")
-def test_what_killed_processes_left_is_removed(make, whole, begun):
-    (begun / "parts/000005.h5.0123456789abcdef.tmp").write_bytes(b"half")
-    (begun / "results.h5.0123456789abcdef.tmp").write_bytes(b"half")
-    (begun / "mine.tmp").write_bytes(b"mine")
-    execute(make(), begun)
-    assert_same(contents(begun), whole)
-    assert [path.name for path in begun.glob("**/*.tmp")] == ["mine.tmp"]
-
-
-@pytest.mark.slow("computes an experiment several times")
 def test_a_kill_before_the_parts_are_removed_loses_nothing(make, whole, tmp_path, monkeypatch):
     out = tmp_path / "out"
 
@@ -327,20 +317,6 @@ def test_a_part_that_lacks_a_number_is_computed_again(make, whole, begun):
     assert_same(contents(begun), whole)
 
 
-@pytest.mark.slow("computes an experiment several times")
-def test_failed_runs_of_a_result_with_other_variables_are_not_mixed_in(make, tmp_path):
-    out = tmp_path / "out"
-    execute(make(), out, executor=Losing({1}))
-    with h5py.File(out / "results.h5", "r+") as file:
-        file.move("effort", "exertion")
-    with pytest.raises(EqtError) as caught:
-        execute(make(), out, rerun_failed=True)
-    assert str(caught.value) == (
-        f"{out}/results.h5: was written by a version of eqt that stores other variables; compute "
-        "its failed runs with that version, or choose another folder with out=…"
-    )
-
-
 def execute_without(name, *arguments, **options):
     """As a version of eqt computes it that does not keep a quantity."""
     with pytest.MonkeyPatch.context() as patch:
@@ -365,8 +341,12 @@ def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tm
 def test_failed_runs_of_a_result_that_lacks_an_integer_are_not_computed(make, tmp_path):
     out = tmp_path / "out"
     execute_without("steps", make(), out, executor=Losing({1}))
-    with pytest.raises(EqtError, match=r"was written by a version of eqt that stores other var"):
+    with pytest.raises(EqtError) as caught:
         execute(make(), out, rerun_failed=True)
+    assert str(caught.value) == (
+        f"{out}/results.h5: was written by a version of eqt that stores other variables; compute "
+        "its failed runs with that version, or choose another folder with out=…"
+    )
 
 
 # Workers.
@@ -563,12 +543,6 @@ def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
     swept, alone = contents(tmp_path / "sweep"), contents(tmp_path / "alone")
     assert swept["initial_pose"].shape == (2, 7, 3, 3)
     np.testing.assert_array_equal(swept["initial_pose"][1], alone["initial_pose"])
-
-
-@pytest.mark.slow("computes a sweep")
-def test_a_result_of_a_sweep_runs_again_from_its_own_config(make, finished):
-    again = study(read_config(finished("sweep") / "results.h5"))
-    assert again.digest == make(CONFIG + SWEEP).digest
 
 
 def test_a_large_sweep_keeps_trajectories_only_if_asked(make, monkeypatch):

@@ -165,13 +165,6 @@ def test_the_folder_of_other_results_takes_none_itself(finished: None, run: Run)
     assert not Path("results/results.h5").exists()
 
 
-def test_force_runs_the_same_experiment_again(finished: None, run: Run) -> None:
-    before = contents()["results.h5"]
-    outcome = run(force=True)
-    assert not outcome.was_complete
-    assert len(contents()["results.h5"]) == len(before)
-
-
 def test_figures_alone_are_not_lost_either(finished: None, run: Run) -> None:
     Path("out/figures").mkdir()
     Path("out/results.h5").unlink()

@@ -13,7 +13,7 @@ from eqt_cli.core.errors import EqtError, ResultError
 from eqt_cli.engines import Status
 from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.serial import Serial
-from eqt_cli.execution.run_study import Shard, execute, pack_folder
+from eqt_cli.execution.run_study import execute
 from eqt_cli.experiment.law_names import law_names
 from eqt_cli.experiment.read_study import MOST_GROUPS, add_grids, study
 from eqt_cli.results.result import open_result
@@ -153,19 +153,6 @@ def test_groups_are_the_results_of_single_experiments(make, finished, tmp_path):
                     assert group.units(name) == alone.units(name)
                 for name in results.names:
                     np.testing.assert_array_equal(results[name][point], alone[name])
-
-
-@pytest.mark.slow("as test_execute.py has it of one experiment")
-def test_shards_and_pack_give_the_same_bits(make, text, whole, tmp_path):
-    out = tmp_path / "out"
-    execute(make(text), out, shard=Shard(1, 2))
-    with pytest.raises(
-        EqtError, match=r": 4 of 8 parts are missing; complete every shard, or use eqt run"
-    ):
-        pack_folder(make(text), out)
-    execute(make(text), out, shard=Shard(2, 2))
-    assert pack_folder(make(text), out).failed == 0
-    assert_same(contents(out), whole)
 
 
 @pytest.mark.slow("computes a sweep anew")

@@ -145,14 +145,6 @@ def test_the_report_has_the_tables(tuned: tuple[Found, Path], unarranged: None) 
     assert "of the tuned laws in each case" in page
 
 
-def test_a_second_session_computes_nothing_and_finds_the_same(
-    tuned: tuple[Found, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    done, folder = tuned
-    monkeypatch.setattr("eqt_cli.execution.run_study._Session.run", None)
-    assert api.tune(deepcopy(WHEEL), folder).record == done.record
-
-
 def test_cases_in_another_order_are_another_search() -> None:
     cases = WHEEL["tune"]["cases"]
     assert read(cases=dict(reversed(cases.items()))).digest != read().digest
