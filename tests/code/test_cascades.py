@@ -101,7 +101,7 @@ def question():
         EXPERIMENT | {"controllers": [{**LAW, "gains": CODE["gains"]}]}
     ).base.loops["cascade"]
     drawn = drawn_states(loop, 5.0, np.random.default_rng(0))
-    return Question(loop, *drawn).of(np.arange(80))
+    return Question(loop, *drawn).of(np.arange(64))
 
 
 def wrench_of(question, **changes):

@@ -38,8 +38,14 @@ def test_names_tell_rows_apart():
     assert len(names) == len(set(names))
 
 
+@pytest.fixture(scope="module")
+def drawn():
+    """Samples by their numbers, as they are asked for."""
+    return {}
+
+
 @pytest.fixture
-def samples(loop_with, make):
+def samples(loop_with, make, drawn):
     """Of EqT along a path, with an inertia that varies, and of every law."""
     inertia = [["2 + sin(t)", "0", "0.1"], ["0", "3", "0"], ["0.1", "0", "4"]]
     loops = [
@@ -49,7 +55,10 @@ def samples(loop_with, make):
         ),
         *(loop_with("SO3", kind()) for kind in controllers.all() if kind.tasks),
     ]
-    return (sampled("law", loop, 5.0, np.random.default_rng(0)) for loop in loops)
+    for number, loop in enumerate(loops):
+        if number not in drawn:
+            drawn[number] = sampled("law", loop, 5.0, np.random.default_rng(0))
+    return drawn.values()
 
 
 @pytest.mark.parametrize("identity", IDENTITIES, ids=lambda found: found.name)

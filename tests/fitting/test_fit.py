@@ -193,7 +193,7 @@ def test_a_delay_that_is_not_fitted_is_told_apart_from_drag(recorded):
 def test_slow_noise_is_told_from_white_noise(recorded):
     perfect = model("SO3", plant=true_plant("SO3"))
     recorded(slow=0.95)
-    [said] = eqt_cli.replay(perfect, "flight.csv", horizon=0.5, windows=20).notes
+    [said] = eqt_cli.replay(perfect, "flight.csv", horizon=0.5, windows=10).notes
     assert re.fullmatch(
         r"The errors are correlated from row to row: rotation \(0\.\d\d\), rotation rate "
         r"\(0\.\d\d\)\. Such errors come from the model, from slow errors of the sensors or from a "
@@ -201,7 +201,7 @@ def test_slow_noise_is_told_from_white_noise(recorded):
         said,
     )
     recorded()
-    assert not eqt_cli.replay(perfect, "flight.csv", horizon=0.5, windows=20).notes
+    assert not eqt_cli.replay(perfect, "flight.csv", horizon=0.5, windows=10).notes
 
 
 def test_what_takes_no_part_is_said(recorded):

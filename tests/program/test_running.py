@@ -50,7 +50,7 @@ NUMBERS = {
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(VALUES, st.integers(0, 9))
 def test_one_by_one_is_all_at_once(name, values, known):
     times = 0.5 + np.cumsum(np.linspace(0.1, 0.4, len(values)))
@@ -62,7 +62,7 @@ def test_one_by_one_is_all_at_once(name, values, known):
 
 
 @pytest.mark.parametrize("name", ["settling_time", "early_torque", "peak_torque", "closing_torque"])
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(arrays(float, 21, elements=st.floats(0, 1)))
 def test_a_metric_is_the_same_both_ways(name, values):
     (metric,) = (each for each in METRICS if each.name == name)
