@@ -21,7 +21,10 @@ def _pair(found, name="pose"):
         return result.read(name, controller=0), result.read(name, controller=1)
 
 
-@pytest.mark.parametrize("engine", ["solve_ivp", "native"])
+@pytest.mark.parametrize(
+    "engine",
+    [pytest.param("solve_ivp", marks=pytest.mark.slow("calls it at any time below")), "native"],
+)
 def test_every_engine_calls_it_at_instants(engine, written, config, tmp_path):
     written()
     over = {"solver": {"engine": engine, "cross_check": 0}}
@@ -36,6 +39,7 @@ def test_solve_ivp_calls_it_at_any_time(written, config, tmp_path):
     np.testing.assert_allclose(*_pair(found), rtol=0, atol=ROUNDING)
 
 
+@pytest.mark.slow("test_verify.py judges a law in float")
 def test_float(written, config, tmp_path):
     written(real="float")
     found = eqt_cli.run(config("lee2010", real="float"), out=tmp_path / "r")

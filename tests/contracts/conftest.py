@@ -86,6 +86,7 @@ FILES = {
 SLOW = {
     ("engine_class", "rk4_fixed"): "takes many steps; runge_kutta is an engine of a plugin, too",
     ("executor_class", "dask"): "starts a cluster",
+    ("executor_class", "local"): "starts processes, as execution/test_executors.py does",
     ("figure_class", "certificates"): "verifies experiments",
 }
 """Components whose contracts take seconds, and why."""

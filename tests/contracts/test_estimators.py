@@ -15,7 +15,7 @@ from eqt_cli.vehicle.sensors.noise import Noise
 
 G = group_named("SE2")
 ROUNDING = 1e-11
-INSTANTS, LONG = 6, 150
+INSTANTS, LONG = 6, 100
 PERIOD = 0.1
 
 POSE = (

@@ -121,31 +121,6 @@ def subject(figure_class):
     return "sweep" if of_sweep(figure_class) else "single"
 
 
-AGAIN = pytest.mark.slow("draws every figure again")
-
-
-@pytest.mark.parametrize(
-    "width", ["column", *(pytest.param(width, marks=AGAIN) for width in ("page", "slide"))]
-)
-def test_it_draws_a_result_as_wide_as_it_is_told(figure_class, results, width):
-    """And every curve has a name, by which `make figures-check` finds it again."""
-    opened, extras = results
-    shown = opened[subject(figure_class)]
-    drawing = figure_class().draw([shown], width, extras=extras)
-    assert drawing.get_figwidth() == pytest.approx(IN[width])
-    assert drawing.axes
-    assert all(axes.has_data() for axes in drawing.axes if axes.get_label() != "<colorbar>")
-    if is_foreign(figure_class.__module__) or figure_class.name in BY_PLACE:
-        return  # its curves are known by their places
-    drawn = curves(drawing)
-    assert drawn
-    assert [
-        curve.name
-        for curve in drawn
-        if re.fullmatch(r"((line|points|cells|lower edge|upper edge) )?\d+", curve.name)
-    ] == []
-
-
 def looks_of_laws(drawing, names):
     """What tells the laws apart in each panel and each legend: (law, look) for each artist."""
     panels = [[(str(a.get_label()), a) for a in panel.lines] for panel in drawing.axes]
@@ -173,25 +148,43 @@ def look(artist):
     return to_hex(artist.get_color()), str(dashes), artist.get_marker(), artist.get_fillstyle()
 
 
+AGAIN = pytest.mark.slow("draws every figure again")
+
+
 @pytest.mark.parametrize(
-    "cycle",
+    ("width", "cycle"),
     [
-        'color=["k"]',
-        pytest.param(
-            'color=["k", "k"], linestyle=["-", "-"]',
-            marks=pytest.mark.slow("draws again, in what is one colour, too"),
-        ),
+        ("column", 'color=["k"]'),
+        pytest.param("page", 'color=["k", "k"], linestyle=["-", "-"]', marks=AGAIN),
+        pytest.param("slide", 'color=["r", "g", "b"]', marks=AGAIN),
     ],
+    ids=["column", "page", "slide"],
 )
-def test_no_two_laws_look_alike_in_a_style_of_one_colour(figure_class, results, tmp_path, cycle):
+def test_it_draws_a_result_as_wide_as_it_is_told(figure_class, results, tmp_path, width, cycle):
+    """In the style that it is given; in one of one colour, too, no two laws look alike.
+
+    Every curve has a name, by which `make figures-check` finds it again.
+    """
     opened, extras = results
-    shown = opened[subject(figure_class)]
-    sheet = tmp_path / "one.mplstyle"
+    sheet = tmp_path / "own.mplstyle"
     sheet.write_text(f"axes.prop_cycle: cycler({cycle})", encoding="utf-8")
-    drawing = figure_class().draw([shown], style=Style((str(sheet),)), extras=extras)
+    style, shown = Style((str(sheet),)), opened[subject(figure_class)]
+    drawing = figure_class().draw([shown], width, style=style, extras=extras)
+    assert drawing.get_figwidth() == pytest.approx(IN[width])
+    assert drawing.axes
+    assert all(axes.has_data() for axes in drawing.axes if axes.get_label() != "<colorbar>")
     for found in looks_of_laws(drawing, {"eqt", "gt", "EqT", "GT"}):
         for law, one in found:
             assert not [other for other, same in found if same == one and other != law]
+    if is_foreign(figure_class.__module__) or figure_class.name in BY_PLACE:
+        return  # its curves are known by their places
+    drawn = curves(drawing)
+    assert drawn
+    assert [
+        curve.name
+        for curve in drawn
+        if re.fullmatch(r"((line|points|cells|lower edge|upper edge) )?\d+", curve.name)
+    ] == []
 
 
 def test_its_options_are_documented(figure_class):

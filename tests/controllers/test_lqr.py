@@ -138,7 +138,7 @@ def test_the_cost_of_a_small_error_is_x_s_x(vehicle):
     loop = eqt_cli.load_experiment({**BODY, **vehicle}).experiment(0).loops["lqr"]
     Q, V = loop.group.exp(np.array([1e-3, -2e-3, 1.5e-3])), np.array([1e-3, 1e-3, -2e-3])
     start = loop.initial_state(Q, V, loop.group.identity, np.zeros(3))
-    times = np.linspace(0.0, 20.0, 2_001 if not vehicle else 201)
+    times = np.linspace(0.0, 14.0, 1_401 if not vehicle else 141)
     states = SolveIvp().solve(Problem(loop, start[None], times)).states[0]
     s = loop.tracking(times, states)
     torque = loop.command(s)

@@ -68,7 +68,8 @@ def errors(solution, reference):
 # Accuracy -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("name", "rtol"), [pytest.param("eqt", 1e-8, marks=LONG), ("nog", 1e-5)])
+@LONG
+@pytest.mark.parametrize(("name", "rtol"), [("eqt", 1e-8), ("nog", 1e-5)])
 def test_error_is_a_few_rtol(name, rtol):
     """One run per call, blocks that divide the runs or do not, and all runs in one block."""
     problem = paper_problem(runs=4, duration=5.0, controller=controllers.get(name)())

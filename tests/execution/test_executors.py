@@ -206,7 +206,9 @@ def test_workers_that_nobody_has_ended_end_with_python(task):
 
 
 @POSIX
-@pytest.mark.parametrize("threads", [False, True])
+@pytest.mark.parametrize(
+    "threads", [False, pytest.param(True, marks=pytest.mark.slow("starts processes"))]
+)
 def test_auto_takes_processes_only_where_they_are_worth_it(threads, task, tmp_path, monkeypatch):
     def processes():
         return {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}

@@ -399,8 +399,8 @@ FLIGHT = {
     "control": {"period": 0.1, "delay": 1},
     "initial": {"pose": {"kind": "exp_normal", "std": 1.0}, "velocity": "normal"},
     "ensemble": {"runs": 4, "seed": 1},
-    "time": {"duration": 0.5, "samples": 6},
-    "solver": {"rtol": 1e-6, "cross_check": 0},
+    "time": {"duration": 0.4, "samples": 5},
+    "solver": {"rtol": 1e-6, "cross_check": 0, "error_estimate": False},
 }
 
 
