@@ -33,14 +33,14 @@ CONFIG = {
     "controllers": ["eqt", "gt"],
     "initial": {"pose": {"kind": "exp_normal", "std": 1.0}, "velocity": "normal"},
     "ensemble": {"runs": 3, "seed": 1},
-    "time": {"duration": 2.0, "samples": 11},
+    "time": {"duration": 1.0, "samples": 11},
     "solver": {"rtol": 1e-3, "cross_check": 0, "error_estimate": False},
 }
 ESTIMATED = {
     "actuators": [{"kind": "limit", "limit": 5.0}],
-    "control": {"period": 0.2},
+    "control": {"period": 0.1},
     "sensors": {
-        "pose": [{"kind": "noise", "std": 0.1, "period": 0.4}],
+        "pose": [{"kind": "noise", "std": 0.1, "period": 0.2}],
         "velocity": [{"kind": "noise", "std": 0.1}, {"kind": "bias", "value": 0.1}],
     },
     "estimator": {"kind": "invariant"},
