@@ -269,7 +269,6 @@ FAULTS = {
     "nan_at_once": (NotANumberAtOnce, Status.NON_FINITE),
     "nan_after_the_start": (NotANumberAfterTheStart, Status.NON_FINITE),
     "nan_after_one_second": (NotANumberAfterOneSecond, Status.NON_FINITE),
-    "inf_after_one_second": (InfiniteAfterOneSecond, Status.NON_FINITE),
     "rattling": (Rattling, Status.STEP_LIMIT),
 }
 SAMPLES = 21

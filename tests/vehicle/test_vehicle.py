@@ -93,10 +93,14 @@ def test_the_mean_square_of_a_number_is_that_of_many_draws(number):
 
 
 def test_drag_is_odd_and_takes_power():
-    V = np.array([[0.3, -2.0, 1.0]])
-    drag = Drag(linear=0.5, quadratic=[1.0, 2.0, 3.0])
-    expected = -(0.5 + np.array([1.0, 2.0, 3.0]) * abs(V)) * V
-    np.testing.assert_allclose(acting(drag, SO3, np.eye(3)[None], V), expected, atol=ROUNDING)
+    """And is none unless told."""
+    V, steep = np.array([[0.3, -2.0, 1.0]]), [1.0, 2.0, 3.0]
+    for drag, expected in (
+        (Drag(linear=2.0), -2.0 * V),
+        (Drag(quadratic=2.0), -2.0 * V * abs(V)),
+        (Drag(linear=0.5, quadratic=steep), -(0.5 + np.array(steep) * abs(V)) * V),
+    ):
+        np.testing.assert_allclose(acting(drag, SO3, np.eye(3)[None], V), expected, atol=ROUNDING)
 
 
 def test_a_spatial_force_acts_as_its_dual_adjoint():
@@ -540,12 +544,6 @@ def test_only_numbers_of_a_run_are_leaves():
         "linear",
         "quadratic",
     }
-
-
-def test_drag_is_none_unless_told():
-    V = np.array([[0.3, -2.0, 1.0]])
-    for drag, expected in ((Drag(linear=2.0), -2.0 * V), (Drag(quadratic=2.0), -2.0 * V * abs(V))):
-        np.testing.assert_allclose(acting(drag, SO3, np.eye(3)[None], V), expected, atol=ROUNDING)
 
 
 def test_sensors_err_by_nothing_unless_told():
