@@ -181,7 +181,8 @@ def test_margins_as_json(eqt: Eqt) -> None:
 
 
 def test_margins_of_a_point_of_a_sweep(eqt: Eqt) -> None:
-    swept = ("--set", "reference={kind: constant}", "--set", "sweep=[{grid: {gains.kp: [1, 5]}}]")
+    at_rest = ("--set", "reference={kind: constant}", "--set", "controllers=[eqt]")
+    swept = (*at_rest, "--set", "sweep=[{grid: {gains.kp: [1, 5]}}]")
     done = eqt("margins", "c.yaml", *swept, "--json")
     assert done.err == "c.yaml: without its sweep; choose one of its points with --point\n"
     last = eqt("margins", "c.yaml", *swept, "--json", "--point", 1)

@@ -47,7 +47,13 @@ def test_the_remark_is_no_number_of_the_experiment(experiment: Build) -> None:
     assert experiment("rigid=false").digest == experiment().digest
 
 
-@pytest.mark.parametrize("command", [["config", "check"], ["run"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(["config", "check"], id="config check"),
+        pytest.param(["run"], id="run", marks=pytest.mark.slow("computes an experiment twice")),
+    ],
+)
 def test_commands_warn_and_go_on(command: list[str], experiment: Build, invoke: Any) -> None:
     experiment(inertia=HEAVY)  # writes c.yaml
     assert "violate the triangle inequality: 1 + 1 < 3" in invoke(*command, "c.yaml").stderr

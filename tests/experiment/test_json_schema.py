@@ -47,6 +47,7 @@ def paper(**changes: Any) -> dict[str, Any]:
     return {key: value for key, value in data.items() if value is not None}
 
 
+@pytest.mark.slow("checks all of it; what configurations need of it is checked by their tests")
 def test_it_is_a_schema(schema: dict[str, Any]) -> None:
     jsonschema.Draft202012Validator.check_schema(schema)
 

@@ -6,6 +6,7 @@ instants by `native` alone. That the engines agree is tested in tests/engines.
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from eqt_cli.analysis.certificates import Verdict
 from eqt_cli.analysis.verification import Verification, verify_experiment
 from eqt_cli.config import shipped
 from eqt_cli.config.source import read_config
+from eqt_cli.config.yaml_source import load
 from eqt_cli.engines import engines
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
@@ -57,12 +59,13 @@ def experiment(name: str, *overrides: str) -> Experiment:
     return build(read_config(shipped.folder() / f"{name}.yaml", overrides))
 
 
+@cache
 def found(name: str, engine: str) -> Verification:
     return verify_experiment(experiment(name, *SHORT, f"solver.engine={engine}"))
 
 
 def test_every_group_has_a_configuration() -> None:
-    shown = {experiment(name).config.group for name in shipped.names()}
+    shown = {load(shipped.text(name), name).data["group"] for name in shipped.names()}
     for kind in groups.all():
         named = [example for example in kind.examples() if example in shown]
         is_product = kind is ProductGroup and any("*" in name for name in shown)
@@ -143,14 +146,9 @@ def test_every_configuration_is_reviewed() -> None:
     assert sorted(documented()) == sorted(shipped.names())
 
 
-@pytest.mark.parametrize("name", shipped.names())
-def test_a_comment_says_what_it_is(name: str) -> None:
-    assert shipped.text(name).startswith("# ")
-    assert experiment(name).name == name
-
-
+@pytest.mark.skipif(engines.get("native").unavailable() is not None, reason="no compiler")
 def test_weights_of_the_slow_escape_are_a_navigation_function() -> None:
-    verification = found("attitude_distinct", "solve_ivp")
+    verification = found("attitude_distinct", "native")
     [row] = [row for row in verification.rows if row.name == "Υ is a navigation function"]
     assert row.verdict is Verdict.HOLDS
     assert row.remark.count("half-turn") == 3

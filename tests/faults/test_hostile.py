@@ -1,7 +1,6 @@
 """Files of strangers, given to the commands: each is refused with exit code 2 and a clear error."""
 
 import json
-import os
 import re
 
 import h5py
@@ -58,67 +57,22 @@ def _external_link(file, folder):
     file["effort"] = h5py.ExternalLink(str(secret), "/effort")
 
 
-def _external_storage(file, folder):
-    (folder / "secret").write_bytes(b"12345678")
-    del file["effort"]
-    place = [(str(folder / "secret"), 0, 8)]
-    file.create_dataset("effort", shape=(1, 1), dtype="f8", external=place)
-
-
-def _virtual(file, folder):
-    with h5py.File(folder / "secret.h5", "w") as other:
-        other["effort"] = np.ones((1, 1))
-    del file["effort"]
-    layout = h5py.VirtualLayout((1, 1), "f8")
-    layout[:] = h5py.VirtualSource(str(folder / "secret.h5"), "effort", (1, 1))
-    file.create_virtual_dataset("effort", layout)
-
-
-def _huge(file, folder):
-    del file["effort"]
-    file.create_dataset("effort", shape=(131072, 131072), dtype="f8")  # 137 GB
-
-
-def _shared(file, folder):
-    del file["effort"]
-    file["effort"] = h5py.SoftLink("/peak_torque")
-
-
-BAD = {
-    "external link": (_external_link, "'effort' is an external link"),
-    "external storage": (_external_storage, "'effort' keeps its data in another file"),
-    "virtual dataset": (_virtual, "'effort' is a virtual dataset"),
-    "137 GB": (_huge, "'effort' has the shape (131072, 131072) and holds no data"),
-    "soft link": (_shared, "'effort' is a soft link"),
-}
-
-
 @pytest.mark.parametrize("command", ["show", "plot", "run"])
-@pytest.mark.parametrize("case", BAD)
-def test_hostile_results_are_refused(result, tmp_path, monkeypatch, capsys, command, case):
-    damage, reason = BAD[case]
+def test_hostile_results_are_refused(result, tmp_path, monkeypatch, capsys, command):
+    """As one kind is, others are: store/test_safety.py."""
     with h5py.File(result, "a") as file:
-        damage(file, tmp_path)
+        _external_link(file, tmp_path)
     code, error = eqt(monkeypatch, capsys, command, result)
     assert code == 2
     assert error == (
-        f"eqt: {result}: refused: {reason}; eqt writes no such file: "
+        f"eqt: {result}: refused: 'effort' is an external link; eqt writes no such file: "
         "copy it again or run the experiment again\n"
     )
 
 
 @pytest.mark.parametrize("command", ["show", "plot", "run"])
-@pytest.mark.parametrize("kind", ["truncated", "noise", "signature", "empty"])
-def test_damaged_results_are_refused(result, monkeypatch, capsys, command, kind):
-    noise = np.random.default_rng(1).bytes(10_000)
-    result.write_bytes(
-        {
-            "truncated": result.read_bytes()[:-5000],
-            "noise": noise,
-            "signature": b"\x89HDF\r\n\x1a\n" + noise,
-            "empty": b"",
-        }[kind]
-    )
+def test_damaged_results_are_refused(result, monkeypatch, capsys, command):
+    result.write_bytes(result.read_bytes()[:-5000])
     code, error = eqt(monkeypatch, capsys, command, result)
     assert code == 2
     assert error.startswith(f"eqt: {result}: ")
@@ -126,18 +80,7 @@ def test_damaged_results_are_refused(result, monkeypatch, capsys, command, kind)
 
 
 HOSTILE_YAML = {
-    "bomb": (
-        "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
-        + "".join(
-            f"{b}: &{b} [{', '.join([f'*{a}'] * 10)}]\n"
-            for a, b in zip("abcdef", "bcdefg", strict=True)
-        ),
-        "expected at most 100000 keys and values, aliases followed, got more",
-    ),
-    "deep": ("a: " + "[" * 5000 + "]" * 5000, "nested more than 64 deep"),
     "object": ("name: !!python/object/apply:os.system [id]", "tag !!python/object/apply:os.system"),
-    "duplicate": ("group: SO3\ngroup: SE3", "duplicate key"),
-    "binary": (b"\xff\xfe\x00a", "is not UTF-8"),
     "sweep of everything": (CONFIG + "sweep: [{grid: {ensemble: [1]}}]", "ensemble"),
     "code": (
         CONFIG.replace("[0, 0, 0]", "[\"__import__('os').system('id')\", 0, 0]"),
@@ -155,9 +98,9 @@ HOSTILE_YAML = {
 def test_hostile_configurations_are_refused(tmp_path, monkeypatch, capsys, case):
     text, reason = HOSTILE_YAML[case]
     config = tmp_path / "config.yaml"
-    config.write_bytes(text if isinstance(text, bytes) else text.encode())
+    config.write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    code, error = eqt(monkeypatch, capsys, "sweep" if "sweep" in str(text) else "run", config)
+    code, error = eqt(monkeypatch, capsys, "sweep" if "sweep" in text else "run", config)
     assert code == 2
     assert reason in error
     assert not (tmp_path / "results").exists()
@@ -187,14 +130,6 @@ def test_a_result_executes_no_stored_plugin_unasked(tmp_path, monkeypatch, capsy
     assert code == 2
     assert "which eqt executes only on request" in error
     assert witness.read_text(encoding="utf-8") == before
-
-
-@pytest.mark.skipif(os.name != "posix", reason="has no pipes in folders")
-def test_a_pipe_is_not_waited_for(tmp_path, monkeypatch, capsys):
-    os.mkfifo(tmp_path / "pipe.h5")
-    code, error = eqt(monkeypatch, capsys, "show", tmp_path / "pipe.h5")
-    assert code == 2
-    assert "is not a file" in error
 
 
 # What a terminal, or a page, would obey --------------------------------------------------------

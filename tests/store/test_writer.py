@@ -159,7 +159,12 @@ except ResultError as error:
 """
 
 
-@pytest.mark.parametrize("room", [500, 4_000, 1_000_000])
+AGAIN = pytest.mark.slow("starts an interpreter")
+
+
+@pytest.mark.parametrize(
+    "room", [pytest.param(500, marks=AGAIN), 4_000, pytest.param(1_000_000, marks=AGAIN)]
+)
 def test_a_full_disk_leaves_the_old_file_and_no_other(path, room):
     """The limit on file sizes fails within HDF5 as a full disk does: in a write or in closing.
 
