@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-RESULT = Path("results/c/results.h5")
 GROUP = """\
 from eqt_cli.groups.so3 import SO3
 
@@ -19,15 +18,6 @@ def twin(eqt, folder):
     Path("twin.py").write_text(GROUP)
     twin = ("--set", "plugins=[twin.py]", "--set", "group=Twin", "--set", "controllers=[eqt]")
     assert eqt("run", "c.yaml", *twin).code == 0
-
-
-def test_a_wrong_run_is_said_at_once(eqt):
-    eqt("run", "c.yaml", "-q")
-    done = eqt("animate", "results/c", "--run", 9)
-    assert (done.code, done.err) == (
-        2,
-        f"eqt: {RESULT}: the trajectory of run 9 is not stored; stored are runs 0 to 2\n",
-    )
 
 
 @pytest.mark.usefixtures("twin")

@@ -380,12 +380,6 @@ def test_a_constant_knows_no_t() -> None:
         constant("2*t")
 
 
-def test_a_function_without_argument_in_a_constant() -> None:
-    assert _message("sin", ()) == (
-        "function 'sin' at column 1 needs its argument in parentheses, as in 'sin(1)'"
-    )
-
-
 def test_long_words_are_shortened() -> None:
     assert _message("x" * 500).startswith(f"unknown name '{'x' * 27}...' at column 1; ")
     assert _message(f"2{'0' * 500}") == f"number '2{'0' * 26}...' at column 1 is too large"

@@ -19,7 +19,7 @@ from eqt_cli.config.yaml_source import load
 from eqt_cli.engines import engines
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.groups import group_named, groups
+from eqt_cli.groups import groups
 from eqt_cli.groups.product import ProductGroup
 
 # The first seconds of a few runs, which show what is wrong with a law as well as all of them.
@@ -195,9 +195,3 @@ def test_inertia_of_the_bluerov2_is_that_of_its_source(name: str) -> None:
     order = [3, 4, 5, 0, 1, 2]
     law = next(iter(experiment(name).loops.values())).inertia
     np.testing.assert_allclose(law.at(0.0).matrix, fossen[np.ix_(order, order)], atol=1e-15)
-
-
-def test_every_example_of_a_group_is_named() -> None:
-    for kind in groups.all():
-        for example in kind.examples():
-            assert group_named(example).name == example

@@ -1,6 +1,5 @@
 """What mutation has found, each case by itself: one message that says the place and the bound."""
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -312,7 +311,3 @@ def test_a_damaged_result_leaves_nothing_half_said(result, invoke):
     with h5py.File(result, "a") as file:
         del file["final_pose_error"]
     assert invoke("show", result, code=2).stdout == ""
-
-
-def test_every_document_of_a_result_is_json(result, invoke):
-    assert json.loads(invoke("show", result, "--json").stdout)["controllers"]
