@@ -139,6 +139,14 @@ def varying_inertias(G):
     return PrescribedInertia(law), FactoredInertia(positive_definite(3, 1), S)
 
 
+@pytest.mark.parametrize(
+    "G",
+    [
+        pytest.param(group_named(name), marks=[pytest.mark.slow("on all groups")] * (k > 1))
+        for k, name in enumerate(["SO3", "SE2", "SO2", "R1", "SE3", "SE23", "SE3*SO2"])
+    ],
+    ids=lambda group: group.name,
+)
 def test_identities_hold_for_a_varying_inertia(G):
     rows = [["0"] * G.dimension for _ in range(G.dimension)]
     for k in range(G.dimension):

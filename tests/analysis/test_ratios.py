@@ -51,7 +51,7 @@ def test_no_interval_from_too_few_runs() -> None:
     assert math.isnan(relative_difference(np.ones(4), np.ones(4), 0.95).low)
 
 
-@pytest.mark.parametrize("count", [20, 200])
+@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.slow("many runs"))])
 @pytest.mark.parametrize("kind", ["normal", "lognormal"])
 def test_intervals_hold_the_true_share_as_often_as_they_say(kind: str, count: int) -> None:
     """Of runs whose spread is that of the mean itself; 2,000 samples tell 0.95 within 0.01.

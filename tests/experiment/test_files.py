@@ -115,9 +115,9 @@ def test_runs_start_where_those_of_a_result_did(config, tmp_path):
     found = build(read_config(config, ["initial.file=one/results.h5"]))
     with open_results(one.path) as results:
         expected = results["initial_pose"]
-    errors = found.poses.place(found.group, np.arange(3)[:, None])
     rounding = 1e-14  # of five products of matrices
-    np.testing.assert_allclose(found.initial_pose @ errors, expected, rtol=0, atol=rounding)
+    starts = found.initial_pose @ found.poses.errors
+    np.testing.assert_allclose(starts, expected, rtol=0, atol=rounding)
 
 
 @pytest.mark.parametrize(
