@@ -335,14 +335,15 @@ def examples(tmp_path_factory):
     return folder
 
 
+DEMANDING = "animate diff export fit plot replay run tune verify worst write_report".split()
 PUBLIC = [name for name in eqt_cli.__all__ if inspect.isfunction(getattr(eqt_cli, name))]
 
 
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow("searches, fits, draws or writes a whole report"))
-        if name in ("write_report", "tune", "worst", "animate", "export", "replay", "fit", "plot")
+        pytest.param(name, marks=pytest.mark.slow("computes, searches, fits, draws or writes"))
+        if name in DEMANDING
         else name
         for name in PUBLIC
     ],

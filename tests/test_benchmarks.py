@@ -38,7 +38,10 @@ def test_literal_equations_are_those_of_the_configuration(name, t, xp):
 @pytest.mark.parametrize(
     "period", [0.1, pytest.param(0.01, marks=pytest.mark.slow("takes ten times as many steps"))]
 )
-@pytest.mark.parametrize("way", ["plain loop", "MuJoCo"])
+@pytest.mark.parametrize(
+    "way",
+    ["plain loop", pytest.param("MuJoCo", marks=pytest.mark.slow("mechanics/test_oracles.py"))],
+)
 def test_contenders_integrate_the_same_sampled_loop(way, period):
     case = load("paper", 1, [f"control.period={period}", "time.duration=1", "time.samples=21"])
     runs = np.array([0])

@@ -35,7 +35,12 @@ def _text(page):
 
 
 @pytest.mark.parametrize(
-    "page", [page for page in ["../README.md", *PAGES] if docs_runner.computes(_text(page))]
+    "page",
+    [
+        pytest.param(page, marks=[pytest.mark.slow("solves for gains")] * (page == "howto/lqr.md"))
+        for page in ["../README.md", *PAGES]
+        if docs_runner.computes(_text(page))
+    ],
 )
 def test_commands_and_configurations_are_accepted(page, folder, monkeypatch):
     """Without what takes its time, which the next test does; it does all of the other pages."""

@@ -82,7 +82,9 @@ def test_the_delay_margin_of_a_body_that_turns_is_that_of_its_sampled_loop() -> 
     assert not sampled.is_indicative
 
 
-@pytest.mark.parametrize("factor", [1.6, 100.0, 133.0])
+@pytest.mark.parametrize(
+    "factor", [1.6, pytest.param(100.0, marks=pytest.mark.slow("within the range, too")), 133.0]
+)
 def test_the_gain_margin_of_a_wheel_with_lag_is_that_of_routh_and_hurwitz(factor: float) -> None:
     """Up to a factor of 128, beyond which there is none."""
     T = DAMPING / (factor * STIFFNESS)  # TJs³ + Js² + ds + k is stable for d > Tk
@@ -528,7 +530,11 @@ def test_a_fast_lag_does_not_hide_a_slow_rate(kd: float, lags: list[float], stab
     ("more", "indicative"),
     [
         ({"actuators": [{"kind": "limit", "limit": 5.0}]}, True),
-        ({"sensors": {"pose": [{"kind": "noise", "std": 0.1, "dropout": 0.1}]}}, True),
+        pytest.param(
+            {"sensors": {"pose": [{"kind": "noise", "std": 0.1, "dropout": 0.1}]}},
+            True,
+            marks=pytest.mark.slow("another part"),
+        ),
         ({"sensors": {"pose": [{"kind": "noise", "std": 0.1}]}}, False),
         (
             {

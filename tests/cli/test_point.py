@@ -94,7 +94,6 @@ def test_figures_of_sweeps_take_none(eqt: Eqt) -> None:
         f"eqt: {Path('out/results.h5')}: figure 'sweep' shows sweeps, and this is a single "
         "experiment; see `eqt sweep --help`\n",
     )
-    assert eqt("plot", "out", "--figure", "sweep", "--format", "svg", "--quiet").code == 0
 
 
 @pytest.mark.usefixtures("grid")
@@ -106,18 +105,13 @@ def test_compare(eqt: Eqt) -> None:
     assert [level["mean"] for level in levels] == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.usefixtures("grid")
-def test_verify_a_point_of_a_result(eqt: Eqt) -> None:
-    done = eqt("verify", "out", "--point", 3, "--json")
-    document = json.loads(done.out)
-    assert (done.code, document["runs"], document["holds"]) == (0, 6, True)
-
-
 def test_verify_a_point_of_a_sweep_that_keeps_metrics_only(eqt: Eqt) -> None:
     """The reference differs between points, and none is stored."""
     words = ("--grid", "inertia=[2,1,3],[1,1,1]", "--set", "controllers=[eqt]")
     eqt("sweep", "c.yaml", *words, "--set", "store.trajectories=none", "--out", "out", "--quiet")
-    assert json.loads(eqt("verify", "out", "--point", 1, "--json").out)["runs"] == 3
+    done = eqt("verify", "out", "--point", 1, "--json")
+    document = json.loads(done.out)
+    assert (done.code, document["runs"], document["holds"]) == (0, 3, True)
 
 
 def test_verify_a_point_of_a_configuration(eqt: Eqt, folder: Path) -> None:

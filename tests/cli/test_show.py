@@ -132,11 +132,11 @@ def test_unsettled_says_where_there_is_none(eqt: Eqt) -> None:
 
 
 def test_unsettled_runs_of_a_sweep_are_of_a_point(eqt: Eqt) -> None:
-    eqt("sweep", "c.yaml", "-q", "--grid", "gains.kp=1,2", "--out", "out")
-    done = eqt("show", "out", "--unsettled")
+    eqt("sweep", "c.yaml", "--grid", "gains.kd=1,2", "--out", "swept", "--quiet")
+    done = eqt("show", "swept", "--unsettled")
     said = "eqt: --unsettled: a sweep has starts by point; choose one with --point\n"
     assert (done.code, done.err) == (2, said)
-    assert eqt("show", "out", "--unsettled", "--point", "1").out.startswith("run,settled_eqt,")
+    assert eqt("show", "swept", "--unsettled", "--point", "1").out.startswith("run,settled_eqt,")
 
 
 def test_few_unsettled_runs_of_many_have_an_exact_interval(make_result: Any) -> None:

@@ -184,12 +184,11 @@ def test_the_energy_balance_holds(whole: ResultFile) -> None:
 # What is kept -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow(
+    "computes the experiment again; some samples of some runs are kept in a fast test"
+)
 @pytest.mark.parametrize(
-    ("override", "kept"),
-    [
-        ("store.trajectories=none", ()),
-        pytest.param("store.trajectories=99", TIME, marks=pytest.mark.slow("keeps what all keep")),
-    ],
+    ("override", "kept"), [("store.trajectories=none", ()), ("store.trajectories=99", TIME)]
 )
 def test_metrics_are_those_of_everything(
     results: Callable[..., ResultFile], whole: ResultFile, override: str, kept: tuple[str, ...]

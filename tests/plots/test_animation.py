@@ -63,6 +63,7 @@ def rotors(tmp_path_factory):
         "initial": {"pose": {"kind": "fixed", "coordinates": [0.2, 0.0, -0.3]}},
         "ensemble": {"runs": 1},
         "time": {"duration": 0.5, "samples": 6},
+        "solver": {"rtol": 1e-6, "cross_check": 0, "error_estimate": False},
     }
     folder = tmp_path_factory.mktemp("rotors") / "out"
     eqt_cli.run(config, folder)

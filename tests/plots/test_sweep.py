@@ -149,7 +149,7 @@ def test_names_of_points_hide_nothing():
 
 def test_a_point_without_room_has_no_name():
     axes = Figure(figsize=(1, 1)).add_subplot()
-    everywhere = np.stack(np.meshgrid(*[np.linspace(0, 1, 30)] * 2), axis=-1).reshape(-1, 2)
+    everywhere = np.stack(np.meshgrid(*[np.linspace(0, 1, 12)] * 2), axis=-1).reshape(-1, 2)
     name_points(axes, everywhere[:1], ["name"], ["k"], everywhere)
     assert not axes.texts
 
@@ -386,7 +386,7 @@ def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):
 # Shares of runs.
 
 FLIES = {"actuators": [{"kind": "lag", "time_constant": 0.1}], "settling_threshold": 1.0}
-LAGS = [{"grid": {"actuators[0].time_constant": [0.01, 0.1, 1.0]}}]
+LAGS = [{"grid": {"actuators[0].time_constant": [0.05, 0.2, 1.0]}}]
 
 
 def settled_by(results, time):
@@ -401,7 +401,7 @@ def test_an_envelope_shows_the_share_that_settles_with_its_intervals(swept, pict
     counts = settled_by(results, np.inf)
     assert counts.min() < counts.max()  # else the figure would show nothing
     for controller, line in enumerate(panel.lines):
-        np.testing.assert_array_equal(line.get_xdata(), [0.01, 0.1, 1.0])
+        np.testing.assert_array_equal(line.get_xdata(), [0.05, 0.2, 1.0])
         np.testing.assert_allclose(line.get_ydata(), counts[:, controller] / 6)
         edges = panel.collections[controller].get_paths()[0].vertices[:, 1]
         ends = [share(int(n), 6, 0.95)[1:] for n in counts[:, controller]]

@@ -29,7 +29,13 @@ def test_panels_show_the_mean_of_every_law_and_the_desired_torque(so3, altered, 
         np.testing.assert_array_equal(drawn["desired"], results["desired_torque"][:, axis])
 
 
-@pytest.mark.parametrize(("group", "share"), [("so3", "total"), ("se3", "feedback")])
+@pytest.mark.parametrize(
+    ("group", "share"),
+    [
+        ("so3", "total"),
+        pytest.param("se3", "feedback", marks=pytest.mark.slow("draws six panels twice")),
+    ],
+)
 def test_units_of_a_user_change_what_is_drawn_and_nothing_else(group, share, request, opened):
     result = opened(request.getfixturevalue(group))
     usual, other = (

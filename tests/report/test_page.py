@@ -11,6 +11,7 @@ import pytest
 import eqt_cli
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.report import report
+from eqt_cli.report.figures import Wanted
 from eqt_cli.report.summary import in_words
 from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import open_result
@@ -149,7 +150,7 @@ def test_texts_of_a_stranger_stay_texts(make_result):
     signals = dict.fromkeys(("pose_error", "velocity_error", "torque_norm", "lyapunov"), values)
     metrics = {name: [[1.0] * 6, [2.0] * 6] for name in (*MEANS, "energy_residual")}
     results = make_result([HOSTILE, "gt"], signals, metrics, kinds=["eqt", "gt"], title=HOSTILE)
-    page = Page(report(results, author=HOSTILE, notes=HOSTILE))
+    page = Page(report(results, author=HOSTILE, notes=HOSTILE, wanted=[Wanted("paper")]))
     assert "img" not in page.tags
     assert page.sources == []
 

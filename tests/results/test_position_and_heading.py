@@ -55,7 +55,7 @@ def test_a_heading_is_kept_under_a_tilt_and_0_upside_down():
     [
         pytest.param("SO3", 0, marks=pytest.mark.slow("as SE23, which has positions")),
         ("SE23", 0),
-        ("SE2", 4),
+        pytest.param("SE2", 4, marks=pytest.mark.slow("has them, as SE3")),
     ],
 )
 def test_groups_with_other_parts_have_no_such_error(invoke, tmp_path, group, found):

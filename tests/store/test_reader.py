@@ -56,7 +56,7 @@ DATA = hnp.arrays(
     st.dictionaries(NAMES, TEXT | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False)),
     st.sampled_from([None, "gzip"]),
 )
-@settings(max_examples=15)
+@settings(max_examples=8)
 def test_any_table_comes_back(tmp_path_factory, columns, attributes, compression):
     variables = {
         # Names that end in a hyphen are the dimensions', which depend on the length alone.
