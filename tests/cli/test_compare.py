@@ -43,7 +43,8 @@ def test_a_pair_of_laws_can_be_chosen_in_every_format(
 @pytest.fixture(scope="module")
 def claim(invoke, paper_result):
     """The rows of the claims in which a text stands."""
-    rows = json.loads(invoke("compare", paper_result, "--json").stdout)["claims"]
+    compared = invoke("compare", paper_result, "--resamples", 500, "--json")
+    rows = json.loads(compared.stdout)["claims"]
     return lambda text: [row for row in rows if text in row["claim"]]
 
 
@@ -68,7 +69,8 @@ def test_all_four_are_stabilising(claim):
 
 
 def test_differences_then_means_then_claims_and_verbose_has_all_pairs(invoke, paper_result):
-    done = invoke("compare", paper_result)
+    few = ("--resamples", 500)
+    done = invoke("compare", paper_result, *few)
     lines = done.stdout.splitlines()
     pairs = "Paired differences from the same initial states, with 95 % bootstrap intervals"
     means = "Means over 0–20 s and 60 runs per law; ± half the 95 % bootstrap interval"
@@ -83,7 +85,7 @@ def test_differences_then_means_then_claims_and_verbose_has_all_pairs(invoke, pa
         r"  mean ‖τ‖, 0–5 s, N m +-0\.\d+ \[-0\.\d+, -0\.\d+\] +EqT \d+ of 60 +-\d+\.\d %", first
     )
     assert done.stderr == "next: --verbose prints all pairs and claims, --list all metrics\n"
-    verbose = invoke("compare", paper_result, "--verbose")
+    verbose = invoke("compare", paper_result, *few, "--verbose")
     assert verbose.stdout.endswith(done.stdout.partition("Claims of")[2])
     titled = [line for line in verbose.stdout.splitlines() if line.startswith(("EqT −", "GT −"))]
     assert titled == ["EqT − GT", "EqT − nog", "EqT − asym", "GT − nog", "GT − asym"]

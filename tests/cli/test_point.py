@@ -19,10 +19,11 @@ pytestmark = pytest.mark.usefixtures("unarranged")
 Eqt = Callable[..., Any]
 
 RECTANGULAR = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=0.5,1")
-RAGGED = ("--grid", "gains.kp=1,2", "--grid", "time.duration=0.1,0.2")
+ONE_LAW = ("--set", "controllers=[eqt]")
+RAGGED = ("--grid", "gains.kp=1,2", "--grid", "time.duration=0.1,0.2", *ONE_LAW)
 POINT_3 = {
     RECTANGULAR: ("--set", "gains.kp=2", "--set", "gains.kd=1"),
-    RAGGED: ("--set", "gains.kp=2", "--set", "time.duration=0.2"),
+    RAGGED: ("--set", "gains.kp=2", "--set", "time.duration=0.2", *ONE_LAW),
 }
 HOW = "choose one of 0 to 3 with --point, as `eqt show out --table` lists them"
 
@@ -107,7 +108,7 @@ def test_compare(eqt: Eqt) -> None:
 
 def test_verify_a_point_of_a_sweep_that_keeps_metrics_only(eqt: Eqt) -> None:
     """The reference differs between points, and none is stored."""
-    words = ("--grid", "inertia=[2,1,3],[1,1,1]", "--set", "controllers=[eqt]")
+    words = ("--grid", "inertia=[2,1,3],[1,1,1]", *ONE_LAW)
     eqt("sweep", "c.yaml", *words, "--set", "store.trajectories=none", "--out", "out", "--quiet")
     done = eqt("verify", "out", "--point", 1, "--json")
     document = json.loads(done.out)
