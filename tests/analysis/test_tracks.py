@@ -74,7 +74,7 @@ def row(pose=GONE, velocity=GONE, lyapunov=None, **changes):
         ),
         ({"pose": GROWS, "lyapunov": GROWS, "departures": "constant force"}, "FAILS", None),
         ({"pose": None}, "undecided", "the result holds no trajectories"),
-        ({"failed": 1}, "holds", "pose 1.1e-07, velocity 1.1e-07; 1 runs failed"),
+        ({"failed": 1}, "holds", "pose 1.1e-07, velocity 1.1e-07; 1 run failed"),
     ],
 )
 def test_each_verdict_has_its_reason(given, verdict, remark):

@@ -140,7 +140,7 @@ def test_quiet_prints_nothing_but_errors(eqt: Eqt) -> None:
         assert (done.code, done.out, done.err) == (0, "", ""), again
     done = eqt("run", "c.yaml", *SOON, *BRIEF, "--quiet", "--out", "failing")
     assert (done.code, done.out) == (3, "")
-    assert done.err.startswith("\n1 runs failed: 1 step limit\n")
+    assert done.err.startswith("\n1 run failed: 1 step limit\n")
 
 
 # Where it writes --------------------------------------------------------------------------------

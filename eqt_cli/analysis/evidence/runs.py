@@ -148,7 +148,8 @@ class Runs:
     @property
     def remark(self) -> str:
         """Number of failed runs in words; empty if there are none."""
-        return f"{self.failed} runs failed" if self.failed else ""
+        plural = "s" if self.failed > 1 else ""
+        return f"{self.failed} run{plural} failed" if self.failed else ""
 
     def decay_rate(self) -> float:
         """Return the median decay rate of log L, fitted over the second half of the horizon.

@@ -200,7 +200,7 @@ def _failures(result: Result) -> Iterator[str]:
     failures = result.failures
     total, first = len(failures), failures[:MOST_READ]
     listed = ", ".join(f"{count} {ending}" for ending, count in result.endings.items())
-    yield f"\n{total} runs failed: {listed}"
+    yield f"\n{output.count_of(total, 'run')} failed: {listed}"
     places: dict[str, list[str]] = {}
     for where, message in zip(first, result.messages(first), strict=True):
         places.setdefault(message, []).append(result.place(where))
