@@ -148,7 +148,7 @@ class Runs:
     @property
     def remark(self) -> str:
         """Number of failed runs in words; empty if there are none."""
-        plural = "s" if self.failed > 1 else ""
+        plural = "" if self.failed == 1 else "s"
         return f"{self.failed} run{plural} failed" if self.failed else ""
 
     def decay_rate(self) -> float:
