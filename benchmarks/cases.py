@@ -103,7 +103,7 @@ def exact(case: Case) -> Motion:
     """By `solve_ivp` at its smallest tolerance; no contender has its steps.
 
     Blocks of 50 runs take a thirtieth of the time of single runs, whose poses and velocities differ
-    from theirs by at most 3e-13 (paper) and 3e-12 (se3).
+    from theirs by at most 3e-13 (paper) and 3e-12 (se3), measured on 16 runs of each.
     """
     engine = SolveIvp(rtol=SMALLEST_RTOL, atol=1e-3 * SMALLEST_RTOL, block=50)
     return case.motion([engine.solve(each) for each in case.problems])
