@@ -18,7 +18,7 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 INTERRUPTED = "interrupted; run the same command again"
 
-OBJECTS_BETWEEN_COLLECTIONS = 50_000
+OBJECTS_BETWEEN_COLLECTIONS = 200_000
 """New objects between searches for unreachable ones, instead of Python's 700 or 2,000: loading
 libraries makes many objects and no garbage."""
 

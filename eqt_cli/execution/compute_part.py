@@ -23,7 +23,7 @@ from eqt_cli.engines import Solution, Status
 from eqt_cli.execution.batches import Batch, batches, batches_at, initial_states
 from eqt_cli.execution.cross_check import chosen_entries, largest, squares
 from eqt_cli.execution.executors import TaskContext
-from eqt_cli.execution.part_files import PartFiles
+from eqt_cli.execution.part_files import FinishedPart, PartFiles
 from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.parts import StudyPart
 from eqt_cli.experiment.study import Study
@@ -472,6 +472,10 @@ def _judge(solution: Solution, estimate: Array, limit: float | None) -> None:
 KEPT_BYTES = 64 * 2**20
 """Largest size of finished parts kept in memory, so that packing need not read their files."""
 
+UNSAVED_SECONDS = 1.0
+"""Time after its start for which a session writes no files of such parts. A session that packs
+before then writes every number once; one that is killed before then has lost no more work."""
+
 
 @dataclass(frozen=True, eq=False)
 class PartTask:
@@ -483,8 +487,8 @@ class PartTask:
         The parts to compute, each with the index of its piece of the study; None for all parts of
         the study's plan.
     keeps
-        Whether saved parts also stay in memory, up to `KEPT_BYTES`, until they are packed. Copies
-        of the task in other processes keep none.
+        Whether finished parts stay in memory, up to `KEPT_BYTES`, until they are packed; `save`
+        writes their files. Copies of the task in other processes keep none and write at once.
     """
 
     study: Study
@@ -492,7 +496,9 @@ class PartTask:
     chosen: tuple[tuple[int, StudyPart], ...] | None = None
     keeps: bool = False
     _kept: dict[int, Table] = field(default_factory=dict, init=False)
-    """Saved parts that are also in memory, by number."""
+    """Finished parts in memory, by number."""
+    _unsaved: dict[int, FinishedPart] = field(default_factory=dict, init=False)
+    """Those of them that have no file yet, with the file that each will have."""
 
     def __len__(self) -> int:
         return len(self.study.plans) if self.chosen is None else len(self.chosen)
@@ -510,34 +516,47 @@ class PartTask:
 
     def missing(self, wanted: Iterable[int] | None = None) -> list[int]:
         """Return the numbers of the missing parts, among all or the wanted ones."""
-        there = self.files.listed()
+        there = self.finished()
         return [n for n in (range(len(self)) if wanted is None else wanted) if n not in there]
+
+    def finished(self) -> dict[int, FinishedPart]:
+        """Return the finished parts, by number."""
+        return self.files.listed() | self._unsaved
 
     @blamed()
     def __call__(self, item: int, context: TaskContext) -> int:
-        """Compute and save one part; returns how many of its runs failed."""
+        """Compute and keep one part; returns how many of its runs failed."""
         index, part = self.part(item)
         piece = self.study.piece(index)
-        return self._save(item, compute_part(piece, part, self.shared(index), context))
+        return self._keep(item, compute_part(piece, part, self.shared(index), context))
 
     def lose(self, item: int, message: str) -> int:
-        """Save a part that could not be computed; returns the number of its runs."""
+        """Keep a part that could not be computed; returns the number of its runs."""
         index, part = self.part(item)
-        return self._save(item, lost_part(self.study.piece(index), part, message))
+        return self._keep(item, lost_part(self.study.piece(index), part, message))
 
-    def _save(self, item: int, table: Table) -> int:
+    def _keep(self, item: int, table: Table) -> int:
         failed = int(np.count_nonzero(table["status"]))
         whole = replace(table, attributes={**table.attributes, "digest": self.study.digest})
-        write(self.files.part(item, failed), whole)
+        path = self.files.part(item, failed)
         self._kept.pop(item, None)
         if self.keeps and _bytes(whole, *self._kept.values()) <= KEPT_BYTES:
-            self._kept[item] = whole
+            self._kept[item], self._unsaved[item] = whole, FinishedPart(path, failed)
+        else:
+            write(path, whole)
         return failed
+
+    def save(self) -> None:
+        """Write the parts that are only in memory."""
+        for item, part in list(self._unsaved.items()):
+            write(part.path, self._kept[item])
+            del self._unsaved[item]
 
     def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:
         """Open a finished part: from memory the first time if it is there, else from its file."""
         if item in self._kept:
-            return nullcontext(self._kept.pop(item))
+            get = self._kept.get if item in self._unsaved else self._kept.pop
+            return nullcontext(get(item))
         return open_results(path)
 
     @blamed()
@@ -571,7 +590,8 @@ class PartTask:
             return {name: results[name] for name in DESIRED}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"study": self.study, "files": self.files, "chosen": self.chosen, "_kept": {}}
+        state = {"study": self.study, "files": self.files, "chosen": self.chosen}
+        return state | {"_kept": {}, "_unsaved": {}}
 
 
 def _bytes(*tables: Table) -> int:

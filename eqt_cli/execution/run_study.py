@@ -18,7 +18,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, ResultError
 from eqt_cli.core.reporting import RUNS_DONE, reporter, step
 from eqt_cli.engines import Status
-from eqt_cli.execution.compute_part import PartTask, checked_states, read_part
+from eqt_cli.execution.compute_part import UNSAVED_SECONDS, PartTask, checked_states, read_part
 from eqt_cli.execution.cost import check_resources
 from eqt_cli.execution.cross_check import LEAST_SECONDS, chosen_entries, combined, cross_check
 from eqt_cli.execution.executors import MOST_TRIES, Executor
@@ -240,15 +240,18 @@ class _Session:
         wanted = range(first, len(self.plan), step)
         runs = sum(map(self.task.runs_of, wanted))
         resumed = runs - sum(map(self.task.runs_of, self.task.missing(wanted)))
-        with timed(self.seconds, "simulation"):
-            self._compute(self.task, wanted)
-        if shard is None:
-            with timed(self.seconds, "writing"):
-                self._pack(manifest["provenance"])
-            checking = self.seconds.setdefault("cross-check", 0.0)
-            self.seconds["writing"] = round(self.seconds["writing"] - checking, 3)
-        listed = self.files.listed()
-        failed = sum(listed[number].failed for number in wanted)
+        with ExitStack() as unless_packed:
+            unless_packed.callback(self.task.save)
+            with timed(self.seconds, "simulation"):
+                self._compute(self.task, wanted)
+            if shard is None:
+                with timed(self.seconds, "writing"):
+                    self._pack(manifest["provenance"])
+                checking = self.seconds.setdefault("cross-check", 0.0)
+                self.seconds["writing"] = round(self.seconds["writing"] - checking, 3)
+                unless_packed.pop_all()
+        finished = self.task.finished()
+        failed = sum(finished[number].failed for number in wanted)
         if shard is None:
             ending = {"finished": now(), "seconds": self.seconds, "failed": failed}
             self.folder.finish(manifest | ending)
@@ -289,9 +292,12 @@ class _Session:
         wanted = range(len(task)) if wanted is None else wanted
         missing = task.missing(wanted)
         runs, left = (sum(map(task.runs_of, items)) for items in (wanted, missing))
+        begun = time.monotonic()
         with step(RUNS_DONE, runs):
             reporter().skip(runs - left)
             for outcome in self.executor.outcomes(task, missing):
+                if time.monotonic() > begun + UNSAVED_SECONDS:
+                    task.save()
                 if outcome.failed is None:
                     message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
                     reporter().advance(task.lose(outcome.item, message))
@@ -459,7 +465,7 @@ def _put_parts(
     """
     states: _ByController = defaultdict(lambda: defaultdict(list))
     work: _ByController = defaultdict(lambda: defaultdict(list))
-    for item, listed in sorted(task.files.listed().items()):
+    for item, listed in sorted(task.finished().items()):
         index, part = task.part(item)
         study, place = task.study.piece(index), places[index]
         layout = Layout(study)

@@ -189,13 +189,12 @@ def quantity_of(name: str, long_name: str = "") -> Quantity:
     A part of a norm has the row of the norm with its own name. An unknown variable is a number per
     run without a formula.
     """
-    signal = signal_of(name)
     if name in QUANTITIES:
         return QUANTITIES[name]
     for row in MEASURED:
         if row.stored_by_part and name.startswith(f"{row.name}_"):
             return row.part(name.removeprefix(f"{row.name}_"))
-    if signal is not None and signal.norm:
+    if (signal := signal_of(name)) and signal.norm:
         return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
     return Quantity(name, long_name or name, units="")
 

@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from exported_laws import emulated_arm
 
 import eqt_cli
 from eqt_cli.engines import native, traced_loop
@@ -362,12 +363,6 @@ def test_the_c_alone_finds_what_the_engine_finds(batch, here):
 @pytest.mark.slow("ziglang compiles a C library, and an emulator runs the program")
 @pytest.mark.parametrize("loop", ["flies"], indirect=True, scope="module")
 def test_another_processor_finds_the_same_bits(alone, here):
-    processor = "aarch64"  # contracts products with sums, unless it is told not to
-    emulator = shutil.which(f"qemu-{processor}") or shutil.which(f"qemu-{processor}-static")
-    if not find_spec("ziglang"):
-        pytest.skip("needs ziglang, which compiles for other processors")
-    if not emulator:
-        pytest.skip(f"needs qemu-{processor} (the package qemu-user)")
-    command = [sys.executable, "-m", "ziglang", "cc", "-static", "-target"]
-    found = alone([*command, f"{processor}-linux-musl"], 2, emulator)
+    command, emulator = emulated_arm()
+    found = alone(command, 2, emulator)
     assert hashlib.sha256(found).hexdigest() == hashlib.sha256(here).hexdigest()

@@ -510,7 +510,12 @@ def test_a_sampled_loop_that_diverges_ends(tmp_path):
             "initial": {"file": str(tmp_path / "starts.csv")},
             "ensemble": {"runs": 2},
             "time": {"duration": 20.0, "samples": 21},
-            "solver": {"engine": "solve_ivp", "cross_check": 0, "error_estimate": False},
+            "solver": {
+                "engine": "solve_ivp",
+                "rtol": 1e-6,
+                "cross_check": 0,
+                "error_estimate": False,
+            },
         },
         tmp_path / "r",
     )

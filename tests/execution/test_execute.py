@@ -19,7 +19,7 @@ from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.core.reporting import reporting
 from eqt_cli.engines import Status
-from eqt_cli.execution import result_layout
+from eqt_cli.execution import result_layout, run_study
 from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.folder import ResultFolder
@@ -156,6 +156,37 @@ def test_an_interrupted_run_continues_and_ends_the_same(make, whole, tmp_path, t
     assert outcome.failed == 0
     assert_same(contents(out), whole)
     assert not (out / "parts").exists()
+
+
+@pytest.mark.parametrize(("after", "files"), [(60.0, 0), (0.0, 6)])
+def test_a_short_session_writes_no_files_of_parts(make, whole, tmp_path, monkeypatch, after, files):
+    """In a longer one, a kill loses no finished part, even while the result is packed."""
+    found = []
+
+    def pack(task, *given):
+        found.extend(task.files.listed())
+        run_study_pack(task, *given)
+
+    run_study_pack = run_study.pack
+    monkeypatch.setattr(run_study, "pack", pack)
+    monkeypatch.setattr(run_study, "UNSAVED_SECONDS", after)
+    execute(make(), tmp_path / "out")
+    assert len(found) == files
+    assert_same(contents(tmp_path / "out"), whole)
+
+
+def test_an_interrupted_packing_keeps_the_parts_of_a_short_session(
+    make, whole, tmp_path, monkeypatch
+):
+    def pack(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run_study, "pack", pack)
+        with pytest.raises(KeyboardInterrupt):
+            execute(make(), tmp_path / "out")
+    assert execute(make(), tmp_path / "out").resumed == 14
+    assert_same(contents(tmp_path / "out"), whole)
 
 
 @pytest.mark.parametrize("damage", ["truncated", "foreign", "reference"])

@@ -1,14 +1,13 @@
 """The example of the guide: a task on a vehicle gives the torques of the stored runs."""
 
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_laws import compilers, zig
+from exported_laws import compilers, emulated_arm
 
 import eqt_cli
 
@@ -54,10 +53,7 @@ def test_the_task_gives_the_torques_of_the_stored_run(flown):
 
 @pytest.mark.slow("a C library is compiled for another processor, and an emulator runs the task")
 def test_the_task_gives_them_on_emulated_arm(flown):
-    if not shutil.which("qemu-arm"):
-        pytest.skip("qemu-arm is not installed")
-    command = zig("-target", "arm-linux-musleabihf", "-static")
-    assert 0 < flies(flown, command, "qemu-arm") < ROUNDING
+    assert 0 < flies(flown, *emulated_arm()) < ROUNDING
 
 
 @pytest.mark.parametrize("name", ["flight.yaml", "task.c"])

@@ -5,7 +5,17 @@ import shutil
 import subprocess
 
 import pytest
-from exported_laws import FEW, FLAGS, IN_TURN, checked, compilers, law_of, written, zig
+from exported_laws import (
+    FEW,
+    FLAGS,
+    IN_TURN,
+    checked,
+    compilers,
+    emulated_arm,
+    law_of,
+    written,
+    zig,
+)
 
 M4 = "thumb-freestanding-eabihf"
 
@@ -61,11 +71,9 @@ def test_every_law_compiles_for_a_cortex_m4(tmp_path, law, group, real):
 @pytest.mark.slow("a C library is compiled for another processor, and an emulator runs the check")
 @pytest.mark.parametrize(("law", "group", "real"), FEW_IN_TURN)
 def test_the_check_passes_on_emulated_arm(tmp_path, law, group, real):
-    if not shutil.which("qemu-arm"):
-        pytest.skip("qemu-arm is not installed")
+    command, emulator = emulated_arm()
     found = law_of(group, law, real)
-    command = zig("-target", "arm-linux-musleabihf", "-static", "-O2")
-    status, said = checked(found, written(found, tmp_path), command, "qemu-arm")
+    status, said = checked(found, written(found, tmp_path), command, emulator)
     assert status == 0, said
 
 

@@ -31,6 +31,7 @@ def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         pytest.skip(missing)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 2)
+    monkeypatch.setattr("eqt_cli.execution.run_study.UNSAVED_SECONDS", 0.0)
     Path("c.yaml").write_text(NATIVE, encoding="utf-8")
     return Path("c.yaml")
 

@@ -95,6 +95,17 @@ def zig(*target):
     return [sys.executable, "-m", "ziglang", "cc", *target]
 
 
+def emulated_arm():
+    """A compiler for 32-bit ARM with fused products, and an emulator of it.
+
+    It is the only other processor with a C library, which ziglang compiles in half a minute.
+    """
+    emulator = shutil.which("qemu-arm") or shutil.which("qemu-arm-static")
+    if not emulator:
+        pytest.skip("qemu-arm is not installed (the package qemu-user)")
+    return zig("-target", "arm-linux-musleabihf", "-mcpu=cortex_a7", "-static", "-O2"), emulator
+
+
 def written(law, folder):
     """The files of a law in a folder."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -21,6 +21,8 @@ from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.store.reader import open_results
 
 START = "from eqt_cli.cli import main; main()"
+SAVING = f"from eqt_cli.execution import run_study; run_study.UNSAVED_SECONDS = 0; {START}"
+"""As a long session, of which a kill finds the files of all finished parts."""
 TIMEOUT = 300.0
 
 CONFIG = """
@@ -77,7 +79,7 @@ class Session:
         folder = [str(self.config), "--out", str(self.out), "--quiet"]
         words = [str(self.out)] if self.command == "pack" else folder
         self.process = subprocess.Popen(
-            [sys.executable, "-c", START, self.command, *words, "--json", *self.options],
+            [sys.executable, "-c", SAVING, self.command, *words, "--json", *self.options],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
