@@ -554,10 +554,9 @@ class PartTask:
 
     def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:
         """Open a finished part: from memory the first time if it is there, else from its file."""
-        if item in self._kept:
-            get = self._kept.get if item in self._unsaved else self._kept.pop
-            return nullcontext(get(item))
-        return open_results(path)
+        if item in self._unsaved:
+            return nullcontext(self._kept[item])
+        return nullcontext(self._kept.pop(item)) if item in self._kept else open_results(path)
 
     @blamed()
     def prepare(self) -> None:
