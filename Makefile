@@ -32,6 +32,9 @@ figures-check: $(VENV)/.stamp-base ## compare the numbers behind the figures wit
 sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colour, grey, two colour blindnesses
 	$(BIN)/python docs/figures/sheets.py build/sheets $(ARGS)
 
+# As the commands: threads of BLAS only wait for each other where matrices are small.
+test test-all test-lowest faults fuzz: export OPENBLAS_NUM_THREADS = 1
+
 test: $(VENV)/.stamp-dev ## run the tests but the slow ones
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow' $(ARGS)
 
@@ -45,7 +48,7 @@ SHARE ?= full
 faults: $(VENV)/.stamp-dev ## kill runs and sweeps at 500 random moments; SHARE=tenth: at 50
 	EQT_FAULTS=$(SHARE) $(BIN)/python -m pytest -n auto --dist worksteal tests/faults $(ARGS)
 
-fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test-all does a twentieth
+fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test-all does a fortieth
 	EQT_FUZZ=full $(BIN)/python -m pytest -n auto --dist worksteal tests/fuzz $(ARGS)
 
 oracles: $(VENV)/.stamp-dev ## compare with Basilisk, MuJoCo, Pinocchio, RotorPy and python-control, which it installs

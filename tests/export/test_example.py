@@ -51,7 +51,7 @@ def test_the_task_gives_the_torques_of_the_stored_run(flown):
     assert 0 < flies(flown, compilers()[0]) < ROUNDING
 
 
-@pytest.mark.slow("a C library is compiled for another processor, and an emulator runs the task")
+@pytest.mark.slow("a script, a compiler and an emulator are started")
 def test_the_task_gives_them_on_emulated_arm(flown):
     assert 0 < flies(flown, *emulated_arm()) < ROUNDING
 

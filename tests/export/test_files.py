@@ -68,7 +68,7 @@ def test_every_law_compiles_for_a_cortex_m4(tmp_path, law, group, real):
         assert needed("cortex_m4+vfp4d16sp") == set()
 
 
-@pytest.mark.slow("a C library is compiled for another processor, and an emulator runs the check")
+@pytest.mark.slow("a compiler and an emulator are started")
 @pytest.mark.parametrize(("law", "group", "real"), FEW_IN_TURN)
 def test_the_check_passes_on_emulated_arm(tmp_path, law, group, real):
     command, emulator = emulated_arm()

@@ -15,7 +15,7 @@ from both_engines import compared
 from eqt_cli.engines.native import Native
 
 SESSION = Path(__file__).with_name("both_engines.py")
-MUTANTS = 10
+MUTANTS = 6
 
 
 def test_a_difference_beyond_the_estimates_is_told():

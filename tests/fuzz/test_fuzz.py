@@ -1,6 +1,6 @@
 """Thousands of mutated configurations and results, by seed: each ends as one message, soon.
 
-`make fuzz` tries all of them; `make test-all` a twentieth, `make test` none. A case is made anew by
+`make fuzz` tries all of them; `make test-all` a fortieth, `make test` none. A case is made anew by
 `python tests/fuzz/session.py configurations SEED SEED+1 FOLDER`, which leaves it in the folder.
 """
 
@@ -20,7 +20,7 @@ from eqt_cli.experiment.read_study import study
 
 FULL = os.environ.get("EQT_FUZZ") == "full"
 CASES = {"configurations": 10_000, "results": 5_000}
-SHARES = 20
+SHARES = 40
 """Of the cases of a kind; each is a process, and without `FULL` the first is all."""
 
 SESSION = Path(__file__).with_name("session.py")

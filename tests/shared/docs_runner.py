@@ -7,8 +7,8 @@ Blocks of a page work in one folder, from top to bottom:
 - `yaml` without is a part of a configuration, which must be accepted in the place of the
   shipped paper's;
 - `sh` is one command a line; ensembles of `eqt run` and `eqt sweep` and searches of `eqt tune` are
-  made small, those of shipped configurations coarse, sweeps also short; figures are drawn in one
-  format, and animations are brief;
+  made small, those of shipped configurations and of pages without `output` coarse, sweeps also
+  short; figures are drawn in one format, and animations are brief;
 - `output` is what the block before it prints, where … stands for any text.
 
 A page can also be *read* only, which takes less than to carry it out: configurations are checked,
@@ -87,6 +87,7 @@ def computes(page):
 def carry_out(page):
     """All blocks of a page, in the current folder."""
     names, printed = {"__name__": "__main__"}, None
+    shows_digits = any(block.language == "output" for block in blocks(page))
     for block in blocks(page):
         if block.file:
             Path(block.file).write_text(block.text, encoding="utf-8")
@@ -97,7 +98,8 @@ def carry_out(page):
         elif block.language == "python":
             printed = run_python(block.text, names)
         elif block.language == "sh":
-            printed = "".join(run_command(line) for line in block.text.splitlines() if line)
+            lines = filter(None, block.text.splitlines())
+            printed = "".join(run_command(line, shows_digits) for line in lines)
         elif block.language == "yaml":
             check_part(block.text)
 
@@ -139,7 +141,7 @@ def run_python(text, names):
     return out.getvalue()
 
 
-def run_command(line):
+def run_command(line, shows_digits=True):
     """What a command prints, on both streams; it fails unless the line says with what code."""
     words, expected, plain = taken_apart(line)
     mine = words[2:] and words[2].endswith(".yaml")
@@ -153,7 +155,7 @@ def run_command(line):
     elif words[:2] == ["eqt", "worst"] and shipped:
         words += [*SMALL, *FEWER, *SHORT]
     elif words[:2] == ["eqt", "run"] and mine:
-        words += [*SMALL, *(COARSE if shipped else [])]
+        words += [*SMALL, *([] if shows_digits and not shipped else COARSE)]
     elif words[0] == "eqt" and words[1] in BRIEF and BRIEF[words[1]][0] not in words:
         words += BRIEF[words[1]]
     code, printed = called(words[1:]) if plain else shell(line)
