@@ -34,7 +34,7 @@ STAGES = {
     "eqt_cli.engines.native.library:integration": COMPILING,
     "eqt_cli.engines.native.library:evaluation": COMPILING,
     "eqt_cli.execution.compute_part:measured": "signals and metrics",
-    "eqt_cli.execution.compute_part:PartTask._save": "writing the parts",
+    "eqt_cli.execution.compute_part:write": "writing the parts",
 }
 """What is watched, beside the engines and what eqt times itself."""
 

@@ -33,6 +33,7 @@ from eqt_cli.cli import main
 from eqt_cli.cli.shared import progress, run_and_report
 from eqt_cli.config.source import read_config
 from eqt_cli.controllers import Controller, controllers
+from eqt_cli.core import registry
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.core.errors import EqtWarning, Problems
 from eqt_cli.core.interruptions import ASKED_BY
@@ -150,6 +151,20 @@ if (
 native_compiler.LIBRARY = tuple(
     "-O0" if flag == "-O2" else flag for flag in native_compiler.LIBRARY
 )
+
+
+@pytest.fixture(autouse=True)
+def forget_plugins(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """A plugin that one test loads is unknown to the next; and, once called, to this one."""
+
+    def forget() -> None:
+        monkeypatch.setattr(registry, "_loaded_plugins", {})
+        for one in registry._registries:
+            monkeypatch.setattr(one, "_plugins", {})
+
+    forget()
+    return forget
+
 
 # Near 0, around the switch from series to closed forms, and near π.
 ANGLES = [0.0, 1e-12, 1e-9, 1e-6, 1.1e-3, 0.1, np.pi - 1e-3, np.pi - 1e-6, np.pi - 1e-9]

@@ -93,12 +93,14 @@ def batches_at(
     for kind, members in kinds.items():
         rows = np.flatnonzero(np.isin(points, members))
         own = None if runs is None else runs[rows]
-        problem = _problem(study, label, points[rows], own)
+        problem = _problem(study, label, points[rows], own, kind)
         experiment = study.experiment(members[0])
         yield Batch(rows, points[rows], experiment, problem, kind)
 
 
-def _problem(study: Study, label: str, points: Array, runs: Array | None) -> Problem:
+def _problem(
+    study: Study, label: str, points: Array, runs: Array | None, kind: Hashable
+) -> Problem:
     distinct, which = np.unique(points, return_inverse=True)
     experiments = [study.experiment(int(point)) for point in distinct]
     loops = [experiment.loops[label] for experiment in experiments]
@@ -107,10 +109,12 @@ def _problem(study: Study, label: str, points: Array, runs: Array | None) -> Pro
     Qd = np.array([experiment.initial_pose for experiment in experiments])[which]
     Vd = np.array([experiment.initial_velocity for experiment in experiments])[which]
     Q, V = (Qd, Vd) if runs is None else initial_states(study, points, runs)
-    varying = differing(loops, which)
+    # All parts share the first loop, and so what is compiled of it.
+    first = study.first_loops.setdefault((label, kind, runs is None), loops[0])
+    varying = differing([first, *loops], which + 1)
     if runs is not None and any(loop.vehicle.varies for loop in loops):
         varying |= _drawn(experiments, label, which, runs)
-    problem = Problem(loops[0], Q, experiments[0].times, varying)
+    problem = Problem(first, Q, experiments[0].times, varying)
     states = problem.batched_loop().initial_state(Q, V, Qd, Vd)
     errors = None
     if runs is not None and loops[0].vehicle.measures:
@@ -120,7 +124,7 @@ def _problem(study: Study, label: str, points: Array, runs: Array | None) -> Pro
 
 def differing(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
     """Return the leaves in which the loops differ, a row for each run; run k has loop which[k]."""
-    if len(loops) == 1:
+    if all(loop is loops[0] for loop in loops):
         return {}
     by_loop = [leaves(loop) for loop in loops]
     stacked = {name: np.array([values[name] for values in by_loop]) for name in by_loop[0]}

@@ -28,7 +28,7 @@ from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.parts import StudyPart
 from eqt_cli.experiment.study import Study
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.critical_points import distance_to_unstable
+from eqt_cli.mechanics.critical_points import common_weight, distance_to_unstable
 from eqt_cli.mechanics.settling import settling_error
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, SETTLING
@@ -334,7 +334,7 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
     keys = {key for m in metrics for key in (*m.settings.values(), *m.choices.values())}
     values = {key: getattr(config, key) for key in sorted(keys)}
-    K = problem.batched_loop(extra_axes=1).gains.K
+    K = common_weight(problem.batched_loop(extra_axes=1).gains.K)
     balanced = knows_energy(problem.loop, problem.times, problem.states[:1, None])
     key = tuple(m.name for m in metrics), tuple(values.items()), K.tobytes(), balanced
     numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced)
@@ -397,7 +397,7 @@ class Numbers:
     keys
         Values of the keys of the configuration that metrics use, by name.
     K
-        The gain K of the runs.
+        The gain K of the runs, or one with its critical points.
     balanced
         Whether the energy balance L + W is known.
     """

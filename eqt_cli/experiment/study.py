@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -154,6 +154,11 @@ class Study:
         return lru_cache(maxsize=CACHED_POINTS)(
             lambda point: build(at_point(self.source, self.sweep, point), trust_plugins=True)
         )
+
+    @cached_property
+    def first_loops(self) -> dict[Hashable, Any]:
+        """The first loop of each kind that was met; the others of the kind are variations of it."""
+        return {}
 
     @property
     def _swept(self) -> set[str]:

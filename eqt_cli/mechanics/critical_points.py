@@ -128,6 +128,17 @@ def critical_sets(G: MatrixLieGroup, K: Array) -> list[CriticalSet] | None:
     return None
 
 
+def common_weight(K: Array) -> Array:
+    """Return weights with the critical points of K, ``(..., d, d)``; one ``(d, d)`` if all agree.
+
+    Multiples of the identity have the critical points of the identity.
+    """
+    one = np.eye(K.shape[-1])
+    weights = np.where((K == K[..., :1, :1] * one).all(axis=(-2, -1), keepdims=True), one, K)
+    flat = weights.reshape(-1, *K.shape[-2:])
+    return flat[0] if (flat == flat[0]).all() else weights
+
+
 def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
     """Return the least ‖Q − Q_c‖_F over critical points of Υ other than I, ``(...)``.
 

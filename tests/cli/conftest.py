@@ -13,8 +13,6 @@ from typing import NamedTuple
 import pytest
 from small_experiment import configuration
 
-from eqt_cli.core import registry
-
 
 class Done(NamedTuple):
     """How a command ended."""
@@ -25,14 +23,6 @@ class Done(NamedTuple):
 
 
 Eqt = Callable[..., Done]
-
-
-@pytest.fixture(autouse=True)
-def _no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A plugin that one test loads is unknown to the next."""
-    monkeypatch.setattr(registry, "_loaded_plugins", {})
-    for one in registry._registries:
-        monkeypatch.setattr(one, "_plugins", {})
 
 
 @pytest.fixture(autouse=True)

@@ -21,12 +21,8 @@ def twin(eqt, folder):
 
 
 @pytest.mark.usefixtures("twin")
-def test_a_group_of_a_plugin_must_be_trusted(eqt, monkeypatch):
-    from eqt_cli.core import registry
-
-    monkeypatch.setattr(registry, "_loaded_plugins", {})
-    for one in registry._registries:
-        monkeypatch.setattr(one, "_plugins", {})
+def test_a_group_of_a_plugin_must_be_trusted(eqt, forget_plugins):
+    forget_plugins()
     done = eqt("animate", "results/c", "--format", "html")
     assert done.code == 2
     assert done.err.startswith("eqt: unknown group 'Twin'")
@@ -39,12 +35,8 @@ def test_a_group_of_a_plugin_must_be_trusted(eqt, monkeypatch):
 
 @pytest.mark.slow("draws a report")
 @pytest.mark.usefixtures("twin", "unarranged")
-def test_a_report_without_certificates_says_so(eqt, monkeypatch):
-    from eqt_cli.core import registry
-
-    monkeypatch.setattr(registry, "_loaded_plugins", {})
-    for one in registry._registries:
-        monkeypatch.setattr(one, "_plugins", {})
+def test_a_report_without_certificates_says_so(eqt, forget_plugins):
+    forget_plugins()
     done = eqt("report", "results/c", "--figure", "paper")
     assert done.code == 0
     said = "eqt: the page has no certificates; the result could not be verified: "

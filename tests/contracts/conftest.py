@@ -121,11 +121,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture
-def load_plugins(monkeypatch: pytest.MonkeyPatch) -> Any:
+def load_plugins() -> Any:
     """Load plugins, by the names of their files, for one test."""
-    monkeypatch.setattr(registries, "_loaded_plugins", {})
-    for kind in KINDS:
-        monkeypatch.setattr(registry(kind), "_plugins", {})
 
     def load(*names: str) -> None:
         for path in PLUGINS:

@@ -20,6 +20,7 @@ from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.core.reporting import reporting
 from eqt_cli.engines import Status
 from eqt_cli.execution import result_layout, run_study
+from eqt_cli.execution.batches import batches
 from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.folder import ResultFolder
@@ -138,6 +139,17 @@ def begun(made_once, tmp_path):
     """A folder of the experiment that was interrupted after two parts."""
     once = made_once("interrupted run", lambda at: interrupted(study_in(at), at / "out"))
     return shutil.copytree(once / "out", tmp_path / "out")
+
+
+def test_all_points_of_a_kind_are_variations_of_one_loop(make):
+    """So that it is traced and compiled once, whatever the part."""
+    found, seen = make(CONFIG + SWEEP), []
+    for point in (3, 0):
+        [batch] = batches(found, "eqt", np.arange(7 * point, 7 * point + 7))
+        K = batch.problem.batched_loop().gains.K
+        assert (K == found.experiment(point).loops["eqt"].gains.K).all()
+        seen.append(batch.problem.loop)
+    assert seen[0] is seen[1]
 
 
 # Resuming.

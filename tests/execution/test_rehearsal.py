@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 from small_experiment import configuration
 
-from eqt_cli.core import registry
-
 HEADER = """\
 from dataclasses import dataclass
 from typing import ClassVar
@@ -42,13 +40,6 @@ class Push(Force):
 CONFIG = configuration(controllers="[eqt, CONTROLLERS]", solver=None, plugins="[own.py]")
 OWN = "{kind: own, gain: 2.0}"
 TOGETHER = "fails when runs are solved together, with every number of a law as an array (runs, 1): "
-
-
-@pytest.fixture(autouse=True)
-def _no_plugins(monkeypatch):
-    monkeypatch.setattr(registry, "_loaded_plugins", {})
-    for one in registry._registries:
-        monkeypatch.setattr(one, "_plugins", {})
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""What is said of small configurations, and no plugin that outlives its test."""
+"""What is said of small configurations."""
 
 from __future__ import annotations
 
@@ -6,17 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from eqt_cli.core import registry
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.experiment import Experiment
-
-
-@pytest.fixture(autouse=True)
-def _no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A plugin that one test loads is unknown to the next."""
-    monkeypatch.setattr(registry, "_loaded_plugins", {})
-    for one in registry._registries:
-        monkeypatch.setattr(one, "_plugins", {})
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from eqt_cli.groups.base import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import (
     CriticalSet,
     _direction,
+    common_weight,
     critical_sets,
     distance_to_unstable,
 )
@@ -205,6 +206,16 @@ def test_distance_to_a_manifold_is_zero_on_it(eigenvalues, coupling):
     Q = G.assemble(R, (np.eye(3) - R) @ B / 2)
     # The root of the rounding of numbers of order 10.
     np.testing.assert_allclose(distance_to_unstable(G, K, Q), 0.0, atol=1e-6)
+
+
+def test_multiples_of_the_identity_have_one_weight():
+    """Not those of another weight; the distances have the same bits."""
+    G, multiples = group_named("SO3"), np.array([[[[1.0]]], [[[0.3]]], [[[7.0]]]]) * np.eye(3)
+    Q = G.exp(np.random.default_rng(0).standard_normal((3, 5, 3)))
+    for K, shape in ((multiples, (3, 3)), (multiples + np.diag([0, 0, 1]), (3, 1, 3, 3))):
+        found = distance_to_unstable(G, common_weight(K), Q)
+        assert common_weight(K).shape == shape
+        assert found.tobytes() == distance_to_unstable(G, K, Q).tobytes()
 
 
 def test_distance_in_a_product_adds_the_squares_of_its_blocks():

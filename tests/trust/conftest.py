@@ -8,8 +8,6 @@ from typing import Any
 
 import pytest
 
-from eqt_cli.core import registry
-
 CONFIG = """\
 group: SO3
 inertia: 1.0
@@ -21,14 +19,6 @@ ensemble: {runs: 2, seed: 1}
 time: {duration: 0.1, samples: 2}
 solver: {rtol: 1.0e-3, cross_check: 0}
 """
-
-
-@pytest.fixture(autouse=True)
-def _no_plugins(monkeypatch):
-    """A plugin that one test loads is unknown to the next."""
-    monkeypatch.setattr(registry, "_loaded_plugins", {})
-    for one in registry._registries:
-        monkeypatch.setattr(one, "_plugins", {})
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ import sys
 
 import pytest
 
-from eqt_cli.core import registry
 from eqt_cli.execution.provenance import commit_of
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
@@ -287,20 +286,8 @@ def shards(sent, witness, eqt):
     return sent / "shards"
 
 
-@pytest.fixture
-def forgotten(monkeypatch):
-    """Makes eqt forget which plugins it has executed."""
-
-    def forget():
-        monkeypatch.setattr(registry, "_loaded_plugins", {})
-        for one in registry._registries:
-            monkeypatch.setattr(one, "_plugins", {})
-
-    return forget
-
-
-def test_pack_executes_no_plugin_unasked(shards, witness, eqt, forgotten):
-    forgotten()
+def test_pack_executes_no_plugin_unasked(shards, witness, eqt, forget_plugins):
+    forget_plugins()
     done = eqt("pack", "shards")
     assert (done.code, done.out) == (2, "")
     assert done.err == (
@@ -345,12 +332,12 @@ DRAW = {"animate", "report", "plot"}
         pytest.param(DRAW, id="figures", marks=pytest.mark.slow("draws figures")),
     ],
 )
-def test_no_command_executes_the_plugins_of_a_result(shards, witness, eqt, forgotten, names):
-    forgotten()
+def test_no_command_executes_the_plugins_of_a_result(shards, witness, eqt, forget_plugins, names):
+    forget_plugins()
     assert eqt("pack", "shards", "--trust-plugins").code == 0
     witness.unlink()
     for name in sorted(names):
-        forgotten()
+        forget_plugins()
         eqt(*RESULT_COMMANDS[name].split())
         assert not witness.exists(), name
 
@@ -372,8 +359,10 @@ OWN_COMMANDS = {
 
 @pytest.mark.slow("calls every command with a plugin")
 @pytest.mark.parametrize("name", OWN_COMMANDS)
-def test_the_plugins_of_a_configuration_are_the_users_own(shards, witness, eqt, forgotten, name):
-    forgotten()
+def test_the_plugins_of_a_configuration_are_the_users_own(
+    shards, witness, eqt, forget_plugins, name
+):
+    forget_plugins()
     eqt(*OWN_COMMANDS[name].split())
     assert witness.read_text() == "plugin "
 

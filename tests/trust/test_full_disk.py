@@ -119,6 +119,7 @@ def test_a_part_that_does_not_fit_tells_what_is_kept(
     (out / "parts/000002.h5").unlink()
     with monkeypatch.context() as patch:
         full_when(patch, "000002.h5")
+        patch.setattr("eqt_cli.execution.run_study.UNSAVED_SECONDS", 0.0)
         with pytest.raises(FullDiskError) as caught:
             execute(found, out)
     assert str(caught.value) == (
