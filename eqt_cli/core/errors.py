@@ -10,7 +10,6 @@ import re
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from copy import copy
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
@@ -235,8 +234,8 @@ class Problems:
 
     def at(self, *steps: str | int) -> Self:
         """Return the problems of a place within this one."""
-        inner = copy(self)  # the copy shares the list
-        inner._path = (*self._path, *steps)
+        inner = object.__new__(type(self))  # copy() takes five times as long
+        vars(inner).update(vars(self), _path=(*self._path, *steps))
         return inner
 
     @property

@@ -536,6 +536,9 @@ def parse(text: str, variables: Collection[str] = ("t",)) -> Expression:
     return Expression(text, used, tree)
 
 
+_of_time = lru_cache(maxsize=512)(parse)
+"""Kept, because the points of a sweep have mostly the same references."""
+
 MAX_QUOTED = 100
 """Longest quotation of an expression in a message, characters."""
 
@@ -549,13 +552,14 @@ def formula(entry: str | float) -> Expression:
         If the entry is no expression; the message quotes it.
     """
     try:
-        return parse(str(entry))
+        return _of_time(str(entry))
     except ExpressionError as error:
         text = str(entry)
         quoted = text if len(text) <= MAX_QUOTED else text[:MAX_QUOTED] + "…"
         raise InputError(f"'{quoted}': {error}") from error
 
 
+@lru_cache(maxsize=512)
 def constant(text: str) -> float:
     """Compute an expression without variables, such as ``-pi/2``.
 

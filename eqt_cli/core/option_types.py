@@ -147,6 +147,8 @@ class _InUnit:
 
     def told(self, value: Any, place: Place) -> Any:
         """Return the value, in which texts know what units they may have."""
+        if isinstance(value, int | float):
+            return value
         if self.unit not in (*_OF_PART, MEASURED):
             return _tagged(value, [self.unit])
         if place.group is None:
