@@ -8,14 +8,13 @@ import shutil
 import subprocess
 import sys
 from functools import partial
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from small_experiment import configuration
+from faults_harness import assert_equal, assert_same, contents
+from small_experiment import configuration, study_of
 
-from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.core.reporting import reporting
 from eqt_cli.engines import Status
@@ -27,7 +26,6 @@ from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.lock import holder, locked
 from eqt_cli.execution.part_files import unfinished
 from eqt_cli.execution.run_study import Shard, execute, pack_folder
-from eqt_cli.experiment.read_study import add_grids, study
 from eqt_cli.results.result import open_result
 from eqt_cli.store.reader import open_results
 
@@ -61,12 +59,8 @@ def _small_parts():
         yield
 
 
-def study_in(folder, text=CONFIG, *overrides, grids=(), name="config.yaml"):
-    path = folder / name
-    path.write_text(text, encoding="utf-8")
-    source = read_config(path, overrides)
-    add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
-    return study(source)
+def study_in(folder, text=CONFIG, *overrides, **more):
+    return study_of(folder, text, *overrides, **more)
 
 
 @pytest.fixture
@@ -113,17 +107,6 @@ class Losing(Executor):
         yield from (Outcome(item, None) for item in items if item in self.lost)
 
 
-def contents(folder):
-    with h5py.File(Path(folder) / "results.h5") as file:
-        return {name: file[name][()] for name in file}
-
-
-def assert_same(one, other):
-    assert one.keys() == other.keys()
-    for name in one:
-        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
-
-
 @pytest.fixture
 def whole(finished):
     return contents(finished("run"))
@@ -166,7 +149,7 @@ def test_an_interrupted_run_continues_and_ends_the_same(make, whole, tmp_path, t
     assert told.total("runs") == pytest.approx(8)
     assert outcome.resumed == 6
     assert outcome.failed == 0
-    assert_same(contents(out), whole)
+    assert_equal(out, whole)
     assert not (out / "parts").exists()
 
 
@@ -184,7 +167,7 @@ def test_a_short_session_writes_no_files_of_parts(make, whole, tmp_path, monkeyp
     monkeypatch.setattr(run_study, "UNSAVED_SECONDS", after)
     execute(make(), tmp_path / "out")
     assert len(found) == files
-    assert_same(contents(tmp_path / "out"), whole)
+    assert_equal(tmp_path / "out", whole)
 
 
 def test_an_interrupted_packing_keeps_the_parts_of_a_short_session(
@@ -198,7 +181,7 @@ def test_an_interrupted_packing_keeps_the_parts_of_a_short_session(
         with pytest.raises(KeyboardInterrupt):
             execute(make(), tmp_path / "out")
     assert execute(make(), tmp_path / "out").resumed == 14
-    assert_same(contents(tmp_path / "out"), whole)
+    assert_equal(tmp_path / "out", whole)
 
 
 @pytest.mark.parametrize("damage", ["truncated", "foreign", "reference"])
@@ -211,7 +194,7 @@ def test_what_is_damaged_is_computed_again(make, whole, tmp_path, damage, begun)
         data = (other / "parts/000001.h5").read_bytes()
     part.write_bytes(data)
     execute(make(), begun)
-    assert_same(contents(begun), whole)
+    assert_equal(begun, whole)
 
 
 @pytest.mark.slow("computes an experiment several times")
@@ -227,7 +210,7 @@ def test_a_kill_before_the_parts_are_removed_loses_nothing(make, whole, tmp_path
     monkeypatch.undo()
     monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 3)
     assert execute(make(), out).was_complete
-    assert_same(contents(out), whole)
+    assert_equal(out, whole)
 
 
 # Other versions.
@@ -264,7 +247,7 @@ def test_parts_of_other_versions_are_told_of_and_remembered(make, whole, remarks
     origin = origin_of(begun)
     assert origin["numpy"] == np.__version__
     assert [session["numpy"] for session in origin["other_sessions"]] == ["1.0"]
-    assert_same(contents(begun), whole)
+    assert_equal(begun, whole)
 
 
 @pytest.mark.slow("computes an experiment several times")
@@ -351,13 +334,13 @@ def test_numbers_of_a_part_are_read_by_name(make, whole, remarks, begun):
     edit(begun / "parts/000001.h5", exchanged)
     assert execute(make(), begun).resumed == 6
     assert remarks == []
-    assert_same(contents(begun), whole)
+    assert_equal(begun, whole)
 
 
 def test_a_part_that_lacks_a_number_is_computed_again(make, whole, begun):
     edit(begun / "parts/000001.h5", unnamed)
     execute(make(), begun)
-    assert_same(contents(begun), whole)
+    assert_equal(begun, whole)
 
 
 def execute_without(name, *arguments, **options):
@@ -455,7 +438,7 @@ def test_a_run_with_noise_is_the_same_alone_if_compiled(make, tmp_path):
     assert execute(make(text), out).failed == 14
     before = contents(out)
     execute(make(text), out, rerun_failed=True)
-    assert_same(contents(out), before)
+    assert_equal(out / "results.h5", before)
 
 
 def test_shards_and_pack_give_the_same_bits(make, whole, tmp_path):
@@ -468,7 +451,7 @@ def test_shards_and_pack_give_the_same_bits(make, whole, tmp_path):
         pack_folder(make(), out)
     execute(make(), out, shard=Shard(2, 2))
     assert pack_folder(make(), out).failed == 0
-    assert_same(contents(out), whole)
+    assert_equal(out, whole)
 
 
 # The lock.

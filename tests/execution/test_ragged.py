@@ -1,12 +1,12 @@
 """Sweeps whose points differ in shape: a group per point, and the metrics of all in the root."""
 
 from functools import partial
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from small_experiment import configuration
+from faults_harness import assert_equal, contents
+from small_experiment import configuration, study_of
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError, ResultError
@@ -15,7 +15,7 @@ from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.run_study import execute
 from eqt_cli.experiment.law_names import law_names
-from eqt_cli.experiment.read_study import MOST_GROUPS, add_grids, study
+from eqt_cli.experiment.read_study import MOST_GROUPS, study
 from eqt_cli.results.result import open_result
 from eqt_cli.store.reader import open_results
 
@@ -45,12 +45,8 @@ def _small_parts():
         yield
 
 
-def study_in(folder, text, *overrides, grids=()):
-    path = folder / "config.yaml"
-    path.write_text(CONFIG + text, encoding="utf-8")
-    source = read_config(path, overrides)
-    add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
-    return study(source)
+def study_in(folder, text, *overrides, **more):
+    return study_of(folder, CONFIG + text, *overrides, **more)
 
 
 @pytest.fixture
@@ -67,26 +63,6 @@ class Losing(Executor):
         good = [item for item in items if item not in self.lost]
         yield from Serial().outcomes(task, good)
         yield from (Outcome(item, None) for item in items if item in self.lost)
-
-
-def contents(folder):
-    """Every dataset by its path, read without eqt."""
-    found = {}
-
-    def add(name, entry):
-        if isinstance(entry, h5py.Dataset):
-            found[name] = entry[()]
-
-    with h5py.File(Path(folder) / "results.h5") as file:
-        file.visititems(add)
-    return found
-
-
-def assert_same(one, other):
-    assert one.keys() == other.keys()
-    for name in one:
-        assert one[name].dtype == other[name].dtype
-        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
 SWEEPS = {"groups": GROUPS, "times": TIMES}
@@ -165,7 +141,7 @@ def test_rerun_failed_mends_lost_parts_bit_for_bit(make, text, whole, tmp_path):
         assert sum(np.count_nonzero(results.at(k)["status"]) for k in range(4)) == 10
     outcome = execute(make(text), out, rerun_failed=True)
     assert (outcome.failed, outcome.resumed) == (0, 30)
-    assert_same(contents(out), whole)
+    assert_equal(out, whole)
 
 
 def test_a_result_runs_again_from_its_own_config(make, finished):

@@ -218,9 +218,9 @@ def check_left_over(out: Path, before: dict[str, tuple[int, int]]) -> None:
 
 
 def contents(path: Path) -> dict[str, np.ndarray]:
-    """Every dataset of a result file and of its groups, read without eqt."""
+    """Every dataset of a result and of its groups, read without eqt."""
     found = {}
-    with h5py.File(path) as file:
+    with h5py.File(path / "results.h5" if path.is_dir() else path) as file:
         file.visititems(
             lambda name, item: (
                 found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None
@@ -231,7 +231,10 @@ def contents(path: Path) -> dict[str, np.ndarray]:
 
 def assert_equal(path: Path, expected: dict[str, np.ndarray]) -> None:
     """Every dataset is equal bit for bit."""
-    found = contents(path)
+    assert_same(contents(path), expected)
+
+
+def assert_same(found: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> None:
     assert found.keys() == expected.keys()
     for name, values in expected.items():
         assert found[name].dtype == values.dtype, name

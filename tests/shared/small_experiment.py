@@ -1,5 +1,8 @@
 """The configuration of a small experiment, and others that differ in some sections."""
 
+from eqt_cli.config.source import read_config
+from eqt_cli.experiment.read_study import add_grids, study
+
 LINES = {
     "group": "SO3",
     "inertia": "[2, 1, 3]",
@@ -18,3 +21,12 @@ def configuration(**changes: str | None) -> str:
     """`LINES` with sections replaced, left out (None) or, where new, added at the end."""
     lines = {**LINES, **changes}
     return "".join(f"{key}: {value}\n" for key, value in lines.items() if value is not None)
+
+
+def study_of(folder, text, *overrides, grids=(), name="config.yaml"):
+    """The study of a configuration, written into a folder."""
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    source = read_config(path, overrides)
+    add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
+    return study(source)
