@@ -538,6 +538,12 @@ def test_what_was_checked_is_what_is_loaded(cc, monkeypatch):
     assert works() and cc() == (1, 1)
 
 
+def test_folders_above_may_be_those_of_the_system(monkeypatch):
+    monkeypatch.setattr(os, "getuid", lambda: 1000)
+    found = [SimpleNamespace(st_uid=uid, st_mode=0o40755) for uid in (0, 1000, 1)]
+    assert [*map(cache._is_safe, found)] == [True, True, False]
+
+
 def test_a_folder_of_another_user_is_not_used(cc, monkeypatch):
     cache.own_cache()
     monkeypatch.setattr(os, "getuid", lambda: 12345)
