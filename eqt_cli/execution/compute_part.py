@@ -549,7 +549,8 @@ class PartTask:
     def save(self) -> None:
         """Write the parts that are only in memory."""
         for item, part in list(self._unsaved.items()):
-            write(part.path, self._kept[item])
+            if not part.path.exists():  # else it was interrupted after it had written the file
+                write(part.path, self._kept[item])
             del self._unsaved[item]
 
     def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:

@@ -18,7 +18,7 @@ from small_experiment import configuration, study_of
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.core.reporting import reporting
 from eqt_cli.engines import Status
-from eqt_cli.execution import result_layout, run_study
+from eqt_cli.execution import compute_part, result_layout, run_study
 from eqt_cli.execution.batches import batches
 from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.serial import Serial
@@ -168,6 +168,22 @@ def test_a_short_session_writes_no_files_of_parts(make, whole, tmp_path, monkeyp
     execute(make(), tmp_path / "out")
     assert len(found) == files
     assert_equal(tmp_path / "out", whole)
+
+
+def test_an_interruption_after_a_file_was_written_writes_it_once(make, tmp_path, monkeypatch):
+    written, found = [], compute_part.write
+
+    def interrupting(path, table):
+        found(path, table)
+        written.append(path.name)
+        if path.name == "000001.h5":
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(compute_part, "write", interrupting)
+    monkeypatch.setattr(run_study, "UNSAVED_SECONDS", 0.0)
+    with pytest.raises(KeyboardInterrupt):
+        execute(make(), tmp_path / "out")
+    assert written == ["reference.h5", "000000.h5", "000001.h5"]
 
 
 def test_an_interrupted_packing_keeps_the_parts_of_a_short_session(
