@@ -46,6 +46,9 @@ class Lanes(Integrator):
         self._compiled: dict[int, library.Evaluation] = {}
         self._settings = settings
         self._all_parameters = parameter_rows(problem)
+        starts = [span.start for span in problem.spans]
+        rows = held_rows(problem.loop, np.array(starts))
+        self._held_from = dict(zip(starts, rows, strict=True))
 
     def begin(self, runs: Array) -> None:
         """Begin these runs with no step taken, and the length of the first one unknown."""
@@ -58,7 +61,7 @@ class Lanes(Integrator):
 
     def hold(self, span: Span) -> None:
         """Set the held numbers, which all runs share."""
-        self._held = held_rows(self.problem.loop, np.array([span.start]))[0]
+        self._held = self._held_from[span.start]
 
     def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
         """Return the states after an instant, by compiled code.
