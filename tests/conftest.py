@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plugin_sources
 import pytest
 import typer.main
 from hypothesis import settings
@@ -33,7 +34,6 @@ from eqt_cli.cli import main
 from eqt_cli.cli.shared import progress, run_and_report
 from eqt_cli.config.source import read_config
 from eqt_cli.controllers import Controller, controllers
-from eqt_cli.core import registry
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.core.errors import EqtWarning, Problems
 from eqt_cli.core.interruptions import ASKED_BY
@@ -156,12 +156,7 @@ native_compiler.LIBRARY = tuple(
 @pytest.fixture(autouse=True)
 def forget_plugins(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """A plugin that one test loads is unknown to the next; and, once called, to this one."""
-
-    def forget() -> None:
-        monkeypatch.setattr(registry, "_loaded_plugins", {})
-        for one in registry._registries:
-            monkeypatch.setattr(one, "_plugins", {})
-
+    forget = partial(plugin_sources.forget_plugins, monkeypatch)
     forget()
     return forget
 

@@ -473,8 +473,8 @@ KEPT_BYTES = 64 * 2**20
 """Largest size of finished parts kept in memory, so that packing need not read their files."""
 
 UNSAVED_SECONDS = 1.0
-"""Time after its start for which a session writes no files of such parts. A session that packs
-before then writes every number once; one that is killed before then has lost no more work."""
+"""Time after its start for which a session writes no files of such parts. One that has computed
+all parts by then writes every number once; a kill loses at most the work of that time."""
 
 
 @dataclass(frozen=True, eq=False)

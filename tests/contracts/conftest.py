@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plugin_sources import forget_plugins
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.linearised import designed
 from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.controllers import controllers
-from eqt_cli.core import registry as registries
 from eqt_cli.core.arrays import FUNCTIONS, register_symbols
 from eqt_cli.core.registry import load_plugin
 from eqt_cli.groups import group_named
@@ -96,9 +96,7 @@ SLOW = {
 def components() -> dict[str, list[type]]:
     """Of eqt and of the plugins in ``tests/plugins``, which stay unknown to the other tests."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registries, "_loaded_plugins", {})
-        for kind in KINDS:
-            patch.setattr(registry(kind), "_plugins", {})
+        forget_plugins(patch)
         for path in PLUGINS:
             load_plugin(path)
         # Code of a user's own is for any task, and no formula.

@@ -218,6 +218,7 @@ def test_other_runs_change_no_bit(batch):
     ("lanes", "flags"),
     [
         (2, ("-O2", "-march=native")),
+        pytest.param(1, ("-O3",), marks=pytest.mark.slow("for no processor of today")),
         pytest.param(8, ("-O0",), marks=pytest.mark.slow("compiles it again")),
     ],
 )

@@ -87,7 +87,7 @@ ALWAYS = {
     ("native flight", "threads", "coordinator"),
     ("ragged sweep", "local", "worker"),
 }
-"""Otherwise, each kind of study and each way of computing once; `make faults` has them all."""
+"""Otherwise these, each of another study by another executor; `make faults` has them all."""
 
 pytestmark = [
     pytest.mark.skipif(

@@ -27,11 +27,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from plugin_sources import forget_plugins
 
-from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.config.source import read_config
 from eqt_cli.config.yaml_source import dump, load
-from eqt_cli.core import registry as registries
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.read_study import study
 
@@ -232,9 +231,7 @@ def called(arguments):
 def without_plugins():
     """As a process that has loaded none; those that are loaded here are forgotten afterwards."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registries, "_loaded_plugins", {})
-        for kind in KINDS:
-            patch.setattr(registry(kind), "_plugins", {})
+        forget_plugins(patch)
         yield
 
 

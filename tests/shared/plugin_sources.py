@@ -1,4 +1,15 @@
-"""Components of a user's own, as the text of a plugin."""
+"""Components of a user's own, as the text of a plugin, and how plugins are forgotten."""
+
+from eqt_cli.config.catalogue import KINDS, registry
+from eqt_cli.core import registry as registries
+
+
+def forget_plugins(monkeypatch):
+    """As in a process that has loaded none."""
+    monkeypatch.setattr(registries, "_loaded_plugins", {})
+    for kind in KINDS:
+        monkeypatch.setattr(registry(kind), "_plugins", {})
+
 
 ESCAPE = """\
 from dataclasses import dataclass

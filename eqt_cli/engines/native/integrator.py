@@ -24,6 +24,9 @@ from eqt_cli.mechanics.law_input import LawInput
 from eqt_cli.program import Program
 from eqt_cli.vehicle.sensors.channels import Errors
 
+SPANS_AT_ONCE = 256
+"""Number of spans whose held numbers are read together, which takes little longer than for one."""
+
 
 class Lanes(Integrator):
     """Integrates a group of runs, as many side by side as there are lanes.
@@ -46,9 +49,8 @@ class Lanes(Integrator):
         self._compiled: dict[int, library.Evaluation] = {}
         self._settings = settings
         self._all_parameters = parameter_rows(problem)
-        starts = [span.start for span in problem.spans]
-        rows = held_rows(problem.loop, np.array(starts))
-        self._held_from = dict(zip(starts, rows, strict=True))
+        self._span_starts = np.array([span.start for span in problem.spans])
+        self._held_from: dict[float, Array] = {}
 
     def begin(self, runs: Array) -> None:
         """Begin these runs with no step taken, and the length of the first one unknown."""
@@ -61,6 +63,11 @@ class Lanes(Integrator):
 
     def hold(self, span: Span) -> None:
         """Set the held numbers, which all runs share."""
+        if span.start not in self._held_from:
+            first = np.searchsorted(self._span_starts, span.start)
+            starts = self._span_starts[first : first + SPANS_AT_ONCE]
+            rows = held_rows(self.problem.loop, starts)
+            self._held_from = dict(zip(starts.tolist(), rows, strict=True))
         self._held = self._held_from[span.start]
 
     def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
