@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from eqt_cli.base.arrays import Array, frobenius, norm
+from eqt_cli.components.initial_states import draw_initial_states
+from eqt_cli.config.build import build
+from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.source import read_config
-from eqt_cli.core.arrays import Array, frobenius, norm
-from eqt_cli.engines import Problem, Solution
+from eqt_cli.engines.engine import Problem, Solution
 from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp
-from eqt_cli.ensemble.initial import draw_initial_states
-from eqt_cli.experiment.build import build
-from eqt_cli.experiment.experiment import Experiment
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from benchmarks.cases import CONFIGS
 from benchmarks.measure import fastest
+from eqt_cli.components.estimators import estimators
+from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
-from eqt_cli.engines import engines
-from eqt_cli.execution.batches import batches
-from eqt_cli.experiment.read_study import study
-from eqt_cli.vehicle.estimators import estimators
+from eqt_cli.engines.engine import engines
+from eqt_cli.runs.batches import batches
 
 CASES = ("satellite_estimated", "se3_bluerov2_estimated")
 """On SO(3) and SE(3)."""

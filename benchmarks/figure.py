@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 
 from benchmarks.table import TITLES, Results
 from benchmarks.whole_command import BEFORE, NOW
-from eqt_cli.core.files import write_all
-from eqt_cli.plots.drawing.curve_labels import name_points
-from eqt_cli.plots.drawing.labels import in_words
-from eqt_cli.plots.drawing.layout import add_legend, freeze
-from eqt_cli.plots.drawing.style import WIDTHS, house_style, ink, line_style
-from eqt_cli.plots.render import encode
+from eqt_cli.base.files import write_all
+from eqt_cli.figures.curves import name_points
+from eqt_cli.figures.labels import in_words
+from eqt_cli.figures.layout import add_legend, freeze
+from eqt_cli.figures.render import encode
+from eqt_cli.figures.style import WIDTHS, house_style, ink, line_style
 
 CASE = "paper"
 """The runs of which the figure of rates tells."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks import cases
+from eqt_cli.engines.library import with_kept_comparisons
 from eqt_cli.engines.native import Native
-from eqt_cli.engines.native.source import with_kept_comparisons
 from eqt_cli.engines.traced_loop import trace
 
 CASE = "reviewers"

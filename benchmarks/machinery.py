@@ -92,9 +92,9 @@ def _child(*arguments: str) -> Any:
 
 
 def _overhead() -> Overhead:
+    from eqt_cli.config.read_study import study
     from eqt_cli.config.source import read_config
-    from eqt_cli.execution.run_study import execute
-    from eqt_cli.experiment.read_study import study
+    from eqt_cli.runs.run_study import execute
 
     imports = time.process_time()
     watch = StopWatch()
@@ -122,11 +122,10 @@ def _raw_writing(results: Path, copy: Path) -> float:
 
 
 def _scaling(workers: int) -> Scaling:
+    from eqt_cli.config.read_study import study
     from eqt_cli.config.source import read_config
-    from eqt_cli.execution.executors.base import Executor, Outcome, Task
-    from eqt_cli.execution.executors.local import Local
-    from eqt_cli.execution.run_study import execute
-    from eqt_cli.experiment.read_study import study
+    from eqt_cli.runs.executors import Executor, Local, Outcome, Task
+    from eqt_cli.runs.run_study import execute
 
     moments: list[float] = []
 

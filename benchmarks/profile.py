@@ -27,14 +27,14 @@ STAGES = {
     "builtins:__import__": START,
     "importlib:import_module": START,
     "eqt_cli.config.source:read_config": "reading the configuration",
-    "eqt_cli.experiment.read_study:study": "building the experiment",
+    "eqt_cli.config.read_study:study": "building the experiment",
     "eqt_cli.engines.native:programs": COMPILING,
     "eqt_cli.engines.native:sampled": COMPILING,
     "eqt_cli.engines.native:running": COMPILING,
-    "eqt_cli.engines.native.library:integration": COMPILING,
-    "eqt_cli.engines.native.library:evaluation": COMPILING,
-    "eqt_cli.execution.compute_part:measured": "signals and metrics",
-    "eqt_cli.execution.compute_part:write": "writing the parts",
+    "eqt_cli.engines.library:integration": COMPILING,
+    "eqt_cli.engines.library:evaluation": COMPILING,
+    "eqt_cli.runs.compute_part:measured": "signals and metrics",
+    "eqt_cli.runs.compute_part:write": "writing the parts",
 }
 """What is watched, beside the engines and what eqt times itself."""
 
@@ -99,7 +99,7 @@ class StopWatch:
 
     def watch_engines(self) -> None:
         """Count what all engines do as integration."""
-        from eqt_cli.engines import engines
+        from eqt_cli.engines.engine import engines
 
         for kind in engines.all():
             self.watch(kind, "solve", INTEGRATION)
@@ -117,7 +117,8 @@ class StopWatch:
             except (ImportError, AttributeError):
                 self.missing.append(place)
         self.watch_engines()
-        from eqt_cli.execution import provenance, run_study
+        from eqt_cli.runs import lock as provenance
+        from eqt_cli.runs import run_study
 
         own = provenance.timed
 

@@ -17,8 +17,8 @@ from benchmarks.contenders.mujoco_body import MuJoCo, RigidBody
 from benchmarks.contenders.plain_loop import body, literal, starts
 from benchmarks.literal.crazyflie import PERIOD, fly
 from benchmarks.measure import fastest
-from eqt_cli.core.arrays import Array
-from eqt_cli.engines import Engine
+from eqt_cli.base.arrays import Array
+from eqt_cli.engines.engine import Engine
 from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
 

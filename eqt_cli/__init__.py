@@ -13,9 +13,45 @@ In notebooks and scripts::
     eqt_cli.write_report(result)
 """
 
+import ast
+import sys
 from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
-from eqt_cli.core.offered_names import imported, places
+# Names are imported when they are used; a stub lists them, which type checkers read, too.
+
+
+def places(module: str) -> dict[str, str]:
+    """Return the module of each name that the stub beside a module imports.
+
+    ``*`` stands for the names in the stub of an extension, if it is there.
+    """
+    return _listed(Path(str(sys.modules[module].__file__)).with_suffix(".pyi"))
+
+
+def _listed(stub: Path) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for statement in ast.parse(stub.read_text("utf-8")).body:
+        if isinstance(statement, ast.ImportFrom):
+            module = str(statement.module)
+            if statement.names[0].name == "*":
+                extension = Path(__file__).parents[1].joinpath(*module.split("."), "__init__.pyi")
+                found |= _listed(extension) if extension.exists() else {}
+            else:
+                found |= dict.fromkeys((alias.name for alias in statement.names), module)
+    return found
+
+
+def imported(module: str, known: dict[str, str], name: str) -> Any:
+    """Return the object of a name, and import its module, for example Matplotlib, only now."""
+    if name not in known:
+        raise AttributeError(f"module {module!r} has no attribute {name!r}")
+    value = getattr(import_module(known[name]), name)
+    setattr(sys.modules[module], name, value)
+    return value
+
 
 _PLACES = places(__name__)
 

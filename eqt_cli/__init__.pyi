@@ -23,6 +23,9 @@ from eqt_cli.api import tune as tune
 from eqt_cli.api import verify as verify
 from eqt_cli.api import worst as worst
 from eqt_cli.api import write_report as write_report
-from eqt_cli.core.reporting import Reporter as Reporter
-from eqt_cli.core.reporting import reporting as reporting
-from eqt_cli.core.version import __version__ as __version__
+from eqt_cli.base.reporting import Reporter as Reporter
+from eqt_cli.base.reporting import reporting as reporting
+from eqt_cli.base.version import __version__ as __version__
+
+def places(module: str) -> dict[str, str]: ...
+def imported(module: str, known: dict[str, str], name: str) -> object: ...

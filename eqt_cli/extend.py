@@ -1,13 +1,13 @@
-"""Everything that a plugin needs, from one place: base classes, array functions, numbers, errors.
+"""Everything that a plugin needs, from one place: base classes, shipped components, functions.
 
 From version 0.1.0 on, these names stay, also for plugins whose source is kept in a result.
-``extend.pyi`` lists them. A plugin that is built upon a component of eqt imports that from its own
-file, which is called as the component is: ``from eqt_cli.controllers.eqt import EqT``.
+``extend.pyi`` lists them: the base class of each kind, the laws and other components that a plugin
+may build on, array functions, numbers and errors.
 """
 
 from functools import partial
 
-from eqt_cli.core.offered_names import imported, places
+from eqt_cli import imported, places
 
 PLACES = places(__name__)
 """The modules of the names."""

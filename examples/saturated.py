@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from eqt_cli.controllers.eqt import EqT
-from eqt_cli.extend import Array, Positive, Tracking, tanh
+from eqt_cli.extend import Array, EqT, Positive, Tracking, tanh
 
 
 @dataclass(frozen=True)

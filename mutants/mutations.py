@@ -13,22 +13,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 CORE = (
-    "program",
-    "groups",
-    "mechanics",
-    "controllers",
-    "references",
-    "closed_loop",
-    "ensemble",
+    "numbers",
+    "components",
+    "loop",
     "engines",
-    "vehicle",
-    "analysis/comparison/intervals.py",
-    "analysis/comparison/compare.py",
-    "analysis/comparison/pairs.py",
+    "config/designs.py",
+    "config/sweep.py",
+    "analysis/intervals.py",
+    "analysis/compare.py",
     "analysis/margins.py",
-    "exporting/filters.py",
     "results/metrics.py",
-    "results/time_windows.py",
+    "results/quantity.py",
+    "extensions/devices.py",
+    "extensions/firmware/controllers.py",
+    "extensions/firmware/decisions.py",
+    "extensions/firmware/export_laws.py",
+    "extensions/firmware/own_code.py",
+    "extensions/recordings/controllers.py",
 )
 """What counts as the mathematical core, below `eqt_cli`; of comparisons not their words."""
 

@@ -30,26 +30,26 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from small_experiment import configuration
 
+from eqt_cli.base.arrays import Array, transpose
+from eqt_cli.base.errors import EqtWarning, Problems
+from eqt_cli.base.process import ASKED_BY
+from eqt_cli.base.reporting import Reporter, reporting
+from eqt_cli.base.store_writer import Table, Variable, write
 from eqt_cli.cli import main
-from eqt_cli.cli.shared import progress, run_and_report
+from eqt_cli.cli import output as progress
+from eqt_cli.cli import run_report as run_and_report
+from eqt_cli.components.groups import MatrixLieGroup, group_named, groups
+from eqt_cli.components.laws import Controller, controllers
+from eqt_cli.config.build import build
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
-from eqt_cli.controllers import Controller, controllers
-from eqt_cli.core.arrays import Array, transpose
-from eqt_cli.core.errors import EqtWarning, Problems
-from eqt_cli.core.interruptions import ASKED_BY
-from eqt_cli.core.reporting import Reporter, reporting
-from eqt_cli.engines.native import cache as native_cache
-from eqt_cli.engines.native import compiler as native_compiler
-from eqt_cli.execution.executors import auto
-from eqt_cli.execution.run_study import Execution, execute
-from eqt_cli.experiment.build import build
-from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.experiment.read_study import study
-from eqt_cli.groups import MatrixLieGroup, group_named, groups
-from eqt_cli.program import Program
-from eqt_cli.program.c_code import FUNCTIONS_HEADER, LANES_HEADER, c_function
+from eqt_cli.engines import compiler as native_cache
+from eqt_cli.engines import compiler as native_compiler
+from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER, Program, c_function
 from eqt_cli.results.result import open_result
-from eqt_cli.store.writer import Table, Variable, write
+from eqt_cli.runs import executors as auto
+from eqt_cli.runs.run_study import Execution, execute
 
 pytest_plugins = ["pytester"]
 
@@ -397,6 +397,18 @@ def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
     return call
 
 
+@pytest.fixture
+def refused(eqt: Callable[..., Done]) -> Callable[..., str]:
+    """What a command says that ends with 2 and prints nothing else."""
+
+    def said(*arguments: object) -> str:
+        done = eqt(*arguments)
+        assert (done.code, done.out) == (2, "")
+        return done.err
+
+    return said
+
+
 @dataclass(frozen=True)
 class Called:
     """What a command printed."""
@@ -518,15 +530,17 @@ def swept_result(invoke: Callable[..., Called], made_once: Callable[..., Path]) 
 
 def leave_unarranged(patch: pytest.MonkeyPatch) -> None:
     """Leave out the search for places of panels, which is most of the time that a figure takes."""
-    patch.setattr("eqt_cli.plots.base.freeze", lambda drawing: drawing.set_layout_engine("none"))
-    patch.setattr("eqt_cli.plots.drawing.curve_labels.arrange", lambda drawing: None)
+    patch.setattr(
+        "eqt_cli.figures.figure.freeze", lambda drawing: drawing.set_layout_engine("none")
+    )
+    patch.setattr("eqt_cli.figures.curves.arrange", lambda drawing: None)
 
 
 @pytest.fixture
 def unarranged(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures whose panels have no places of their own.
 
-    For tests of what is drawn, and not of where; plots/test_figures.py looks at all of them.
+    For tests of what is drawn, and not of where; figures/test_figures.py looks at all of them.
     """
     leave_unarranged(monkeypatch)
 

@@ -12,11 +12,12 @@ from pkgutil import iter_modules
 
 import numpy as np
 import pytest
+from said import error_of
 
 import eqt_cli
 from eqt_cli.analysis import verification
-from eqt_cli.api import opening
-from eqt_cli.core.errors import ConfigError, EqtError, ResultError
+from eqt_cli.api import loading as opening
+from eqt_cli.base.errors import ConfigError, EqtError, ResultError
 from eqt_cli.results.result import Result
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -46,7 +47,7 @@ def result(computed, tmp_path):
 def test_functions_load_what_they_call_and_no_scipy_until_they_compute():
     code = (
         "import sys; from eqt_cli import api; api.open_results; "
-        "print('eqt_cli.api.searching' in sys.modules); "
+        "print('eqt_cli.analysis.search' in sys.modules); "
         "from eqt_cli.api import *; print('scipy' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -89,11 +90,9 @@ def test_a_mapping_is_the_same_experiment_as_its_file():
 
 
 def test_problems_of_overrides_are_named_as_python_has_them():
-    with pytest.raises(ConfigError) as caught:
-        eqt_cli.load_experiment(PAPER, {"gains.kd": 1, "ensemble.runs": "many"})
-    assert str(caught.value) == (
-        "overrides['ensemble.runs']: ensemble.runs: expected a whole number, got 'many'"
-    )
+    assert error_of(
+        eqt_cli.load_experiment, PAPER, {"gains.kd": 1, "ensemble.runs": "many"}, kind=ConfigError
+    ) == ("overrides['ensemble.runs']: ensemble.runs: expected a whole number, got 'many'")
 
 
 def test_problems_of_a_mapping_have_their_place():
@@ -176,9 +175,7 @@ def test_results_open_without_xarray(result, monkeypatch):
     monkeypatch.setattr(opening, "find_spec", lambda name: None)
     with eqt_cli.open_results(result) as results:
         assert isinstance(results, Result)
-    with pytest.raises(EqtError) as caught:
-        eqt_cli.open_results(result, "xarray")
-    assert str(caught.value) == (
+    assert error_of(eqt_cli.open_results, result, "xarray") == (
         "xarray is not installed (extra xarray): pip install xarray h5netcdf, or open with "
         "kind='arrays'"
     )
@@ -226,15 +223,11 @@ def test_compare_takes_windows_as_text(result):
     ],
 )
 def test_arguments_of_another_kind(result, call, said):
-    with pytest.raises(EqtError) as caught:
-        call(result)
-    assert str(caught.value) == said
+    assert error_of(call, result) == said
 
 
 def test_what_to_do_is_said_in_python(result):
-    with pytest.raises(EqtError) as caught:
-        eqt_cli.run(eqt_cli.load_experiment(result, {"gains.kp": 7}), result)
-    assert str(caught.value).endswith(
+    assert error_of(eqt_cli.run, eqt_cli.load_experiment(result, {"gains.kp": 7}), result).endswith(
         "\nchoose another folder with out=…, or replace it with force=True"
     )
 
@@ -273,18 +266,18 @@ def test_figures_are_drawn_into_the_result_folder(result):
 def test_figures_of_several_results(result, tmp_path):
     both = eqt_cli.plot([result, str(result.path)], out=tmp_path, formats=["json"])
     assert both == [tmp_path / "paper.json"] and both[0].exists()
-    with pytest.raises(EqtError) as caught:
-        eqt_cli.plot([])
-    assert str(caught.value) == "result: expected a result or several, got none"
+    assert error_of(eqt_cli.plot, []) == "result: expected a result or several, got none"
 
 
 def test_what_verify_refuses(result):
-    with pytest.raises(EqtError) as caught:
-        eqt_cli.verify(result, runs=2)
-    assert str(caught.value) == f"{result.path}: a result is verified as it is; leave runs out"
-    with pytest.raises(EqtError) as caught:
-        eqt_cli.verify(eqt_cli.load_experiment(PAPER, FEW), point=1)
-    assert str(caught.value) == "point: expected one of 0 to 0, got 1"
+    assert (
+        error_of(eqt_cli.verify, result, runs=2)
+        == f"{result.path}: a result is verified as it is; leave runs out"
+    )
+    assert (
+        error_of(eqt_cli.verify, eqt_cli.load_experiment(PAPER, FEW), point=1)
+        == "point: expected one of 0 to 0, got 1"
+    )
 
 
 def test_controllers_are_selected_by_label(result):
@@ -292,9 +285,7 @@ def test_controllers_are_selected_by_label(result):
         assert np.array_equal(data.read("effort", controller="gt"), data["effort"][1])
         chosen = data.read("effort", controller=["asym", "eqt"])
         assert np.array_equal(chosen, data["effort"][[3, 0]])
-        with pytest.raises(ResultError) as caught:
-            data.read("effort", run="first")
-        assert str(caught.value) == (
+        assert error_of(data.read, "effort", run="first", kind=ResultError) == (
             f"{data.path}: 'effort': run: has no labels, so 'first' selects nothing; use positions"
         )
 

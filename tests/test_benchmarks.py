@@ -40,7 +40,7 @@ def test_literal_equations_are_those_of_the_configuration(name, t, xp):
 )
 @pytest.mark.parametrize(
     "way",
-    ["plain loop", pytest.param("MuJoCo", marks=pytest.mark.slow("mechanics/test_oracles.py"))],
+    ["plain loop", pytest.param("MuJoCo", marks=pytest.mark.slow("components/test_oracles.py"))],
 )
 def test_contenders_integrate_the_same_sampled_loop(way, period):
     case = load("paper", 1, [f"control.period={period}", "time.duration=1", "time.samples=21"])

@@ -11,10 +11,11 @@ from pkgutil import resolve_name
 import docs_runner
 import pytest
 import yaml
+from slow_cases import mostly_slow
 
 from eqt_cli.engines.native import Native
-from eqt_cli.plots import growth
-from eqt_cli.plots.figures import figures
+from eqt_cli.extensions.recordings import figures as growth
+from eqt_cli.figures.figure import figures
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -34,14 +35,12 @@ def _text(page):
     return (DOCS / page).read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(page, marks=[pytest.mark.slow("solves for gains")] * (page == "howto/lqr.md"))
-        for page in ["../README.md", *PAGES]
-        if docs_runner.computes(_text(page))
-    ],
-)
+ALL = ["../README.md", *PAGES]
+COMPUTING = [page for page in ALL if docs_runner.computes(_text(page))]
+WHY = "computes what the page computes, and draws its figures"
+
+
+@mostly_slow("page", COMPUTING, {*COMPUTING} - {"howto/lqr.md"}, "solves for gains")
 def test_commands_and_configurations_are_accepted(page, folder, monkeypatch):
     """Without what takes its time, which the next test does; it does all of the other pages."""
     monkeypatch.chdir(folder)
@@ -49,17 +48,7 @@ def test_commands_and_configurations_are_accepted(page, folder, monkeypatch):
         docs_runner.read(_text(page))
 
 
-@pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(
-            page,
-            marks=[pytest.mark.slow("computes what the page computes, and draws its figures")]
-            * docs_runner.computes(_text(page)),
-        )
-        for page in ["../README.md", *PAGES]
-    ],
-)
+@mostly_slow("page", ALL, {*ALL} - {*COMPUTING}, WHY)
 @pytest.mark.usefixtures("unarranged")
 def test_commands_and_snippets(page, folder, monkeypatch):
     monkeypatch.chdir(folder)
@@ -135,3 +124,17 @@ def test_links_and_files_of_the_site_need_no_network():
     for page in PAGES:
         text = (DOCS / page).read_text(encoding="utf-8")
         assert not re.search(r"!\[[^]]*\]\(https?:|<(?:script|img|iframe)", text), page
+
+
+def test_files_that_the_readme_points_to_exist():
+    links = re.findall(r"\]\((?!https?:)([^)]+)\)", (ROOT / "README.md").read_text("utf-8"))
+    assert links
+    for link in links:
+        path, _, heading = link.partition("#")
+        page = ROOT / (path or "README.md")
+        assert page.exists(), link
+        if heading:
+            titles = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), re.M)
+            assert heading in [
+                re.sub(r"[^\w -]", "", one).lower().replace(" ", "-") for one in titles
+            ]

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.cases import Case, Motion
 from benchmarks.contenders.base import Contender, Solve
-from eqt_cli.engines import Solution
+from eqt_cli.engines.engine import Solution
 from eqt_cli.engines.solve_ivp import SolveIvp
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from benchmarks.cases import Case, Motion
 from benchmarks.contenders.base import Contender, Solve
-from eqt_cli.engines import Engine, Problem, Solution
+from eqt_cli.engines.engine import Engine, Problem, Solution
 from eqt_cli.engines.native import STEP_SHARE, Native
 
 

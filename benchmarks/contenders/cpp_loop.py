@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.cases import Case, Motion
 from benchmarks.contenders.base import Contender, Solve
 from benchmarks.contenders.plain_loop import body, literal, starts
-from eqt_cli.core.arrays import Array
+from eqt_cli.base.arrays import Array
 
 SOURCE = Path(__file__).parents[1] / "literal" / "so3.cpp"
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.base.arrays import Array
 
 
 @dataclass(frozen=True)

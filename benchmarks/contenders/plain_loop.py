@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.cases import Case, Motion
 from benchmarks.contenders.base import Contender, Solve
-from eqt_cli.core.arrays import Array
+from eqt_cli.base.arrays import Array
 
 RUNS_PER_CONTROLLER = 5
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.base.arrays import Array
 
 J, MASS, WEIGHT = np.array([1.43e-5, 1.43e-5, 2.89e-5]), 0.03, 0.2943
 KX, KV, LIMIT = 4.0, 3.0, 6.0

@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import eqt_cli
-from eqt_cli.core.errors import EqtError
+from eqt_cli.base.errors import EqtError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -236,8 +236,7 @@ def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
 @part
 def components(kind: str) -> Iterator[str]:
     """The components of one kind with their options, or the properties of every group."""
-    from eqt_cli.config.catalogue import registry
-    from eqt_cli.core.registry import summary
+    from eqt_cli.base.registry import registry, summary
 
     if kind == "groups":
         yield from _groups()
@@ -269,9 +268,9 @@ SEVERAL = 3
 
 def _options(component: type) -> list[list[str]]:
     """Name, value, default and meaning of each option."""
+    from eqt_cli.base.option_types import has_options
+    from eqt_cli.base.registry import meanings, option_of_field
     from eqt_cli.config.json_schema import default_of, options_of, value_of
-    from eqt_cli.core.option_types import has_options
-    from eqt_cli.core.registry import meanings, option_of_field
 
     shared: dict[str, Any] = {}
     schema = options_of(component, shared) if has_options(component) else {}
@@ -289,8 +288,8 @@ def _options(component: type) -> list[list[str]]:
 
 
 def _groups() -> Iterator[str]:
-    from eqt_cli.core.registry import summary
-    from eqt_cli.groups import group_named, groups
+    from eqt_cli.base.registry import summary
+    from eqt_cli.components.groups import group_named, groups
 
     rows = []
     for kind in groups.all():
@@ -348,7 +347,7 @@ def variables(group: str) -> Iterator[str]:
 @part
 def metrics() -> Iterator[str]:
     """What controllers are compared by, from the table of quantities."""
-    from eqt_cli.core.registry import summary
+    from eqt_cli.base.registry import summary
     from eqt_cli.results.metrics import METRICS
 
     rows = []
@@ -402,7 +401,7 @@ FOLDER = tempfile.TemporaryDirectory()
 @contextmanager
 def smallest_result(group: str) -> Iterator[Any]:
     """The result of the smallest experiment on a group."""
-    from eqt_cli.store.reader import open_results
+    from eqt_cli.base.store_reader import open_results
 
     with open_results(_smallest(group, FOLDER.name)) as results:
         yield results
@@ -411,7 +410,7 @@ def smallest_result(group: str) -> Iterator[Any]:
 @part
 def statuses() -> Iterator[str]:
     """How a run can end."""
-    from eqt_cli.engines import Status
+    from eqt_cli.engines.engine import Status
 
     rows = [[str(status.value), status.name.lower().replace("_", " ")] for status in Status]
     yield from table(["status", "meaning"], rows)
@@ -420,7 +419,7 @@ def statuses() -> Iterator[str]:
 @part
 def functions() -> Iterator[str]:
     """The functions of the expression grammar."""
-    from eqt_cli.core.arrays import FUNCTIONS
+    from eqt_cli.base.arrays import FUNCTIONS
 
     yield ", ".join(map(code, FUNCTIONS))
 
@@ -451,9 +450,9 @@ def proofs() -> Iterator[str]:
     from eqt_cli.analysis.certificates import Verdict
     from eqt_cli.analysis.verification import identities_of
     from eqt_cli.config import shipped
+    from eqt_cli.config.read_study import study
     from eqt_cli.config.source import read_config
-    from eqt_cli.experiment.read_study import study
-    from eqt_cli.experiment.study import without_sweep
+    from eqt_cli.config.study import without_sweep
 
     lines: list[list[str]] = []
     known: dict[tuple[str, str], list[Any]] = {}

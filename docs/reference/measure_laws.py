@@ -12,15 +12,14 @@ import json
 import sys
 from pathlib import Path
 
-from eqt_cli.analysis.evidence.program_error import ARITHMETICS
 from eqt_cli.api.loading import source_from
-from eqt_cli.controllers import controllers
-from eqt_cli.core.errors import Problems
-from eqt_cli.experiment.build import build
-from eqt_cli.exporting.files import files
-from eqt_cli.exporting.laws import exported
-from eqt_cli.exporting.readme import MISSING, measured
-from eqt_cli.groups import group_named
+from eqt_cli.base.errors import Problems
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.laws import controllers
+from eqt_cli.config.build import build
+from eqt_cli.extensions.firmware.export import MISSING, files, measured
+from eqt_cli.extensions.firmware.export_laws import exported
+from eqt_cli.extensions.firmware.program_error import ARITHMETICS
 
 KEPT = Path(__file__).with_name("exported_laws.json")
 

@@ -1,1 +1,1 @@
-"""Analyses of experiments and results: certificates, margins, comparisons, recordings."""
+"""What follows from experiments and results: comparisons, certificates, margins, searches."""

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import KeyPath, dotted
-from eqt_cli.experiment.experiment import renamed
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import KeyPath, dotted
+from eqt_cli.config.experiment import renamed
 from eqt_cli.results.origin import KnownResult
 
 BLOCK_ENTRIES = 2**22

@@ -9,15 +9,24 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.linearised import Linearised, linearised
-from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import InputError, Problems
-from eqt_cli.core.registry import blamed
-from eqt_cli.core.reporting import reporter, step
-from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.experiment.horizon import along_reference, check_reference, reference_over_horizon
-from eqt_cli.experiment.local_stability import DERIVATIVE, Along, Growth, growth, left_out, size_of
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import InputError, Problems
+from eqt_cli.base.registry import blamed
+from eqt_cli.base.reporting import reporter, step
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.horizon import (
+    DERIVATIVE,
+    Along,
+    Growth,
+    along_reference,
+    check_reference,
+    growth,
+    left_out,
+    reference_over_horizon,
+    size_of,
+)
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.linearised import Linearised, linearised
 
 PER_DECADE = 60
 """Frequencies per decade at which the gain is evaluated, besides those near poles."""

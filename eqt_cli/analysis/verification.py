@@ -8,32 +8,42 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.analysis.certificates import hypothesis_rows, identity_rows, trajectory_rows
-from eqt_cli.analysis.certificates.base import Row, Verdict
-from eqt_cli.analysis.certificates.vehicle import window_times
-from eqt_cli.analysis.code_rows import code_rows
-from eqt_cli.analysis.evidence.runs import Runs, Setting, VehicleRuns
-from eqt_cli.analysis.evidence.sample import ExactStates, Sample, sampled
-from eqt_cli.closed_loop.linearised import linearised
-from eqt_cli.controllers.cascade import Cascade
-from eqt_cli.controllers.eqt import EqT
-from eqt_cli.core.arrays import Array, norm
-from eqt_cli.core.leaves import with_fields
-from eqt_cli.core.registry import blamed
-from eqt_cli.core.reporting import RUNS_DONE, reporter, step
-from eqt_cli.engines import Engine, Solution
+from eqt_cli.analysis.certificates import (
+    Row,
+    Runs,
+    Setting,
+    VehicleRuns,
+    Verdict,
+    hypothesis_rows,
+    identity_rows,
+    trajectory_rows,
+)
+from eqt_cli.analysis.run_checks import window_times
+from eqt_cli.analysis.sample import ExactStates, Sample, sampled
+from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.registry import blamed
+from eqt_cli.base.reporting import RUNS_DONE, reporter, step
+from eqt_cli.components.cascade import Cascade
+from eqt_cli.components.initial_states import Stream, generator
+from eqt_cli.components.laws import EqT
+from eqt_cli.components.mechanics import Gains, as_distance
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.horizon import (
+    Along,
+    along_reference,
+    growth,
+    reference_over_horizon,
+    small_loops,
+)
+from eqt_cli.config.study import Study
+from eqt_cli.engines.engine import Engine, Solution
 from eqt_cli.engines.native import compiled_if_faster
-from eqt_cli.ensemble.spread import Stream, generator
-from eqt_cli.execution.batches import Batch, batches
-from eqt_cli.execution.compute_part import Desired, measured, shared_reference
-from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.experiment.horizon import along_reference, reference_over_horizon
-from eqt_cli.experiment.local_stability import Along, growth, small_loops
-from eqt_cli.experiment.study import Study
-from eqt_cli.mechanics.settling import as_distance
-from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.loop.linearised import linearised
+from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.results.result import Result
-from eqt_cli.vehicle import Vehicle
+from eqt_cli.runs.batches import Batch, batches
+from eqt_cli.runs.compute_part import Desired, measured, shared_reference
 
 RUNS = 20
 """Number of runs per law that check a configuration, unless it has fewer."""
@@ -280,11 +290,12 @@ class _Verifier:
         return Verification(rows, count, failed, self.experiment, list(self.engines))
 
     def _of_code(self) -> Iterator[Row]:
-        """Rows that compare laws in code with the laws that they claim to be."""
+        """Rows that only some laws have: code is compared with the law that it claims to be."""
         horizon = float(self.experiment.times[-1])
         for index, (label, loop) in enumerate(self.experiment.loops.items(), start=1):
             random = _random(self.experiment, index, Stream.CODE)
-            yield from code_rows(label, loop, horizon, random, self.flown.get(label))
+            flown = self.flown.get(label)
+            yield from loop.controller.judged(label, loop, horizon, random, flown)
 
 
 def identities_of(experiment: Experiment, *, exact: bool = False) -> list[Row]:

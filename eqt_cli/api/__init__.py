@@ -6,7 +6,7 @@ so that running an experiment does not load the code that verifies or compares r
 
 from functools import partial
 
-from eqt_cli.core.offered_names import imported, places
+from eqt_cli import imported, places
 
 _PLACES = places(__name__)
 

@@ -1,29 +1,25 @@
 """The names of `eqt_cli.api` and the modules that define them."""
 
-from eqt_cli.api.checking_logs import check_log as check_log
-from eqt_cli.api.citing import cite as cite
 from eqt_cli.api.comparing import compare as compare
-from eqt_cli.api.comparing import compare_measured as compare_measured
 from eqt_cli.api.comparing import compare_sweep as compare_sweep
-from eqt_cli.api.differing import diff as diff
+from eqt_cli.api.comparing import diff as diff
+from eqt_cli.api.comparing import margins as margins
+from eqt_cli.api.comparing import verify as verify
 from eqt_cli.api.drawing import Shown as Shown
 from eqt_cli.api.drawing import animate as animate
+from eqt_cli.api.drawing import cite as cite
 from eqt_cli.api.drawing import plot as plot
 from eqt_cli.api.drawing import write_report as write_report
-from eqt_cli.api.exporting import ExportedFiles as ExportedFiles
-from eqt_cli.api.exporting import export as export
-from eqt_cli.api.fitting import fit as fit
-from eqt_cli.api.fitting import replay as replay
-from eqt_cli.api.linearising import margins as margins
 from eqt_cli.api.loading import Configuration as Configuration
 from eqt_cli.api.loading import ResultPath as ResultPath
 from eqt_cli.api.loading import load_experiment as load_experiment
-from eqt_cli.api.opening import open_results as open_results
+from eqt_cli.api.loading import open_results as open_results
 from eqt_cli.api.running import StoredResult as StoredResult
 from eqt_cli.api.running import choose_executor as choose_executor
 from eqt_cli.api.running import pack as pack
 from eqt_cli.api.running import run as run
-from eqt_cli.api.searching import tune as tune
-from eqt_cli.api.searching import worst as worst
-from eqt_cli.api.verifying import verify as verify
-from eqt_cli.experiment.study import Study as Study
+from eqt_cli.api.running import tune as tune
+from eqt_cli.api.running import worst as worst
+from eqt_cli.config.study import Study as Study
+from eqt_cli.extensions.firmware import *
+from eqt_cli.extensions.recordings import *

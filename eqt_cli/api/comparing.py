@@ -1,22 +1,28 @@
-"""Compares the controllers of a result, at each point of a sweep, and with a recording."""
+"""Compares laws and results, checks certificates, linearises loops."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from eqt_cli.analysis.comparison.compare import Comparison
-from eqt_cli.analysis.comparison.compare import compare as compare_results
-from eqt_cli.analysis.comparison.intervals import Resampling
-from eqt_cli.analysis.comparison.maps import Map, compare_map
-from eqt_cli.analysis.measured import Explanation, explained, measured_runs
-from eqt_cli.api.checking_logs import read_measured
-from eqt_cli.api.loading import ResultPath, path_from
-from eqt_cli.core.errors import EqtError
+from eqt_cli.analysis.intervals import Resampling
+from eqt_cli.analysis.law_search import TUNE
+from eqt_cli.api.loading import Configuration, ResultPath, experiment_at, path_from
+from eqt_cli.base.errors import EqtError
+from eqt_cli.config.study import Study
+from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result, open_result
-from eqt_cli.results.time_windows import Window
-from eqt_cli.tuning.folder import TUNE
+
+if TYPE_CHECKING:
+    from eqt_cli.analysis.compare import Comparison
+    from eqt_cli.analysis.differences import Differences
+    from eqt_cli.analysis.maps import Map
+    from eqt_cli.analysis.margins import Margins
+    from eqt_cli.analysis.verification import Verification
+
+# Each function imports the analysis that it needs: together they take half a second ---------------
 
 
 def compare(
@@ -69,6 +75,8 @@ def compare(
     >>> [(pair.first, pair.second) for pair in found.pairs][:2]
     [('eqt', 'gt'), ('eqt', 'nog')]
     """
+    from eqt_cli.analysis.compare import compare as compare_results
+
     if isinstance(metrics, str):
         raise EqtError(f"metrics: expected a list of names, as [{metrics!r}], got {metrics!r}")
     if isinstance(windows, str | Window):
@@ -101,67 +109,6 @@ def chosen_labels(
     return [
         label for label in result.labels if label not in starts and (not wanted or label in wanted)
     ]
-
-
-def compare_measured(
-    result: ResultPath,
-    measured: str | os.PathLike[str],
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
-    *,
-    format: str = "csv",
-    run: int = 0,
-    controllers: Sequence[str] = (),
-    point: int | None = None,
-    units: Sequence[str] = (),
-) -> list[Explanation]:
-    """Compute how much of a measured tracking error the runs of a result explain.
-
-    Parameters
-    ----------
-    result
-        The result folder, or the file in it.
-    measured, mapping, format
-        A recording, as for `check_log`. Without ``time.offset`` in the mapping, its clock is
-        aligned with that of the runs.
-    run
-        Number of the run, counted from 0.
-    controllers
-        Labels of the controllers to compare with; all if empty.
-    point
-        Point of a sweep, counted from 0.
-    units
-        Units of quantities, as for `compare`.
-
-    Returns
-    -------
-    list of Explanation
-        The explained shares of the error, for each controller.
-
-    Raises
-    ------
-    EqtError
-        If the run or a controller does not exist, or the recording does not fit the run.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> with eqt_cli.open_results("results/paper", "arrays") as result:
-    ...     poses = result.trajectory("pose", 0)[0].reshape(-1, 9)
-    ...     rows = np.c_[result.times + 0.25, poses]
-    >>> header = "t,Q11,Q12,Q13,Q21,Q22,Q23,Q31,Q32,Q33"
-    >>> np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="")
-    >>> late = {"time": {"offset": -0.25}}
-    >>> found = eqt_cli.compare_measured("results/paper", "flight.csv", late)
-    >>> found[0].rows == len(rows), round(found[0].shares[0].explained, 6)
-    (True, 1.0)
-    """
-    with open_result(path_from("result", result), point) as opened:
-        if opened.group is None:
-            raise opened.error(f"is on group '{opened.group_name}' of a plugin, which is not known")
-        recording = read_measured(measured, opened.group, mapping, format)
-        chosen = [opened.position_of(name) for name in controllers]
-        shown_in = opened.in_units(units).shown_in
-        return [explained(one, shown_in) for one in measured_runs(opened, recording, chosen, run)]
 
 
 def compare_sweep(
@@ -203,6 +150,8 @@ def compare_sweep(
     >>> map.labels
     ['eqt', 'gt']
     """
+    from eqt_cli.analysis.maps import compare_map
+
     with open_result(path_from("result", result)) as opened:
         results = opened.in_units(units)
         if not results.is_sweep:
@@ -218,3 +167,151 @@ def _window(given: Any) -> Window:
     if isinstance(given, str):
         return Window.parse(given)
     raise EqtError(f"windows: expected text such as '0:5', or a Window, got {given!r}")
+
+
+def diff(first: ResultPath, second: ResultPath) -> Differences:
+    """Compare two results: configuration, provenance, and the numbers bit by bit.
+
+    Parameters
+    ----------
+    first, second
+        The result folders, or the files in them.
+
+    Returns
+    -------
+    Differences
+        The differences; ``equal`` is true if only the provenance differs.
+
+    Raises
+    ------
+    EqtError
+        If a result does not exist or is damaged.
+
+    Examples
+    --------
+    >>> again = eqt_cli.run(eqt_cli.load_experiment("results/paper/results.h5"), "again")
+    >>> eqt_cli.diff("results/paper", again).equal
+    True
+    """
+    from eqt_cli.analysis.differences import differences
+
+    with (
+        open_result(path_from("first", first)) as one,
+        open_result(path_from("second", second)) as other,
+    ):
+        return differences(one, other)
+
+
+# Checks the paper's statements on an experiment or on a result ------------------------------------
+
+
+def verify(
+    target: Study | Configuration,
+    *,
+    runs: int | None = None,
+    point: int | None = None,
+    trust_plugins: bool = False,
+    workers: int = 1,
+    exact: bool = False,
+) -> Verification:
+    """Check the paper's statements on an experiment or on the runs of a result.
+
+    Parameters
+    ----------
+    target
+        A result folder or file, whose stored runs are checked; or a `Study` or a configuration, of
+        which new runs are computed.
+    runs
+        Number of new runs per law, at most that of the experiment. Default: 20.
+    point
+        Point of a sweep, counted from 0. Default for an experiment: the first.
+    trust_plugins
+        Whether to execute plugin sources that are stored in a result file.
+    workers
+        Number of cores to use.
+    exact
+        Whether to prove identities with exact numbers. Proved rows have ``degree``, ``points`` and
+        ``probability``.
+
+    Returns
+    -------
+    Verification
+        Each of its ``rows`` has a verdict; ``failures`` are the rows that refute a statement.
+
+    Raises
+    ------
+    EqtError
+        If the target cannot be read, or is the result of a sweep and ``point`` is missing.
+
+    Examples
+    --------
+    >>> eqt_cli.verify("results/paper").failures
+    []
+    """
+    from eqt_cli.analysis.verification import RUNS, verify_experiment, verify_stored
+
+    if not isinstance(target, (Study, Mapping)):
+        path = Path(target)
+        if path.suffix == ".h5" or path.is_dir():
+            if runs is not None:
+                raise EqtError(f"{path}: a result is verified as it is; leave runs out")
+            with open_result(path, point) as opened:
+                return verify_stored(
+                    opened, trust_plugins=trust_plugins, workers=workers, exact=exact
+                )
+    experiment = experiment_at(target, point, trust_plugins=trust_plugins)
+    count = min(runs or RUNS, experiment.config.ensemble.runs)
+    return verify_experiment(experiment, count, workers, exact)
+
+
+# Computes the stability margins of the loops of an experiment -------------------------------------
+
+
+def margins(
+    target: Study | Configuration, *, point: int | None = None, trust_plugins: bool = False
+) -> Margins:
+    """Compute eigenvalues, delay margin and gain margins of the loop of every law.
+
+    Loops are linearised about their reference, with the hold, the delay and the linear parts of the
+    actuators. Limits, quantisation and noise are left out. No run is simulated.
+
+    Parameters
+    ----------
+    target
+        A `Study` from `load_experiment`, or a configuration as `load_experiment` takes it.
+    point
+        Point of a sweep, counted from 0. Default: the first.
+    trust_plugins
+        Whether to execute plugin sources that are stored in a result file.
+
+    Returns
+    -------
+    Margins
+        Each of its ``laws`` has ``growth``, ``delay``, ``gains`` and ``is_indicative``: whether the
+        linearised loop depends on time, so that these numbers prove nothing.
+
+    Raises
+    ------
+    ConfigError
+        With all problems of the configuration and their places.
+    EqtError
+        If the file does not exist, or a loop cannot be differentiated.
+
+    Examples
+    --------
+    >>> [law] = eqt_cli.margins(
+    ...     {
+    ...         "group": "SO2",
+    ...         "inertia": 0.4,
+    ...         "gains": {"kp": 1.0, "kd": 0.8},
+    ...         "reference": {"kind": "constant"},
+    ...         "controllers": ["eqt"],
+    ...         "time": {"duration": 10},
+    ...     }
+    ... ).laws
+    >>> law.growth.is_stable, round(law.delay, 4)
+    (True, 0.3043)
+    """
+    from eqt_cli.analysis.margins import margins_of
+
+    return margins_of(experiment_at(target, point, trust_plugins=trust_plugins))

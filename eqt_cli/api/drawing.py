@@ -1,4 +1,4 @@
-"""Draws figures of results and experiments, animates runs, and writes reports."""
+"""Draws figures and animations, writes reports, cites sources."""
 
 from __future__ import annotations
 
@@ -8,19 +8,22 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.analysis.certificates.base import Row
-from eqt_cli.api.checking_logs import read_measured
+from eqt_cli.analysis.certificates import Row
 from eqt_cli.api.loading import ResultPath, experiment_at
-from eqt_cli.config.named_files import load_stored_plugins
-from eqt_cli.config.source import source_of
-from eqt_cli.core.errors import ComponentError, EqtError, EqtWarning, Remedy, suggestion
-from eqt_cli.core.files import YAML, check_targets, write_all
-from eqt_cli.core.reporting import reporter, step
-from eqt_cli.execution.folder import FIGURES, REPORT
-from eqt_cli.experiment.experiment import Experiment
-from eqt_cli.experiment.study import Study
-from eqt_cli.logs.recording import Recording
+from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Remedy, suggestion
+from eqt_cli.base.files import YAML, check_targets, write_all
+from eqt_cli.base.registry import of_extension
+from eqt_cli.base.reporting import reporter, step
+from eqt_cli.base.version import __version__
+from eqt_cli.components.laws import controllers
+from eqt_cli.components.recording_check import Recording
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.source import load_stored_plugins, source_of
+from eqt_cli.config.study import Study
 from eqt_cli.results.result import Result, open_result, point_folder
+from eqt_cli.runs.folder import FIGURES, REPORT
+
+# Draws figures of results and experiments, animates runs, and writes reports ----------------------
 
 
 def animate(
@@ -70,9 +73,8 @@ def animate(
     >>> [file.name for file in eqt_cli.animate("results/paper", run=1, formats=["html"])]
     ['run1.html']
     """
-    from eqt_cli.plots.animation.gif import gif
-    from eqt_cli.plots.animation.scene import motion
-    from eqt_cli.report.animation import animation
+    from eqt_cli.figures.animation import gif, motion
+    from eqt_cli.report.document import animation
 
     contents = {}
     with open_result(Path(result), point) as opened:
@@ -179,10 +181,9 @@ def plot(
     >>> [file.name for file in eqt_cli.plot("results/paper", "torque", formats=["pdf", "svg"])]
     ['torque.pdf', 'torque.svg']
     """
-    from eqt_cli.plots.base import Extras, OfCertificates
-    from eqt_cli.plots.drawing.style import Style
-    from eqt_cli.plots.figures import figures
-    from eqt_cli.plots.render import DRAWN, caption_name, render
+    from eqt_cli.figures.figure import Extras, OfCertificates, figures
+    from eqt_cli.figures.render import DRAWN, caption_name, render
+    from eqt_cli.figures.style import Style
 
     with _opened(result, point) as opened:
         if units and not any(isinstance(one, Result) for one in opened):
@@ -261,14 +262,13 @@ def _recording(
     kind: str,
 ) -> Recording:
     """Read the recording of a figure, on the group of the result or experiment."""
-    from eqt_cli.plots.base import figures
-    from eqt_cli.plots.figures.measured import MeasuredFigure
+    from eqt_cli.figures.figure import figures
 
-    if not any(issubclass(figures.get(name), MeasuredFigure) for name in wanted):
+    if not any(figures.get(name).shows_recording for name in wanted):
         raise EqtError("measured: no figure that is drawn shows a recording; 'measured' does")
     if shown.group is None:
         raise EqtError(f"measured: group '{shown.group_name}' of a plugin is not known here")
-    recording = read_measured(measured, shown.group, mapping, kind)
+    recording = of_extension("recordings.api.read_measured")(measured, shown.group, mapping, kind)
     for note in recording.notes:
         reporter().remark(EqtWarning(f"{recording.name}: {note}"))
     return recording
@@ -362,8 +362,7 @@ def write_report(
     'report.html'
     """
     from eqt_cli.analysis.verification import verify_stored
-    from eqt_cli.report import report
-    from eqt_cli.report.figures import named
+    from eqt_cli.report.document import named, report
 
     with open_result(Path(result), point) as opened:
         within = Path() if point is None else point_folder(point)
@@ -387,3 +386,74 @@ def write_report(
         page = report(shown, wanted, rows, reason, author, notes, title, date)
     write_all({path: page.encode()}, home)
     return path
+
+
+# Cites a result as BibTeX: the paper, eqt, and the publications of its laws -----------------------
+
+
+PAPER = """\
+@misc{hampsey2025equivariant,
+  author = {Hampsey, Matthew and van Goor, Pieter and Banavar, Ravi and Mahony, Robert},
+  title  = {Equivariant Tracking Control for Fully Actuated Mechanical Systems on Matrix {Lie}
+            Groups},
+  year   = {2025},
+  doi    = {10.48550/arXiv.2511.18800},
+  eprint = {2511.18800},
+  archivePrefix = {arXiv}
+}"""
+
+PROGRAM = f"""\
+@software{{eqt,
+  author  = {{{{The eqt developers}}}},
+  title   = {{eqt: experiments with equivariant tracking control on matrix {{Lie}} groups}},
+  version = {{{__version__}}}
+}}"""
+"""Both as in CITATION.cff."""
+
+
+def citations(kinds: Iterable[str]) -> tuple[list[str], list[str]]:
+    """The entries for laws of these kinds, and the kinds that nothing is known of.
+
+    Those are of plugins that are not loaded.
+    """
+    entries, unknown = [PAPER, PROGRAM], list[str]()
+    for kind in dict.fromkeys(kinds):
+        try:
+            entries.append(controllers.get(kind).bibtex)
+        except ComponentError:
+            unknown.append(kind)
+    return list(dict.fromkeys(filter(None, entries))), unknown
+
+
+def cite(result: ResultPath | None = None) -> str:
+    r"""BibTeX entries of the paper, of eqt, and of the publications that the laws are after.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it; without, the paper and eqt only.
+
+    Returns
+    -------
+    str
+        The entries, with an empty line between two of them.
+
+    Raises
+    ------
+    EqtError
+        If there is no such result.
+
+    Examples
+    --------
+    >>> print(eqt_cli.cite("results/paper").partition("\n")[0])
+    @misc{hampsey2025equivariant,
+    """
+    kinds: list[str] = []
+    if result is not None:
+        with open_result(Path(result)) as opened:
+            kinds = list(opened.kinds.values())
+    entries, unknown = citations(kinds)
+    if unknown:
+        told = f"{', '.join(unknown)}: of a plugin, without an entry here; cite the source yourself"
+        reporter().remark(EqtWarning(told))
+    return "\n\n".join(entries)

@@ -1,4 +1,4 @@
-"""Runs experiments into their result folders, completely or in shards."""
+"""Runs experiments into their result folders, completely or in shards, and starts searches."""
 
 from __future__ import annotations
 
@@ -9,21 +9,30 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eqt_cli.api.loading import Configuration, ResultPath, load_experiment
-from eqt_cli.api.opening import open_results
+from eqt_cli.api.loading import (
+    Configuration,
+    ResultPath,
+    load_experiment,
+    open_results,
+    source_from,
+)
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import component
+from eqt_cli.base.reporting import reporter
+from eqt_cli.config.horizon import remarks
+from eqt_cli.config.read_study import study
 from eqt_cli.config.source import config_in
-from eqt_cli.core.errors import Problems
-from eqt_cli.core.option_types import component
-from eqt_cli.core.reporting import reporter
-from eqt_cli.execution.executors import Executor, executors
-from eqt_cli.execution.folder import CONFIG, ResultFolder
-from eqt_cli.execution.run_study import Execution, Shard, execute, pack_folder
-from eqt_cli.experiment.horizon import remarks
-from eqt_cli.experiment.read_study import study
-from eqt_cli.experiment.study import Study
+from eqt_cli.config.study import Study
+from eqt_cli.runs.executors import Executor, executors
+from eqt_cli.runs.folder import CONFIG, ResultFolder
+from eqt_cli.runs.run_study import Execution, Shard, execute, pack_folder
 
 if TYPE_CHECKING:
     import xarray
+
+    from eqt_cli.analysis.search import Found, Searches
+    from eqt_cli.analysis.tune import Search
+    from eqt_cli.analysis.worst import WorstSearch
 
 
 @dataclass(frozen=True)
@@ -187,3 +196,131 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
     ResultFolder(Path(folder)).check()
     found = study(config_in(Path(folder), CONFIG), trust_plugins=trust_plugins)
     return StoredResult(**vars(pack_folder(found, Path(folder))))
+
+
+# Searches -----------------------------------------------------------------------------------------
+
+
+def tune(
+    search: Search | Configuration,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    force: bool = False,
+    workers: int = 1,
+    executor: Executor | None = None,
+) -> Found:
+    """Search for the best gains of each law, and compare the winners on held-out runs.
+
+    The folder becomes the result of the held-out runs, which you can compare, draw and report like
+    any other result. Its subfolder ``tuned/`` holds the complete configurations of the winners.
+
+    Parameters
+    ----------
+    search
+        A configuration with a section ``tune``, or a `Search` from `Search.read`.
+    out
+        Output folder. Default: ``results/<name>-tuned``. Generations that it already holds are
+        reused.
+    force, workers, executor
+        As for `run`.
+
+    Returns
+    -------
+    Found
+        The winners of each law, and the result of the held-out runs.
+
+    Raises
+    ------
+    ConfigError
+        With all problems of the configuration and their places.
+    EqtError
+        If the configuration has no section ``tune``, or the folder holds something else.
+
+    Examples
+    --------
+    >>> found = eqt_cli.tune("configs/tune_so2.yaml")
+    >>> [law["label"] for law in found.record["laws"]]
+    ['stabilising']
+    """
+    from eqt_cli.analysis.tune import Search
+
+    read = search if isinstance(search, Search) else Search.read(source_from(search, {}))
+    return _found(read, out, executor, workers, force)
+
+
+def worst(
+    search: WorstSearch | Configuration,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    force: bool = False,
+    workers: int = 1,
+    executor: Executor | None = None,
+) -> Found:
+    """Search for the worst run of each law within ranges of keys.
+
+    The folder becomes the result of all laws along each key through the points that were found. Its
+    subfolder ``worst/`` holds the complete configurations that reproduce the worst runs.
+
+    Parameters
+    ----------
+    search
+        A configuration with a section ``worst``, or a `WorstSearch` from `WorstSearch.read`.
+    out
+        Output folder. Default: ``results/<name>-worst``. Generations that it already holds are
+        reused.
+    force, workers, executor
+        As for `run`.
+
+    Returns
+    -------
+    Found
+        The worst run of each law, and the result along each key.
+
+    Raises
+    ------
+    ConfigError
+        With all problems of the configuration and their places.
+    EqtError
+        If the configuration has no section ``worst``, or the folder holds something else.
+
+    Examples
+    --------
+    >>> config = {
+    ...     "name": "wheel",
+    ...     "group": "SO2",
+    ...     "inertia": 1.0,
+    ...     "gains": {"kp": 0.5, "kd": 1.0},
+    ...     "reference": {"torque": ["cos(t)"]},
+    ...     "controllers": ["gt"],
+    ...     "initial": {"pose": {"kind": "fixed", "coordinates": [1.0]}},
+    ...     "ensemble": {"runs": 1},
+    ...     "time": {"duration": 1.0, "samples": 11},
+    ...     "worst": {
+    ...         "over": {"initial.pose.coordinates[0]": [-2, 2]},
+    ...         "objective": "final_pose_error",
+    ...         "budget": 1,
+    ...         "population": 5,
+    ...     },
+    ... }
+    >>> found = eqt_cli.worst(config)
+    >>> [law["label"] for law in found.record["laws"]]
+    ['gt']
+    """
+    from eqt_cli.analysis.worst import WorstSearch
+
+    read = search if isinstance(search, WorstSearch) else WorstSearch.read(source_from(search, {}))
+    return _found(read, out, executor, workers, force)
+
+
+def _found(
+    search: Searches[Any],
+    out: str | os.PathLike[str] | None,
+    executor: Executor | None,
+    workers: int,
+    force: bool,
+) -> Found:
+    from eqt_cli.analysis.search import carry_out
+
+    folder = search.folder if out is None else Path(out)
+    executor = executor or choose_executor(Study(None, search.base), workers)
+    return carry_out(search, folder, executor, force=force)

@@ -7,11 +7,10 @@ import sys
 import warnings
 from typing import Any
 
-from eqt_cli.cli.shared import streams
-from eqt_cli.core import interruptions
-from eqt_cli.core.errors import EqtError, InterruptedRun
-from eqt_cli.core.reporting import reporting
-from eqt_cli.core.surroundings import without_current_folder
+from eqt_cli.base import process
+from eqt_cli.base.errors import EqtError, InterruptedRun
+from eqt_cli.base.process import without_current_folder
+from eqt_cli.base.reporting import reporting
 
 # pydantic otherwise reads the metadata of every installed package, in search of plugins.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -29,44 +28,44 @@ libraries makes many objects and no garbage."""
 
 def main() -> None:
     """Run the command line and exit; the only place where errors become exit codes."""
-    streams.make_safe()
+    process.make_safe()
     gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     # Else Python searches all objects once more at the end of the process, for 0.1 to 0.4 s.
     atexit.register(gc.freeze)
     told_as_others = warnings.catch_warnings()
-    with interruptions.as_exceptions(_interrupted_again), without_current_folder(), told_as_others:
+    with process.as_exceptions(_interrupted_again), without_current_folder(), told_as_others:
         warnings.showwarning = _show
         _run()
 
 
 def _show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
     """Print a library's warning, without the line of code that warned."""
-    from eqt_cli.cli.shared.output import say
+    from eqt_cli.cli.output import say
 
     if category is not RuntimeWarning:  # of NumPy: the numbers themselves tell the same
         say(f"{category.__name__}: {message}")
 
 
 def _run() -> None:
-    from eqt_cli.cli.shared.output import be_quiet
+    from eqt_cli.cli.output import be_quiet
 
     be_quiet(False)
     try:
         from eqt_cli.cli.app import app
-        from eqt_cli.cli.shared.progress import meter
+        from eqt_cli.cli.output import meter
 
         try:
             with reporting(meter()):
                 app()
         finally:
             sys.stdout.flush()
-    except (EqtError, interruptions.Interrupted) as error:
-        if isinstance(error, interruptions.Interrupted):  # what is kept is not known here
+    except (EqtError, process.Interrupted) as error:
+        if isinstance(error, process.Interrupted):  # what is kept is not known here
             error = InterruptedRun(INTERRUPTED, error.exit_code)
         _tell(error)
         sys.exit(error.exit_code)
     except OSError as error:
-        from eqt_cli.core.files import NO_SPACE
+        from eqt_cli.base.files import NO_SPACE
 
         if error.filename is not None:  # a name given by the user, such as one too long
             refused = EqtError(f"{error.filename}: cannot be used: {str(error.strerror).lower()}")
@@ -75,7 +74,7 @@ def _run() -> None:
         if error.errno not in NO_SPACE:
             raise
         # Errors in writing files are handled where their names are known; only stdout is left.
-        streams.drop_stdout()
+        process.drop_stdout()
         reason = str(error.strerror).lower()
         _say(f"eqt: standard output: cannot be written: {reason}")
         sys.exit(EqtError.exit_code)
@@ -83,8 +82,8 @@ def _run() -> None:
 
 def _tell(error: EqtError) -> None:
     """Print an error in words, and with --json also as the one document on stdout."""
-    from eqt_cli.cli.shared.output import option, print_error
-    from eqt_cli.core.errors import ConfigError
+    from eqt_cli.base.errors import ConfigError
+    from eqt_cli.cli.output import option, print_error
 
     text = error.with_advice(option)
     heading = error.heading if isinstance(error, ConfigError) else ""
@@ -98,7 +97,7 @@ _said: list[str] = []
 
 
 def _say(message: str) -> None:
-    from eqt_cli.cli.shared.output import complain
+    from eqt_cli.cli.output import complain
 
     _said.append(message)
     complain(message)

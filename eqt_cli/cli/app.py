@@ -13,10 +13,11 @@ from typing import Annotated, Any
 import typer
 from typer.main import get_group
 
-from eqt_cli.cli.shared.options import COMPUTE, LOOK_UP, READ, Command, Group, example
-from eqt_cli.cli.shared.streams import drop_stdout
-from eqt_cli.core.errors import EqtError, suggestion
-from eqt_cli.core.version import __version__
+from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.process import drop_stdout
+from eqt_cli.base.registry import extensions
+from eqt_cli.base.version import __version__
+from eqt_cli.cli.options import COMPUTE, LOOK_UP, READ, Command, Group, example
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Usage error of the parser; typer's own or click's, depending on the version of typer."""
@@ -97,30 +98,41 @@ MOST_COLUMNS = 1000
 """Maximum width assumed of the terminal, since lines are padded with spaces to their width."""
 
 
-COMMANDS = {
-    "run": ("run.run", COMPUTE, "configs/paper.yaml --set gains.kp=2"),
-    "sweep": ("run.sweep", COMPUTE, "configs/paper.yaml --grid gains.kp=1,2"),
-    "tune": ("search.tune", COMPUTE, "configs/tune_paper.yaml"),
-    "worst": ("search.worst", COMPUTE, "late.yaml --fail-above 0.2"),
-    "replay": ("fit.replay", COMPUTE, "model.yaml --measured flown.csv"),
-    "fit": ("fit.fit", COMPUTE, "model.yaml --measured flown.csv --over plant.inertia"),
-    "pack": ("run.pack", COMPUTE, "results/sweep_gains"),
-    "export": ("export.export", COMPUTE, "configs/paper.yaml --controller eqt --out law"),
-    "show": ("show.show", READ, "results/paper --failed"),
-    "compare": ("compare.compare", READ, "results/paper --metric mean_torque"),
-    "diff": ("compare.diff", READ, "results/paper results/again"),
-    "verify": ("verify.verify", READ, "configs/paper.yaml"),
-    "margins": ("verify.margins", READ, "configs/paper.yaml"),
-    "plot": ("plot.plot", READ, "results/paper --figure torque --format pdf"),
-    "animate": ("plot.animate", READ, "results/paper --run 1 --format gif"),
-    "report": ("report.report", READ, "results/paper --out report.html"),
-    "cite": ("report.cite", READ, "results/paper > refs.bib"),
-    "list": ("listing.list_components", LOOK_UP, "controllers"),
-    "docs": ("listing.docs", LOOK_UP, "--address"),
-    "config": ("config.app", LOOK_UP, ""),
-    "log": ("config.log_app", LOOK_UP, ""),
+_OWN = {
+    "run": ("cli.run.run", COMPUTE, "configs/paper.yaml --set gains.kp=2"),
+    "sweep": ("cli.run.sweep", COMPUTE, "configs/paper.yaml --grid gains.kp=1,2"),
+    "tune": ("cli.run.tune", COMPUTE, "configs/tune_paper.yaml"),
+    "worst": ("cli.run.worst", COMPUTE, "late.yaml --fail-above 0.2"),
+    "pack": ("cli.run.pack", COMPUTE, "results/sweep_gains"),
+    "show": ("cli.show.show", READ, "results/paper --failed"),
+    "compare": ("cli.compare.compare", READ, "results/paper --metric mean_torque"),
+    "diff": ("cli.compare.diff", READ, "results/paper results/again"),
+    "verify": ("cli.verify.verify", READ, "configs/paper.yaml"),
+    "margins": ("cli.verify.margins", READ, "configs/paper.yaml"),
+    "plot": ("cli.plot.plot", READ, "results/paper --figure torque --format pdf"),
+    "animate": ("cli.plot.animate", READ, "results/paper --run 1 --format gif"),
+    "report": ("cli.plot.report", READ, "results/paper --out report.html"),
+    "cite": ("cli.plot.cite", READ, "results/paper > refs.bib"),
+    "list": ("cli.lookup.list_components", LOOK_UP, "controllers"),
+    "docs": ("cli.lookup.docs", LOOK_UP, "--address"),
+    "config": ("cli.lookup.app", LOOK_UP, ""),
 }
-"""The commands, in the order of the help: the function in this folder, or the app of a group of
+
+
+def _with_extensions() -> dict[str, tuple[str, str, str]]:
+    """Return all commands: each of an extension follows the one that the extension names."""
+    listed = [*_OWN.items()]
+    for extension, manifest in extensions().items():
+        for name, (place, before, arguments) in getattr(manifest, "COMMANDS", {}).items():
+            at = next(i for i, (other, _) in enumerate(listed) if other == before)
+            panel = listed[at][1][1]
+            row = (f"extensions.{extension}.{place}", panel, arguments)
+            listed.insert(at + 1, (name, row))
+    return dict(listed)
+
+
+COMMANDS = _with_extensions()
+"""The commands, in the order of the help: the place of the function, or of the app of a group of
 commands; the group of commands that it is in; the arguments of its example."""
 
 
@@ -205,8 +217,8 @@ def main(
 def _command(name: str) -> Any:
     """Return a command, or a group of commands."""
     place, panel, arguments = COMMANDS[name]
-    module, _, found = place.partition(".")
-    function = getattr(import_module(f"eqt_cli.cli.{module}"), found)
+    module, _, found = place.rpartition(".")
+    function = getattr(import_module(f"eqt_cli.{module}"), found)
     alone = typer.Typer()
     if isinstance(function, typer.Typer):
         alone.add_typer(function, name=name, rich_help_panel=panel, context_settings=_HELP)

@@ -10,19 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from eqt_cli.cli.shared import options, output
-from eqt_cli.cli.shared.table_formats import as_csv, as_latex
-from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.registry import of_extension
+from eqt_cli.cli import options, output
+from eqt_cli.cli.tables import as_csv, as_latex
 
 if TYPE_CHECKING:
-    from eqt_cli.analysis.comparison.compare import Comparison
-    from eqt_cli.analysis.comparison.intervals import Resampling
-    from eqt_cli.analysis.comparison.notation import Plain
+    from eqt_cli.analysis.compare import Comparison
     from eqt_cli.analysis.differences import Change, Dataset, Differences
-    from eqt_cli.analysis.measured import Explanation
-    from eqt_cli.analysis.text_tables import TextTable
+    from eqt_cli.analysis.intervals import Resampling
+    from eqt_cli.analysis.notation import Plain
+    from eqt_cli.base.reporting import TextTable
     from eqt_cli.results.result import Result
-
 
 MAPPED = "mean_pose_error"
 """Metric compared over a sweep by default."""
@@ -119,8 +118,8 @@ def compare(
         --share P  Share of runs that must settle, for --robust.
     """
     from eqt_cli import api
-    from eqt_cli.analysis.comparison.intervals import Resampling
-    from eqt_cli.analysis.comparison.notation import Latex, Plain
+    from eqt_cli.analysis.intervals import Resampling
+    from eqt_cli.analysis.notation import Latex, Plain
 
     result = options.only_result(
         "compare", [result, *(more or ())], " and compares its controllers"
@@ -152,7 +151,9 @@ def compare(
             point=point,
             units=unit or (),
         )
-        shown = _of_recording(explained, measured, write, whole=verbose)
+        shown = _Found(
+            *of_extension("recordings.measured.findings")(explained, measured, write, verbose)
+        )
     if shown is None and robust:
         shown = _robustness(result, share, confidence, write)
     elif shown is None and point is None:
@@ -201,19 +202,6 @@ def _print(shown: _Found, result: Path, format: TableFormat, json: bool) -> None
         output.say(remark)
 
 
-def _of_recording(
-    parts: Sequence[Explanation], measured: Path, write: Plain, *, whole: bool
-) -> _Found:
-    """Return how much of the errors in a recording the run of each controller explains."""
-    from eqt_cli.analysis.measured import explained_table, records
-
-    axes = whole or len(parts) == 1
-    table = explained_table(parts, write, axes=axes)
-    remarks = [] if axes else ["next: --verbose prints every axis, --against LAW one law"]
-    document = {"measured": str(measured), "controllers": [asdict(one) for one in parts]}
-    return _Found(document, records(parts), [table], remarks)
-
-
 class _Found(NamedTuple):
     """Findings to print: a document for programs, rows, tables, and text around them."""
 
@@ -236,7 +224,7 @@ def _of_whole(
 ) -> _Found | None:
     """Return the findings on a sweep or on fronts as a whole; None for other results."""
     from eqt_cli import api
-    from eqt_cli.analysis.comparison.maps import map_records, map_tables
+    from eqt_cli.analysis.maps import map_records, map_tables
 
     with api.open_results(path, "arrays") as opened:
         result = opened.in_units(units)
@@ -261,8 +249,8 @@ def _of_whole(
 
 
 def _print_metrics(results: Result, json: bool) -> None:
-    from eqt_cli.analysis.comparison.notation import Plain
-    from eqt_cli.results.time_windows import WHOLE
+    from eqt_cli.analysis.notation import Plain
+    from eqt_cli.results.quantity import WHOLE
 
     write, rows = Plain(), []
     for each in results.comparable.values():
@@ -299,7 +287,7 @@ def _of_experiment(
     `whole` is None if a user chose a part; else the findings come with all tables (True), or with
     the means and the differences from the first controller (False).
     """
-    from eqt_cli.analysis.comparison.tables import IN_FULL, records, text_tables
+    from eqt_cli.analysis.comparison_tables import IN_FULL, records, text_tables
 
     rows = records(comparison)
     # A table of all pairs of many controllers is long: by default, pairs with the first one.
@@ -341,7 +329,7 @@ def _of_experiment(
 
 def _findings(comparison: Comparison) -> list[str]:
     """Return a sentence for each claim; without claims, which law is best."""
-    from eqt_cli.analysis.comparison.tables import findings, sources
+    from eqt_cli.analysis.comparison_tables import findings, sources
 
     judged = comparison.judgements and not comparison.departures
     about = f"Claims of {sources(comparison)}" if judged else "Findings"
@@ -360,7 +348,7 @@ def _findings(comparison: Comparison) -> list[str]:
 def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _Found:
     """Return the range of the swept number over which the runs of each law settle."""
     from eqt_cli import api
-    from eqt_cli.analysis.comparison.robustness import robustness_table
+    from eqt_cli.analysis.maps import robustness_table
 
     with api.open_results(path, "arrays") as result:
         if not result.is_sweep:
@@ -371,9 +359,8 @@ def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _F
 
 def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Found | None:
     """Return the laws at equal cost; None if the result is not of a two-objective search."""
-    from eqt_cli.tuning.folder import TUNE
-    from eqt_cli.tuning.fronts import at_equal_cost, equal_cost_table, fronts
-    from eqt_cli.tuning.held_out import held_out
+    from eqt_cli.analysis.fronts import at_equal_cost, equal_cost_table, fronts, held_out
+    from eqt_cli.analysis.law_search import TUNE
 
     record = TUNE.beside(result)
     if record is None or len(record["objectives"]) < 2:

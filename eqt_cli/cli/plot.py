@@ -1,4 +1,4 @@
-"""`eqt plot` and `eqt animate`: figures of a result, and one run of it as a moving picture."""
+"""`eqt plot`, `eqt animate`, `eqt report` and `eqt cite`: figures, pages, references."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import print_found, say
-from eqt_cli.core.errors import EqtError, suggestion
-from eqt_cli.core.files import YAML
+from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.files import YAML
+from eqt_cli.cli import completion, options
+from eqt_cli.cli.output import print_found, print_source, say
 
 if TYPE_CHECKING:
     from eqt_cli.api import Shown
+
+# `eqt plot` and `eqt animate`: figures of a result, and one run of it as a moving picture ---------
 
 
 _WITHOUT = {
@@ -98,7 +100,7 @@ def plot(
         --out DIR  Output folder. Default: RESULT/figures, or figures/NAME for a CONFIG.
     """
     from eqt_cli import api
-    from eqt_cli.plots.render import FORMATS
+    from eqt_cli.figures.render import FORMATS
 
     # A path that does not exist is reported where it is opened.
     if len(result) > 1 and out is None and all(map(Path.exists, result)):
@@ -144,8 +146,8 @@ def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
 
     It is a study for a configuration, with the changes by ``--set``, and the path for a result.
     """
-    from eqt_cli.config.named_files import load_stored_plugins
-    from eqt_cli.experiment.read_study import study
+    from eqt_cli.config.read_study import study
+    from eqt_cli.config.source import load_stored_plugins
     from eqt_cli.results.result import open_result
 
     if path.suffix in YAML:
@@ -160,10 +162,10 @@ def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
 
 def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list[str]:
     """Return the figures to draw by default."""
-    from eqt_cli.plots.shown.sweep import are_choices
+    from eqt_cli.analysis.fronts import side_by_side
+    from eqt_cli.analysis.law_search import WORST
+    from eqt_cli.figures.shown import are_choices
     from eqt_cli.results.result import open_result
-    from eqt_cli.tuning.folder import WORST
-    from eqt_cli.tuning.held_out import side_by_side
 
     if result.suffix in YAML:
         return ["reference"]
@@ -200,9 +202,9 @@ def _options(
 
     Each flag sets an option, given as name and value, of all figures that have it.
     """
+    from eqt_cli.base.option_types import option_names
     from eqt_cli.config.yaml_source import parse_value
-    from eqt_cli.core.option_types import option_names
-    from eqt_cli.plots.figures import figures
+    from eqt_cli.figures.figure import figures
 
     known = {name: option_names(figures.get(name)) for name in names}
     by_figure: dict[str, dict[str, Any]] = {name: {} for name in names}
@@ -277,3 +279,79 @@ def animate(
     sizes = {file: f"{file.stat().st_size / 1e6:.1f} MB" for file in files}
     text = "\n".join(f"animation  {file}  ({size})" for file, size in sizes.items())
     print_found({"files": list(map(str, files))}, text, json=json)
+
+
+# `eqt report` and `eqt cite`: a result as one HTML page, and references to cite with it -----------
+
+
+def report(
+    result: options.Result,
+    more: options.MoreResults = None,
+    out: Annotated[Path | None, options.option("--out")] = None,
+    figure: Annotated[
+        list[str] | None, options.option("--figure", autocompletion=completion.names("figures"))
+    ] = None,
+    title: Annotated[str, options.option("--title")] = "",
+    author: Annotated[str, options.option("--author")] = "",
+    date: Annotated[str, options.option("--date")] = "",
+    notes: Annotated[Path | None, options.option("--notes")] = None,
+    quick: Annotated[bool, options.option("--quick")] = False,
+    point: options.Point = None,
+    unit: options.Units = None,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+) -> None:
+    """Write one self-contained HTML page: figures, comparison, certificates, every run.
+
+    Options
+    -------
+    Result
+        --out FILE  File to write. Default: RESULT/report.html.
+        --title TEXT  Title. Default: that of the experiment.
+        --author NAME  Author, named at the top of the page.
+        --date TEXT  Date. Default: the day of the run.
+        --notes FILE  Text file shown at the top of the page.
+    What to show
+        --figure NAME  Figure to show. Repeatable.
+        --quick  Leave out the certificates, for which some runs are integrated again.
+    """
+    from eqt_cli import api
+    from eqt_cli.base.files import text_of
+
+    result = options.only_result("report", [result, *(more or ())])
+
+    text = text_of(notes, "write the notes there first") if notes else ""
+    path = api.write_report(
+        result,
+        out,
+        figures=figure or (),
+        title=title,
+        author=author,
+        date=date,
+        notes=text,
+        point=point,
+        trust_plugins=trust_plugins,
+        workers=options.cores(),
+        quick=quick,
+        units=unit or (),
+    )
+    size = path.stat().st_size
+    text = f"report   {path}  ({size / 1e6:.1f} MB)"
+    print_found({"report": str(path), "bytes": size}, text, json=json)
+
+
+def cite(
+    result: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="RESULT",
+            help="Result folder, or the results.h5 in it. Default: the paper and eqt only.",
+        ),
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Print BibTeX entries of the paper, of eqt, and of the laws that a result used."""
+    from eqt_cli import api
+
+    entries = api.cite(result)
+    print_source({"bibtex": entries.split("\n\n")}, entries, json=json)

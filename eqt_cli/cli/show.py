@@ -6,15 +6,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eqt_cli.cli.shared import completion, options, output
-from eqt_cli.config.signal_path import signal_path
-from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.part_files import Unfinished, unfinished
-from eqt_cli.execution.provenance import OTHERS, VERSIONS, differences
+from eqt_cli.base.errors import EqtError
+from eqt_cli.cli import completion, options, output
+from eqt_cli.runs.lock import OTHERS, VERSIONS, Unfinished, differences, unfinished
 
 if TYPE_CHECKING:
     from eqt_cli.results.result import Result
-
 
 UNKNOWN = "at an unknown time"
 
@@ -59,7 +56,7 @@ def show(
         return
 
     from eqt_cli import api
-    from eqt_cli.cli.shared.result_tables import print_run_table
+    from eqt_cli.cli.result_tables import print_run_table
 
     if json and table:
         raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
@@ -93,7 +90,7 @@ def _unfinished(path: Path, state: Unfinished, json: bool) -> None:
 
 
 def _document(results: Result) -> dict[str, object]:
-    from eqt_cli.cli.shared.result_tables import outcome_record
+    from eqt_cli.cli.result_tables import outcome_record
 
     return {
         "path": str(results.path),
@@ -111,7 +108,8 @@ def _document(results: Result) -> dict[str, object]:
 
 
 def _summary(results: Result, json: bool) -> None:
-    from eqt_cli.cli.shared.result_tables import print_outcome
+    from eqt_cli.cli.result_tables import print_outcome
+    from eqt_cli.config.source import signal_path
 
     if json:
         output.print_json(_document(results))
@@ -161,7 +159,7 @@ def _unsettled(results: Result, json: bool) -> None:
     """Print the unsettled runs and their starts, in columns that `initial.file` takes."""
     import numpy as np
 
-    from eqt_cli.cli.shared.table_formats import as_csv
+    from eqt_cli.cli.tables import as_csv
 
     settles = results.settles
     if settles is None:

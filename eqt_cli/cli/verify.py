@@ -9,18 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.analysis.text_tables import Block, TextTable
-from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import complain, count_of, laid_out, print_found
-from eqt_cli.core.errors import EqtError
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.registry import of_extension
+from eqt_cli.base.reporting import Block, TextTable
+from eqt_cli.cli import completion, options
+from eqt_cli.cli.output import complain, count_of, laid_out, print_found
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from eqt_cli.analysis.certificates.base import Row
+    from eqt_cli.analysis.certificates import Row
     from eqt_cli.analysis.margins import GainMargin, LawMargins, Margins
     from eqt_cli.analysis.verification import Verification
-    from eqt_cli.experiment.study import Study
+    from eqt_cli.config.study import Study
 
 
 def verify(
@@ -55,9 +56,8 @@ def verify(
         --as NAME  The control law that the C file claims to be.
     """
     from eqt_cli import api
-    from eqt_cli.analysis.certificate_table import with_titles
+    from eqt_cli.analysis.certificates import with_titles
     from eqt_cli.config.source import overridden
-    from eqt_cli.experiment.laws_in_code import with_code
 
     subject: Path | Study
     is_result = target.suffix == ".h5" or target.is_dir()
@@ -67,7 +67,7 @@ def verify(
     else:
         source = options.source_of(target, None)
         if code:
-            source = with_code(source, code, as_)
+            source = of_extension("firmware.controllers.with_code")(source, code, as_)
         source = overridden(source, options.overrides(set_, engine=engine))
         doing = "verified without"
         subject = options.study_at(source, point, trust_plugins=trust_plugins, doing=doing)
@@ -118,7 +118,6 @@ def _causes(rows: Sequence[Row], failed_runs: int) -> list[str]:
 
 
 def _document(target: Path, result: Verification) -> dict[str, object]:
-
     return {
         "verified": str(target),
         "name": result.experiment.name,
@@ -134,7 +133,7 @@ def _document(target: Path, result: Verification) -> dict[str, object]:
 
 def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
     """Yield the printed text: the rows that do not hold, or all; then totals, doubts and causes."""
-    from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally, with_titles
+    from eqt_cli.analysis.certificates import certificate_table, doubtful, tally, with_titles
 
     rows = with_titles(result.rows, result.experiment.titles)
     if (made := certificate_table(rows, brief=not verbose)) is not None:
@@ -302,7 +301,7 @@ def _beside(result: Margins, law: LawMargins) -> str:
     """Return the offset of a loop from its reference, part by part; empty if it has none."""
     import numpy as np
 
-    from eqt_cli.closed_loop.linearised import AT_REST
+    from eqt_cli.loop.linearised import AT_REST
 
     sizes = [
         (float(np.linalg.norm(law.offset[part.axes])), part.velocity_unit.removesuffix("/s"))

@@ -1,1 +1,1 @@
-"""Reads a configuration as text, remembers the place of every value, and declares its keys."""
+"""From the text of a configuration to an experiment, and to a study of many points."""

@@ -14,22 +14,21 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
+from eqt_cli.base.errors import EqtError, parse_key, suggestion
+from eqt_cli.base.option_types import Scale, option_names, owners
+from eqt_cli.base.registry import Registry, meanings, option_of_field, summary
+from eqt_cli.components.actuators import actuators
+from eqt_cli.components.estimators import estimators
+from eqt_cli.components.forces import forces
+from eqt_cli.components.groups import groups
+from eqt_cli.components.initial_states import pose_distributions, velocity_distributions
+from eqt_cli.components.laws import controllers
+from eqt_cli.components.references import references
+from eqt_cli.components.sensors import sensors
+from eqt_cli.config.designs import designs
 from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, OwnGainsSection, SolverChecks
-from eqt_cli.controllers import controllers
-from eqt_cli.core.errors import EqtError, parse_key, suggestion
-from eqt_cli.core.option_types import Scale, option_names, owners
-from eqt_cli.core.registry import Registry, meanings, option_of_field, summary
-from eqt_cli.engines import engines
-from eqt_cli.ensemble.designs import designs
-from eqt_cli.ensemble.poses import pose_distributions
-from eqt_cli.ensemble.sweep import BLOCK
-from eqt_cli.ensemble.velocities import velocity_distributions
-from eqt_cli.groups import groups
-from eqt_cli.references import references
-from eqt_cli.vehicle.actuators import actuators
-from eqt_cli.vehicle.estimators import estimators
-from eqt_cli.vehicle.forces import forces
-from eqt_cli.vehicle.sensors import sensors
+from eqt_cli.config.sweep import BLOCK
+from eqt_cli.engines.engine import engines
 
 COMPONENTS: dict[str, Registry[Any]] = {
     "controllers": controllers,

@@ -1,7 +1,7 @@
 """The shape of a configuration: its keys, their types and defaults; nothing about the group.
 
 What depends on the group or on a component (shapes, options, definiteness) is checked by
-`eqt_cli.experiment`. One JSON schema comes from these models and the registries.
+`eqt_cli.config.build`. One JSON schema comes from these models and the registries.
 """
 
 from contextlib import suppress
@@ -19,7 +19,7 @@ from pydantic import (
     field_validator,
 )
 
-from eqt_cli.core.option_types import (
+from eqt_cli.base.option_types import (
     ANY,
     DAMPING,
     INERTIA,
@@ -48,11 +48,11 @@ from eqt_cli.core.option_types import (
     rank,
     seconds,
 )
-from eqt_cli.ensemble.axes import DrawnRange
-from eqt_cli.groups.rotations import distance_of_turn
-from eqt_cli.logs.mapping import LogMapping
-from eqt_cli.vehicle.component import Matrix as DrawnMatrix
-from eqt_cli.vehicle.component import Number
+from eqt_cli.components.log_table import LogMapping
+from eqt_cli.components.matrix_groups import distance_of_turn
+from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix
+from eqt_cli.components.vehicle_parts import Number
+from eqt_cli.config.designs import DrawnRange
 
 
 def _weight_kind(value: Any) -> str | None:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.base.errors import EqtError, suggestion
 
 
 def folder() -> Path:

@@ -1,28 +1,128 @@
-"""Reads a configuration from a YAML file or a result, and applies overrides."""
+"""The text of a configuration: from YAML, from a result, with changes; and the files it names."""
 
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from eqt_cli.config import yaml_source
-from eqt_cli.config.yaml_source import Source
-from eqt_cli.core.errors import (
+import numpy as np
+
+from eqt_cli.base.errors import (
+    ComponentError,
     ConfigError,
     EqtError,
     InputError,
     InputProblem,
     KeyPath,
     Problems,
+    Remedy,
     dotted,
     parse_key,
 )
-from eqt_cli.core.files import YAML, content_of, file_name, near, refusals
-from eqt_cli.core.option_types import shown
-from eqt_cli.store.reader import ResultFile, open_results
-from eqt_cli.store.reserved_names import FILE_NAME
+from eqt_cli.base.files import FILE_NAME, YAML, content_of, file_name, near, refusals, text_of
+from eqt_cli.base.option_types import shown
+from eqt_cli.base.registry import load_plugin
+from eqt_cli.base.store_reader import ResultFile, open_results
+from eqt_cli.components.log_table import recording_text
+from eqt_cli.components.motions import GivenOverTime
+from eqt_cli.config import yaml_source
+from eqt_cli.config.yaml_source import Source
+
+# Describes the parts of a loop, as a signal path and as a sentence --------------------------------
+
+
+def signal_path(config: Mapping[str, Any]) -> str:
+    """Return the signal path of a resolved configuration; "" for the ideal loop.
+
+    ``reference → law → hold 0.1 s → limit → plant (drag) → velocity (noise every 0.2 s) → law``;
+    an estimate, where there is one, stands between sensors and law.
+    """
+    control, actuators, inertia, forces, measured, estimators = _parts(config)
+    stages = ["law"]
+    if control:
+        delay = f", delay {control['delay']}" if control.get("delay") else ""
+        stages.append(f"hold {control['period']:g} s{delay}")
+    inside = ", ".join([*["true inertia"] * inertia, *forces])
+    stages += [*actuators, f"plant ({inside})" if inside else "plant"]
+    if stages == ["law", "plant"] and not measured:
+        return ""
+    inputs = [", ".join(measured)] if measured else []
+    inputs += [f"estimate ({kind})" for kind in estimators]
+    return " → ".join(["reference", *stages, *inputs, "law"])
+
+
+def loop_in_words(config: Mapping[str, Any]) -> str:
+    """Describe how a loop departs from the paper's; "" for the ideal loop.
+
+    ``Loop: sampled every 0.1 s; actuators: lag; measured pose: noise.``
+    """
+    control, actuators, inertia, forces, measured, estimators = _parts(config)
+    departures = []
+    if control:
+        late = "".join(f", {words}" for words in _late(control.get("delay")))
+        departures.append(f"sampled every {control['period']:g} s{late}")
+    departures += [f"actuators: {', '.join(actuators)}"] * bool(actuators)
+    departures += ["inertia error"] * inertia
+    departures += [f"forces: {', '.join(forces)}"] * bool(forces)
+    departures += [f"measured {words}" for words in measured]
+    departures += [f"estimate: {kind}" for kind in estimators]
+    return f"Loop: {'; '.join(departures)}." if departures else ""
+
+
+def _parts(
+    config: Mapping[str, Any],
+) -> tuple[Any, list[str], bool, list[str], list[str], list[str]]:
+    """Return clock, actuators, whether the inertia differs, forces, measurements and estimators."""
+    plant, sensors = config.get("plant") or {}, config.get("sensors") or {}
+    return (
+        config.get("control"),
+        _kinds(config.get("actuators")),
+        plant.get("inertia") is not None,
+        _kinds(plant.get("forces")),
+        [f"{name} ({_measured(sensors[name])})" for name in sensors if sensors[name]],
+        _kinds([config.get("estimator")]),
+    )
+
+
+def _measured(entries: Any) -> str:
+    """Describe sensors part by part, with the times of their measurements.
+
+    ``translation: noise, bias every 1 s, 1 period late, 10 % lost; rotation: noise``
+    """
+    parts: dict[str, list[Any]] = {}
+    for entry in entries:
+        parts.setdefault("" if isinstance(entry, str) else entry.get("of") or "", []).append(entry)
+    descriptions = []
+    for part, sensors in parts.items():
+        options: dict[str, Any] = {}
+        for entry in sensors:
+            options |= {} if isinstance(entry, str) else entry
+        lost = options.get("dropout") or 0
+        when = [f"every {options['period']:g} s"] if options.get("period") else []
+        when += _late(options.get("delay"))
+        when += [f"{100 * lost:g} % lost"] if lost else []
+        text = " ".join(filter(None, [", ".join(_kinds(sensors)), ", ".join(when)]))
+        descriptions.append(f"{part}: " * bool(part) + text)
+    return "; ".join(descriptions)
+
+
+def _late(delay: int | str | None) -> list[str]:
+    """Describe a delay of whole periods, or of a time; nothing without one."""
+    if not delay:
+        return []
+    time = delay if isinstance(delay, str) else f"{delay} period{'s' * (delay > 1)}"
+    return [f"{time} late"]
+
+
+def _kinds(entries: Any) -> list[str]:
+    given = (entry for entry in entries or () if entry is not None)
+    return [entry if isinstance(entry, str) else str(entry["kind"]) for entry in given]
+
+
+# Reads a configuration from a YAML file or a result, and applies overrides ------------------------
+
 
 _MAX_LISTED = 5
 """Largest number of files that a message lists."""
@@ -222,3 +322,134 @@ def _replaced(data: Any, path: KeyPath, value: Any, depth: int = 0) -> Any:
     kinds: dict[type, str] = {dict: "a mapping", list: "a list"}
     kind = kinds.get(type(data)) or shown(data)
     raise InputError(f"{name} is {kind}, not {expected}; set all of {name} instead")
+
+
+# Reads the files that a configuration names, plugins, data and C, and keeps their texts with it ---
+#
+# The plugins of a YAML configuration are the user's own. Those of a result file or folder may be
+# those of a stranger, and are executed only on request.
+
+
+def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dict[str, str]:
+    """Load every plugin, and return the sources by their paths in the configuration.
+
+    Plugins of a result file or folder are executed only if they are `trusted`.
+    """
+    paths = source.data.get("plugins", [])
+    if not isinstance(paths, list):
+        problems.at("plugins").add(f"expected a list of paths to Python files, got {shown(paths)}")
+        return {}
+    sources: dict[str, str] = {}
+    owners: dict[str, str] = {}
+    for index, path in enumerate(paths):
+        with problems.catching("plugins", index):
+            text = trusted_text(source, path, trusted)
+            added = load_plugin(source.folder / path, text)
+            sources[path] = text
+            for component in added:
+                if component in owners:
+                    message = f"{owners[component]} already defines {component}; rename one of them"
+                    problems.at("plugins", index).add(message)
+                owners[component] = path
+    return sources
+
+
+def load_stored_plugins(results: ResultFile) -> None:
+    """Execute the plugins in a trusted result.
+
+    Raises
+    ------
+    ConfigError
+        If a plugin cannot be loaded.
+    """
+    source = source_of(results)
+    problems = Problems(source.place)
+    load_plugins(source, trusted=True, problems=problems)
+    problems.raise_if_any()
+
+
+def trusted_text(source: ConfigSource, path: object, trusted: bool, subject: str = "plugin") -> str:
+    """Return the text of a plugin, or of other code that is executed.
+
+    Raises
+    ------
+    ComponentError
+        If the file cannot be read, or may not be executed.
+    """
+    if not isinstance(path, str):
+        raise ComponentError(f"expected the path of a Python file, got {shown(path)}")
+    if source.stored_plugins is None:
+        relative = f"{subject} paths are relative to the configuration's folder"
+        file = source.folder / path
+        if source.of_folder and not trusted:
+            raise ComponentError(
+                f"the result folder contains {file}, which eqt executes only on request",
+                Remedy("read this file, then add {}", "trust_plugins"),
+            )
+        return text_of(file, relative, ComponentError, f"{subject} {file}")
+    if not trusted:
+        raise ComponentError(
+            f"the result contains the source of {path}, which eqt executes only on request",
+            Remedy("read it with `eqt show --plugins`, then add {}", "trust_plugins"),
+        )
+    if path not in source.stored_plugins:
+        raise ComponentError(f"the result does not contain the source of {path}")
+    return source.stored_plugins[path]
+
+
+P = TypeVar("P", bound=GivenOverTime)
+
+DATA_BYTES = 64_000_000
+"""Largest size of a file, bytes, because it is kept in memory and in every result."""
+
+
+def data_file(source: ConfigSource, name: str) -> str:
+    """Return the text of a file, whose name is relative to the configuration.
+
+    A result file or folder gives a table of the initial states of its runs.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    if name not in source.files:
+        if source.holds_files:
+            raise InputError(f"the result does not contain the file {name}")
+        path = source.folder / name
+        with refusals(path, "read", kind=InputError):
+            if source.of_folder and not path.resolve().is_relative_to(source.folder.resolve()):
+                raise InputError(f"{path}: is outside the result folder {source.folder}")
+            is_result = path.suffix == ".h5" or (path / FILE_NAME).exists()
+        source.files[name] = _starts_of(path) if is_result else _text_of_file(path)
+    return source.files[name]
+
+
+def with_data(part: P, source: ConfigSource, problems: Problems) -> tuple[P, dict[str, str]]:
+    """Return a component with the contents of its files, and the contents; note read errors."""
+    texts = {}
+    for option, name in part.files.items():
+        with problems.catching(option):
+            texts[name] = data_file(source, name)
+    return part.with_files(texts), texts
+
+
+def _text_of_file(path: Path) -> str:
+    relative = "paths are relative to the configuration's folder"
+    smaller = "keep the rows and columns that the configuration needs"
+    return recording_text(path, relative, InputError, DATA_BYTES, smaller)
+
+
+def _starts_of(path: Path) -> str:
+    try:
+        with open_results(path) as results:
+            results.single("its runs are where these start")
+            poses, velocities = results["initial_pose"], results["initial_velocity"]
+    except EqtError as error:
+        raise InputError(str(error)) from error
+    d, m = poses.shape[-1], velocities.shape[-1]
+    header = [f"Q{row}{column}" for row in range(1, d + 1) for column in range(1, d + 1)]
+    header += [f"V{k}" for k in range(1, m + 1)]
+    rows = np.concatenate([poses.reshape(len(poses), -1), velocities], axis=1)
+    lines = [",".join(header), *(",".join(map(repr, row)) for row in rows.tolist())]
+    return "\n".join(lines) + "\n"

@@ -19,7 +19,7 @@ from typing import Any, Final, NoReturn, TypeAlias
 
 import yaml
 
-from eqt_cli.core.errors import MAX_PROBLEMS, ConfigError, EqtError, InputProblem, KeyPath, dotted
+from eqt_cli.base.errors import MAX_PROBLEMS, ConfigError, EqtError, InputProblem, KeyPath, dotted
 
 MAX_BYTES: Final = 4_000_000
 """Largest text, bytes of UTF-8."""

@@ -16,19 +16,17 @@ from types import TracebackType
 
 import numpy as np
 
-from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.law_program import MEMORY, NUMBER, TOLD, TORQUE, LawProgram, law_program
-from eqt_cli.closed_loop.parts import parts_of
-from eqt_cli.closed_loop.system import MEMORY as CONTROLLER
-from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import TraceError
-from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.engines.base import Reduction, SampledFunction
-from eqt_cli.engines.problem import Problem
-from eqt_cli.program import Program, traced
-from eqt_cli.program.rewriting import Chain
-from eqt_cli.program.running import Memory, Running
-from eqt_cli.vehicle.sensors.channels import Errors
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import TraceError
+from eqt_cli.components.sensors import Errors
+from eqt_cli.engines.engine import Problem, Reduction, SampledFunction
+from eqt_cli.loop.closed_loop import MEMORY as CONTROLLER
+from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
+from eqt_cli.loop.law_program import MEMORY, NUMBER, TOLD, TORQUE, LawProgram, law_program
+from eqt_cli.numbers.leaves import leaves, with_leaves
+from eqt_cli.numbers.program import Chain, Program
+from eqt_cli.numbers.running import Memory, Running
+from eqt_cli.numbers.symbols import traced
 
 MOST_RUNNING = 512
 """Most numbers that a reduction may keep from sample to sample."""
@@ -382,7 +380,7 @@ def _explain(error: Exception, loop: ClosedLoop) -> str:
     return (
         f"{owner} cannot be compiled: {type(error).__name__}: {error}"
         f"{place and ' at ' + place}{called}; write it with operators, @ and the functions of "
-        "eqt_cli.core.arrays, or use `engine: solve_ivp`"
+        "eqt_cli.base.arrays, or use `engine: solve_ivp`"
     )
 
 

@@ -1,23 +1,47 @@
-"""Report on a result as one HTML page that needs no network and no other file."""
+"""The document: templates, figures, animation and tables on one page."""
 
 import re
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
 
-from eqt_cli.analysis.certificate_table import certificate_table, with_titles
-from eqt_cli.analysis.certificates.base import Row
-from eqt_cli.analysis.comparison.compare import compare
-from eqt_cli.analysis.comparison.maps import sweep_tables
-from eqt_cli.analysis.comparison.notation import Plain
-from eqt_cli.analysis.comparison.tables import findings, text_tables
-from eqt_cli.core.errors import EqtError
-from eqt_cli.report.animation import animation
-from eqt_cli.report.environment import TEMPLATES, page
-from eqt_cli.report.figures import CASES, COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
+from eqt_cli.analysis.certificates import Row, certificate_table, with_titles
+from eqt_cli.analysis.compare import compare
+from eqt_cli.analysis.comparison_tables import findings, text_tables
+from eqt_cli.analysis.fronts import side_by_side
+from eqt_cli.analysis.law_search import TUNE, WORST
+from eqt_cli.analysis.maps import sweep_tables
+from eqt_cli.analysis.notation import Plain, significant
+from eqt_cli.analysis.search_tables import tuning_tables, worst_tables
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, printable
+from eqt_cli.base.registry import description
+from eqt_cli.base.reporting import reporter, step
+from eqt_cli.base.version import __version__
+from eqt_cli.figures.animation import (
+    AXES,
+    AZIMUTH,
+    CORNERS,
+    ELEVATION,
+    FACES,
+    INERTIAL,
+    TRAIL,
+    Motion,
+    Scene,
+    motion,
+    scene_of,
+)
+from eqt_cli.figures.figure import Extras, OfCertificates, figures
+from eqt_cli.figures.labels import norm_symbol
+from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.report.summary import (
     accuracy,
     called,
@@ -27,15 +51,382 @@ from eqt_cli.report.summary import (
     given,
     laws,
     lead,
+    looks,
     made_by,
     point_table,
     provenance,
     run_table,
 )
+from eqt_cli.results.quantity import plain
 from eqt_cli.results.result import HEADLINE, Result
-from eqt_cli.tuning.folder import TUNE, WORST
-from eqt_cli.tuning.held_out import side_by_side
-from eqt_cli.tuning.tables import tuning_tables, worst_tables
+
+# Location and rendering of the page templates -----------------------------------------------------
+
+
+_NORM = re.compile("‖[^‖]*‖")
+
+_NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
+"""A number, perhaps with a percent sign, a spread or an interval."""
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+def page(template: str, styles: Sequence[str], script: str, **values: Any) -> str:
+    """Fill in a template, with its styles and its script in the page."""
+    css, js = (
+        Markup("".join((TEMPLATES / name).read_text(encoding="utf-8") for name in names))
+        for names in (styles, [script])
+    )
+    made = _environment().get_template(template)
+    return made.render(version=__version__, css=css, js=js, **values)
+
+
+def _environment() -> Environment:
+    """Return the template environment, which escapes everything.
+
+    HTML markup is escaped, and characters that no page can show, such as bidirectional controls.
+    """
+    made = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_finalized,
+    )
+    made.filters |= {
+        "typeset": _typeset,
+        "prose": _prose,
+        "minus": _minus,
+        "numeric": _numeric,
+        "significant": significant,
+    }
+    return made
+
+
+def _finalized(value: Any) -> Any:
+    is_text = isinstance(value, str) and not isinstance(value, Markup)
+    return printable(value, "\n\t") if is_text else value
+
+
+def _typeset(text: str) -> Markup:
+    """Typeset the paper's symbols with their subscripts; all else is only escaped."""
+    escaped = str(escape(printable(text)))
+    for symbol in ("Q_E", "Q_d", "V_d", "P_d", "K_d", "τ_d", "τ_ff", "𝕀_t"):
+        letter, index = symbol.split("_")
+        escaped = re.sub(rf"\b{symbol}\b", f"{letter}<sub>{index}</sub>", escaped)
+    escaped = re.sub(r"\bAd_\{([^}]*)\}", r"Ad<sub>\1</sub>", escaped)
+    return Markup(_NORM.sub(lambda norm: norm[0].replace(" ", "\u00a0"), escaped))
+
+
+def _prose(text: str) -> Markup:
+    """Typeset a sentence: symbols, powers of ten, minus signs, and no break before a unit."""
+    signed = (
+        re.sub(r"(?<![\w.])-(?=\d)", "−", text).replace(" %", "\u00a0%").replace("N m", "N\u00a0m")
+    )
+    powers = re.sub(
+        r"(?<=\d)e([-+]?)0*(\d+)",
+        lambda match: (
+            f"\u00a0·\u00a010<sup>{match[1].replace('-', '−').strip('+')}{match[2]}</sup>"
+        ),
+        str(_typeset(signed)),
+    )
+    return Markup(powers)
+
+
+def _minus(text: str) -> str:
+    """Replace a hyphen before a digit, and not after a letter or digit, by a minus sign."""
+    return re.sub(r"(?<![^\W_])-(?=\d)", "−", text)
+
+
+def _numeric(rows: Sequence[Sequence[str]]) -> list[bool]:
+    """Return which columns of a table are numeric."""
+    return [all(map(_is_numeric, column)) for column in zip(*rows, strict=True)]
+
+
+def _is_numeric(cell: str) -> bool:
+    return cell in ("", "-") or _NUMBER.fullmatch(cell) is not None
+
+
+# Page that plays one run: bodies against the reference, tracking error and torque over time -------
+
+
+SAMPLES = 401
+"""Maximum number of samples of the run in the page, which interpolates between them."""
+
+
+def animation(result: Result, run: int, controllers: Sequence[str] = ()) -> str:
+    """Return the page that plays a run; it needs no network and no other file.
+
+    Parameters
+    ----------
+    run, controllers
+        Run and controllers, as in `motion`.
+
+    Raises
+    ------
+    EqtError
+        If the run cannot be shown; see `motion`.
+    """
+    shown = motion(result, run, controllers)
+    return page(
+        "animation.html.j2",
+        ["report.css", "animation.css"],
+        "animation.js",
+        title=result.title,
+        group=result.group_name,
+        labels=[ensemble.title for ensemble in shown.ensembles],
+        run=run,
+        samples=len(shown.times),
+        data=_document(scene_of(shown), result),
+    )
+
+
+def _document(scene: Scene, result: Result) -> dict[str, Any]:
+    shown = scene.motion
+    kept = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
+    styles, heads = looks(result), columns(result, list(shown.norms))
+    return {
+        "run": shown.run,
+        "times": _rounded(shown.times[kept]),
+        "controllers": [styles[ensemble.controller] for ensemble in shown.ensembles],
+        "bodies": [_course(*body, kept, shown) for body in zip(*shown.body, strict=True)],
+        "thrusts": [[_rounded(now.ravel()) for now in each[kept]] for each in shown.thrusts],
+        "reference": _course(*shown.reference, kept, shown),
+        "moves": shown.has_translation,
+        "length": scene.length,
+        "columns": scene.columns,
+        "centre": [_places(track[kept], shown) for track in scene.centre],
+        "reach": _rounded(scene.reach[kept]),
+        "ground": [[_rounded(end) for end in line] for line in scene.ground],
+        "trail": TRAIL,
+        "axes": AXES,
+        "inertial": list(INERTIAL),
+        "view": [float(AZIMUTH), float(ELEVATION)],
+        "corners": CORNERS.tolist(),
+        "faces": [list(face) for face in FACES],
+        "panels": [
+            {
+                **head,
+                "name": plain(norm_symbol(result, result.quantity(name))),
+                "curves": [_rounded(curve[kept]) for curve in values],
+            }
+            for head, (name, values) in zip(heads, shown.norms.items(), strict=True)
+        ],
+    }
+
+
+def _course(rotation: Array, position: Array, kept: Array, shown: Motion) -> dict[str, Any]:
+    rotations = [_rounded(matrix.ravel()) for matrix in rotation[kept]]
+    return {"rotation": rotations, "position": _places(position[kept], shown)}
+
+
+def _places(track: Array, shown: Motion) -> list[list[float | None]]:
+    """Return positions over time; none if nothing translates, since all are the origin."""
+    return [_rounded(place) for place in track] if shown.has_translation else []
+
+
+def _rounded(values: Array) -> list[float | None]:
+    """Round to four significant digits, enough for the eye; None for NaN and infinity."""
+    return [float(f"{v:.4g}") if np.isfinite(v) else None for v in values]
+
+
+# Figures as SVG inside an HTML page; this module knows figures by name and options only -----------
+
+
+LARGEST = 700_000
+"""Maximum number of SVG characters per figure; larger figures are omitted, with a remark."""
+
+_SVG, _XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
+_DECIMAL = re.compile(r"-?\d+\.\d{3,}")
+_REFERENCE = re.compile(r"url\(#([^)]+)\)")
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A figure to show.
+
+    Attributes
+    ----------
+    name, options
+        Name and options of the figure, as for `eqt plot`.
+    caption
+        Caption; the description of the figure if empty.
+    needs
+        Variable without which the figure is silently omitted.
+    asked
+        Whether a user asked for it, and is told why it cannot be drawn.
+    """
+
+    name: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    caption: str = ""
+    needs: str = ""
+    asked: bool = False
+
+
+class TooLargeFigureError(EqtError):
+    """A figure that is too large for a page."""
+
+
+DEFAULT = (
+    Wanted(
+        "paper",
+        {"log": True},
+        "Means over runs of pose error, velocity error, torque and Lyapunov function L, as in "
+        "Figure 3 of the paper; errors and L on logarithmic axes.",
+    ),
+    Wanted("torque"),
+    Wanted("commands", needs="command"),
+    Wanted(
+        "commands",
+        {"thrusters": True},
+        "The thrust of each thruster in run 0; what is beyond its limits is shaded.",
+        needs="thrust",
+    ),
+    Wanted(
+        "commands",
+        {"wheels": True},
+        "The momentum of each wheel in run 0; what is at its limit is shaded.",
+        needs="wheel_momentum",
+    ),
+    Wanted("estimate", needs="estimated_pose"),
+    Wanted("distributions"),
+    Wanted("phase", {"runs": 10}),
+    Wanted("certificates"),
+)
+"""Default figures of a report on an experiment."""
+
+_BY_EFFORT = {"metric": "effort"}, "The same for the effort, the integral of the torque squared."
+
+SWEPT = (
+    Wanted("sweep"),
+    Wanted("sweep", *_BY_EFFORT),
+    Wanted("pareto"),
+    Wanted("envelope", needs="settled"),
+)
+"""Default figures of a report on a sweep."""
+
+CASES = (Wanted("forest"), Wanted("forest", *_BY_EFFORT), Wanted("pareto"))
+"""Default figures of a report on two laws in cases."""
+
+COMPARED = Wanted(
+    "winners",
+    {},
+    "Which law has the better mean pose error at each point, and by how many per cent; white: "
+    "undecided. All tests of the map are counted.",
+)
+"""Further default figure of a sweep with several laws over one or two keys."""
+
+FRONTS = (
+    Wanted(
+        "fronts",
+        {},
+        "Winners of the search by both objectives, means over held-out runs with 95 % intervals. "
+        "The line joins the Pareto front of these runs. Half-filled: the starting gains.",
+    ),
+)
+"""Default figure of a report on a search with two objectives."""
+
+
+def inline_figures(
+    result: Result, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
+) -> tuple[list[dict[str, str]], list[str]]:
+    """Return the figures that can be drawn of a result, and remarks on those that cannot.
+
+    A figure has a ``key``, its name in the page and the prefix of every identifier in it; ``svg``,
+    an element in the colours of the file; and a ``caption``.
+    """
+    drawn: list[dict[str, str]] = []
+    remarks: list[str] = []
+    refusals: list[str] = []
+    due = [figure for figure in wanted if _is_due(result, figure, certificates)]
+    with step(DRAWN, len(due)):
+        for figure in due:
+            try:
+                drawn.append(_draw(result, figure, f"figure{len(drawn) + 1}", certificates))
+            except EqtError as error:
+                reason = str(error).removeprefix(f"{result.path}: ")
+                # Some default figures of a sweep need other axes than it has.
+                optional = result.is_sweep and not isinstance(error, TooLargeFigureError)
+                (refusals if optional and not figure.asked else remarks).append(reason)
+            reporter().advance(1)
+    return drawn, remarks if drawn or remarks else refusals[:1]
+
+
+def _is_due(result: Result, wanted: Wanted, certificates: Sequence[Row]) -> bool:
+    """Return whether a figure exists and has data; that certificates are missing, the page says."""
+    if wanted.name not in figures.names() or (wanted.needs and not result.has(wanted.needs)):
+        return False
+    return bool(certificates) or not issubclass(figures.get(wanted.name), OfCertificates)
+
+
+def named(names: Sequence[str]) -> list[Wanted]:
+    """Return figures by name, with their default captions.
+
+    Raises
+    ------
+    ComponentError
+        If there is no such figure.
+    """
+    known = {
+        figure.name: replace(figure, needs="")
+        for figure in reversed((*DEFAULT, *SWEPT, *CASES, COMPARED, *FRONTS))
+    }
+    for name in names:
+        figures.get(name)
+    return [replace(known.get(name, Wanted(name)), asked=True) for name in names]
+
+
+def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> dict[str, str]:
+    figure = figure_from(wanted.name, wanted.options)
+    text = encode(figure.draw([result], "page", extras=Extras(certificates)), "svg")
+    caption = wanted.caption or description(type(figure))
+    svg = inlined(text, key, caption)
+    if len(svg) > LARGEST:
+        raise TooLargeFigureError(
+            f"figure '{wanted.name}' has too many curves for a page; "
+            f"`eqt plot {result.path.parent} --figure {wanted.name}` draws it"
+        )
+    return {"key": key, "svg": Markup(svg), "caption": caption}
+
+
+def inlined(svg: bytes, key: str, label: str) -> str:
+    """Convert an SVG file to an element of a page.
+
+    Identifiers become unique in the page, coordinates are rounded to a hundredth of a point, and a
+    label describes the figure.
+    """
+    root = ElementTree.fromstring(svg)
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag.endswith("}metadata"):
+                parent.remove(child)
+    for element in root.iter():
+        element.tag = element.tag.removeprefix(f"{{{_SVG}}}")
+        for name, value in list(element.attrib.items()):
+            del element.attrib[name]
+            element.attrib[name.removeprefix(f"{{{_XLINK}}}")] = _adapted(name, value, key)
+    for name in ("width", "height", "version"):
+        root.attrib.pop(name, None)
+    root.attrib |= {"role": "img", "aria-label": label}
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _adapted(name: str, value: str, key: str) -> str:
+    local = name.rpartition("}")[2]
+    if local == "id":
+        return f"{key}-{value}"
+    if local == "href" and value.startswith("#"):
+        return f"#{key}-{value[1:]}"
+    value = _REFERENCE.sub(rf"url(#{key}-\1)", value)
+    if local in ("d", "x", "y", "width", "height", "points"):
+        return _DECIMAL.sub(lambda match: f"{float(match[0]):.2f}", value)
+    return value
+
+
+# Report on a result as one HTML page that needs no network and no other file ----------------------
+
 
 RANKS = ("mean_pose_error", "early_torque")
 """Metrics by which the median run is animated; the first that is stored is used."""

@@ -10,22 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.intervals import shares
-from eqt_cli.analysis.text_tables import listed
+from eqt_cli.analysis.intervals import shares
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import ComponentError, EqtError
+from eqt_cli.base.option_types import option_names
+from eqt_cli.base.registry import summary
+from eqt_cli.base.reporting import listed
+from eqt_cli.components.laws import Member, controllers
+from eqt_cli.config.build import OF_EVERY_LAW
 from eqt_cli.config.schema import DEFAULT_ENGINE, SolverChecks
 from eqt_cli.config.source import source_of
-from eqt_cli.controllers import controllers
-from eqt_cli.controllers.family import Member
-from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import ComponentError, EqtError
-from eqt_cli.core.option_types import option_names
-from eqt_cli.core.registry import summary
-from eqt_cli.engines import engines
-from eqt_cli.experiment.build import OF_EVERY_LAW
-from eqt_cli.plots.drawing.style import house_style, line_style
-from eqt_cli.plots.shown.controllers import looks as looks_of
+from eqt_cli.engines.engine import engines
+from eqt_cli.figures.shown import looks as looks_of
+from eqt_cli.figures.style import house_style, line_style
+from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import FLOAT, ValuePer
-from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import Result, meaning_of
 
 MOST_ROWS = 8000

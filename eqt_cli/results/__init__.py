@@ -1,1 +1,1 @@
-"""The content of results: the table of quantities, and the class `Result` that all readers use."""
+"""Results: stored quantities, metrics, and the `Result` that all readers share."""

@@ -16,21 +16,20 @@ from typing import Any, Self
 import numpy as np
 from pydantic import BaseModel, Json, NonNegativeInt, TypeAdapter, ValidationError
 
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import ConfigError, EqtError, Problems, printable, suggestion
+from eqt_cli.base.option_types import fields_of
+from eqt_cli.base.store_reader import ResultFile
+from eqt_cli.base.store_writer import Attribute
+from eqt_cli.components.groups import MatrixLieGroup, group_named
+from eqt_cli.components.laws import controllers
+from eqt_cli.config.build import build
+from eqt_cli.config.experiment import Experiment, told_apart
 from eqt_cli.config.schema import Config
-from eqt_cli.config.signal_path import loop_in_words
-from eqt_cli.config.source import ConfigSource, source_of
+from eqt_cli.config.source import ConfigSource, loop_in_words, source_of
+from eqt_cli.config.study import config_at
+from eqt_cli.config.vehicle_section import SECTIONS, vehicle_from
 from eqt_cli.config.yaml_source import dump, load
-from eqt_cli.controllers import controllers
-from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import ConfigError, EqtError, Problems, printable, suggestion
-from eqt_cli.core.option_types import fields_of
-from eqt_cli.experiment.build import build
-from eqt_cli.experiment.experiment import Experiment, told_apart
-from eqt_cli.experiment.study import config_at
-from eqt_cli.experiment.vehicle import SECTIONS, vehicle_from
-from eqt_cli.groups import MatrixLieGroup, group_named
-from eqt_cli.store.reader import ResultFile
-from eqt_cli.store.writer import Attribute
 
 CROSS_CHECK = ("method", "runs", "difference", "bound")
 """Fields of a cross-check, each an attribute; a file has all of them or none."""

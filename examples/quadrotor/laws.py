@@ -10,8 +10,8 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from eqt_cli.controllers.cascade import Cascade
-from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
+from eqt_cli.components.cascade import Cascade
+from eqt_cli.components.classic_laws import Goodarzi2013
 from eqt_cli.extend import (
     Array,
     Controller,

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.certificates.base import Verdict
-from eqt_cli.analysis.certificates.vehicle import Consistent, WhiteInnovations
-from eqt_cli.config.signal_path import loop_in_words, signal_path
+from eqt_cli.analysis.certificates import Verdict
+from eqt_cli.analysis.run_checks import Consistent, WhiteInnovations
+from eqt_cli.config.source import loop_in_words, signal_path
 
 RUNS, SAMPLES, FREEDOM, COUNT = 20, 11, 6, 60
 
@@ -41,15 +41,11 @@ def test_a_consistent_filter_holds_although_its_errors_last():
     [
         (Consistent, "nees", lambda x: 2.5 * x, "NEES is 2.44 times its mean"),
         (Consistent, "nees", lambda x: 0.3 * x, "NEES is 0.292 times its mean"),
-        (
-            WhiteInnovations,
-            "innovation_square",
-            lambda x: 1.4 * x,
-            "mean square 1.39 of 1200 innovations",
-        ),
+        (WhiteInnovations, "innovation_square", lambda x: 1.4 * x, "mean square 1.39 of 1200 "
+         "innovations"),
         (WhiteInnovations, "innovation_correlation", lambda x: x + 0.2, "correlation 0.166"),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_is_told_with_its_number(check, signal, change, words):
     row = check().check(runs(**{signal: change}))
     assert (row.verdict, row.remark) == (Verdict.FAILS, words)

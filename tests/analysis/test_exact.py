@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eqt_cli.analysis.evidence.exact import (
+from eqt_cli.analysis.exact import (
     Exact,
     Ledger,
     NotRationalError,
@@ -15,11 +15,12 @@ from eqt_cli.analysis.evidence.exact import (
     free,
     inverse,
     noting,
+    rate_of,
+    with_rate,
 )
-from eqt_cli.analysis.evidence.numbers import rate_of, with_rate
-from eqt_cli.core import arrays
-from eqt_cli.core.arrays import FUNCTIONS, inverse_spd
-from eqt_cli.core.jets import slope
+from eqt_cli.base import arrays
+from eqt_cli.base.arrays import FUNCTIONS, inverse_spd
+from eqt_cli.numbers.jets import slope
 
 integers = st.integers(-50, 50)
 others = integers.filter(bool)

@@ -8,44 +8,44 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from small_loops import expressions
 
-from eqt_cli.analysis.certificates import Verdict, certificates
-from eqt_cli.analysis.certificates.base import Identity, LiteralForm
-from eqt_cli.analysis.certificates.duality_and_exponential import (
+from eqt_cli.analysis import sample as proof
+from eqt_cli.analysis.certificates import Identity, LiteralForm, Verdict, certificates
+from eqt_cli.analysis.exact import Ledger, difference, free, noting
+from eqt_cli.analysis.identities import (
+    CriticalPoints,
     Drift,
     DualBracket,
     Exponential,
-    LeftInvariance,
-)
-from eqt_cli.analysis.certificates.stabilisation import CriticalPoints
-from eqt_cli.analysis.certificates.tracking_laws import (
     FamilyForm,
     FeedforwardPower,
+    LeftInvariance,
     LyapunovRate,
     SmallErrors,
     bracket,
 )
-from eqt_cli.analysis.evidence import proof
-from eqt_cli.analysis.evidence.exact import Ledger, difference, free, noting
-from eqt_cli.analysis.evidence.proof import Proof, Refutation, prove, written
-from eqt_cli.analysis.evidence.sample import ExactStates, Parameters, sampled
-from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.controllers import controllers
-from eqt_cli.controllers.eqt import EqT
-from eqt_cli.controllers.family import Family
-from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
-from eqt_cli.controllers.sliding import Sliding
-from eqt_cli.core.arrays import dot, norm, sqrt
-from eqt_cli.core.expressions import parse
-from eqt_cli.groups import group_named
-from eqt_cli.groups.vector import VectorGroup
-from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInertia
-from eqt_cli.mechanics.semidirect import Semidirect
-from eqt_cli.mechanics.tracking import Gains, Tracking
-from eqt_cli.references.constant import ConstantReference
-from eqt_cli.references.torque import TorqueReference
-from eqt_cli.vehicle import Vehicle
-from eqt_cli.vehicle.forces.drag import Drag
+from eqt_cli.analysis.sample import (
+    ExactStates,
+    Parameters,
+    Proof,
+    Refutation,
+    prove,
+    sampled,
+    written,
+)
+from eqt_cli.base.arrays import dot, norm, sqrt
+from eqt_cli.base.expressions import parse
+from eqt_cli.components.classic_laws import Goodarzi2013, Sliding
+from eqt_cli.components.forces import Drag
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import FactoredInertia, Inertia, PrescribedInertia
+from eqt_cli.components.laws import EqT, Family, controllers
+from eqt_cli.components.matrix_groups import VectorGroup
+from eqt_cli.components.mechanics import Gains, Semidirect, Tracking
+from eqt_cli.components.references import ConstantReference, TorqueReference
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.loop.closed_loop import ClosedLoop
 
 LAWS = [kind.name for kind in controllers.all() if kind.tasks]
 """Formulas; code of a user's own is none."""
@@ -82,7 +82,7 @@ def factored(m):
 
 def prescribed(m):
     J = [[f"{i + 2} + sin(t)/5" if i == j else "t/50" for j in range(m)] for i in range(m)]
-    return PrescribedInertia(tuple(tuple(map(parse, row)) for row in J))
+    return PrescribedInertia(expressions(J))
 
 
 def states(loop, seed=0):
@@ -168,7 +168,7 @@ def test_tanh_is_a_parameter():
     found = row(LyapunovRate(), loop)
     assert found.verdict is Verdict.HOLDS
     assert re.fullmatch(
-        r"the absolute value of a state is not rational, at goodarzi2013\.py:\d+: "
+        r"the absolute value of a state is not rational, at classic_laws\.py:\d+: "
         r"size = absolute\(integral / self\.bound\)",
         found.not_proved,
     )

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.comparison.compare import compare
-from eqt_cli.analysis.comparison.tables import findings
+from eqt_cli.analysis.compare import compare
+from eqt_cli.analysis.comparison_tables import findings
 
 TITLES = {"eqt": "EqT", "gt": "GT", "nog": "nog", "asym": "asym", "a": "A", "b": "B"}
 

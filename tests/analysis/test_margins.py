@@ -8,16 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import eqt_cli
 from eqt_cli.analysis import margins as searched
 from eqt_cli.analysis.margins import LARGEST_FACTOR, CutLoop, LawMargins, delay_margin, delayed
-from eqt_cli.closed_loop.linearised import Linearised, linearised
-from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import ConfigError
-from eqt_cli.engines import Problem
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import ConfigError
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.loop.linearised import Linearised, linearised
 
 WHEEL = {
     "group": "SO2",
@@ -34,22 +35,19 @@ CROSSOVER = np.sqrt(np.roots([J**2, -(DAMPING**2), -(STIFFNESS**2)]).max())
 MARGIN = np.arctan2(DAMPING * CROSSOVER, STIFFNESS) / CROSSOVER
 """|2 + 0.8iω| = 0.4ω²; the phase of (2 + 0.8iω) / (0.4ω²), over ω."""
 
-LATE = {
-    "group": "SO3",
-    "inertia": [2.0, 1.0, 3.0],
-    "gains": {"kp": 0.05, "kd": 0.5},
-    "reference": {"kind": "constant", "pose": {"rotvec": [0.4, -0.2, 0.7]}},
-    "controllers": ["eqt"],
-    "actuators": [{"kind": "limit", "limit": 5.0}, {"kind": "lag", "time_constant": 0.2}],
-    "control": {"period": 0.5, "delay": 1},
-    "initial": {
-        "pose": {"kind": "exp_normal", "std": 1e-5},
-        "velocity": {"kind": "normal", "std": 1e-5},
-    },
-    "ensemble": {"runs": 6, "seed": 3},
-    "time": {"duration": 8.0, "samples": 17},
-    "solver": {"rtol": 1e-9, "atol": 1e-14, "cross_check": 0},
-}
+LATE = yaml.safe_load("""
+group: SO3
+inertia: [2.0, 1.0, 3.0]
+gains: {kp: 0.05, kd: 0.5}
+reference: {kind: constant, pose: {rotvec: [0.4, -0.2, 0.7]}}
+controllers: [eqt]
+actuators: [{kind: limit, limit: 5.0}, {kind: lag, time_constant: 0.2}]
+control: {period: 0.5, delay: 1}
+initial: {pose: {kind: exp_normal, std: 1.0e-5}, velocity: {kind: normal, std: 1.0e-5}}
+ensemble: {runs: 6, seed: 3}
+time: {duration: 8.0, samples: 17}
+solver: {rtol: 1.0e-9, atol: 1.0e-14, cross_check: 0}
+""")
 
 
 def of(config: Mapping[str, Any], **changes: Any) -> LawMargins:
@@ -530,21 +528,13 @@ def test_a_fast_lag_does_not_hide_a_slow_rate(kd: float, lags: list[float], stab
     ("more", "indicative"),
     [
         ({"actuators": [{"kind": "limit", "limit": 5.0}]}, True),
-        pytest.param(
-            {"sensors": {"pose": [{"kind": "noise", "std": 0.1, "dropout": 0.1}]}},
-            True,
-            marks=pytest.mark.slow("another part"),
-        ),
+        pytest.param({"sensors": {"pose": [{"kind": "noise", "std": 0.1, "dropout": 0.1}]}}, True,
+            marks=pytest.mark.slow("another part")),
         ({"sensors": {"pose": [{"kind": "noise", "std": 0.1}]}}, False),
-        (
-            {
-                "sensors": {"pose": [{"kind": "noise", "std": 0.1}]},
-                "estimator": {"kind": "complementary", "kp": 0.7, "ki": 0.2},
-            },
-            False,
-        ),
+        ({"sensors": {"pose": [{"kind": "noise", "std": 0.1}]},
+         "estimator": {"kind": "complementary", "kp": 0.7, "ki": 0.2}}, False),
     ],
-)
+)  # fmt: skip
 def test_what_is_left_out_makes_a_verdict_indicative(more: Any, indicative: bool) -> None:
     assert of({**WHEEL, "control": {"period": 0.1}, **more}).is_indicative is indicative
 

@@ -4,10 +4,10 @@ import mpmath
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.evidence.program_error import DOUBLE, FLOAT, bounded
-from eqt_cli.core.arrays import less, sqrt, where
-from eqt_cli.program import Constant, Input, traced
-from eqt_cli.program.decimals import evaluated
+from eqt_cli.base.arrays import less, sqrt, where
+from eqt_cli.extensions.firmware.program_error import DOUBLE, FLOAT, bounded
+from eqt_cli.numbers.program import Constant, Input, evaluated
+from eqt_cli.numbers.symbols import traced
 
 NUMPY = {
     "negative": np.negative,

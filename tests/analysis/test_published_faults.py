@@ -8,22 +8,16 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from small_loops import closed_loop
 
 from eqt_cli.analysis.certificates import Verdict, identity_rows
-from eqt_cli.analysis.evidence.sample import sampled
-from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.controllers import controllers
-from eqt_cli.controllers.eqt import EqT
-from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
-from eqt_cli.controllers.lee2010 import Lee2010
-from eqt_cli.controllers.lee2012 import Lee2012
-from eqt_cli.controllers.logarithmic import Logarithmic
-from eqt_cli.core.arrays import apply_matrix
-from eqt_cli.groups import group_named
-from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.mechanics.tracking import Gains
-from eqt_cli.references.torque import TorqueReference
+from eqt_cli.analysis.sample import sampled
+from eqt_cli.base.arrays import apply_matrix
+from eqt_cli.components.classic_laws import Goodarzi2013, Logarithmic
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.laws import Lee2010, Lee2012, controllers
 
+SO3 = group_named("SO3")
 SMALL = "stiffness and damping of small errors"
 RATE = "rate of L"
 
@@ -91,27 +85,12 @@ FAULTS = {
 }
 
 
-def closed_loop(law):
-    random = np.random.default_rng(3)
-
-    def positive_definite():
-        A = random.uniform(-1.0, 1.0, (3, 3)) / np.sqrt(3)
-        return A @ A.T + np.eye(3) / 2
-
-    inertia = positive_definite()
-    return ClosedLoop(
-        group=group_named("SO3"),
-        inertia=Inertia(inertia, np.linalg.inv(inertia)),
-        gains=Gains(positive_definite(), positive_definite()),
-        reference=TorqueReference(["0.3 + sin(t)"] * 3),
-        controller=law,
-    )
-
-
 def red_rows(laws):
     random = np.random.default_rng(0)
-    common = sampled("", closed_loop(EqT()), 5.0, random)
-    rows = identity_rows(common, [sampled(law.name, closed_loop(law), 5.0, random) for law in laws])
+    common = sampled("", closed_loop(SO3), 5.0, random)
+    rows = identity_rows(
+        common, [sampled(law.name, closed_loop(SO3, law), 5.0, random) for law in laws]
+    )
     return {(row.name, row.controller) for row in rows if row.verdict is Verdict.FAILS}
 
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eqt_cli.analysis.evidence.numbers import Bounded, discrepancy, lifted, rate_of, value_of
-from eqt_cli.core import arrays
-from eqt_cli.core.arrays import FUNCTIONS, frobenius, inverse_spd, maximum, norm
-from eqt_cli.core.expressions import parse
+from eqt_cli.analysis.exact import Bounded, discrepancy, lifted, rate_of, value_of
+from eqt_cli.base import arrays
+from eqt_cli.base.arrays import FUNCTIONS, frobenius, inverse_spd, maximum, norm
+from eqt_cli.base.expressions import parse
 
 # Exact sums and products of such numbers neither overflow nor underflow.
 # The bounds are sums of rounded terms, and so true to their own last digits.

@@ -6,20 +6,19 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.certificates import Runs, Verdict
-from eqt_cli.analysis.certificates.vehicle import (
+from eqt_cli.analysis.certificates import Runs, VehicleRuns, Verdict
+from eqt_cli.analysis.run_checks import (
     MomentumBalance,
     NoiseCovariance,
     _off_identity,
     window_times,
 )
-from eqt_cli.analysis.evidence.runs import VehicleRuns
+from eqt_cli.components.sensors import Noise
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle_parts import RelativeInertia
+from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
-from eqt_cli.execution.batches import batches
-from eqt_cli.experiment.read_study import study
-from eqt_cli.vehicle import Vehicle
-from eqt_cli.vehicle.inertia import RelativeInertia
-from eqt_cli.vehicle.sensors.noise import Noise
+from eqt_cli.runs.batches import batches
 
 ROWS = "[[2 + sin(t), 0, 0.1], [0, 3, 0], [0.1, 0, 4 + 0.5*t]]"
 CONFIG = f"""group: SO3

@@ -1,65 +1,46 @@
 """The command line as users call it, within this process and in one of its own."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from typing import NamedTuple
+from collections import namedtuple
 
 import pytest
 from small_experiment import configuration
 
-
-class Done(NamedTuple):
-    """How a command ended."""
-
-    code: int
-    out: str
-    err: str
-
-
-Eqt = Callable[..., Done]
+Done = namedtuple("Done", "code out err")
+"""How a command ended."""
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(folder, monkeypatch):
     """The current folder, with a small configuration in it."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "c.yaml").write_text(configuration(), encoding="utf-8")
-    return tmp_path
+    (folder / "c.yaml").write_text(configuration(), encoding="utf-8")
+    return folder
 
 
 @pytest.fixture
-def untimed(monkeypatch: pytest.MonkeyPatch) -> None:
+def untimed(monkeypatch):
     """Dry runs that time nothing: every run takes 0.1 s."""
-    monkeypatch.setattr("eqt_cli.execution.cost._time_per_run", lambda *_: 0.1)
+    monkeypatch.setattr("eqt_cli.runs.cost._time_per_run", lambda *_: 0.1)
 
 
 @pytest.fixture(scope="session")
-def _kept() -> dict[tuple[str, ...], tuple[Done, Path]]:
+def _kept():
     """How a command ended and a copy of its folder."""
     return {}
 
 
 @pytest.fixture
-def eqt(
-    eqt: Eqt,
-    folder: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    _kept: dict[tuple[str, ...], tuple[Done, Path]],
-) -> Eqt:
+def eqt(eqt, folder, tmp_path_factory, _kept):
     """Calls the command within this process.
 
     What `run` or `sweep` makes with ``--quiet`` in the untouched folder is computed once.
     """
 
-    def call(*arguments: object) -> Done:
+    def call(*arguments):
         words = tuple(map(str, arguments))
         makes = words[:1] in (("run",), ("sweep",)) and words[1:2] == ("c.yaml",)
         makes = makes and bool({"-q", "--quiet"} & set(words))
@@ -80,10 +61,17 @@ def eqt(
 
 
 @pytest.fixture
-def process() -> Eqt:
+def result(eqt):
+    """A result of the small configuration, in this folder."""
+    eqt("run", "c.yaml", "--out", "out", "--quiet")
+    return "out"
+
+
+@pytest.fixture
+def process():
     """Calls the command in a process of its own."""
 
-    def call(*arguments: object, **environment: str) -> Done:
+    def call(*arguments, **environment):
         done = subprocess.run(
             [sys.executable, "-m", "eqt_cli", *map(str, arguments)],
             capture_output=True,

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from said import said_of
 
-from eqt_cli.report import report
+from eqt_cli.report.document import report
 from eqt_cli.results.result import open_result
 
 BREAKS = Path(__file__).parents[2] / "configs" / "satellite_breaks.yaml"
@@ -186,14 +187,11 @@ def test_units_of_a_user(invoke, paper_result):
 
 @pytest.mark.parametrize(
     ("wish", "message"),
-    [
-        ("foo", "unit 'foo': unknown; write for example mN m, deg/s or arcsec"),
-        ("efort=mN m", "unit of 'efort': no such quantity; did you mean 'effort'?"),
-        (
-            "mean_torque=deg",
-            "unit of 'mean_torque': expected a torque in N m, mN m or uN m, got 'deg'",
-        ),
-    ],
+    said_of("""
+foo → unit 'foo': unknown; write for example mN m, deg/s or arcsec
+efort=mN m → unit of 'efort': no such quantity; did you mean 'effort'?
+mean_torque=deg → unit of 'mean_torque': expected a torque in N m, mN m or uN m, got 'deg'
+""").items(),
 )
 def test_a_unit_that_fits_nothing_is_a_message(invoke, paper_result, wish, message):
     assert invoke("compare", paper_result, "--unit", wish, code=2).stderr == f"eqt: {message}\n"

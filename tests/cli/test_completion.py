@@ -1,33 +1,25 @@
 """What a shell completes at Tab."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
+from slow_cases import mostly_slow
 
-from eqt_cli.cli.shared import completion
-from eqt_cli.cli.shared.result_tables import FORMATS
+from eqt_cli.base.option_types import option_names
+from eqt_cli.base.registry import KINDS, registry, summary
+from eqt_cli.cli import completion
+from eqt_cli.cli.result_tables import FORMATS
 from eqt_cli.config import shipped
-from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.config.json_schema import json_schema, keys_of
-from eqt_cli.core.option_types import option_names
-from eqt_cli.core.registry import summary
-from eqt_cli.engines import engines
-from eqt_cli.plots.figures import figures
-from eqt_cli.plots.render import FORMATS as PICTURES
-
-Eqt = Callable[..., Any]
-Complete = Callable[[str], list[str]]
+from eqt_cli.engines.engine import engines
+from eqt_cli.figures.figure import figures
+from eqt_cli.figures.render import FORMATS as PICTURES
 
 
 @pytest.fixture(autouse=True)
-def caches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def caches(tmp_path, monkeypatch):
     """The folder of this user's caches: an empty one."""
     folder = tmp_path / "caches"
     folder.mkdir()
@@ -38,16 +30,16 @@ def caches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 @pytest.fixture
-def complete(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> Complete:
+def complete(eqt, monkeypatch):
     """What bash is offered for the last word of a line."""
 
-    def offered(line: str) -> list[str]:
+    def offered(line):
         monkeypatch.setenv("_EQT_COMPLETE", "complete_bash")
         monkeypatch.setenv("COMP_WORDS", line)
         monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
         done = eqt()
         assert done.err == ""
-        found: list[str] = done.out.split()
+        found = done.out.split()
         return found
 
     return offered
@@ -74,11 +66,11 @@ def complete(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> Complete:
         ("eqt run no", []),  # the shell then completes file names
     ],
 )
-def test_names_and_keys(complete: Complete, line: str, expected: list[str]) -> None:
+def test_names_and_keys(complete, line, expected):
     assert complete(line) == expected
 
 
-def test_the_keys_of_the_given_configuration(complete: Complete, folder: Path) -> None:
+def test_the_keys_of_the_given_configuration(complete, folder):
     text = (folder / "c.yaml").read_text(encoding="utf-8")
     laws = "controllers: [eqt, {kind: gt, label: other}]"
     (folder / "c.yaml").write_text(text.replace("controllers: [eqt, gt]", laws), encoding="utf-8")
@@ -86,46 +78,38 @@ def test_the_keys_of_the_given_configuration(complete: Complete, folder: Path) -
 
 
 @pytest.mark.parametrize("text", ["a: [", "\xff", "- 1"])
-def test_a_broken_configuration_does_not_disturb(
-    complete: Complete, folder: Path, text: str
-) -> None:
+def test_a_broken_configuration_does_not_disturb(complete, folder, text):
     (folder / "c.yaml").write_bytes(text.encode("latin-1"))
     assert complete("eqt run c.yaml --set gains.kp") == ["gains.kp="]
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        pytest.param(kind, marks=[pytest.mark.slow("one of many registries")] * (k > 2))
-        for k, kind in enumerate(KINDS)
-    ],
-)
-def test_the_names_are_those_of_the_registry(kind: str) -> None:
+@mostly_slow("kind", KINDS, list(KINDS)[:3], "one of many registries")
+def test_the_names_are_those_of_the_registry(kind):
     expected = {component.name: summary(component) for component in registry(kind).all()}
     assert dict(completion.names(kind)("")) == expected
 
 
-def test_the_keys_are_those_of_the_schema() -> None:
+def test_the_keys_are_those_of_the_schema():
     assert dict(completion.keys("")) == {each.key: each.meaning for each in keys_of(json_schema())}
 
 
-def test_the_options_are_those_of_the_figures(complete: Complete) -> None:
+def test_the_options_are_those_of_the_figures(complete):
     for figure in figures.all():
         offered = complete(f"eqt plot out --figure {figure.name} --option ")
         assert offered == [f"{name}=" for name in option_names(figure)]
 
 
-def test_words_are_what_is_accepted(complete: Complete) -> None:
+def test_words_are_what_is_accepted(complete):
     assert complete("eqt show out --format ") == list(FORMATS)
     assert complete("eqt plot out --format ") == [*PICTURES, "json"]
     assert complete("eqt list ") == [*KINDS, "devices", "configs"]
     assert complete("eqt config new --from ") == shipped.names()
 
 
-def test_nothing_heavy_is_loaded_a_second_time(caches: Path) -> None:
+def test_nothing_heavy_is_loaded_a_second_time(caches):
     completion._known()
     code = (
-        "import sys\nfrom eqt_cli.cli.shared import completion\n"
+        "import sys\nfrom eqt_cli.cli import completion\n"
         "assert completion.keys('') and completion.names('figures')('')\n"
         "print([m for m in ('numpy', 'pydantic', 'h5py', 'matplotlib') if m in sys.modules])\n"
     )
@@ -136,7 +120,7 @@ def test_nothing_heavy_is_loaded_a_second_time(caches: Path) -> None:
 
 
 @pytest.mark.parametrize("kept", ["[1]", '{"state": 0}'])
-def test_what_was_kept_of_another_state_is_found_anew(caches: Path, kept: str) -> None:
+def test_what_was_kept_of_another_state_is_found_anew(caches, kept):
     path = caches / "eqt" / "completion.json"
     path.parent.mkdir()
     path.write_text(kept, encoding="utf-8")
@@ -144,6 +128,6 @@ def test_what_was_kept_of_another_state_is_found_anew(caches: Path, kept: str) -
     assert json.loads(path.read_text(encoding="utf-8"))["state"] == completion._state()
 
 
-def test_a_place_that_cannot_be_written_does_not_disturb(caches: Path) -> None:
+def test_a_place_that_cannot_be_written_does_not_disturb(caches):
     (caches / "eqt").write_text("", encoding="utf-8")
     assert completion.names("engines")("s")

@@ -1,25 +1,20 @@
 """`eqt config`: write, check and describe configurations."""
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from slow_cases import mostly_slow
 
-from eqt_cli.cli.shared import options
+from eqt_cli.cli import options
 from eqt_cli.config import shipped
 from eqt_cli.config.json_schema import json_schema
-
-Eqt = Callable[..., Any]
 
 # new --------------------------------------------------------------------------------------------
 
 
-def test_new_writes_a_shipped_configuration(eqt: Eqt) -> None:
+def test_new_writes_a_shipped_configuration(eqt):
     done = eqt("config", "new")
     assert (done.code, done.out, done.err) == (0, "paper.yaml\n", "next: eqt run paper.yaml\n")
     assert Path("paper.yaml").read_text(encoding="utf-8") == shipped.text("paper")
@@ -29,19 +24,13 @@ FAST = ("paper", "se2_vehicle", "satellite_panels")
 """test_resolved.py reads all of them."""
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow("builds every one")] * (name not in FAST))
-        for name in shipped.names()
-    ],
-)
-def test_every_shipped_configuration_is_fine(eqt: Eqt, name: str) -> None:
+@mostly_slow("name", shipped.names(), FAST, "builds every one")
+def test_every_shipped_configuration_is_fine(eqt, name):
     assert eqt("config", "new", "mine.yaml", "--from", name).out == "mine.yaml\n"
     assert eqt("config", "check", "mine.yaml").code == 0
 
 
-def test_new_to_stdout(eqt: Eqt, folder: Path) -> None:
+def test_new_to_stdout(eqt, folder):
     done = eqt("config", "new", "-")
     assert (done.code, done.out, done.err) == (0, shipped.text("paper"), "")
     assert not (folder / "paper.yaml").exists()
@@ -59,24 +48,23 @@ def test_new_to_stdout(eqt: Eqt, folder: Path) -> None:
         ),
     ],
 )
-def test_new_refuses(eqt: Eqt, folder: Path, arguments: list[str], said: str) -> None:
+def test_new_refuses(refused, folder, arguments, said):
     before = (folder / "c.yaml").read_bytes()
-    done = eqt("config", "new", *arguments)
-    assert (done.code, done.out, done.err) == (2, "", said)
+    assert refused("config", "new", *arguments) == said
     assert (folder / "c.yaml").read_bytes() == before
 
 
 # check ------------------------------------------------------------------------------------------
 
 
-def test_check_says_what_would_run(eqt: Eqt, folder: Path) -> None:
+def test_check_says_what_would_run(eqt, folder):
     done = eqt("config", "check", "c.yaml")
     assert (done.code, done.err) == (0, "c.yaml: valid\n")
     assert done.out == "c: SO3, 2 controllers × 3 runs, 1 s, engine solve_ivp\n"
     assert not (folder / "results").exists()
 
 
-def test_check_reports_everything(eqt: Eqt) -> None:
+def test_check_reports_everything(eqt):
     Path("c.yaml").write_text("gian: 1\ntime: {duration: -1}\n", encoding="utf-8")
     done = eqt("config", "check", "c.yaml")
     assert done.code == 2
@@ -88,23 +76,22 @@ def test_check_reports_everything(eqt: Eqt) -> None:
     assert places[-1] == ("c.yaml:2:8", "time.duration")
 
 
-def test_check_refuses_what_a_run_would_for_its_size(eqt: Eqt) -> None:
+def test_check_refuses_what_a_run_would_for_its_size(eqt, refused):
     """A hundred million runs of 10⁷ samples; a run says the same, and nothing else."""
     size = ["--set", "ensemble.runs=100000000", "--set", "time.samples=10000000"]
-    done = eqt("config", "check", "c.yaml", *size)
-    assert done.code == 2
-    assert "time.samples: a part of the runs takes at least " in done.err
-    assert eqt("run", "c.yaml", *size).err == done.err
+    said = refused("config", "check", "c.yaml", *size)
+    assert "time.samples: a part of the runs takes at least " in said
+    assert eqt("run", "c.yaml", *size).err == said
 
 
-def test_the_resolved_configuration_is_fine_and_resolved(eqt: Eqt) -> None:
+def test_the_resolved_configuration_is_fine_and_resolved(eqt):
     once = eqt("config", "check", "c.yaml", "--resolved").out
     Path("c.yaml").write_text(once, encoding="utf-8")
     assert eqt("config", "check", "c.yaml", "--resolved").out == once
     assert "method: DOP853\n" in once
 
 
-def test_check_as_json(eqt: Eqt) -> None:
+def test_check_as_json(eqt):
     done = eqt("config", "check", "c.yaml", "--json")
     assert (done.code, done.err) == (0, "")
     assert json.loads(done.out) == {
@@ -121,7 +108,7 @@ def test_check_as_json(eqt: Eqt) -> None:
     }
 
 
-def test_check_reports_everything_as_json(eqt: Eqt) -> None:
+def test_check_reports_everything_as_json(eqt):
     done = eqt("config", "check", "c.yaml", "--json", "--set", "time.samples=1")
     assert (done.code, done.err) == (2, "")
     assert json.loads(done.out) == {
@@ -137,21 +124,20 @@ def test_check_reports_everything_as_json(eqt: Eqt) -> None:
     }
 
 
-def test_the_resolved_configuration_as_json(eqt: Eqt) -> None:
+def test_the_resolved_configuration_as_json(eqt):
     document = json.loads(eqt("config", "check", "c.yaml", "--resolved", "--json").out)
     assert document["time"] == {"duration": 1.0, "samples": 11}
 
 
-def test_check_of_a_result(eqt: Eqt) -> None:
-    eqt("run", "c.yaml", "--out", "out", "--quiet")
-    done = eqt("config", "check", "out", "--resolved")
+def test_check_of_a_result(eqt, result):
+    done = eqt("config", "check", result, "--resolved")
     assert done.out == Path("out/config.yaml").read_text(encoding="utf-8")
 
 
 # schema -----------------------------------------------------------------------------------------
 
 
-def test_schema_is_one_document(eqt: Eqt) -> None:
+def test_schema_is_one_document(eqt):
     done = eqt("config", "schema")
     assert (done.code, done.err) == (0, "")
     assert json.loads(done.out) == json_schema()
@@ -160,7 +146,7 @@ def test_schema_is_one_document(eqt: Eqt) -> None:
 # Keys -------------------------------------------------------------------------------------------
 
 
-def test_keys_of_a_section(eqt: Eqt) -> None:
+def test_keys_of_a_section(eqt):
     done = eqt("config", "keys", "time")
     assert (done.code, done.err) == (0, "")
     header, _, *rows = done.out.splitlines()
@@ -172,7 +158,7 @@ def test_keys_of_a_section(eqt: Eqt) -> None:
     ]
 
 
-def test_a_key_of_any_controller(eqt: Eqt) -> None:
+def test_a_key_of_any_controller(eqt):
     [found] = json.loads(eqt("config", "keys", "controllers[3].gyroscopic", "--json").out)
     assert found == {
         "key": "controllers[0].gyroscopic",
@@ -182,7 +168,7 @@ def test_a_key_of_any_controller(eqt: Eqt) -> None:
     }
 
 
-def test_every_key_has_a_meaning_and_all_engines_theirs(eqt: Eqt) -> None:
+def test_every_key_has_a_meaning_and_all_engines_theirs(eqt):
     found = {each["key"]: each for each in json.loads(eqt("config", "keys", "--json").out)}
     assert [key for key, each in found.items() if not each["meaning"]] == []
     assert found["solver.block"]["meaning"].startswith("solve_ivp: Runs per call of solve_ivp. ")
@@ -200,19 +186,19 @@ def test_every_key_has_a_meaning_and_all_engines_theirs(eqt: Eqt) -> None:
         ("xyzzy", "; known are: name, task, group, "),
     ],
 )
-def test_no_such_key(eqt: Eqt, key: str, hint: str) -> None:
-    done = eqt("config", "keys", key)
-    assert (done.code, done.out) == (2, "")
-    assert done.err.startswith(f"eqt: no key '{key}' in a configuration{hint}")
+def test_no_such_key(refused, key, hint):
+    assert refused("config", "keys", key).startswith(
+        f"eqt: no key '{key}' in a configuration{hint}"
+    )
 
 
-def test_new_makes_the_folder_and_can_be_quiet(eqt: Eqt, folder: Path) -> None:
+def test_new_makes_the_folder_and_can_be_quiet(eqt, folder):
     done = eqt("config", "new", "deep/er/mine.yaml", "-q")
     assert (done.code, done.out, done.err) == (0, "", "")
     assert Path("deep/er/mine.yaml").is_file()
 
 
-def test_errors_are_a_document_with_json(eqt: Eqt) -> None:
+def test_errors_are_a_document_with_json(eqt):
     done = eqt("run", "c.yaml", "--json", "--set", "gains.kq=2")
     assert done.code == 2
     document = json.loads(done.out)

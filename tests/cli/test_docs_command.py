@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from eqt_cli.cli import listing
+from eqt_cli.cli import lookup as listing
 
 
 @pytest.fixture

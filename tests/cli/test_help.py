@@ -4,16 +4,12 @@ The layout is that of the version of typer named in help/VERSION, and compared w
 `python tests/cli/test_help.py` writes the texts anew. What the texts say is checked with any.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import pytest
 import typer.main
@@ -24,10 +20,10 @@ SNAPSHOTS = Path(__file__).parent / "help"
 VERSION = (SNAPSHOTS / "VERSION").read_text(encoding="utf-8").strip()
 
 
-def commands() -> Iterator[tuple[str, Any]]:
+def commands():
     """Every command by its words: ``""`` for eqt itself, ``config new``."""
 
-    def below(words: str, command: Any) -> Iterator[tuple[str, Any]]:
+    def below(words, command):
         yield words, command
         for name, inner in getattr(command, "commands", {}).items():
             yield from below(f"{words} {name}".strip(), inner)
@@ -39,37 +35,35 @@ COMMANDS = dict(commands())
 
 
 @pytest.fixture(autouse=True)
-def wide(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def wide(folder, monkeypatch):
     """The width of the kept texts."""
     monkeypatch.setenv("COLUMNS", "100")
 
 
-def snapshot(words: str) -> Path:
+def snapshot(words):
     return SNAPSHOTS / ("_".join(["eqt", *words.split()]) + ".txt")
 
 
-def as_kept(text: str) -> str:
+def as_kept(text):
     return "\n".join(line.rstrip() for line in text.strip("\n").splitlines()) + "\n"
 
 
 @pytest.mark.skipif(version("typer") != VERSION, reason=f"the texts are of typer {VERSION}")
 @pytest.mark.parametrize("words", COMMANDS)
-def test_help_is_as_kept(eqt: Callable[..., Any], words: str) -> None:
+def test_help_is_as_kept(eqt, words):
     done = eqt(*words.split(), "--help")
     assert (done.code, done.err) == (0, "")
     assert as_kept(done.out) == snapshot(words).read_text(encoding="utf-8")
 
 
-def test_there_is_a_text_for_every_command() -> None:
+def test_there_is_a_text_for_every_command():
     assert {path.name for path in SNAPSHOTS.glob("*.txt")} == {
         snapshot(words).name for words in COMMANDS
     }
 
 
 @pytest.mark.parametrize("words", COMMANDS)
-def test_help_names_and_explains_every_argument_and_option(
-    eqt: Callable[..., Any], words: str
-) -> None:
+def test_help_names_and_explains_every_argument_and_option(eqt, words):
     done = eqt(*words.split(), "--help")
     assert (done.code, done.err) == (0, "")
     shown = " ".join(done.out.replace("│", " ").split())
@@ -87,14 +81,14 @@ def test_help_names_and_explains_every_argument_and_option(
 
 
 @pytest.mark.parametrize("words", COMMANDS)
-def test_help_ends_with_an_example_that_parses(words: str) -> None:
+def test_help_ends_with_an_example_that_parses(words):
     start, arguments = f"Example: eqt {words}".strip(), COMMANDS[words].epilog
     assert arguments.startswith(f"{start} ")
     given = arguments.removeprefix(start).partition(">")[0].split()
     COMMANDS[words].make_context(words, given)  # which refuses what is no option of it
 
 
-def test_help_is_short_for_minus_h(eqt: Callable[..., Any]) -> None:
+def test_help_is_short_for_minus_h(eqt):
     assert eqt("run", "-h") == eqt("run", "--help")
 
 

@@ -1,15 +1,9 @@
 """`eqt margins`, and what `eqt config check` says of loops that are unstable."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
-
-Eqt = Callable[..., Any]
+from plugin_sources import component
 
 LATE = """\
 group: SO3
@@ -27,43 +21,23 @@ sensors: {velocity: [{kind: noise, std: 0.001, period: 1.0}]}
 ensemble: {runs: 2}
 time: {duration: 5, samples: 11}
 """
-REVERSED = """\
-from dataclasses import dataclass
-from typing import ClassVar
-from eqt_cli.controllers.eqt import EqT
-
-@dataclass(frozen=True)
-class Reversed(EqT):
-    name: ClassVar[str] = "reversed"
-
+REVERSED = component("""
+reversed(eqt_cli.components.laws.EqT):
     def torque(self, s):
         return super().torque(s) + 2 * s.G.Ad_star(s.Qd, s.gradient)
-"""
-JUMPS = """\
-from dataclasses import dataclass
-from typing import ClassVar
-from eqt_cli.controllers.eqt import EqT
-from eqt_cli.core.arrays import less, where
-
-@dataclass(frozen=True)
-class Jumps(EqT):
-    name: ClassVar[str] = "jumps"
-
+""")
+JUMPS = component("""
+from eqt_cli.base.arrays import less, where
+jumps(eqt_cli.components.laws.EqT):
     def torque(self, s):
         return super().torque(s) - where(less(s.V_tilde, 0 * s.P), -0.1, 0.1)
-"""
-BRANCHES = """\
-from dataclasses import dataclass
-from typing import ClassVar
-from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
-
-@dataclass(frozen=True)
-class Branches(Goodarzi2013):
-    name: ClassVar[str] = "branches"
-
+""")
+BRANCHES = component("""
+branches(eqt_cli.components.classic_laws.Goodarzi2013):
     def memory_rate(self, s):
         return super().memory_rate(s) if s.t < 1 else {"integral": 0 * s.P}
-"""
+""")
+AT_REST = ("--set", "reference={kind: constant}", "--set", "controllers=[eqt]")
 NOTES = """\
 
 delay margin: further delay of the command with which the loop is still stable
@@ -71,13 +45,13 @@ kp, kd, both: factors of these gains with which the loop is stable; any: at leas
 """
 
 
-def table(out: str) -> list[list[str]]:
+def table(out):
     """The cells of what is printed as a table."""
     lines = out.split("\n\n")[0].splitlines()
     return [line.split() for line in (lines[0], *lines[2:])]
 
 
-def test_margins_of_a_sampled_loop(eqt: Eqt, folder: Path) -> None:
+def test_margins_of_a_sampled_loop(eqt, folder):
     (folder / "late.yaml").write_text(LATE)
     done = eqt("margins", "late.yaml")
     assert (done.code, done.err) == (0, "")
@@ -97,7 +71,7 @@ def test_margins_of_a_sampled_loop(eqt: Eqt, folder: Path) -> None:
     )
 
 
-def test_an_unstable_loop_ends_with_4_and_config_check_warns_of_it(eqt: Eqt, folder: Path) -> None:
+def test_an_unstable_loop_ends_with_4_and_config_check_warns_of_it(eqt, folder):
     (folder / "late.yaml").write_text(LATE)
     unstable = ("late.yaml", "--set", "control.delay=4", "--set", "controllers=[eqt]")
     done = eqt("margins", *unstable)
@@ -119,10 +93,10 @@ def test_an_unstable_loop_ends_with_4_and_config_check_warns_of_it(eqt: Eqt, fol
     assert "unstable" not in eqt("config", "check", "late.yaml").err
 
 
-def test_a_law_with_a_wrong_sign_is_told_before_it_is_run(eqt: Eqt, folder: Path) -> None:
+def test_a_law_with_a_wrong_sign_is_told_before_it_is_run(eqt, folder):
     (folder / "reversed.py").write_text(REVERSED)
-    at_rest = ("--set", "reference={kind: constant}", "--set", "plugins=[reversed.py]")
-    done = eqt("config", "check", "c.yaml", *at_rest, "--set", "controllers=[reversed]")
+    of_mine = ("--set", "plugins=[reversed.py]", "--set", "controllers=[reversed]")
+    done = eqt("config", "check", "c.yaml", *AT_REST, *of_mine)
     assert (done.code, done.err) == (
         0,
         "eqt: --set controllers=[reversed]: controllers: the loop of 'reversed' is unstable: small "
@@ -132,7 +106,7 @@ def test_a_law_with_a_wrong_sign_is_told_before_it_is_run(eqt: Eqt, folder: Path
     )
 
 
-def test_margins_say_where_eigenvalues_decide_nothing(eqt: Eqt) -> None:
+def test_margins_say_where_eigenvalues_decide_nothing(eqt):
     """The paper's law is proved to be stable, and an eigenvalue says nothing else."""
     done = eqt("margins", "c.yaml", "--set", "controllers=[eqt]")
     assert (done.code, done.err) == (0, "")
@@ -150,39 +124,26 @@ def test_margins_say_where_eigenvalues_decide_nothing(eqt: Eqt) -> None:
     assert 0 <= float(at.removesuffix(" s\n")) <= 1
 
 
-def test_margins_where_a_force_pushes(eqt: Eqt) -> None:
-    at_rest = ("--set", "reference={kind: constant}", "--set", "controllers=[eqt]")
+def test_margins_where_a_force_pushes(eqt):
     push = ("--set", "plant.forces=[{kind: constant, force: [0.2, 0, 0]}]")
-    done = eqt("margins", "c.yaml", *at_rest, *push)
+    done = eqt("margins", "c.yaml", *AT_REST, *push)
     assert done.out.endswith(NOTES + "EqT stays 0.1 rad beside its reference; linearised there\n")
 
 
-def test_margins_as_json(eqt: Eqt) -> None:
-    at_rest = ("--set", "reference={kind: constant}", "--set", "controllers=[eqt]")
-    found = json.loads(eqt("margins", "c.yaml", *at_rest, "--json").out)
+def test_margins_as_json(eqt):
+    found = json.loads(eqt("margins", "c.yaml", *AT_REST, "--json").out)
     [law] = found.pop("laws")
     assert found == {"name": "c", "group": "SO3", "period": None, "left_out": [], "causes": []}
-    assert list(law) == [
-        "label",
-        "verdict",
-        "largest_eigenvalue",
-        "eigenvalue",
-        "at",
-        "cycle",
-        "growth_rate",
-        "offset",
-        "delay_margin",
-        "delay_margin_periods",
-        "delay_margin_is_least",
-        "gain_margins",
-    ]
+    assert " ".join(law) == (
+        "label verdict largest_eigenvalue eigenvalue at cycle growth_rate offset delay_margin "
+        "delay_margin_periods delay_margin_is_least gain_margins"
+    )
     assert (law["verdict"], law["at"], law["delay_margin_periods"]) == ("stable", None, None)
     assert law["gain_margins"]["kp"] == {"lower": None, "upper": None}
 
 
-def test_margins_of_a_point_of_a_sweep(eqt: Eqt) -> None:
-    at_rest = ("--set", "reference={kind: constant}", "--set", "controllers=[eqt]")
-    swept = (*at_rest, "--set", "sweep=[{grid: {gains.kp: [1, 5]}}]")
+def test_margins_of_a_point_of_a_sweep(eqt):
+    swept = (*AT_REST, "--set", "sweep=[{grid: {gains.kp: [1, 5]}}]")
     done = eqt("margins", "c.yaml", *swept, "--json")
     assert done.err == "c.yaml: without its sweep; choose one of its points with --point\n"
     last = eqt("margins", "c.yaml", *swept, "--json", "--point", 1)
@@ -190,39 +151,33 @@ def test_margins_of_a_point_of_a_sweep(eqt: Eqt) -> None:
     assert (last.err, margins[0] != margins[1]) == ("", True)
 
 
-def test_margins_of_a_reference_that_leaves_the_real_numbers(eqt: Eqt) -> None:
+def test_margins_of_a_reference_that_leaves_the_real_numbers(refused):
     torque = "reference={torque: [sqrt(0.5 - t), '0', '0']}"
-    done = eqt("margins", "c.yaml", "--set", torque)
-    assert done.code == 2
-    assert "has no finite real value at about t = 0.5" in done.err
+    assert "has no finite real value at about t = 0.5" in refused(
+        "margins", "c.yaml", "--set", torque
+    )
 
 
 @pytest.mark.parametrize("control", ["null", "{period: 0.5}"])
-def test_a_law_that_jumps_at_its_reference_has_no_margins(
-    eqt: Eqt, folder: Path, control: str
-) -> None:
+def test_a_law_that_jumps_at_its_reference_has_no_margins(eqt, refused, folder, control):
     (folder / "jumps.py").write_text(JUMPS)
     law = ("--set", "plugins=[jumps.py]", "--set", "controllers=[jumps]", "--set")
-    done = eqt("margins", "c.yaml", *law, f"control={control}")
-    assert (done.code, done.out, done.err) == (
-        2,
-        "",
+    assert refused("margins", "c.yaml", *law, f"control={control}") == (
         "eqt: the loop of 'jumps' has no derivative where all errors are 0, for example because "
-        "its law jumps there; leave this law out\n",
+        "its law jumps there; leave this law out\n"
     )
     assert eqt("config", "check", "c.yaml", *law, f"control={control}").err == "c.yaml: valid\n"
 
 
-def test_a_law_that_takes_one_time_only_is_named_with_its_line(eqt: Eqt, folder: Path) -> None:
+def test_a_law_that_takes_one_time_only_is_named_with_its_line(eqt, refused, folder):
     (folder / "branches.py").write_text(BRANCHES)
     law = ("--set", "plugins=[branches.py]", "--set", "controllers=[branches]")
     why = (
         "ValueError: The truth value of an array with more than one element is ambiguous. Use "
-        "a.any() or a.all() at branches.py:10: return super().memory_rate(s) if s.t < 1 else "
+        "a.any() or a.all() at branches.py:9: return super().memory_rate(s) if s.t < 1 else "
         '{"integral": 0 * s.P}\n'
     )
-    done = eqt("margins", "c.yaml", *law)
-    assert (done.code, done.out, done.err) == (2, "", f"eqt: {why}")
+    assert refused("margins", "c.yaml", *law) == f"eqt: {why}"
     checked = eqt("config", "check", "c.yaml", *law)
     place = "--set controllers=[branches]: controllers"
     said = f"eqt: {place}: loops cannot be linearised: {why}c.yaml: valid\n"

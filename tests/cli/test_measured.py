@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from said import cases
 
 import eqt_cli
 
@@ -80,28 +81,18 @@ def test_the_figure_is_drawn_by_default(invoke, paper_result, log, folder, unarr
 
 @pytest.mark.parametrize(
     ("command", "options", "said"),
-    [
-        ("compare", ["--mapping", "log.yaml"], "--mapping is of a recording; add --measured FILE"),
-        ("compare", ["--run", "1"], "--run is of a recording; add --measured FILE"),
-        ("plot", ["--log-format", "tum"], "--log-format is of a recording; add --measured FILE"),
-        (
-            "compare",
-            ["--measured", "flight.csv", "--metric", "effort"],
-            "--measured compares with a recording; leave --metric, --window, --table and --robust "
-            "out",
-        ),
-        (
-            "compare",
-            ["--measured", "flight.csv", "--against", "gtt"],
-            "RESULT/results.h5: holds no controller 'gtt'; did you mean 'gt'?",
-        ),
-        (
-            "plot",
-            ["--measured", "flight.csv", "--figure", "torque"],
-            "measured: no figure that is drawn shows a recording; 'measured' does",
-        ),
-        ("compare", ["--measured", "flight.txt"], "flight.txt: not found; check the path"),
-    ],
+    cases("""
+compare, [--mapping, log.yaml] → --mapping is of a recording; add --measured FILE
+compare, [--run, "1"] → --run is of a recording; add --measured FILE
+plot, [--log-format, tum] → --log-format is of a recording; add --measured FILE
+compare, [--measured, flight.csv, --metric, effort] →
+    --measured compares with a recording; leave --metric, --window, --table and --robust out
+compare, [--measured, flight.csv, --against, gtt] →
+    RESULT/results.h5: holds no controller 'gtt'; did you mean 'gt'?
+plot, [--measured, flight.csv, --figure, torque] →
+    measured: no figure that is drawn shows a recording; 'measured' does
+compare, [--measured, flight.txt] → flight.txt: not found; check the path
+"""),
 )
 def test_what_is_refused(command, options, said, invoke, paper_result, log):
     found = invoke(command, paper_result, *options, code=2)

@@ -1,27 +1,17 @@
-"""`eqt plot`, within this process: its styles."""
-
-from __future__ import annotations
+"""`eqt plot` and `eqt animate`, within this process: styles, options, and plugins of results."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from plugin_sources import component
+from said import said_of
 from small_experiment import configuration
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
-Eqt = Callable[..., Any]
 
-
-@pytest.fixture
-def result(eqt: Eqt) -> str:
-    eqt("run", "c.yaml", "--out", "out", "--quiet")
-    return "out"
-
-
-def svg(eqt: Eqt, result: str, *options: str) -> str:
+def svg(eqt, result, *options):
     done = eqt("plot", result, "--format", "svg", "-q", *options)
     assert (done.code, done.err) == (0, "")
     return Path(result, "figures", "paper.svg").read_text(encoding="utf-8")
@@ -29,7 +19,7 @@ def svg(eqt: Eqt, result: str, *options: str) -> str:
 
 @pytest.mark.slow("draws several figures in several styles")
 @pytest.mark.usefixtures("unarranged")
-def test_styles_are_laid_over_each_other(eqt: Eqt, result: str) -> None:
+def test_styles_are_laid_over_each_other(eqt, result):
     Path("mine.mplstyle").write_text("axes.facecolor: 123456\n", encoding="utf-8")
     plain = svg(eqt, result)
     styled = svg(eqt, result, "--style", "dark_background", "--style", "mine.mplstyle")
@@ -39,7 +29,7 @@ def test_styles_are_laid_over_each_other(eqt: Eqt, result: str) -> None:
     assert svg(eqt, result) == plain
 
 
-def test_names_and_remarks_are_for_print(eqt: Eqt, result: str) -> None:
+def test_names_and_remarks_are_for_print(eqt, result):
     chosen = ("--controller", "eqt", "--from", "0.1", "--title", "eqt=ours & co", "--caption")
     done = eqt("plot", result, "--format", "json", "--out", "print", "-q", *chosen)
     assert (done.code, done.err) == (0, "")
@@ -53,46 +43,38 @@ def test_names_and_remarks_are_for_print(eqt: Eqt, result: str) -> None:
 
 @pytest.mark.parametrize(
     ("options", "message"),
-    [
-        (
-            ("--title", "eqx=ours"),
-            "titles: 'eqx' is neither a controller nor a metric; did you mean 'eqt'?",
-        ),
-        (("--title", "eqt"), "--title: expected NAME=TEXT, got 'eqt'"),
-        (("--colour", "eqt"), "--colour: expected LAW=COLOUR, got 'eqt'"),
-        (("--figure", "distributions", "--from", "1"), "--from: distributions has no time axis"),
-        (("--figure", "runs", "--panel", "x"), "--panel: runs has no panels to choose from"),
-    ],
+    said_of("""
+--title eqx=ours → titles: 'eqx' is neither a controller nor a metric; did you mean 'eqt'?
+--title eqt → --title: expected NAME=TEXT, got 'eqt'
+--colour eqt → --colour: expected LAW=COLOUR, got 'eqt'
+--figure distributions --from 1 → --from: distributions has no time axis
+--figure runs --panel x → --panel: runs has no panels to choose from
+""").items(),
 )
-def test_what_cannot_be_drawn_for_print_is_said(
-    options: tuple[str, ...], message: str, eqt: Eqt, result: str
-) -> None:
-    done = eqt("plot", result, *options)
-    assert (done.code, done.out, done.err) == (2, "", f"eqt: {message}\n")
+def test_what_cannot_be_drawn_for_print_is_said(options, message, refused, result):
+    assert refused("plot", result, *options.split()) == f"eqt: {message}\n"
 
 
-def test_a_wrong_style_is_one_line_on_stderr(eqt: Eqt, result: str) -> None:
+def test_a_wrong_style_is_one_line_on_stderr(refused, result):
     Path("mine.mplstyle").write_text("axes.grid: perhaps\n", encoding="utf-8")
-    done = eqt("plot", result, "--style", "mine.mplstyle")
-    assert (done.code, done.out) == (2, "")
-    assert done.err == (
+    assert refused("plot", result, "--style", "mine.mplstyle") == (
         "eqt: mine.mplstyle:1: the style sheet is wrong: Key axes.grid: Cannot convert 'perhaps' "
         "to bool\n"
     )
     assert not Path(result, "figures").exists()
 
 
-def test_tex_needs_latex(eqt: Eqt, result: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tex_needs_latex(refused, result, monkeypatch):
     # With a preamble for which Matplotlib has kept no text.
     preamble = f"text.latex.preamble: \\def\\new{{{Path.cwd()}}}\n"
     Path("new.mplstyle").write_text(preamble, encoding="utf-8")
     monkeypatch.setenv("PATH", str(Path.cwd()))
-    done = eqt("plot", result, "--tex", "--style", "new.mplstyle")
-    assert (done.code, done.out) == (2, "")
-    assert done.err.startswith("eqt: LaTeX does not work: latex could not be found; change the ")
+    assert refused("plot", result, "--tex", "--style", "new.mplstyle").startswith(
+        "eqt: LaTeX does not work: latex could not be found; change the "
+    )
 
 
-def test_what_is_printed_is_the_files(eqt: Eqt, result: str) -> None:
+def test_what_is_printed_is_the_files(eqt, result):
     done = eqt("plot", result, "--format", "svg")
     assert (done.out, done.err) == (f"figure   {Path('out/figures/paper.svg')}\n", "")
 
@@ -102,8 +84,8 @@ BOTH = ("--figure", "paper", "--figure", "torque", "--format", "json")
 
 @pytest.mark.slow("draws several figures")
 @pytest.mark.usefixtures("unarranged")
-def test_options_go_to_the_figures_that_have_them(eqt: Eqt, result: str) -> None:
-    def curves(*options: str) -> list[int]:
+def test_options_go_to_the_figures_that_have_them(eqt, result):
+    def curves(*options):
         """How many curves each of the figures has."""
         assert eqt("plot", result, *BOTH, *options).code == 0
         files = (Path(result, "figures", f"{name}.json") for name in ("paper", "torque"))
@@ -118,30 +100,28 @@ def test_options_go_to_the_figures_that_have_them(eqt: Eqt, result: str) -> None
 
 @pytest.mark.parametrize(
     ("option", "said"),
-    [
-        ("lgo=true", "none of paper, torque has an option 'lgo'; did you mean 'log'?"),
-        (
-            "x=1",
-            "none of paper, torque has an option 'x'; they have: controllers, focus, colours, "
-            "start, end, panels, log, log_torque, bands, degrees, share",
-        ),
-        ("papr.log=true", "figure 'papr' is not drawn; did you mean 'paper'?"),
-        ("sweep.metric=effort", "figure 'sweep' is not drawn; drawn are: paper, torque"),
-        ("log", "expected KEY=VALUE, got 'log'"),
-    ],
+    said_of("""
+lgo=true → none of paper, torque has an option 'lgo'; did you mean 'log'?
+x=1 →
+    none of paper, torque has an option 'x'; they have: controllers, focus, colours, start, end,
+        panels, log, log_torque, bands, degrees, share
+papr.log=true → figure 'papr' is not drawn; did you mean 'paper'?
+sweep.metric=effort → figure 'sweep' is not drawn; drawn are: paper, torque
+log → expected KEY=VALUE, got 'log'
+""").items(),
 )
-def test_an_option_that_no_figure_has(eqt: Eqt, result: str, option: str, said: str) -> None:
+def test_an_option_that_no_figure_has(eqt, result, option, said):
     done = eqt("plot", result, *BOTH, "--option", option)
     assert (done.code, done.err.strip()) == (2, f"eqt: --option[0]: {said}")
 
 
-def test_an_option_of_one_figure_is_refused_by_it(eqt: Eqt, result: str) -> None:
-    done = eqt("plot", result, *BOTH, "--option", "torque.lgo=true")
-    assert done.code == 2
-    assert done.err.startswith("eqt: figure 'torque': lgo: unknown key; did you mean 'log'?")
+def test_an_option_of_one_figure_is_refused_by_it(refused, result):
+    assert refused("plot", result, *BOTH, "--option", "torque.lgo=true").startswith(
+        "eqt: figure 'torque': lgo: unknown key; did you mean 'log'?"
+    )
 
 
-def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt: Eqt) -> None:
+def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt):
     grid = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=1,2", "--grid", "ensemble.seed=1,2")
     brief = ("--set", "controllers=[eqt]", "--set", "time.duration=0.1")
     eqt("sweep", "c.yaml", *grid, *brief, "--out", "out")
@@ -153,32 +133,62 @@ def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt: Eqt) ->
     assert done.out.endswith(f"figure   {Path('out/figures/pareto.svg')}\n")
 
 
-DEFINED = """
-from typing import ClassVar
-from dataclasses import dataclass
-
-from eqt_cli.extend import OverTime
-
-
-@dataclass(frozen=True)
-class Spectrum(OverTime):
-    name: ClassVar[str] = "spectrum"
-
+DEFINED = component("""
+spectrum(eqt_cli.extend.OverTime):
     def compose(self, runs, width):
         return runs.nothing
-"""
+""")
 
 
-def test_a_figure_of_a_plugin_in_a_result(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_figure_of_a_plugin_in_a_result(eqt, monkeypatch):
     """It is known where the plugins are trusted, and an error in it is told with its line."""
     config = configuration(plugins="[own.py]", controllers="[eqt]")
     Path("own.yaml").write_text(config, encoding="utf-8")
     Path("own.py").write_text(DEFINED, encoding="utf-8")
     assert eqt("run", "own.yaml", "--out", "out", "-q").code == 0
-    monkeypatch.setattr("eqt_cli.plots.base.figures._plugins", {})
+    monkeypatch.setattr("eqt_cli.figures.figure.figures._plugins", {})
     words = ("plot", "out", "--figure", "spectrum", "--format", "json", "-q")
     assert eqt(*words).err.startswith("eqt: unknown figure 'spectrum'; known: ")
     assert eqt(*words, "--trust-plugins").err == (
-        "eqt: AttributeError: 'ShownRuns' object has no attribute 'nothing' at own.py:13: "
+        "eqt: AttributeError: 'ShownRuns' object has no attribute 'nothing' at own.py:9: "
         "return runs.nothing\n"
     )
+
+
+GROUP = """\
+from eqt_cli.components.matrix_groups import SO3
+
+class Twin(SO3):
+    name = "Twin"
+"""
+
+
+@pytest.fixture
+def twin(eqt, folder):
+    """A result on a group of a plugin, which is then forgotten."""
+    Path("twin.py").write_text(GROUP)
+    twin = ("--set", "plugins=[twin.py]", "--set", "group=Twin", "--set", "controllers=[eqt]")
+    assert eqt("run", "c.yaml", *twin).code == 0
+
+
+@pytest.mark.usefixtures("twin")
+def test_a_group_of_a_plugin_must_be_trusted(eqt, refused, forget_plugins):
+    forget_plugins()
+    said = refused("animate", "results/c", "--format", "html")
+    assert said.startswith("eqt: unknown group 'Twin'")
+    assert said.endswith(
+        "; the result holds plugins, which are executed only on request; read them with "
+        "`eqt show --plugins`, then add --trust-plugins\n"
+    )
+    assert eqt("animate", "results/c", "--format", "html", "--trust-plugins").code == 0
+
+
+@pytest.mark.slow("draws a report")
+@pytest.mark.usefixtures("twin")
+def test_a_report_without_certificates_says_so(eqt, forget_plugins):
+    forget_plugins()
+    done = eqt("report", "results/c", "--figure", "paper")
+    assert done.code == 0
+    said = "eqt: the page has no certificates; the result could not be verified: "
+    assert done.err.startswith(said)
+    assert said not in eqt("report", "results/c", "--figure", "paper", "--trust-plugins").err

@@ -1,23 +1,17 @@
 """Progress on stderr: plain lines where it is no terminal, nothing for short or quiet work."""
 
-from __future__ import annotations
-
 import io
 import re
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
-from eqt_cli.cli.shared import output, progress
-from eqt_cli.core.reporting import reporter, reporting, step
-
-Eqt = Callable[..., Any]
+from eqt_cli.base.reporting import reporter, reporting, step
+from eqt_cli.cli import output
 
 
 class Clock:
@@ -25,95 +19,84 @@ class Clock:
 
     now = 100.0
 
-    def __call__(self) -> float:
+    def __call__(self):
         return self.now
 
 
 @pytest.fixture(autouse=True)
-def not_quiet() -> None:
+def not_quiet():
     """What a command of another test was told holds in its process until the next command."""
     output.be_quiet(False)
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+def clock(monkeypatch):
     clock = Clock()
-    monkeypatch.setattr(progress, "SHOW_AFTER", 1.0)
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr(output, "SHOW_AFTER", 1.0)
+    monkeypatch.setattr(output, "time", SimpleNamespace(monotonic=clock))
     return clock
 
 
 @contextmanager
-def shown(what: str, count: int) -> Iterator[Callable[[float], None]]:
+def shown(what, count):
     """A step, as a command shows it."""
-    with reporting(progress.meter()), step(what, count):
+    with reporting(output.meter()), step(what, count):
         yield reporter().advance
 
 
-def test_lines_tell_rate_and_remaining_time(
-    clock: Clock, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with shown("runs", 800) as advance:
-        for second, runs in ((0.5, 50), (1.5, 50), (2.0, 40), (6.4, 60), (6.6, 200)):
+@pytest.mark.parametrize(
+    ("what", "count", "done", "lines"),
+    [
+        pytest.param(
+            "runs",
+            800,
+            ((0.5, 50), (1.5, 50), (2.0, 40), (6.4, 60), (6.6, 200)),
+            ["100/800 runs, 67 runs/s, 10 s left", "400/800 runs, 61 runs/s, 7 s left"],
+            id="rate and remaining time",
+        ),
+        pytest.param(
+            "runs",
+            800,
+            ((2.0, 400), (40.0, 400)),
+            ["400/800 runs, 200 runs/s, 2 s left", "800/800 runs: done in 40.0 s"],
+            id="done",
+        ),
+        pytest.param(
+            "points checked",
+            100_000,
+            ((2.0, 8), (10.0, 1992), (20.0, 97_999.999), (30.0, 0.002)),
+            [
+                "8/100000 points checked, 4.0 points/s",
+                "2000/100000 points checked, 200 points/s, 8.2 min left",
+                "100000/100000 points checked: done in 30.0 s",
+            ],
+            id="a guess waits for more than the first",
+        ),
+    ],
+)
+def test_lines_tell_how_far_a_step_is(clock, capsys, what, count, done, lines):
+    with shown(what, count) as advance:
+        for second, amount in done:
             clock.now = 100.0 + second
-            advance(runs)
+            advance(amount)
     out, err = capsys.readouterr()
-    assert out == ""
-    assert err.splitlines() == [
-        "100/800 runs, 67 runs/s, 10 s left",
-        "400/800 runs, 61 runs/s, 7 s left",
-    ]
+    assert (out, err.splitlines()) == ("", lines)
 
 
-def test_lines_say_when_a_step_is_done(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
-    with shown("runs", 800) as advance:
-        for second, runs in ((2.0, 400), (40.0, 400)):
-            clock.now = 100.0 + second
-            advance(runs)
-    assert capsys.readouterr().err.splitlines() == [
-        "400/800 runs, 200 runs/s, 2 s left",
-        "800/800 runs: done in 40.0 s",
-    ]
-
-
-def test_a_guess_waits_for_more_than_the_first_runs(
-    clock: Clock, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with shown("points checked", 100_000) as advance:
-        for second, points in ((2.0, 8), (10.0, 1992), (20.0, 97_999.999), (30.0, 0.002)):
-            clock.now = 100.0 + second
-            advance(points)
-    assert capsys.readouterr().err.splitlines() == [
-        "8/100000 points checked, 4.0 points/s",
-        "2000/100000 points checked, 200 points/s, 8.2 min left",
-        "100000/100000 points checked: done in 30.0 s",
-    ]
-
-
-def test_short_work_shows_nothing(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+def test_short_work_shows_nothing(clock, capsys):
     with shown("runs", 8) as advance:
         clock.now += 0.9
         advance(8)
     assert capsys.readouterr() == ("", "")
 
 
-def test_quiet_work_shows_nothing(
-    clock: Clock, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(output, "_silent", True)
-    with shown("runs", 8) as advance:
-        clock.now += 60
-        advance(4)
-    assert capsys.readouterr() == ("", "")
-
-
 class Terminal(io.StringIO):
-    def isatty(self) -> bool:
+    def isatty(self):
         return True
 
 
-def test_a_terminal_has_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
+def test_a_terminal_has_a_bar(monkeypatch):
+    monkeypatch.setattr(output, "SHOW_AFTER", 0.0)
     monkeypatch.setenv("TERM", "xterm")
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
@@ -123,9 +106,7 @@ def test_a_terminal_has_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "5/8 runs" in terminal.getvalue()
 
 
-def test_a_terminal_that_cannot_move_its_cursor_has_lines(
-    clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_terminal_that_cannot_move_its_cursor_has_lines(clock, monkeypatch):
     monkeypatch.setenv("TERM", "dumb")
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
@@ -135,7 +116,7 @@ def test_a_terminal_that_cannot_move_its_cursor_has_lines(
     assert terminal.getvalue() == "4/8 runs, 2.0 runs/s, 2 s left\n"
 
 
-def test_short_work_on_a_terminal_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_short_work_on_a_terminal_shows_nothing(monkeypatch):
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     with shown("runs", 8) as advance:
@@ -143,9 +124,9 @@ def test_short_work_on_a_terminal_shows_nothing(monkeypatch: pytest.MonkeyPatch)
     assert terminal.getvalue() == ""
 
 
-def test_a_run_tells_how_far_it_is(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
-    monkeypatch.setattr(progress, "LINE_EVERY", 0.0)
+def test_a_run_tells_how_far_it_is(eqt, monkeypatch):
+    monkeypatch.setattr(output, "SHOW_AFTER", 0.0)
+    monkeypatch.setattr(output, "LINE_EVERY", 0.0)
     done = eqt("run", "c.yaml", "--set", "solver.block=1", "--set", "controllers=[eqt]")
     lines = done.err.splitlines()
     told = re.compile(r"\d/3 runs(, [\d.]+ runs/s)?(, [\d.]+ (s|min) left)?")
@@ -159,18 +140,16 @@ def test_a_run_tells_how_far_it_is(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) ->
     assert "runs/s" not in done.out
 
 
-def test_verify_tells_how_far_it_is_before_a_run_is_done(
-    eqt: Eqt, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_verify_tells_how_far_it_is_before_a_run_is_done(eqt, monkeypatch):
     """Of a body with unlike moments of inertia, the first run alone may take minutes."""
-    monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
-    monkeypatch.setattr(progress, "LINE_EVERY", 0.0)
+    monkeypatch.setattr(output, "SHOW_AFTER", 0.0)
+    monkeypatch.setattr(output, "LINE_EVERY", 0.0)
     lines = eqt("verify", "c.yaml", "--set", "ensemble.runs=1").err.splitlines()
     assert any(re.fullmatch(r"0/2 runs, [\d.]+ (s|min) left", line) for line in lines)
 
 
-def test_a_step_that_begins_counts_anew(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
-    with reporting(progress.meter()):
+def test_a_step_that_begins_counts_anew(clock, capsys):
+    with reporting(output.meter()):
         with step("runs", 8):
             reporter().advance(8)
         with step("runs cross-checked", 12):
@@ -179,35 +158,29 @@ def test_a_step_that_begins_counts_anew(clock: Clock, capsys: pytest.CaptureFixt
     assert capsys.readouterr().err == "6/12 runs cross-checked, 3.0 runs/s, 2 s left\n"
 
 
-def test_a_quiet_run_tells_nothing(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
-    assert eqt("run", "c.yaml", "--quiet").err == ""
+def test_a_quiet_run_tells_nothing(eqt, monkeypatch):
+    monkeypatch.setattr(output, "SHOW_AFTER", 0.0)
+    assert eqt("run", "c.yaml", "--quiet", "--set", "ensemble.runs=1").err == ""
 
 
-def test_what_takes_long_and_cannot_be_counted_is_named(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(progress, "SHOW_AFTER", 0.01)
-    told = threading.Event()
-    monkeypatch.setattr(progress, "say", lambda text: (output.say(text), told.set()))
+def test_what_takes_long_and_cannot_be_counted_is_named(capsys, monkeypatch):
+    monkeypatch.setattr(output, "SHOW_AFTER", 0.01)
+    told, say = threading.Event(), output.say
+    monkeypatch.setattr(output, "say", lambda text: (say(text), told.set()))
     with shown("runs", 8), reporter().busy("compiling the laws"):
         assert told.wait(10)
     assert capsys.readouterr().err == "compiling the laws\n"
 
 
-def test_laws_that_are_compiled_side_by_side_are_named_once_each(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    lines = progress.meter()
+def test_laws_that_are_compiled_side_by_side_are_named_once_each(capsys):
+    lines = output.meter()
     for law in ("law 1 of 2", "law 2 of 2", "law 1 of 2"):
         with lines.busy(law):
             lines.remind()
     assert capsys.readouterr().err == "law 1 of 2\nlaw 2 of 2\n"
 
 
-def test_what_cannot_be_counted_says_nothing_of_the_rate(
-    clock: Clock, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_counted_says_nothing_of_the_rate(clock, capsys):
     with shown("runs", 800) as advance:
         with reporter().busy("compiling the laws"):
             clock.now += 30.0
@@ -216,10 +189,8 @@ def test_what_cannot_be_counted_says_nothing_of_the_rate(
     assert capsys.readouterr().err == "100/800 runs, 50 runs/s, 14 s left\n"
 
 
-def test_what_is_soon_done_is_not_named(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(progress, "SHOW_AFTER", 0.2)
+def test_what_is_soon_done_is_not_named(capsys, monkeypatch):
+    monkeypatch.setattr(output, "SHOW_AFTER", 0.2)
     with shown("runs", 8):
         with reporter().busy("compiling the laws"):
             pass

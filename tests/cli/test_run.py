@@ -1,22 +1,16 @@
 """`eqt run`, within this process: what it prints where, and how it ends."""
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from plugin_sources import ESCAPE, SHIFTED
 
+from eqt_cli.base.store_reader import open_results
 from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.store.reader import open_results
-
-Eqt = Callable[..., Any]
 
 FAILING = (
     *("--set", "plugins=[escape.py]", "--set", "controllers=[escape, eqt]"),
@@ -32,12 +26,12 @@ CHECKED = ("--set", "solver.cross_check=1")
 
 
 @pytest.fixture
-def plugins(folder: Path) -> None:
+def plugins(folder):
     (folder / "escape.py").write_text(ESCAPE, encoding="utf-8")
     (folder / "shifted.py").write_text(SHIFTED, encoding="utf-8")
 
 
-def assert_equal_datasets(one: str, other: str) -> None:
+def assert_equal_datasets(one, other):
     with open_results(one) as a, open_results(other) as b:
         names = [*a.names, *a.coordinates]
         assert names == [*b.names, *b.coordinates]
@@ -48,7 +42,7 @@ def assert_equal_datasets(one: str, other: str) -> None:
 # What it prints ---------------------------------------------------------------------------------
 
 
-def test_the_summary(eqt: Eqt) -> None:
+def test_the_summary(eqt):
     done = eqt("run", "c.yaml")
     header, rule, eqt_row, gt_row, blank, *rest = done.out.splitlines()
     window, space, attitude, runs, results, last = rest
@@ -69,9 +63,7 @@ def test_the_summary(eqt: Eqt) -> None:
     assert last == f"next     eqt compare {Path('results/c')}"
 
 
-def test_the_summary_tells_how_accurate_it_is_and_warns_of_large_estimates(
-    eqt: Eqt, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_summary_tells_how_accurate_it_is_and_warns_of_large_estimates(eqt, monkeypatch):
     done = eqt("run", "c.yaml", *CHECKED, "--set", "solver.error_estimate=true")
     assert done.err == ""
     number = r"\d(\.\d)?e-\d\d"  # two digits, a last 0 left out
@@ -82,7 +74,7 @@ def test_the_summary_tells_how_accurate_it_is_and_warns_of_large_estimates(
         done.out,
         re.M,
     )
-    monkeypatch.setattr("eqt_cli.cli.shared.result_tables.FAR_ABOVE", 1e-6)
+    monkeypatch.setattr("eqt_cli.cli.result_tables.FAR_ABOVE", 1e-6)
     done = eqt("show", "results/c")
     with open_results("results/c") as results:
         largest = results["error_estimate"].max()
@@ -92,7 +84,7 @@ def test_the_summary_tells_how_accurate_it_is_and_warns_of_large_estimates(
     ]
 
 
-def test_the_summary_tells_who_settled_and_how_long_actuators_are_at_a_limit(eqt: Eqt) -> None:
+def test_the_summary_tells_who_settled_and_how_long_actuators_are_at_a_limit(eqt):
     limit = "actuators=[{kind: limit, limit: 0.5}]"
     run = "run", "c.yaml", "--set", limit, "--set", "settling_threshold=2.5"
     done = eqt(*run)
@@ -110,21 +102,12 @@ def test_the_summary_tells_who_settled_and_how_long_actuators_are_at_a_limit(eqt
     assert [row["saturated_share"] for row in rows] == shares.tolist()
 
 
-def test_json_is_one_document(eqt: Eqt) -> None:
+def test_json_is_one_document(eqt):
     done = eqt("run", "c.yaml", "--json", *CHECKED)
     document = json.loads(done.out)
     assert done.err == ""
-    assert set(document) == {
-        "results",
-        "was_complete",
-        "runs",
-        "failed",
-        "resumed",
-        "seconds",
-        "causes",
-        "controllers",
-        "cross_check",
-    }
+    keys = "results was_complete runs failed resumed seconds causes controllers cross_check"
+    assert set(document) == set(keys.split())
     assert (document["runs"], document["failed"], document["causes"]) == (6, 0, [])
     assert document["results"] == str(Path("results/c/results.h5"))
     assert [row["controller"] for row in document["controllers"]] == ["eqt", "gt"]
@@ -134,7 +117,7 @@ def test_json_is_one_document(eqt: Eqt) -> None:
     assert [row["early_torque"] for row in document["controllers"]] == torque.tolist()
 
 
-def test_quiet_prints_nothing_but_errors(eqt: Eqt) -> None:
+def test_quiet_prints_nothing_but_errors(eqt):
     for again in (False, True):
         done = eqt("run", "c.yaml", "-q")
         assert (done.code, done.out, done.err) == (0, "", ""), again
@@ -148,28 +131,29 @@ def test_quiet_prints_nothing_but_errors(eqt: Eqt) -> None:
 
 @pytest.mark.parametrize(("name", "written"), [("other", "other"), ("", "c")])
 def test_it_writes_to_results_by_the_name_which_is_that_of_the_file_where_it_is_empty(
-    eqt: Eqt, folder: Path, name: str, written: str
-) -> None:
+    eqt, folder, name, written
+):
     assert eqt("run", "c.yaml", *BRIEF, "--set", f"name={name}").code == 0
     assert [path.parent.name for path in folder.glob("results/*/results.h5")] == [written]
 
 
 @pytest.mark.parametrize("command", ["run", "sweep", "plot", "animate"])
-def test_an_empty_folder_name_is_no_folder(eqt: Eqt, folder: Path, command: str) -> None:
+def test_an_empty_folder_name_is_no_folder(refused, folder, command):
     before = list(folder.iterdir())
-    done = eqt(command, "c.yaml", "--out", "")
-    assert (done.code, done.out) == (2, "")
-    assert done.err == "eqt: --out: expected the name of a folder, got ''\n"
+    assert (
+        refused(command, "c.yaml", "--out", "")
+        == "eqt: --out: expected the name of a folder, got ''\n"
+    )
     assert list(folder.iterdir()) == before
 
 
 # Again ------------------------------------------------------------------------------------------
 
 
-def test_a_complete_result_is_not_run_again(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_complete_result_is_not_run_again(eqt, monkeypatch):
     eqt("run", "c.yaml", "--quiet")
     written = Path("results/c/results.h5").stat()
-    monkeypatch.setattr("eqt_cli.execution.compute_part.compute_part", None)
+    monkeypatch.setattr("eqt_cli.runs.compute_part.compute_part", None)
     done = eqt("run", "c.yaml")
     assert done.code == 0
     assert done.err == (
@@ -179,7 +163,7 @@ def test_a_complete_result_is_not_run_again(eqt: Eqt, monkeypatch: pytest.Monkey
     assert Path("results/c/results.h5").stat().st_mtime_ns == written.st_mtime_ns
 
 
-def test_force_says_what_it_removes(eqt: Eqt) -> None:
+def test_force_says_what_it_removes(eqt):
     eqt("run", "c.yaml", "--quiet")
     done = eqt("run", "c.yaml", "--force")
     assert done.code == 0
@@ -189,18 +173,16 @@ def test_force_says_what_it_removes(eqt: Eqt) -> None:
     ]
 
 
-def test_another_experiment_is_refused(eqt: Eqt) -> None:
+def test_another_experiment_is_refused(eqt, refused):
     eqt("run", "c.yaml", "--quiet")
-    done = eqt("run", "c.yaml", "--set", "gains.kp=2")
-    assert (done.code, done.out) == (2, "")
-    assert done.err == (
+    assert refused("run", "c.yaml", "--set", "gains.kp=2") == (
         f"eqt: {Path('results/c')}: holds another experiment, which differs in\n"
         "  gains.kp: 1.0 there, 2.0 here\n"
         "choose another folder with --out, or replace it with --force\n"
     )
 
 
-def test_a_result_runs_again_with_a_change(eqt: Eqt) -> None:
+def test_a_result_runs_again_with_a_change(eqt):
     eqt("run", "c.yaml", "--quiet")
     assert eqt("run", "results/c", "--out", "again", "--set", "ensemble.runs=2").code == 0
     with open_results("results/c") as one, open_results("again") as other:
@@ -211,13 +193,11 @@ def test_a_result_runs_again_with_a_change(eqt: Eqt) -> None:
 # Errors -----------------------------------------------------------------------------------------
 
 
-def test_a_wrong_configuration(eqt: Eqt, folder: Path) -> None:
+def test_a_wrong_configuration(refused, folder):
     text = (folder / "c.yaml").read_text(encoding="utf-8")
     wrong = text.replace("[2, 1, 3]", "[[1, 2, 3], [4, 5, 6]]").replace("kd: 0.5", "kd: 0")
     (folder / "c.yaml").write_text(wrong, encoding="utf-8")
-    done = eqt("run", "c.yaml")
-    assert (done.code, done.out) == (2, "")
-    assert done.err == (
+    assert refused("run", "c.yaml") == (
         "2 errors in c.yaml\n"
         "c.yaml:2:1: inertia: expected 3×3 for SO3, got 2×3\n"
         "c.yaml:3:18: gains.kd: expected a positive definite matrix, got eigenvalues 0, 0, 0\n"
@@ -238,18 +218,16 @@ def test_a_wrong_configuration(eqt: Eqt, folder: Path) -> None:
         ),
     ],
 )
-def test_wrong_arguments(eqt: Eqt, arguments: list[str], said: str) -> None:
-    done = eqt("run", *arguments)
-    assert (done.code, done.out) == (2, "")
-    assert done.err.partition(" known: ")[0].rstrip("\n") == f"eqt: {said}"
+def test_wrong_arguments(refused, arguments, said):
+    assert refused("run", *arguments).partition(" known: ")[0].rstrip("\n") == f"eqt: {said}"
 
 
 @pytest.mark.slow("computes an experiment several times")
-def test_a_result_with_plugins_must_be_trusted(eqt: Eqt, plugins: None) -> None:
+def test_a_result_with_plugins_must_be_trusted(eqt, refused, plugins):
     eqt("run", "c.yaml", *FAILING)
-    done = eqt("run", "results/c", "--out", "again")
-    assert done.code == 2
-    assert done.err.endswith("read it with `eqt show --plugins`, then add --trust-plugins\n")
+    assert refused("run", "results/c", "--out", "again").endswith(
+        "read it with `eqt show --plugins`, then add --trust-plugins\n"
+    )
     assert not Path("again").exists()
     assert eqt("run", "results/c", "--out", "again", "--trust-plugins").code == 3
     assert_equal_datasets("results/c", "again")
@@ -258,7 +236,7 @@ def test_a_result_with_plugins_must_be_trusted(eqt: Eqt, plugins: None) -> None:
 # Failed runs and checks -------------------------------------------------------------------------
 
 
-def test_failed_runs_end_with_3(eqt: Eqt, plugins: None) -> None:
+def test_failed_runs_end_with_3(eqt, plugins):
     done = eqt("run", "c.yaml", *FAILING)
     assert done.code == 3
     assert re.search(r"^Escape +0/2( +-){5}$", done.out, re.M)
@@ -269,7 +247,7 @@ def test_failed_runs_end_with_3(eqt: Eqt, plugins: None) -> None:
     assert all(" t = 0.0" in row for row in rows)
 
 
-def test_equal_messages_of_failed_runs_are_one_line(eqt: Eqt, folder: Path) -> None:
+def test_equal_messages_of_failed_runs_are_one_line(eqt, folder):
     law = ESCAPE.replace("20 * s.V_tilde**3", "s.V_tilde * float('nan')")
     (folder / "nowhere.py").write_text(law.replace("escape", "nowhere"), encoding="utf-8")
     nowhere = ("--set", "plugins=[nowhere.py]", "--set", "controllers=[nowhere]")
@@ -283,7 +261,7 @@ def test_equal_messages_of_failed_runs_are_one_line(eqt: Eqt, folder: Path) -> N
     assert "\ncross-check: nothing to compare, since its runs failed\n" in done.out
 
 
-def test_where_nothing_succeeded_the_failures_are_what_is_next(eqt: Eqt) -> None:
+def test_where_nothing_succeeded_the_failures_are_what_is_next(eqt):
     for _ in ("computed", "remembered"):
         done = eqt("run", "c.yaml", *SOON, *BRIEF)
         assert (done.code, done.out.splitlines()[-1]) == (3, "next     eqt show results/c --failed")
@@ -293,7 +271,7 @@ def test_where_nothing_succeeded_the_failures_are_what_is_next(eqt: Eqt) -> None
     assert "figure &#39;paper&#39; has nothing to show, since every run failed" in page
 
 
-def test_many_different_messages_are_cut(eqt: Eqt) -> None:
+def test_many_different_messages_are_cut(eqt):
     done = eqt("run", "c.yaml", *SOON, "--set", "ensemble.runs=12")
     rows = done.err.strip().splitlines()
     assert rows[0] == "24 runs failed: 24 step limit"
@@ -303,7 +281,7 @@ def test_many_different_messages_are_cut(eqt: Eqt) -> None:
     assert rows[-1] == f"  … `eqt show {Path('results/c')} --failed` lists all"
 
 
-def test_a_check_that_fails_ends_with_4(eqt: Eqt, plugins: None) -> None:
+def test_a_check_that_fails_ends_with_4(eqt, plugins):
     done = eqt("run", "c.yaml", *WRONG, *CHECKED)
     assert done.code == 4
     assert done.err == (
@@ -313,7 +291,7 @@ def test_a_check_that_fails_ends_with_4(eqt: Eqt, plugins: None) -> None:
     assert eqt("run", "c.yaml", *WRONG, *CHECKED).code == 4
 
 
-def test_json_lists_every_cause_and_the_lower_code_wins(eqt: Eqt, plugins: None) -> None:
+def test_json_lists_every_cause_and_the_lower_code_wins(eqt, plugins):
     both = ("--set", "plugins=[escape.py, shifted.py]", *FAILING[2:4], *WRONG[2:], *CHECKED)
     done = eqt("run", "c.yaml", "--json", *both, "--set", "ensemble.runs=1")
     assert done.code == 3
@@ -333,14 +311,14 @@ FASTER = (
 
 
 @pytest.fixture
-def new_user(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def new_user(monkeypatch, tmp_path):
     """A user with a compiler and no caches, for whom every run is long."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
-    monkeypatch.setattr("eqt_cli.cli.shared.run_and_report.LONG", -1.0)
+    monkeypatch.setattr("eqt_cli.cli.run_report.LONG", -1.0)
     monkeypatch.setattr(Native, "unavailable", lambda: None)
 
 
-def told_by_run(eqt: Eqt, out: str, *more: str) -> int:
+def told_by_run(eqt, out, *more):
     """How often a run names a faster engine."""
     done = eqt("run", "c.yaml", "--out", out, *BRIEF, *more)
     assert done.code == 0
@@ -348,12 +326,12 @@ def told_by_run(eqt: Eqt, out: str, *more: str) -> int:
 
 
 @pytest.mark.usefixtures("new_user")
-def test_a_long_run_names_a_faster_engine_once_to_a_user(eqt: Eqt) -> None:
+def test_a_long_run_names_a_faster_engine_once_to_a_user(eqt):
     assert [told_by_run(eqt, out) for out in ("a", "b")] == [1, 0]
 
 
 @pytest.mark.usefixtures("new_user")
-def test_quiet_does_not_name_a_faster_engine(eqt: Eqt) -> None:
+def test_quiet_does_not_name_a_faster_engine(eqt):
     assert told_by_run(eqt, "out", "--quiet") == 0
 
 
@@ -363,7 +341,7 @@ def test_quiet_does_not_name_a_faster_engine(eqt: Eqt) -> None:
 )
 @pytest.mark.usefixtures("new_user")
 def test_none_is_named_without_a_compiler_or_where_the_engine_is_as_fast(
-    eqt: Eqt, monkeypatch: pytest.MonkeyPatch, engine: type, name: str, value: Any
-) -> None:
+    eqt, monkeypatch, engine, name, value
+):
     monkeypatch.setattr(engine, name, value)
     assert told_by_run(eqt, "out") == 0

@@ -1,28 +1,23 @@
 """`eqt sweep`, and what it has in common with `eqt run`."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from plugin_sources import component
 
-from eqt_cli.engines.native import compiler
-from eqt_cli.experiment.build import build
-from eqt_cli.store.reader import open_results
-
-Eqt = Callable[..., Any]
+from eqt_cli.base.store_reader import open_results
+from eqt_cli.config.build import build
+from eqt_cli.engines import compiler
 
 GRID = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=0.5,1,2")
 
 
-def test_the_summary(eqt: Eqt) -> None:
+def test_the_summary(eqt):
     done = eqt("sweep", "c.yaml", *GRID, "--out", "out")
     assert (done.code, done.err) == (0, "")
     assert "6 points, 36 runs, simulation " in done.out
@@ -35,7 +30,7 @@ def test_the_summary(eqt: Eqt) -> None:
         np.testing.assert_array_equal(results["gains.kd"], [0.5, 1, 2] * 2)
 
 
-def test_scenarios_are_listed_and_none_is_best(eqt: Eqt) -> None:
+def test_scenarios_are_listed_and_none_is_best(eqt):
     lag = "{actuators: [{kind: lag, time_constant: 0.5}]}"
     done = eqt("sweep", "c.yaml", "--set", f"sweep=[cases: {{ideal: {{}}, slow: {lag}}}]")
     assert done.code == 0
@@ -47,7 +42,7 @@ def test_scenarios_are_listed_and_none_is_best(eqt: Eqt) -> None:
     assert "best" not in done.out
 
 
-def test_dry_run_stores_nothing(eqt: Eqt) -> None:
+def test_dry_run_stores_nothing(eqt):
     done = eqt("sweep", "c.yaml", *GRID, "--dry-run")
     lines = done.out.splitlines()
     assert lines[:3] == [
@@ -62,7 +57,7 @@ def test_dry_run_stores_nothing(eqt: Eqt) -> None:
 
 
 @pytest.mark.usefixtures("untimed")
-def test_dry_run_of_very_many_points_checks_some(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_dry_run_of_very_many_points_checks_some(eqt, monkeypatch):
     monkeypatch.setattr("eqt_cli.cli.run.MOST_CHECKED", 3)
     done = eqt("sweep", "c.yaml", *GRID, "--dry-run")
     assert done.err == "c.yaml: 3 of its 6 points were checked; a run checks all\n"
@@ -72,18 +67,16 @@ def test_dry_run_of_very_many_points_checks_some(eqt: Eqt, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("key", ["gains.kd", "actuators[0].time_constant"])
-def test_dry_run_of_millions_of_points_builds_few(
-    eqt: Eqt, monkeypatch: pytest.MonkeyPatch, key: str
-) -> None:
-    for place in ("cli.run.MOST_CHECKED", "execution.cost.MOST_TIMED"):
+def test_dry_run_of_millions_of_points_builds_few(eqt, monkeypatch, key):
+    for place in ("cli.run.MOST_CHECKED", "runs.cost.MOST_TIMED"):
         monkeypatch.setattr(f"eqt_cli.{place}", 3)
-    built: list[None] = []
+    built = []
 
-    def counted(*given: Any, **more: Any) -> Any:
+    def counted(*given, **more):
         built.append(None)
         return build(*given, **more)
 
-    monkeypatch.setattr("eqt_cli.experiment.study.build", counted)
+    monkeypatch.setattr("eqt_cli.config.study.build", counted)
     axis = "{low: 0.1, high: 1.0, points: 3000}"
     with Path("c.yaml").open("a", encoding="utf-8") as config:
         config.write("actuators: [{kind: lag, time_constant: 1}]\n")
@@ -94,13 +87,13 @@ def test_dry_run_of_millions_of_points_builds_few(
 
 
 @pytest.mark.usefixtures("untimed")
-def test_dry_run_counts_the_workers_that_will_work(eqt: Eqt) -> None:
+def test_dry_run_counts_the_workers_that_will_work(eqt):
     done = eqt("sweep", "c.yaml", *GRID, "--dry-run", "--workers", 2, "--executor", "auto")
     assert done.out.splitlines()[7].endswith(" with 1 worker")
 
 
 @pytest.mark.usefixtures("untimed")
-def test_dry_run_tells_the_size_of_the_data(eqt: Eqt) -> None:
+def test_dry_run_tells_the_size_of_the_data(eqt):
     eqt("sweep", "c.yaml", *GRID, "--out", "out", "--quiet")
     words = ("--dry-run", "--json", "--workers", 2, "--executor", "serial")
     expected = json.loads(eqt("sweep", "c.yaml", *GRID, *words).out)
@@ -111,21 +104,19 @@ def test_dry_run_tells_the_size_of_the_data(eqt: Eqt) -> None:
     assert expected["bytes"] < size < expected["bytes"] + 60_000
 
 
-def test_run_and_sweep_name_each_other(eqt: Eqt) -> None:
-    done = eqt("sweep", "c.yaml")
-    assert done.code == 2
-    assert done.err == (
+def test_run_and_sweep_name_each_other(refused):
+    assert refused("sweep", "c.yaml") == (
         "eqt: c.yaml: defines no sweep; add a `sweep` section or --grid KEY=A,B, "
         "or use `eqt run c.yaml`\n"
     )
     with Path("c.yaml").open("a", encoding="utf-8") as file:
         file.write("sweep: [{grid: {gains.kp: [1, 2]}}]\n")
-    done = eqt("run", "c.yaml")
-    assert done.code == 2
-    assert done.err == ("eqt: c.yaml:10:1: defines a sweep; use `eqt sweep c.yaml`\n")
+    assert refused("run", "c.yaml") == (
+        "eqt: c.yaml:10:1: defines a sweep; use `eqt sweep c.yaml`\n"
+    )
 
 
-def test_the_result_of_a_sweep_is_swept_again(eqt: Eqt) -> None:
+def test_the_result_of_a_sweep_is_swept_again(eqt):
     assert eqt("sweep", "c.yaml", "--grid", "gains.kd=1,2", "--out", "swept", "--quiet").code == 0
     done = eqt("run", "swept")
     result = Path("swept/results.h5")
@@ -135,17 +126,16 @@ def test_the_result_of_a_sweep_is_swept_again(eqt: Eqt) -> None:
 
 
 @pytest.mark.parametrize("text", ["gains.kp", "=1", "gains.kp="])
-def test_a_grid_that_is_none(eqt: Eqt, text: str) -> None:
-    done = eqt("sweep", "c.yaml", "--grid", text)
-    assert done.code == 2
-    assert done.err == f"eqt: --grid {text}: expected KEY=VALUE,VALUE,…, got '{text}'\n"
+def test_a_grid_that_is_none(refused, text):
+    assert (
+        refused("sweep", "c.yaml", "--grid", text)
+        == f"eqt: --grid {text}: expected KEY=VALUE,VALUE,…, got '{text}'\n"
+    )
 
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b"])
-def test_a_shard_that_is_none(eqt: Eqt, text: str) -> None:
-    done = eqt("sweep", "c.yaml", *GRID, "--shard", text)
-    assert done.code == 2
-    assert done.err == (
+def test_a_shard_that_is_none(refused, text):
+    assert refused("sweep", "c.yaml", *GRID, "--shard", text) == (
         f"eqt: --shard: expected I/N with I from 1 to N, such as 2/8, got '{text}'\n"
     )
 
@@ -165,25 +155,15 @@ initial: {file: starts.csv}
 time: {duration: 0.4, samples: 5}
 solver: {rtol: 1.0e-6, cross_check: 0}
 """
-OWN = """\
-from dataclasses import dataclass
-from typing import ClassVar
-
-from eqt_cli.controllers.gt import GT
-
-
-@dataclass(frozen=True)
-class Own(GT):
-    name: ClassVar[str] = "own"
-"""
+OWN = component("own(eqt_cli.components.laws.GT):\n")
 PASS = "t,qx,qy,qz,qw,tx,ty,tz\n0,0,0,0,1,1,0,0\n0.3,0.6,0,0,0.8,3,0,0\n0.5,0.8,0,0,0.6,2,0,0\n"
 
 
 @pytest.mark.skipif(bool(compiler.missing()), reason="needs a C compiler")
 @pytest.mark.slow("compiles a law, and computes an experiment twice")
-def test_shards_with_every_kind_of_stored_file_are_packed(eqt: Eqt) -> None:
+def test_shards_with_every_kind_of_stored_file_are_packed(eqt, refused):
     """One is killed, so that its parts are missing; then it is computed again."""
-    code = Path(__file__).parents[1] / "code"
+    code = Path(__file__).parents[1] / "extensions" / "code"
     files = {"c.yaml": STORED, "own.py": OWN, "pass.csv": PASS, "starts.csv": "wx,wy,wz\n1,0,0\n"}
     for name, source in {"lee.c": "lee2010.c", "lee.h": "lee.h"}.items():
         files[name] = (code / source).read_text(encoding="utf-8")
@@ -195,11 +175,9 @@ def test_shards_with_every_kind_of_stored_file_are_packed(eqt: Eqt) -> None:
     killed = Path("out/parts/000001.h5")
     killed.unlink()
     pack = ("pack", "out", "--trust-plugins")
-    early = eqt(*pack)
-    assert (early.code, early.err) == (
-        2,
+    assert refused(*pack) == (
         "eqt: out: 1 of 3 parts are missing; complete every shard, or use eqt run (for a sweep eqt "
-        "sweep), which computes the missing parts\n",
+        "sweep), which computes the missing parts\n"
     )
     assert eqt(*run, "out", "--set", "gains.kp=2").err == (
         "eqt: out: holds another experiment, which differs in\n"
@@ -217,7 +195,7 @@ def test_shards_with_every_kind_of_stored_file_are_packed(eqt: Eqt) -> None:
     assert equal.out.endswith("equal: provenance differs, the 37 datasets do not\n")
 
 
-def test_what_is_packed_is_what_was_begun(eqt: Eqt) -> None:
+def test_what_is_packed_is_what_was_begun(eqt):
     assert eqt("run", "c.yaml", "-q", "--shard", "1/2", "--out", "out").code == 0
     config = Path("out/config.yaml")
     config.write_text(config.read_text(encoding="utf-8").replace("kp: 1.0", "kp: 3.0"))
@@ -229,7 +207,7 @@ def test_what_is_packed_is_what_was_begun(eqt: Eqt) -> None:
 
 
 @pytest.mark.parametrize("sweeps", [False, True])
-def test_the_table_holds_every_run_with_all_digits(eqt: Eqt, sweeps: bool) -> None:
+def test_the_table_holds_every_run_with_all_digits(eqt, sweeps):
     words = ("sweep", "c.yaml", *GRID) if sweeps else ("run", "c.yaml")
     eqt(*words, "--out", "out", "--quiet")
     rows = list(csv.DictReader(io.StringIO(eqt("show", "out", "--table").out)))
@@ -245,19 +223,13 @@ def test_the_table_holds_every_run_with_all_digits(eqt: Eqt, sweeps: bool) -> No
     assert documents[-1]["settling_time"] is None or documents[-1]["settling_time"] >= 0
 
 
-def test_an_unknown_format_of_the_table(eqt: Eqt) -> None:
-    eqt("run", "c.yaml", "--out", "out", "--quiet")
-    done = eqt("show", "out", "--table", "--format", "cvs")
-    assert (done.code, done.err) == (
-        2,
-        "eqt: --format: unknown format 'cvs'; did you mean 'csv'?\n",
-    )
+def test_an_unknown_format_of_the_table(refused, result):
+    said = refused("show", result, "--table", "--format", "cvs")
+    assert said == "eqt: --format: unknown format 'cvs'; did you mean 'csv'?\n"
 
 
-def test_a_value_that_is_given_twice(eqt: Eqt) -> None:
-    done = eqt("sweep", "c.yaml", "--grid", "gains.kp=0.5,1,0.50")
-    assert done.code == 2
-    assert done.err == (
+def test_a_value_that_is_given_twice(refused):
+    assert refused("sweep", "c.yaml", "--grid", "gains.kp=0.5,1,0.50") == (
         "eqt: --grid gains.kp=0.5,1,0.50: sweep[0].grid.gains.kp[2]: 0.5 is listed twice; give "
         "each value once\n"
     )

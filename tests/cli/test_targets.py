@@ -1,80 +1,66 @@
 """Where reports, animations and figures may be written: never over what eqt did not write."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-
-Eqt = Callable[..., Any]
 
 FOREIGN = "exists, and is no file that eqt wrote; choose another place with --out"
 
 
 @pytest.fixture
-def result(eqt: Callable[..., Any]) -> Path:
-    """A result in the folder `out`."""
-    eqt("run", "c.yaml", "--out", "out", "--quiet")
-    return Path("out")
-
-
-@pytest.fixture
-def _no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+def _no_work(monkeypatch):
     """Targets are refused before any work: verifying, drawing or reading curves."""
 
-    def work(*_: object, **__: object) -> None:
+    def work(*_, **__):
         raise AssertionError("worked before the target was checked")
 
     monkeypatch.setattr("eqt_cli.analysis.verification.verify_stored", work)
-    monkeypatch.setattr("eqt_cli.report.report", work)
-    monkeypatch.setattr("eqt_cli.plots.animation.gif.gif", work)
-    monkeypatch.setattr("eqt_cli.report.animation.animation", work)
-    monkeypatch.setattr("eqt_cli.plots.render.render", work)
+    monkeypatch.setattr("eqt_cli.report.document.report", work)
+    monkeypatch.setattr("eqt_cli.figures.animation.gif", work)
+    monkeypatch.setattr("eqt_cli.report.document.animation", work)
+    monkeypatch.setattr("eqt_cli.figures.render.render", work)
 
 
 @pytest.mark.usefixtures("_no_work")
 @pytest.mark.parametrize("name", ["out/results.h5", "c.yaml", "mine.html"])
-def test_a_report_replaces_no_file_of_others(eqt: Eqt, result: Path, name: str) -> None:
+def test_a_report_replaces_no_file_of_others(refused, result, name):
     Path("mine.html").write_text("<!DOCTYPE html>\n<title>eqt</title>\n", encoding="utf-8")
-    path = Path(name)
-    before = path.read_bytes()
-    done = eqt("report", result, "--out", name)
-    assert (done.code, done.out, done.err) == (2, "", f"eqt: {path}: {FOREIGN}\n")
-    assert path.read_bytes() == before
+    before = Path(name).read_bytes()
+    assert refused("report", result, "--out", name) == f"eqt: {Path(name)}: {FOREIGN}\n"
+    assert Path(name).read_bytes() == before
 
 
 @pytest.mark.usefixtures("_no_work")
 @pytest.mark.parametrize("name", [".", "out"])
-def test_a_report_is_a_file_and_no_folder(eqt: Eqt, result: Path, name: str) -> None:
-    done = eqt("report", result, "--out", name)
+def test_a_report_is_a_file_and_no_folder(refused, result, name):
     example = Path(name) / "report.html"
     expected = f"eqt: {name}: is a folder; expected a file, such as {example}\n"
-    assert (done.code, done.err) == (2, expected)
+    assert refused("report", result, "--out", name) == expected
 
 
 @pytest.mark.usefixtures("_no_work")
-def test_an_animation_replaces_no_file_of_others(eqt: Eqt, result: Path) -> None:
-    path = result / "figures" / "run0.gif"
+@pytest.mark.parametrize(
+    ("command", "name", "mine"),
+    [
+        (["animate", "out"], "run0.gif", "GIF89a of mine"),
+        (
+            ["plot", "out", "--figure", "paper", "--figure", "torque"],
+            "torque.svg",
+            '<?xml version="1.0"?><svg/>',
+        ),
+    ],
+)
+@pytest.mark.usefixtures("result")
+def test_an_animation_or_a_figure_replaces_no_file_of_others(refused, command, name, mine):
+    path = Path("out/figures", name)
     path.parent.mkdir()
-    path.write_bytes(b"GIF89a of mine")
-    done = eqt("animate", result)
-    assert (done.code, done.err) == (2, f"eqt: {path}: {FOREIGN}\n")
-
-
-@pytest.mark.usefixtures("_no_work")
-def test_a_figure_replaces_no_file_of_others(eqt: Eqt, result: Path) -> None:
-    path = result / "figures" / "torque.svg"
-    path.parent.mkdir()
-    path.write_text('<?xml version="1.0"?><svg/>', encoding="utf-8")
-    done = eqt("plot", result, "--figure", "paper", "--figure", "torque")
-    assert (done.code, done.err) == (2, f"eqt: {path}: {FOREIGN}\n")
+    path.write_text(mine, encoding="utf-8")
+    assert refused(*command) == f"eqt: {path}: {FOREIGN}\n"
 
 
 @pytest.mark.slow("writes two reports and two animations")
 @pytest.mark.usefixtures("unarranged")
-def test_reports_and_animations_are_replaced(eqt: Eqt, result: Path) -> None:
+def test_reports_and_animations_are_replaced(eqt, result):
     for _ in range(2):
         assert eqt("report", result, "--figure", "paper").code == 0
         assert eqt("animate", result, "--seconds", 0.2, "--quiet").code == 0

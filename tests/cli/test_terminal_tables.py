@@ -1,16 +1,14 @@
 """Tables on terminals that are narrower than they are, and on a pipe."""
 
-from __future__ import annotations
-
 import os
 import sys
 
 import pytest
 from rich.cells import cell_len
 
-from eqt_cli.analysis.text_tables import Block, TextTable
-from eqt_cli.cli.shared.output import folded, room, table
-from eqt_cli.cli.shared.terminal_tables import table_text
+from eqt_cli.base.reporting import Block, TextTable
+from eqt_cli.cli.output import folded, room, table
+from eqt_cli.cli.tables import table_text
 
 ROWS = [
     ["eqt", "1.830", "holds", "-0.283 [-0.346, -0.219]"],
@@ -21,19 +19,19 @@ TABLE = TextTable(
 )
 
 
-def laid_out(width: int | None, shown: TextTable = TABLE) -> list[str]:
+def laid_out(width, shown=TABLE):
     return table_text(shown, width).plain.splitlines()
 
 
-def with_(**changes: object) -> TextTable:
-    return TextTable(**{**vars(TABLE), **changes})  # type: ignore[arg-type]
+def with_(**changes):
+    return TextTable(**{**vars(TABLE), **changes})
 
 
-def words(lines: list[str]) -> set[str]:
+def words(lines):
     return {word for line in lines for word in line.split() if set(word) != {"─"}}
 
 
-def test_a_pipe_gets_every_column_unbroken() -> None:
+def test_a_pipe_gets_every_column_unbroken():
     assert laid_out(None) == laid_out(99)
     assert laid_out(None) == [
         "law          mean ‖I − Q_E‖ 0-5 s  remark                          difference",
@@ -45,26 +43,26 @@ def test_a_pipe_gets_every_column_unbroken() -> None:
     ]
 
 
-def test_headings_are_folded_first_and_formulas_are_not() -> None:
+def test_headings_are_folded_first_and_formulas_are_not():
     assert laid_out(86)[0].strip() == "mean"
     assert "‖I − Q_E‖" in laid_out(82)[1]
     assert "a sentence that is rather long" in laid_out(82)[-1]
 
 
-def test_then_text_is_wrapped() -> None:
+def test_then_text_is_wrapped():
     lines = laid_out(75)
     assert max(map(cell_len, lines)) <= 75
     assert words(lines) == words(laid_out(None))
 
 
-def test_then_the_least_important_columns_are_left_out() -> None:
+def test_then_the_least_important_columns_are_left_out():
     lines = laid_out(50, with_(spare=("remark", "difference")))
     assert "remark" not in lines[0] + lines[1] + lines[2]
     assert lines[-2:] == ["", "Not shown at this width: remark."]
     assert any("-0.283 [-0.346, -0.219]" in line for line in lines)
 
 
-def test_numbers_that_fit_only_apart_become_tables_of_their_own() -> None:
+def test_numbers_that_fit_only_apart_become_tables_of_their_own():
     rows = [[f"measure {k}", *(f"{k}.{c}00 ± 0.0{c}" for c in range(1, 7))] for k in range(2)]
     shown = TextTable("t", "", ["measure", *"abcdef"], [Block("", rows)])
     lines = laid_out(60, shown)
@@ -74,7 +72,7 @@ def test_numbers_that_fit_only_apart_become_tables_of_their_own() -> None:
         assert any(cell in line for line in lines)
 
 
-def test_else_each_row_becomes_a_block_of_lines() -> None:
+def test_else_each_row_becomes_a_block_of_lines():
     lines = laid_out(30)
     assert lines[:4] == [
         "eqt",
@@ -85,7 +83,7 @@ def test_else_each_row_becomes_a_block_of_lines() -> None:
 
 
 @pytest.mark.parametrize("width", range(24, 100, 3))
-def test_no_word_is_ever_broken(width: int) -> None:
+def test_no_word_is_ever_broken(width):
     spare = with_(spare=("remark",))
     for shown in (TABLE, spare):
         plain = "\n".join(laid_out(width, shown))
@@ -94,26 +92,26 @@ def test_no_word_is_ever_broken(width: int) -> None:
 
 
 @pytest.mark.parametrize("width", range(20, 60))
-def test_no_line_begins_with_the_number_of_a_p_value(width: int) -> None:
+def test_no_line_begins_with_the_number_of_a_p_value(width):
     note = "McNemar's exact test: settled, EqT − GT: p = 1; settled, EqT − nog: p = 9.3e-09."
     assert not [line for line in folded(note, width).splitlines() if line[0].isdigit()]
 
 
 @pytest.mark.parametrize("width", range(20, 60))
-def test_no_line_parts_the_laws_of_a_pair(width: int) -> None:
+def test_no_line_parts_the_laws_of_a_pair(width):
     note = "EqT − GT: p = 0.03; mean ‖I − Q_E‖, EqT − asym: p = 0.42; GT − nog, later."
     lines = table_text(TextTable("t", "", ["a"], [], [note]), width).plain.splitlines()
     assert not any(line.startswith("− ") or line.endswith(" −") for line in lines)
 
 
-def test_verdicts_are_coloured_and_say_the_same_in_words() -> None:
+def test_verdicts_are_coloured_and_say_the_same_in_words():
     shown = TextTable("t", "", ["what", "verdict"], [Block("", [["a", "holds"], ["b", "FAILS"]])])
     made = table_text(shown, 80)
     styles = {made.plain[span.start : span.end].strip(): str(span.style) for span in made.spans}
     assert styles == {"holds": "green", "FAILS": "bold red"}
 
 
-def test_what_comes_from_a_file_is_escaped() -> None:
+def test_what_comes_from_a_file_is_escaped():
     shown = TextTable("t", "\x1b[2J", ["\x1b[1m"], [Block("\x07", [["\x1b[0m"]])])
     for width in (None, 10):
         assert table_text(shown, width).plain.replace("\n", "").isprintable()
@@ -121,9 +119,7 @@ def test_what_comes_from_a_file_is_escaped() -> None:
 
 @pytest.mark.parametrize(("terminal", "expected"), [(True, 40), (False, None)])
 @pytest.mark.parametrize("columns", ["40", ""])
-def test_terminals_have_a_width_and_tables_obey_columns(
-    monkeypatch: pytest.MonkeyPatch, terminal: bool, expected: int | None, columns: str
-) -> None:
+def test_terminals_have_a_width_and_tables_obey_columns(monkeypatch, terminal, expected, columns):
     monkeypatch.setenv("COLUMNS", columns)
     monkeypatch.setattr("shutil.get_terminal_size", lambda *_, **__: os.terminal_size((40, 24)))
     monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal)

@@ -1,54 +1,39 @@
 """`eqt verify --exact`: what is proved, what is not and why, and faults that floats do not show."""
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Callable
 from fractions import Fraction
-from pathlib import Path
-from typing import Any
 
 import pytest
+from plugin_sources import component
 
-from eqt_cli.analysis.evidence.proof import written
+from eqt_cli.analysis.sample import written
 
-Eqt = Callable[..., Any]
-
-HEAD = """\
-from dataclasses import dataclass
-from typing import ClassVar
-
+HEAD = component("""
 import numpy as np
-
-from eqt_cli.controllers.eqt import EqT
-
-
-@dataclass(frozen=True)
-class Mine(EqT):
-    name: ClassVar[str] = "mine"
+mine(eqt_cli.components.laws.EqT):
     claims_decrease: ClassVar[bool] = True
     dissipation = EqT.dissipation
 
     def torque(self, s):
-        return super().torque(s) + """
+        return super().torque(s) + """)
 LAWS = {"right": "0.0", "wrong": "1e-30 * s.V_tilde", "numpy": "0.0 * np.sin(s.V)"}
 ONE = ("--runs", 1, "--exact", "--set", "plugins=[mine.py]", "--set", "controllers=[mine]")
 
 
 @pytest.fixture
-def law(folder: Path) -> Callable[[str], None]:
-    def write(name: str) -> None:
+def law(folder):
+    def write(name):
         (folder / "mine.py").write_text(f"{HEAD}{LAWS[name]}\n", encoding="utf-8")
 
     return write
 
 
-def identities(document: Any) -> dict[str, Any]:
+def identities(document):
     return {row["name"]: row for row in document["rows"] if row["kind"] == "identity"}
 
 
-def test_rows_say_with_what_certainty_they_are_proved(eqt: Eqt, law: Callable[[str], None]) -> None:
+def test_rows_say_with_what_certainty_they_are_proved(eqt, law):
     law("right")
     done = eqt("verify", "c.yaml", *ONE, "--json")
     assert (done.code, done.err) == (0, "")
@@ -63,7 +48,7 @@ def test_rows_say_with_what_certainty_they_are_proved(eqt: Eqt, law: Callable[[s
     assert drift["not_proved"] == "a distance is a square root"
 
 
-def test_what_is_not_proved_is_listed_with_the_reason(eqt: Eqt, law: Callable[[str], None]) -> None:
+def test_what_is_not_proved_is_listed_with_the_reason(eqt, law):
     law("right")
     done = eqt("verify", "c.yaml", *ONE)
     block, *_ = done.out.split("\n\n")
@@ -83,7 +68,7 @@ def test_what_is_not_proved_is_listed_with_the_reason(eqt: Eqt, law: Callable[[s
     assert f" hold, {proved} proved, " in done.out
 
 
-def test_a_fault_that_floats_do_not_show_ends_with_4(eqt: Eqt, law: Callable[[str], None]) -> None:
+def test_a_fault_that_floats_do_not_show_ends_with_4(eqt, law):
     law("wrong")
     done = eqt("verify", "c.yaml", *ONE, "--json")
     document = json.loads(done.out)
@@ -98,9 +83,7 @@ def test_a_fault_that_floats_do_not_show_ends_with_4(eqt: Eqt, law: Callable[[st
     )
 
 
-def test_a_law_that_exact_numbers_cannot_be_put_into_says_at_which_line(
-    eqt: Eqt, law: Callable[[str], None]
-) -> None:
+def test_a_law_that_exact_numbers_cannot_be_put_into_says_at_which_line(eqt, law):
     law("numpy")
     rows = identities(json.loads(eqt("verify", "c.yaml", *ONE, "--json").out))
     line = HEAD.count("\n") + 1
@@ -111,7 +94,7 @@ def test_a_law_that_exact_numbers_cannot_be_put_into_says_at_which_line(
     )
 
 
-def test_identities_of_a_result_are_proved_too(eqt: Eqt) -> None:
+def test_identities_of_a_result_are_proved_too(eqt):
     eqt("run", "c.yaml", "--quiet", "--set", "controllers=[eqt]")
     rows = identities(json.loads(eqt("verify", "results/c", "--exact", "--json").out))
     assert rows["rate of L"]["verdict"] == "proved"

@@ -16,20 +16,18 @@ import numpy as np
 import pytest
 from plugin_sources import forget_plugins
 
-from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.linearised import designed
-from eqt_cli.config.catalogue import KINDS, registry
-from eqt_cli.controllers import controllers
-from eqt_cli.core.arrays import FUNCTIONS, register_symbols
-from eqt_cli.core.registry import load_plugin
-from eqt_cli.groups import group_named
-from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.mechanics.tracking import Gains
-from eqt_cli.references import references
-from eqt_cli.references.flat import Knot
-from eqt_cli.references.path import PathFactor
-from eqt_cli.references.waypoints import Waypoint
-from eqt_cli.vehicle.forces import Force
+from eqt_cli.base.arrays import FUNCTIONS, register_symbols
+from eqt_cli.base.registry import KINDS, load_plugin, registry
+from eqt_cli.components.flat import Knot
+from eqt_cli.components.forces import Force
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.laws import controllers
+from eqt_cli.components.mechanics import Gains
+from eqt_cli.components.references import PathFactor, references
+from eqt_cli.components.waypoints import Waypoint
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.linearised import designed
 
 TESTS = Path(__file__).parents[1]
 PLUGINS = [*sorted(TESTS.glob("plugins/*.py")), TESTS.parent / "examples" / "runge_kutta.py"]
@@ -52,26 +50,17 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "gravity_gradient": {"rate": 0.3, "inertia": [[1.0, 0.1, 0], [0.1, 2.0, 0], [0, 0, 2.5]]},
     "noise": {"std": 0.1},
     "lag": {"time_constant": 0.2},
-    "thrusters": {
-        "matrix": [[1.0 * (row == k) + 0.1 * (k > 5) for k in range(8)] for row in range(6)],
-        "low": -0.5,
-        "high": 0.4,
-        "time_constant": 0.2,
-    },
+    "thrusters": {"matrix": [[1.0 * (row == k) + 0.1 * (k > 5) for k in range(8)] for row in
+        range(6)], "low": -0.5, "high": 0.4, "time_constant": 0.2},
     "path": {"factors": [PathFactor("wz", "0.3*sin(t)"), PathFactor("wx", "0.1*t**2")]},
     "rates": {"rates": ["cos(t)", "sin(t)", "cos(t)*sin(t)", "1", "t", "sin(2*t)"]},
     "slew": {"to": {"rotvec": [0, 0.5, 1]}, "duration": 3.0},
-    "waypoints": {
-        "points": [
-            Waypoint(0.0, "identity"),
-            Waypoint(1.0, {"rotvec": [0.3, 0, 0]}),
-            Waypoint(3.0, {"rotvec": [0, 0.5, 0.5]}),
-        ]
-    },
+    "waypoints": {"points": [Waypoint(0.0, "identity"), Waypoint(1.0, {"rotvec": [0.3, 0, 0]}),
+        Waypoint(3.0, {"rotvec": [0, 0.5, 0.5]})]},
     "log": {"file": "motion.csv"},
     "flat": {"minimum_snap": [Knot(0.0, [0.0, 0.1, 0.2]), Knot(3.0, [1.0, 2.0, 3.0])]},
     "swinging": {"frequencies": [1.0, 2.0, 0.5, 1.5, 0.1, 3.0]},
-}
+}  # fmt: skip
 """Of components that have no default for them; lists are cut to the dimension of the group."""
 
 FILES = {
@@ -86,7 +75,7 @@ FILES = {
 SLOW = {
     ("engine_class", "rk4_fixed"): "takes many steps; runge_kutta is an engine of a plugin, too",
     ("executor_class", "dask"): "starts a cluster",
-    ("executor_class", "local"): "starts processes, as execution/test_executors.py does",
+    ("executor_class", "local"): "starts processes, as runs/test_executors.py does",
     ("figure_class", "certificates"): "verifies experiments",
 }
 """Components whose contracts take seconds, and why."""

@@ -4,28 +4,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from small_experiment import mapping
+from small_loops import expressions
 
 from eqt_cli import api
-from eqt_cli.analysis.certificates import Verdict, certificates
-from eqt_cli.analysis.certificates.base import Identity
-from eqt_cli.analysis.certificates.cascade import CommandedRates
-from eqt_cli.analysis.evidence.sample import sampled
-from eqt_cli.controllers import controllers
-from eqt_cli.core.expressions import parse
-from eqt_cli.mechanics.inertia import PrescribedInertia
-from eqt_cli.references import references
+from eqt_cli.analysis.certificates import Identity, Verdict, certificates
+from eqt_cli.analysis.identities import CommandedRates
+from eqt_cli.analysis.sample import sampled
+from eqt_cli.components.inertia import PrescribedInertia
+from eqt_cli.components.laws import controllers
+from eqt_cli.components.references import references
 
-CONFIG = {
-    "group": "SO3",
-    "inertia": [2, 1, 3],
-    "gains": {"kp": 1.0, "kd": 0.5},
-    "reference": {"torque": ["cos(t)", "sin(t)", "0"]},
-    "controllers": ["eqt", "nog"],
-    "initial": {"pose": "haar", "velocity": "normal"},
-    "ensemble": {"runs": 2, "seed": 1},
-    "time": {"duration": 1.0, "samples": 11},
-    "solver": {"rtol": 1e-6, "cross_check": 0},
-}
+CONFIG = mapping(controllers=["eqt", "nog"], ensemble={"runs": 2, "seed": 1})
 IDENTITIES = [
     found
     for found in certificates.all()
@@ -51,7 +41,7 @@ def samples(loop_with, make, drawn):
     loops = [
         dataclasses.replace(
             loop_with(reference=make(references.get("path"), 3)),
-            inertia=PrescribedInertia(tuple(tuple(map(parse, row)) for row in inertia)),
+            inertia=PrescribedInertia(expressions(inertia)),
         ),
         *(loop_with("SO3", kind()) for kind in controllers.all() if kind.tasks),
     ]

@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from eqt_cli.core.errors import Problems
-from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.engines.recorded_field import RecordedCalls
+from eqt_cli.base.errors import Problems
+from eqt_cli.engines.solve_ivp import RecordedCalls
+from eqt_cli.numbers.leaves import leaves, with_leaves
 
 # Tens of last places of torques up to a hundred.
 ROUNDING = 1e-11

@@ -6,10 +6,10 @@ import jsonschema
 import pytest
 import yaml
 
+from eqt_cli.base.errors import EqtError
 from eqt_cli.config.json_schema import json_schema
+from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
-from eqt_cli.core.errors import EqtError
-from eqt_cli.experiment.read_study import study
 
 CONFIG = """\
 group: SO3

@@ -11,18 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eqt_cli.controllers import Controller, controllers
-from eqt_cli.core.arrays import less, where
-from eqt_cli.engines import Problem, Status
-from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.mechanics.tracking import Gains
-from eqt_cli.references.base import ClosedReference
-from eqt_cli.references.constant import ConstantReference
-from eqt_cli.vehicle import Vehicle
-from eqt_cli.vehicle.forces import Force
-from eqt_cli.vehicle.sampling import Sampling
-from eqt_cli.vehicle.sensors.channels import Errors
-from eqt_cli.vehicle.sensors.noise import Noise
+from eqt_cli.base.arrays import less, where
+from eqt_cli.components.forces import Force
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.laws import Controller, controllers
+from eqt_cli.components.mechanics import Gains
+from eqt_cli.components.references import ClosedReference, ConstantReference
+from eqt_cli.components.sensors import Errors, Noise
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.engines.engine import Problem, Status
 
 RUNS, SAMPLES, DURATION, RTOL = 5, 9, 4.0, 1e-6
 SHORT = 1.0

@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 
-from eqt_cli.core.errors import Problems
-from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.ensemble.spread import Stream, generator_at
-from eqt_cli.groups import group_named
-from eqt_cli.vehicle import Vehicle
-from eqt_cli.vehicle.sampling import Sampling
-from eqt_cli.vehicle.sensors.bias import Bias
-from eqt_cli.vehicle.sensors.channels import Errors
-from eqt_cli.vehicle.sensors.noise import Noise
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.initial_states import Stream, generator_at
+from eqt_cli.components.sensors import Bias, Errors, Noise
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.numbers.leaves import leaves, with_leaves
 
 G = group_named("SE2")
 ROUNDING = 1e-11
@@ -64,10 +61,11 @@ def own(states):
     return {name: values for name, values in states.items() if name.startswith("estimator_")}
 
 
-def test_runs_together_and_symbols_give_what_a_run_alone_gives(estimator_class, make, symbols):
-    part, (to, back), problems = make(estimator_class, G.dimension), symbols, Problems()
-    part.check(G, problems)
-    assert list(problems) == []
+def test_runs_together_and_symbols_give_what_a_run_alone_gives(
+    estimator_class, make, symbols, noted
+):
+    part, (to, back) = make(estimator_class, G.dimension), symbols
+    assert noted(part, G) == []
     flying = [vehicle(part, run) for run in range(2)]
     errors = [errors_of(each, run) for run, each in enumerate(flying)]
     *_, alone = flown(flying[0], motion(0), errors[0])

@@ -1,21 +1,20 @@
-"""What every executor must do, whoever wrote it; tests/ensemble has what is particular to each."""
+"""What every executor must do, whoever wrote it; tests/config has what is particular to each."""
 
 from importlib.util import find_spec
 
 import pytest
 
-from eqt_cli.core.errors import EqtError
-from eqt_cli.core.reporting import step
-from eqt_cli.execution.executors import Outcome
-from eqt_cli.execution.executors.dask import NEEDED
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.reporting import step
+from eqt_cli.runs.executors import NEEDED, Outcome
 
 # In a file of its own, where spawned processes find it.
 TASK = """
 import os, time
 from pathlib import Path
 
-from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.executors.dask import NEEDED
+from eqt_cli.base.errors import EqtError
+from eqt_cli.runs.executors import NEEDED
 
 
 class Task:

@@ -9,33 +9,26 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.legend import Legend
 from matplotlib.patches import Patch
+from small_experiment import mapping
 
 from eqt_cli import api
-from eqt_cli.core.errors import EqtError
-from eqt_cli.core.registry import is_foreign, meanings
-from eqt_cli.logs.recording import Recording
-from eqt_cli.plots.base import Extras, OfCertificates, OfSweep
-from eqt_cli.plots.drawing.style import Style
-from eqt_cli.plots.figures.commands import Commands
-from eqt_cli.plots.figures.estimate import EstimateFigure
-from eqt_cli.plots.figures.fronts import Fronts
-from eqt_cli.plots.figures.worst import WorstFigure
-from eqt_cli.plots.render import curves
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.registry import is_foreign, meanings
+from eqt_cli.components.recording_check import Recording
+from eqt_cli.figures.figure import Extras, OfCertificates, OfSweep
+from eqt_cli.figures.render import curves
+from eqt_cli.figures.run_figures import EstimateFigure
+from eqt_cli.figures.search_figures import Fronts, WorstFigure
+from eqt_cli.figures.style import Style
+from eqt_cli.figures.time_figures import Commands
 from eqt_cli.results.result import open_result
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
-CONFIG = {
-    "group": "SO3",
-    "inertia": [1, 2, 3],
-    "gains": {"kp": 1.0, "kd": 0.5},
-    "reference": {"torque": ["cos(t)", "sin(t)", "0"]},
-    "controllers": ["eqt", "gt"],
-    "initial": {"pose": {"kind": "exp_normal", "std": 1.0}, "velocity": "normal"},
-    "ensemble": {"runs": 3, "seed": 1},
-    "time": {"duration": 1.0, "samples": 11},
-    "solver": {"rtol": 1e-3, "cross_check": 0, "error_estimate": False},
-}
+CONFIG = mapping(
+    initial={"pose": {"kind": "exp_normal", "std": 1.0}, "velocity": "normal"},
+    solver={"rtol": 1e-3, "cross_check": 0, "error_estimate": False},
+)
 ESTIMATED = {
     "actuators": [{"kind": "limit", "limit": 5.0}],
     "control": {"period": 0.1},
@@ -46,24 +39,15 @@ ESTIMATED = {
     "estimator": {"kind": "invariant"},
 }
 SWEEP = {"sweep": [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}]}
-TUNE = {
-    "tune": {
-        "over": {"gains.kp": [0.5, 2], "gains.kd": [0.5, 2]},
-        "objectives": ["effort", "mean_pose_error"],
-        "budget": 1,
-        "population": 5,
-        "seeds": 1,
-        "confirm": {"runs": 3},
-    }
+SMALL = {"budget": 1, "population": 5, "seeds": 1}
+TUNE = SMALL | {
+    "over": {"gains.kp": [0.5, 2], "gains.kd": [0.5, 2]},
+    "objectives": ["effort", "mean_pose_error"],
+    "confirm": {"runs": 3},
 }
-WORST = {
-    "worst": {
-        "over": {"gains.kp": [0.5, 2], "plant.inertia.relative": [-0.1, 0.1]},
-        "objective": "mean_pose_error",
-        "budget": 1,
-        "population": 5,
-        "seeds": 1,
-    }
+WORST = SMALL | {
+    "over": {"gains.kp": [0.5, 2], "plant.inertia.relative": [-0.1, 0.1]},
+    "objective": "mean_pose_error",
 }
 IN = {"column": 3.5, "page": 7.16, "slide": 13.3 / 2.25}  # a slide is written larger
 BY_PLACE = ("phase", "runs", "sweep")
@@ -81,10 +65,10 @@ def make_results(folder):
         done = api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
         if name == "single":
             (folder / "rows").write_bytes(pickle.dumps(api.verify(done).rows))
-    api.tune(CONFIG | TUNE, folder / "tuned")
+    api.tune(CONFIG | {"tune": TUNE}, folder / "tuned")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("eqt_cli.tuning.worst.MOST_ON_A_LINE", 3)
-        api.worst(CONFIG | WORST, folder / "worst")
+        patch.setattr("eqt_cli.analysis.worst.MOST_ON_A_LINE", 3)
+        api.worst(CONFIG | {"worst": WORST}, folder / "worst")
 
 
 def recording_of_run(result):

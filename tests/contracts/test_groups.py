@@ -1,12 +1,12 @@
-"""What every group must do, whoever wrote it; tests/groups has the axioms at length."""
+"""What every group must do, whoever wrote it; tests/components has the axioms at length."""
 
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.evidence.exact import Exact, free
-from eqt_cli.groups import MatrixLieGroup, group_named
+from eqt_cli.analysis.exact import Exact, free
+from eqt_cli.components.groups import MatrixLieGroup, group_named
 
-# Tens of last places, where SciPy's rigid motions leave their series; as in tests/groups.
+# Tens of last places, where SciPy's rigid motions leave their series; as in tests/components.
 ROUNDING = 5e-13
 
 

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from eqt_cli.ensemble.initial import draw_initial_states
-from eqt_cli.ensemble.spread import Stream, generator
-from eqt_cli.ensemble.velocities import velocity_distributions
-from eqt_cli.groups import group_named
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.initial_states import (
+    Stream,
+    draw_initial_states,
+    generator,
+    velocity_distributions,
+)
 
 # Tens of last places.
 ROUNDING = 1e-13

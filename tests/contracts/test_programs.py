@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from eqt_cli.closed_loop.law_program import NUMBER, TOLD
-from eqt_cli.closed_loop.signals import at_state
+from eqt_cli.base.errors import Problems
+from eqt_cli.components.laws import controllers
+from eqt_cli.components.sensors import Errors
+from eqt_cli.config.build import build
 from eqt_cli.config.source import read_config
-from eqt_cli.controllers import controllers
-from eqt_cli.core.errors import Problems
-from eqt_cli.core.leaves import leaves
 from eqt_cli.engines.traced_loop import LoopKey, at_instants, law_of, sampled, trace
-from eqt_cli.experiment.build import build
-from eqt_cli.vehicle.sensors.channels import Errors
+from eqt_cli.loop.law_program import NUMBER, TOLD
+from eqt_cli.loop.signals import at_state
+from eqt_cli.numbers.leaves import leaves
 
 # NumPy adds products in another order: tens of last places of numbers up to hundreds.
 ROUNDING = 1e-11
@@ -128,12 +128,8 @@ def test_a_law_by_itself_says_what_goes_in_and_comes_out(loop_with, make):
         ("desired_acceleration", (3,), "rad/s/s (rotation), m/s/s (translation)"),
     ]
     assert [(each.name, each.source) for each in law.numbers] == [
-        ("inertia", "inertia.matrix"),
-        ("kp", "gains.K"),
-        ("kd", "gains.K_d"),
-        ("ki", "controller.ki"),
-        ("c2", "controller.c2"),
-        ("period", "period"),
+        *(("inertia", "inertia.matrix"), ("kp", "gains.K"), ("kd", "gains.K_d")),
+        *(("ki", "controller.ki"), ("c2", "controller.c2"), ("period", "period")),
     ]
     assert [(each.name, each.shape) for each in law.memory] == [("integral", (3,))]
     assert law.torque.unit == "N m (rotation), N (translation)"

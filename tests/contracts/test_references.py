@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from eqt_cli.core.errors import Problems
-from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.engines.recorded_field import RecordedCalls
-from eqt_cli.groups import group_named
-from eqt_cli.mechanics.flatness import PlantModel
-from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.base.errors import Problems
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.motions import PlantModel
+from eqt_cli.engines.solve_ivp import RecordedCalls
+from eqt_cli.numbers.leaves import leaves, with_leaves
 
 # Tens of last places of torques up to ten.
 ROUNDING = 1e-12

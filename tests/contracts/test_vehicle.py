@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 
-from eqt_cli.core.errors import Problems
-from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.engines.recorded_field import RecordedCalls
-from eqt_cli.ensemble.spread import Stream, generator_at
-from eqt_cli.groups import group_named
-from eqt_cli.vehicle import Vehicle
-from eqt_cli.vehicle.sampling import Sampling
-from eqt_cli.vehicle.sensors.channels import Errors
-from eqt_cli.vehicle.sensors.noise import Noise
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.initial_states import Stream, generator_at
+from eqt_cli.components.sensors import Errors, Noise
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.engines.solve_ivp import RecordedCalls
+from eqt_cli.numbers.leaves import leaves, with_leaves
 
 G = group_named("SE3")
 ROUNDING = 1e-13
@@ -35,11 +33,9 @@ def states(seed=2):
     return G.exp(random.standard_normal((2, 6))), random.standard_normal((2, 6))
 
 
-def test_a_force_takes_runs_together_and_symbols(force_class, make, symbols):
+def test_a_force_takes_runs_together_and_symbols(force_class, make, symbols, noted):
     force, (Q, V), (to, back) = make(force_class, 6), states(), symbols
-    problems = Problems()
-    force.check(G, problems)
-    assert list(problems) == []
+    assert noted(force, G) == []
     force = of_run(force)
     alone = np.stack([force.in_body(G, 0.3, Q[k], V[k]) + 0 * V[k] for k in range(2)])
     together = spread(force).in_body(G, 0.3, Q, V) + 0 * V
@@ -76,11 +72,9 @@ def test_a_recording_gives_the_same_as_the_actuator(actuator_class, make):
     np.testing.assert_allclose(found, field(0.31, 0.9 * y), rtol=0, atol=ROUNDING)
 
 
-def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbols):
+def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbols, noted):
     actuator, (_, command), (to, back) = make(actuator_class, 6), states(), symbols
-    problems = Problems()
-    actuator.check(G, problems)
-    assert list(problems) == []
+    assert noted(actuator, G) == []
     actuator, x = of_run(actuator), np.full((2, actuator.states(G)), 0.3)
     for name in ("output", "state_rate") if x.size else ("output",):
         alone = np.stack([getattr(actuator, name)(G, command[k], x[k]) for k in range(2)])
@@ -124,10 +118,9 @@ def test_what_is_left_without_limits_and_steps_is_linear(actuator_class, make):
     assert linear.linear_part is linear
 
 
-def test_a_sensor_errs_by_run_and_instant_alone(sensor_class, make):
-    sensor, problems = make(sensor_class, 6), Problems()
-    sensor.check(G, problems)
-    assert list(problems) == []
+def test_a_sensor_errs_by_run_and_instant_alone(sensor_class, make, noted):
+    sensor = make(sensor_class, 6)
+    assert noted(sensor, G) == []
     many, few, other = (
         sensor.errors(G, count, 0.1, generator_at(1, Stream.VEHICLE, run, "place"))
         for count, run in ((50, 0), (20, 0), (20, 1))

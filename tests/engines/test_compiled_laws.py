@@ -6,61 +6,35 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from small_loops import any_matrix, closed_loop, expressions
 
-from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.controllers import Controller, controllers
-from eqt_cli.controllers.eqt import EqT
-from eqt_cli.core import arrays
-from eqt_cli.core.arrays import FUNCTIONS
-from eqt_cli.core.errors import Problems, TraceError
-from eqt_cli.core.expressions import parse
-from eqt_cli.engines import Problem, Status
+from eqt_cli.base import arrays
+from eqt_cli.base.arrays import FUNCTIONS
+from eqt_cli.base.errors import Problems, TraceError
+from eqt_cli.components.flat import FlatReference, Knot
+from eqt_cli.components.forces import Restoring
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import FactoredInertia, Inertia
+from eqt_cli.components.laws import Controller, EqT, controllers
+from eqt_cli.components.motions import PlantModel
+from eqt_cli.components.references import (
+    ConstantReference,
+    LogReference,
+    PathFactor,
+    PathReference,
+    RatesReference,
+    SlewReference,
+    TorqueReference,
+    references,
+)
+from eqt_cli.components.waypoints import Waypoint, WaypointsReference
+from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.groups import group_named
-from eqt_cli.mechanics.flatness import PlantModel
-from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
-from eqt_cli.mechanics.tracking import Gains
-from eqt_cli.references import references
-from eqt_cli.references.constant import ConstantReference
-from eqt_cli.references.flat import FlatReference, Knot
-from eqt_cli.references.log import LogReference
-from eqt_cli.references.path import PathFactor, PathReference
-from eqt_cli.references.rates import RatesReference
-from eqt_cli.references.slew import SlewReference
-from eqt_cli.references.torque import TorqueReference
-from eqt_cli.references.waypoints import Waypoint, WaypointsReference
-from eqt_cli.vehicle.forces.restoring import Restoring
 
 pytestmark = pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler")
 
-TORQUE = ["cos(t)", "sin(t)", "cos(t)*sin(t)"] * 9
-INERTIA = np.array([[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]])
-
-
-def any_matrix(n, seed):
-    """A positive definite matrix with eigenvalues between ½ and about 2."""
-    A = np.random.default_rng(seed).uniform(-1.0, 1.0, (n, n)) / np.sqrt(n)
-    return A @ A.T + np.eye(n) / 2
-
-
-def any_inertia(n, seed):
-    matrix = any_matrix(n, seed)
-    return Inertia(matrix, np.linalg.inv(matrix))
-
-
-def loop_of(controller, G=None, reference=None, inertia=None):
-    """A loop with gains that have no symmetry; with the paper's inertia on SO(3)."""
-    G = G or group_named("SO3")
-    m = G.dimension
-    return ClosedLoop(
-        group=G,
-        inertia=inertia
-        or (Inertia(INERTIA, np.linalg.inv(INERTIA)) if m == 3 else any_inertia(m, 1)),
-        gains=Gains(any_matrix(G.size, 2), any_matrix(m, 3)),
-        reference=reference or TorqueReference(TORQUE[:m]),
-        controller=controller,
-    )
+SO3 = group_named("SO3")
 
 
 def problem_of(loop, runs, duration=2.0, samples=9, seed=4):
@@ -125,17 +99,19 @@ DENSE = WaypointsReference(
 @pytest.mark.parametrize("name", references.names())
 def test_engines_agree_on_every_reference(name):
     if name == "flat":
-        loop = loop_of(EqT(), group_named("SE3"), flat())
+        loop = closed_loop(group_named("SE3"), reference=flat())
     else:
-        loop = loop_of(EqT(), reference=REFERENCES[name])
+        loop = closed_loop(SO3, reference=REFERENCES[name])
     assert_engines_agree(problem_of(loop, runs=2))
 
 
 @pytest.mark.parametrize("name", ["eqt", "stabilising"])
 def test_engines_agree_with_a_time_varying_inertia(name):
     rows = (("1 + t/4", "0", "0"), ("sin(t)/5", "1", "0"), ("0", "0", "exp(-t/9)"))
-    factor = tuple(tuple(parse(entry) for entry in row) for row in rows)
-    loop = loop_of(controllers.get(name)(), inertia=FactoredInertia(INERTIA, factor))
+    factor = expressions(rows)
+    loop = closed_loop(
+        SO3, controllers.get(name)(), inertia=FactoredInertia(any_matrix(3, 1), factor)
+    )
     assert_engines_agree(problem_of(loop, runs=2, duration=0.5, samples=3))
 
 
@@ -158,7 +134,7 @@ TEXTS = [
 def test_expressions_of_the_grammar():
     """A third of them in the sum about each axis."""
     texts = [" + ".join(f"({text})" for text in TEXTS[first::3]) for first in range(3)]
-    assert_engines_agree(problem_of(loop_of(EqT(), reference=TorqueReference(texts)), 2))
+    assert_engines_agree(problem_of(closed_loop(SO3, reference=TorqueReference(texts)), 2))
 
 
 # Laws of a user's own -----------------------------------------------------------------------------
@@ -194,14 +170,14 @@ SMOOTH_LAWS = {
 @pytest.mark.parametrize("name", SMOOTH_LAWS)
 def test_engines_agree_on_a_law_of_array_functions(name):
     """The second run starts on the reference, where norms of errors have no derivative."""
-    loop = loop_of(Own(SMOOTH_LAWS[name]))
+    loop = closed_loop(SO3, Own(SMOOTH_LAWS[name]))
     states = problem_of(loop, runs=2).states
     states[1] = loop.initial_state(np.eye(3), np.zeros(3), np.eye(3), np.zeros(3))
     assert_engines_agree(Problem(loop, states, np.linspace(0.0, 0.2, 3)))
 
 
 WAY_OUT = (
-    "; write it with operators, @ and the functions of eqt_cli.core.arrays, "
+    "; write it with operators, @ and the functions of eqt_cli.base.arrays, "
     "or use `engine: solve_ivp`"
 )
 
@@ -239,34 +215,24 @@ class Assignment(Own):
 
 
 UNTRACEABLE = {
-    Sine: (
-        "TypeError: loop of ufunc does not support argument 0 of type Symbol which has no "
-        "callable sin method at test_compiled_laws.py:LINE: return -np.sin(s.V)"
-    ),
-    Inverse: (
-        "UFuncTypeError: Cannot cast ufunc 'inv' input from dtype('O') to dtype('float64') with "
-        "casting rule 'same_kind' at test_compiled_laws.py:LINE: "
-        "return -np.linalg.inv(s.gains.K_d) @ s.V"
-    ),
-    Branch: (
-        "TypeError: '>' not supported between instances of 'Symbol' and 'int' "
-        "at test_compiled_laws.py:LINE: return -s.V if s.V[..., 0] > 0 else s.V"
-    ),
-    Condition: (
-        "TypeError: a symbol has no truth value; choose by where(less(a, b), x, y) "
-        "at test_compiled_laws.py:LINE: return -s.V if arrays.less(s.t, 1.0) else s.V"
-    ),
-    Assignment: (
-        "TypeError: float() argument must be a string or a real number, not 'Symbol' "
-        "at test_compiled_laws.py:LINE: tau[..., 0] = s.V[..., 0]"
-    ),
-}
+    Sine: "TypeError: loop of ufunc does not support argument 0 of type Symbol which has no "
+        "callable sin method at test_compiled_laws.py:LINE: return -np.sin(s.V)",
+    Inverse: "UFuncTypeError: Cannot cast ufunc 'inv' input from dtype('O') to dtype('float64') "
+        "with casting rule 'same_kind' at test_compiled_laws.py:LINE: return "
+        "-np.linalg.inv(s.gains.K_d) @ s.V",
+    Branch: "TypeError: '>' not supported between instances of 'Symbol' and 'int' at "
+        "test_compiled_laws.py:LINE: return -s.V if s.V[..., 0] > 0 else s.V",
+    Condition: "TypeError: a symbol has no truth value; choose by where(less(a, b), x, y) at "
+        "test_compiled_laws.py:LINE: return -s.V if arrays.less(s.t, 1.0) else s.V",
+    Assignment: "TypeError: float() argument must be a string or a real number, not 'Symbol' at "
+        "test_compiled_laws.py:LINE: tau[..., 0] = s.V[..., 0]",
+}  # fmt: skip
 
 
 def trace_error(controller):
     """What is said of a law, without the lines."""
     with pytest.raises(TraceError) as caught:
-        Native().rehearse(problem_of(loop_of(controller), runs=1))
+        Native().rehearse(problem_of(closed_loop(SO3, controller), runs=1))
     return re.sub(r"(\.py):\d+", r"\1:LINE", str(caught.value))
 
 
@@ -279,7 +245,7 @@ def test_message_of_a_law_that_cannot_be_traced(law):
 def test_message_of_a_law_that_asks_the_group_for_what_cannot_be_traced():
     message = trace_error(Drift())
     assert re.fullmatch(
-        r"group 'SO3' cannot be compiled: .+ at base\.py:LINE: .+, "
+        r"group 'SO3' cannot be compiled: .+ at groups\.py:LINE: .+, "
         r"called by controller 'own' at test_compiled_laws\.py:LINE: "
         r"return s\.G\.violation\(s\.Q\) \* s\.V" + re.escape(WAY_OUT),
         message,
@@ -346,7 +312,7 @@ ENGINE = Native(max_steps=500)
 
 
 def faulty_problem(controller, faults):
-    problem = problem_of(loop_of(controller()), runs=len(faults))
+    problem = problem_of(closed_loop(SO3, controller()), runs=len(faults))
     varying = {"controller.fault": np.array(faults, dtype=float)[:, None]}
     return Problem(problem.loop, problem.states, problem.times, varying)
 

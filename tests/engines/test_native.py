@@ -1,7 +1,5 @@
 """The same bits: by any number of lanes, compiler, processor, thread and group of runs."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import shutil
@@ -13,17 +11,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
+from case_tables import slow
 from exported_laws import emulated_arm
 
 import eqt_cli
-from eqt_cli.engines import native, traced_loop
-from eqt_cli.engines.native import compiler, library
-from eqt_cli.engines.native.source import evaluation, integration
+from eqt_cli.engines import compiler, library, native, traced_loop
+from eqt_cli.engines.library import evaluation_source as evaluation
+from eqt_cli.engines.library import integration_source as integration
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.execution.batches import batches
-from eqt_cli.execution.compute_part import compute_part, shared_reference
-from eqt_cli.execution.executors import TaskContext
 from eqt_cli.results.result import open_result
+from eqt_cli.runs.batches import batches
+from eqt_cli.runs.compute_part import compute_part, shared_reference
+from eqt_cli.runs.executors import TaskContext
 
 pytestmark = pytest.mark.skipif(
     native.Native.unavailable() is not None, reason="needs a C compiler"
@@ -32,27 +32,22 @@ pytestmark = pytest.mark.skipif(
 RUNS = 5
 """No multiple of the lanes."""
 
-FLIES = {
-    "plant": {
-        "inertia": {"relative": {"uniform": [-0.1, 0.1]}},
-        "forces": [{"kind": "gust", "std": 0.1, "time_constant": 1}],
-    },
-    "actuators": [{"kind": "limit", "limit": 0.9}, {"kind": "lag", "time_constant": 0.1}],
-    "control": {"period": 0.1, "delay": 1},
-    "sensors": {
-        "pose": [{"kind": "noise", "std": 0.01}],
-        "velocity": [{"kind": "bias", "value": {"normal": [0, 0.1]}, "walk": 0.01}],
-    },
-}
+FLIES = yaml.safe_load("""
+plant:
+  inertia: {relative: {uniform: [-0.1, 0.1]}}
+  forces: [{kind: gust, std: 0.1, time_constant: 1}]
+actuators: [{kind: limit, limit: 0.9}, {kind: lag, time_constant: 0.1}]
+control: {period: 0.1, delay: 1}
+sensors:
+  pose: [{kind: noise, std: 0.01}]
+  velocity: [{kind: bias, value: {normal: [0, 0.1]}, walk: 0.01}]
+""")
 """A sampled, noisy loop, with limits that are reached."""
 
 LOOPS = {"SE3": ("se3", {}), "flies": ("paper", FLIES)}
 
 
-@pytest.fixture(
-    scope="module",
-    params=["flies", pytest.param("SE3", marks=pytest.mark.slow("compiles a larger group, too"))],
-)
+@pytest.fixture(scope="module", params=["flies", slow("compiles a larger group, too", "SE3")])
 def loop(request):
     """The study of a few short runs, by the name of the loop."""
     name, changes = LOOPS[request.param]
@@ -102,9 +97,7 @@ def built(monkeypatch):
     return by
 
 
-@pytest.mark.parametrize(
-    "called", ["clang", pytest.param("gcc", marks=pytest.mark.slow("cc is gcc on most machines"))]
-)
+@pytest.mark.parametrize("called", ["clang", slow("cc is gcc on most machines", "gcc")])
 def test_compilers_change_no_bit(batch, expected, built, called):
     if not (found := shutil.which(called)):
         pytest.skip(f"needs {called}")
@@ -129,12 +122,8 @@ def test_threads_and_groups_change_no_bit(batch, expected, monkeypatch):
 @pytest.mark.parametrize(
     ("runs", "spans", "threads", "sizes"),
     [
-        (600, 1, 1, [200, 200, 200]),
-        (600, 1, 2, [150, 150, 150, 150]),
-        (600, 2, 2, [300, 300]),
-        (5, 1, 2, [3, 2]),
-        (5, 3, 1, [5]),
-        (1, 1, 4, [1]),
+        *((600, 1, 1, [200, 200, 200]), (600, 1, 2, [150, 150, 150, 150])),
+        *((600, 2, 2, [300, 300]), (5, 1, 2, [3, 2]), (5, 3, 1, [5]), (1, 1, 4, [1])),
         (256, 1, 1, [256]),
     ],
 )
@@ -218,8 +207,8 @@ def test_other_runs_change_no_bit(batch):
     ("lanes", "flags"),
     [
         (2, ("-O2", "-march=native")),
-        pytest.param(1, ("-O3",), marks=pytest.mark.slow("for no processor of today")),
-        pytest.param(8, ("-O0",), marks=pytest.mark.slow("compiles it again")),
+        slow("for no processor of today", 1, ("-O3",)),
+        slow("compiles it again", 8, ("-O0",)),
     ],
 )
 def test_lanes_processors_and_optimisation_change_no_bit(loop, built, lanes, flags):

@@ -1,7 +1,5 @@
 """Which C compiler the engine native calls, what it says where it cannot, and what it keeps."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import select
@@ -16,9 +14,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from case_tables import refusal
 
-from eqt_cli.core.errors import EqtError
-from eqt_cli.engines.native import cache, compiler, contained
+from eqt_cli.base.errors import EqtError
+from eqt_cli.engines import compiler
 
 LANES = {(): 2, ("AVX",): 4, ("AVX", "AVX-512"): 8}
 SOURCE = "double f(double x) { return x + 1.0; }"
@@ -92,7 +91,7 @@ def cc(monkeypatch):
 
 
 def kept():
-    return sorted((cache.own_cache() or pytest.fail("no cache")).folder.glob("*.so"))
+    return sorted((compiler.own_cache() or pytest.fail("no cache")).folder.glob("*.so"))
 
 
 def works():
@@ -135,9 +134,7 @@ def test_without_a_compiler_a_message_says_how_to_get_one(on_path, without_zig, 
         "native), a clang in a wheel (this is Linux on x86_64); or use engine solve_ivp"
     )
     assert compiler.missing() == expected
-    with pytest.raises(EqtError) as raised:
-        compiler.library(SOURCE)
-    assert str(raised.value) == expected
+    assert refusal(EqtError, compiler.library, SOURCE) == expected
 
 
 def test_with_a_compiler_nothing_is_missing(on_path, with_zig):
@@ -238,16 +235,12 @@ def test_where_the_processor_is_unknown_a_compiler_is_asked_each_time(cc, monkey
 )
 def test_a_variable_cc_that_will_not_do_is_refused(called, message, monkeypatch):
     monkeypatch.setenv("CC", called)
-    with pytest.raises(EqtError) as raised:
-        compiler.compiler()
-    assert str(raised.value) == f"{message}; {CHOOSE}"
+    assert refusal(EqtError, compiler.compiler) == f"{message}; {CHOOSE}"
 
 
 def test_what_a_compiler_complains_of_is_told_in_lines(on_path, without_zig):
     (path,) = on_path("cc", "echo one >&2; echo 'x: error: bad option' >&2; echo two >&2; exit 1")
-    with pytest.raises(EqtError) as raised:
-        compiler.compiler()
-    assert str(raised.value).splitlines() == [
+    assert refusal(EqtError, compiler.compiler).splitlines() == [
         f"the C compiler {path} does not work",
         "x: error: bad option",
         CHOOSE,
@@ -264,9 +257,7 @@ def test_what_a_compiler_complains_of_is_told_in_lines(on_path, without_zig):
 )
 def test_a_compiler_that_fails_or_tells_nothing_is_refused(on_path, without_zig, script, lines):
     (path,) = on_path("cc", script)
-    with pytest.raises(EqtError) as raised:
-        compiler.compiler()
-    first, *told, last = str(raised.value).splitlines()
+    first, *told, last = refusal(EqtError, compiler.compiler).splitlines()
     assert (first, told, last) == (f"the C compiler {path} does not work", lines, CHOOSE)
 
 
@@ -291,18 +282,16 @@ def test_what_a_compiler_makes_counts_only_where_it_succeeds(on_path, without_zi
 def test_a_compiler_that_rounds_otherwise_is_refused(cc, monkeypatch):
     called = f"{os.environ['CC']} -ffast-math"
     monkeypatch.setenv("CC", called)
-    with pytest.raises(EqtError) as raised:
-        compiler.compiler()
-    assert str(raised.value) == (
+    assert refusal(EqtError, compiler.compiler) == (
         f"the C compiler {called} does not round as IEEE 754 says (__FAST_MATH__ is 1); remove "
         "options such as -ffast-math from the variable CC"
     )
 
 
 def test_a_source_that_does_not_compile_is_told_in_short(cc):
-    with pytest.raises(EqtError) as raised:
-        compiler.library("int f(void) { return nothing; }")
-    first, error, *_, last = str(raised.value).splitlines()
+    first, error, *_, last = refusal(
+        EqtError, compiler.library, "int f(void) { return nothing; }"
+    ).splitlines()
     assert first == f"the C compiler {os.environ['CC']} cannot compile a law"
     assert "nothing" in error
     assert last == "set the variable CC to another C compiler, or use engine solve_ivp"
@@ -312,9 +301,7 @@ def test_what_cannot_be_loaded_is_told(on_path, without_zig, monkeypatch):
     script = """case "$*" in *-dM*) echo '#define __GNUC__ 12'; exit;; esac
         while [ "$1" != -o ]; do shift; done; echo nothing > "$2" """
     (path,) = on_path("cc", script)
-    with pytest.raises(EqtError) as raised:
-        compiler.library(SOURCE)
-    first, _, last = str(raised.value).splitlines()
+    first, _, last = refusal(EqtError, compiler.library, SOURCE).splitlines()
     assert first == f"what the C compiler {path} makes cannot be loaded"
     assert last == "set the variable CC to a compiler for this machine, or use engine solve_ivp"
 
@@ -323,9 +310,7 @@ def test_a_compiler_that_hangs_is_ended_with_what_it_started(on_path, without_zi
     monkeypatch.setattr(compiler, "SECONDS", 0.2)
     # The pipe stays open as long as the inner one lives.
     (path,) = on_path("cc", "/bin/sh -c '/bin/sleep 60'; exit 1")
-    with pytest.raises(EqtError) as raised:
-        compiler.compiler()
-    assert str(raised.value) == (
+    assert refusal(EqtError, compiler.compiler) == (
         f"the C compiler {path} did not end within 0.2 s: {path} -march=native -dM -E -x c -; "
         "set the variable CC to another C compiler, or use engine solve_ivp"
     )
@@ -355,7 +340,9 @@ LIMITS += "r.RLIMIT_FSIZE)], os.listdir())"
 
 @pytest.mark.skipif(sys.platform != "linux", reason="macOS has no limit of the address space")
 def test_a_program_has_limits_and_an_empty_folder():
-    found = contained.run([sys.executable, "-c", LIMITS], b"", contained.Limits(7.0, 2**31, 2**20))
+    found = compiler.run_contained(
+        [sys.executable, "-c", LIMITS], b"", compiler.Limits(7.0, 2**31, 2**20)
+    )
     assert found.stdout.decode() == f"{[7, 2**31, 2**20]} []\n"
 
 
@@ -376,8 +363,8 @@ def test_a_program_ends_with_eqt_and_so_does_what_it_has_started(tmp_path):
     os.mkfifo(pipe)
     reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     script = f"exec 3>{pipe}; echo began >&3; sleep 30 & sleep 30"
-    code = "from eqt_cli.engines.native.contained import *; "
-    code += f"run(['/bin/sh', '-c', {script!r}], b'', Limits(60.0))"
+    code = "from eqt_cli.engines.compiler import *; "
+    code += f"run_contained(['/bin/sh', '-c', {script!r}], b'', Limits(60.0))"
     eqt = subprocess.Popen([sys.executable, "-c", code])
     assert select.select([reading], [], [], 30)[0] and os.read(reading, 100) == b"began\n"
     eqt.kill()
@@ -388,10 +375,8 @@ def test_a_program_ends_with_eqt_and_so_does_what_it_has_started(tmp_path):
 
 def test_without_a_folder_for_temporary_files_it_says_so(cc, monkeypatch):
     compiler.compiler()
-    monkeypatch.setattr(contained.tempfile, "tempdir", "the place for temporary files")
-    with pytest.raises(EqtError) as raised:
-        compiler.library(SOURCE)
-    assert str(raised.value) == (
+    monkeypatch.setattr(compiler.tempfile, "tempdir", "the place for temporary files")
+    assert refusal(EqtError, compiler.library, SOURCE) == (
         "a law cannot be compiled: there is no folder for temporary files: No such file or "
         "directory; set the variable TMPDIR to a folder that you can write to"
     )
@@ -437,7 +422,7 @@ def test_a_damaged_file_is_not_loaded_but_built_anew(cc, damage):
 
 def test_a_damaged_record_of_a_compiler_is_asked_for_anew(cc):
     found = compiler.compiler()
-    folder = cache.own_cache().folder
+    folder = compiler.own_cache().folder
     (record,) = folder.glob("*.json")
     record.write_text("{")
     forget()
@@ -489,8 +474,8 @@ def a_link(folder):
 def test_a_folder_that_is_not_the_users_alone_is_not_used(cc, put, tmp_path, told):
     folder = tmp_path / "cache" / "eqt" / "native"
     put(folder)
-    cache._tell.cache_clear()
-    assert cache.own_cache() is None
+    compiler._tell.cache_clear()
+    assert compiler.own_cache() is None
     assert works() and cc() == (1, 1)
     assert not folder.is_dir() or not list(folder.iterdir())
     remark = (
@@ -526,7 +511,7 @@ def test_what_was_checked_is_what_is_loaded(cc, monkeypatch):
     """Whatever becomes of the file after it was read."""
     works()
     forget()
-    find = cache.Cache.find
+    find = compiler.Cache.find
 
     def changed(self, *key):
         found = find(self, *key)
@@ -534,20 +519,20 @@ def test_what_was_checked_is_what_is_loaded(cc, monkeypatch):
             path.write_bytes(b"something else")
         return found
 
-    monkeypatch.setattr(cache.Cache, "find", changed)
+    monkeypatch.setattr(compiler.Cache, "find", changed)
     assert works() and cc() == (1, 1)
 
 
 def test_folders_above_may_be_those_of_the_system(monkeypatch):
     monkeypatch.setattr(os, "getuid", lambda: 1000)
     found = [SimpleNamespace(st_uid=uid, st_mode=0o40755) for uid in (0, 1000, 1)]
-    assert [*map(cache._is_safe, found)] == [True, True, False]
+    assert [*map(compiler._is_safe, found)] == [True, True, False]
 
 
 def test_a_folder_of_another_user_is_not_used(cc, monkeypatch):
-    cache.own_cache()
+    compiler.own_cache()
     monkeypatch.setattr(os, "getuid", lambda: 12345)
-    assert cache.own_cache() is None
+    assert compiler.own_cache() is None
 
 
 def test_without_a_home_nothing_is_kept(cc, monkeypatch):
@@ -556,23 +541,23 @@ def test_without_a_home_nothing_is_kept(cc, monkeypatch):
 
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setattr(Path, "home", none)
-    assert cache.own_cache() is None
+    assert compiler.own_cache() is None
     assert works()
 
 
 def test_a_relative_folder_for_caches_is_not_used(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", "here")
     monkeypatch.setattr(Path, "home", lambda: tmp_path / "home")
-    assert cache.own_cache().folder == tmp_path / "home" / ".cache" / "eqt" / "native"
+    assert compiler.own_cache().folder == tmp_path / "home" / ".cache" / "eqt" / "native"
 
 
 @pytest.mark.parametrize("chosen", [True, False])
 def test_on_windows_the_cache_is_among_the_users_local_data(monkeypatch, tmp_path, chosen):
     folder = tmp_path / ("chosen" if chosen else "home/AppData/Local")
     environment = {"LOCALAPPDATA": str(folder)} if chosen else {}
-    monkeypatch.setattr(cache, "os", SimpleNamespace(name="nt", environ=environment))
-    monkeypatch.setattr(cache.Path, "home", lambda: tmp_path / "home")
-    assert cache.own_cache().folder == folder / "eqt" / "native"
+    monkeypatch.setattr(compiler, "os", SimpleNamespace(name="nt", environ=environment))
+    monkeypatch.setattr(compiler.Path, "home", lambda: tmp_path / "home")
+    assert compiler.own_cache().folder == folder / "eqt" / "native"
     assert (folder / "eqt" / "native").is_dir()
 
 
@@ -580,24 +565,24 @@ def test_a_full_disk_keeps_nothing_and_stops_nothing(cc, monkeypatch):
     def full(path, content):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(cache, "replace_file", full)
+    monkeypatch.setattr(compiler, "replace_file", full)
     assert works()
     assert kept() == []
 
 
 def test_the_files_that_were_not_used_for_longest_go(monkeypatch):
-    monkeypatch.setattr(cache, "KEPT", 3)
-    own = cache.own_cache()
+    monkeypatch.setattr(compiler, "KEPT", 3)
+    own = compiler.own_cache()
     unfinished = own.folder / f"x.so.{'0' * 16}.tmp"
     unfinished.touch()
     os.utime(unfinished, (0, 0))
     for age in range(3):
-        own.keep(cache.digest(f"{age}"), ".so", b"%d" % age)
-        (path,) = own.folder.glob(f"{cache.digest(f'{age}')[:32]}-*")
+        own.keep(compiler.digest(f"{age}"), ".so", b"%d" % age)
+        (path,) = own.folder.glob(f"{compiler.digest(f'{age}')[:32]}-*")
         os.utime(path, (100 + age, 100 + age))
-    own.find(cache.digest("0"), ".so")
-    own.keep(cache.digest("3"), ".so", b"3")
-    found = [own.find(cache.digest(f"{age}"), ".so") for age in range(4)]
+    own.find(compiler.digest("0"), ".so")
+    own.keep(compiler.digest("3"), ".so", b"3")
+    found = [own.find(compiler.digest(f"{age}"), ".so") for age in range(4)]
     assert found == [b"0", None, b"2", b"3"]
     assert len(list(own.folder.iterdir())) == 3
 

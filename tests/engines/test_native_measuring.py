@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.engines import Engine
-from eqt_cli.engines.native import compiler, library
-from eqt_cli.execution.compute_part import compute_part, shared_reference
-from eqt_cli.execution.executors import TaskContext
+from eqt_cli.engines import compiler, library
+from eqt_cli.engines.engine import Engine
+from eqt_cli.runs.compute_part import compute_part, shared_reference
+from eqt_cli.runs.executors import TaskContext
 
 if missing := compiler.missing():
     pytest.skip(missing, allow_module_level=True)

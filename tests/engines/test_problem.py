@@ -7,29 +7,31 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.engines import Engine, Problem, Status, engines
-from eqt_cli.engines.problem import Solution, Span, _nearest
-from eqt_cli.engines.walk import Failure, Integrator, SpanResult, _note, _Reached, walked
-from eqt_cli.vehicle.sensors.channels import Errors
+from eqt_cli.components.sensors import Errors
+from eqt_cli.engines.engine import (
+    Engine,
+    Failure,
+    Integrator,
+    Problem,
+    Solution,
+    Span,
+    SpanResult,
+    Status,
+    _nearest,
+    _note,
+    _Reached,
+    engines,
+    walked,
+)
 
 
 @pytest.mark.parametrize(
     ("instant", "found"),
     [
-        (0.3 + 1e-16, 0.3),
-        (0.1 * 3, 0.3),
-        (0.3 - 1e-16, 0.3),
-        (0.5, 0.5),
-        (0.0, 0.0),
-        (1.0, 1.0),
-        (1.0 - 2e-16, 1.0),
-        (0.31, 0.31),
-        (2.0, 2.0),
-        (0.6 + 1.5e-12, 0.6 + 1.5e-12),
-        (0.6 - 1.5e-12, 0.6 - 1.5e-12),
-        (-1e6 + 5e-7, -1e6),
-        (-1e6 - 5e-7, -1e6),
-        (-1e6 + 2e-6, -1e6 + 2e-6),
+        *((0.3 + 1e-16, 0.3), (0.1 * 3, 0.3), (0.3 - 1e-16, 0.3), (0.5, 0.5), (0.0, 0.0)),
+        *((1.0, 1.0), (1.0 - 2e-16, 1.0), (0.31, 0.31), (2.0, 2.0)),
+        *((0.6 + 1.5e-12, 0.6 + 1.5e-12), (0.6 - 1.5e-12, 0.6 - 1.5e-12), (-1e6 + 5e-7, -1e6)),
+        *((-1e6 - 5e-7, -1e6), (-1e6 + 2e-6, -1e6 + 2e-6)),
     ],
 )
 def test_instants_are_sample_times_but_for_rounding(instant, found):
@@ -108,12 +110,8 @@ def test_a_billionth_of_the_horizon_is_rehearsed(times):
 @pytest.mark.parametrize(
     ("start", "stop", "period", "instants"),
     [
-        (0.0, 10.0, 2.0, 5),
-        (3.0, 10.0, 2.0, 3),
-        (4.0, 9.0, 2.0, 3),
-        (-3.0, 3.0, 2.0, 3),
-        (0.0, 10.0, 0.5, 20),
-        (3.0, 10.0, 0.5, 14),
+        *((0.0, 10.0, 2.0, 5), (3.0, 10.0, 2.0, 3), (4.0, 9.0, 2.0, 3), (-3.0, 3.0, 2.0, 3)),
+        *((0.0, 10.0, 0.5, 20), (3.0, 10.0, 0.5, 14)),
     ],
 )
 def test_control_instants_are_multiples_of_the_period_before_the_end(start, stop, period, instants):
@@ -270,14 +268,8 @@ def test_numbers_of_runs_have_an_axis_for_samples():
         (0.0, 0, 1, 0, "t = 10 s: step limit"),
     ],
     ids=[
-        "at a sample",
-        "between two",
-        "at the last sample",
-        "not finite before",
-        "at an unknown time",
-        "before the span ends",
-        "from the start",
-        "at the start",
+        *("at a sample", "between two", "at the last sample", "not finite before"),
+        *("at an unknown time", "before the span ends", "from the start", "at the start"),
     ],
 )
 def test_a_run_that_fails_has_no_sample_behind_its_failure(t, blown, first, known, message):

@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from eqt_cli.core.arrays import apply_matrix, stack, times, where
-from eqt_cli.engines.recorded_field import (
+from eqt_cli.base.arrays import apply_matrix, stack, times, where
+from eqt_cli.engines.solve_ivp import (
     COMPARED,
     WORTH_RECORDING,
     NotRecordable,

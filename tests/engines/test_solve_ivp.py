@@ -8,26 +8,26 @@ blocks and tolerances of `test_error_is_a_few_rtol`, between 0.4 and 11 rtol.
 
 import re
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
+from small_experiment import mapping
 
 import eqt_cli
-from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.controllers import Controller, controllers
-from eqt_cli.controllers.eqt import EqT
-from eqt_cli.core.leaves import with_leaves
-from eqt_cli.engines import Problem, Status
+from eqt_cli.components.forces import Force
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.laws import Controller, EqT, controllers
+from eqt_cli.components.mechanics import Gains
+from eqt_cli.components.references import ConstantReference, TorqueReference
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle_parts import Sampling
+from eqt_cli.engines import solve_ivp
+from eqt_cli.engines.engine import DIVERGED, Problem, Status
 from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp, _jacobian_options
-from eqt_cli.engines.walk import DIVERGED
-from eqt_cli.groups import group_named
-from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.mechanics.tracking import Gains
-from eqt_cli.references.constant import ConstantReference
-from eqt_cli.references.torque import TorqueReference
-from eqt_cli.vehicle import Vehicle
-from eqt_cli.vehicle.forces import Force
-from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.numbers.leaves import with_leaves
 
 LONG = pytest.mark.slow("takes many steps, and each evaluates the law in Python")
 
@@ -481,17 +481,13 @@ def test_progress_is_reported_along_the_way():
 # Options ------------------------------------------------------------------------------------------
 
 
-def test_options_that_work_have_no_problems(noted):
-    assert noted(SolveIvp()) == []
-    assert noted(SolveIvp(rtol=SMALLEST_RTOL)) == []
-
-
 @pytest.mark.parametrize(
     ("rtol", "got"), [(1e-14, "1e-14"), (1.0, "1")], ids=["too_small", "too_large"]
 )
 def test_message_of_a_tolerance_that_scipy_cannot_use(rtol, got, noted):
     message = f"expected a number from 2.22e-14 (SciPy's smallest) to 1, got {got}"
     assert noted(SolveIvp(rtol=rtol)) == [("rtol", message)]
+    assert noted(SolveIvp(rtol=SMALLEST_RTOL)) == []
 
 
 @pytest.mark.slow("20 s of steps that get ever shorter")
@@ -499,31 +495,51 @@ def test_a_sampled_loop_that_diverges_ends(tmp_path):
     """Each period multiplies the velocity by 1 − kd·period/J = −4; one run begins at rest."""
     (tmp_path / "starts.csv").write_text("qx,qy,qz,qw,wx,wy,wz\n0,0,0,1,0.1,0,0\n0,0,0,1,0,0,0\n")
     found = eqt_cli.run(
-        {
-            "name": "diverging",
-            "group": "SO3",
-            "inertia": 1.0,
-            "gains": {"kp": 1e-6, "kd": 5.0},
-            "reference": {"kind": "constant"},
-            "controllers": ["eqt"],
-            "control": {"period": 1.0},
-            "initial": {"file": str(tmp_path / "starts.csv")},
-            "ensemble": {"runs": 2},
-            "time": {"duration": 20.0, "samples": 21},
-            "solver": {
-                "engine": "solve_ivp",
-                "rtol": 1e-6,
-                "cross_check": 0,
-                "error_estimate": False,
-            },
-        },
+        mapping(
+            name="diverging",
+            inertia=1.0,
+            gains={"kp": 1e-6, "kd": 5.0},
+            reference={"kind": "constant"},
+            controllers=["eqt"],
+            control={"period": 1.0},
+            initial={"file": str(tmp_path / "starts.csv")},
+            ensemble={"runs": 2},
+            time={"duration": 20.0, "samples": 21},
+            solver={"rtol": 1e-6, "engine": "solve_ivp", "cross_check": 0, "error_estimate": False},
+        ),
         tmp_path / "r",
     )
-    data = eqt_cli.open_results(found)
-    assert data.status.values.tolist() == [[Status.DIVERGED, Status.OK]]
-    first = np.flatnonzero(np.abs(data.velocity.values[0, 0, :, 0]) > 2 * np.pi * 100)[0]
-    assert data.message.values[0, 0] == f"t = {first} s: {DIVERGED[1]}"
-    assert np.isfinite(data.velocity.values[0, 0]).all(axis=1).tolist() == [
+    stored = eqt_cli.open_results(found)
+    assert stored.status.values.tolist() == [[Status.DIVERGED, Status.OK]]
+    first = np.flatnonzero(np.abs(stored.velocity.values[0, 0, :, 0]) > 2 * np.pi * 100)[0]
+    assert stored.message.values[0, 0] == f"t = {first} s: {DIVERGED[1]}"
+    assert np.isfinite(stored.velocity.values[0, 0]).all(axis=1).tolist() == [
         k <= first for k in range(21)
     ]
-    assert data.steps.values[0, 0] < 50_000  # of 1,000,000
+    assert stored.steps.values[0, 0] < 50_000  # of 1,000,000
+
+
+# x ------------------------------------------------------------------------------------------------
+
+
+RTOL = 1e-9
+
+solve = partial(
+    solve_ivp.solve, events=lambda t, y: 1.0, first_step=None, rtol=RTOL, atol=1e-3 * RTOL
+)
+
+
+def test_samples_within_and_at_the_ends_of_steps():
+    times = np.linspace(0.5, 20.0, 778)
+    exact = np.array([np.sin(times), np.cos(times)])
+    found = solve(lambda t, y: np.array([y[1], -y[0]]), (0.5, 20.0), exact[:, 0], t_eval=times)
+    # The error of the phase grows by at most about rtol in each of some thirty steps.
+    np.testing.assert_allclose(found.y, exact, rtol=0, atol=30 * RTOL)
+    ends = solve(lambda t, y: np.array([y[1], -y[0]]), (0.5, 20.0), exact[:, 0], t_eval=None)
+    np.testing.assert_array_equal(ends.y, found.y[:, [0, -1]])
+
+
+def test_a_solution_without_end_needs_ever_smaller_steps():
+    with np.errstate(all="ignore"):
+        found = solve(lambda t, y: y * y, (0.0, 2.0), np.ones(1), t_eval=None)
+    assert (found.status, found.message) == (-1, "the step size is too small")

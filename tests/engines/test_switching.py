@@ -11,9 +11,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.controllers import Controller
-from eqt_cli.core.arrays import (
+from eqt_cli.base.arrays import (
     absolute,
     clip,
     cos,
@@ -25,14 +23,16 @@ from eqt_cli.core.arrays import (
     smooth_less,
     where,
 )
-from eqt_cli.core.expressions import parse
-from eqt_cli.engines import Problem, Status
+from eqt_cli.base.expressions import parse
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.laws import Controller
+from eqt_cli.components.mechanics import Gains
+from eqt_cli.components.references import ConstantReference
+from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.engines.native import STEP_SHARE, Native
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.groups import group_named
-from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.mechanics.tracking import Gains
-from eqt_cli.references.constant import ConstantReference
+from eqt_cli.loop.closed_loop import ClosedLoop
 
 TOL = 1e-10
 
@@ -85,49 +85,56 @@ def solved():
     return solved
 
 
+@pytest.fixture
+def assert_velocity(solved):
+    """V of one run is what it must be, up to the tolerance; `exact` takes the sample times."""
+
+    def assert_velocity(law, exact, **given):
+        problem = problem_of(law, **given)
+        V = velocity(problem, solved(problem))[0, :, 0]
+        np.testing.assert_allclose(V, exact(problem.times), rtol=0, atol=10 * TOL)
+
+    return assert_velocity
+
+
 # Against exact solutions --------------------------------------------------------------------------
 
 
-def test_saturation(solved):
+def test_saturation(assert_velocity):
     """V̇ = clip(−V, ±½): straight down to V = ½, exponential from there."""
-
-    def law(s, own):
-        return clip(-s.V, -own.limit, own.limit)
-
-    problem = problem_of(law, velocities=[2.0], duration=6.0)
-    t, V = problem.times, velocity(problem, solved(problem))[0, :, 0]
-    exact = np.where(t < 3, 2 - t / 2, np.exp(3 - t) / 2)
-    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+    assert_velocity(
+        lambda s, own: clip(-s.V, -own.limit, own.limit),
+        lambda t: np.where(t < 3, 2 - t / 2, np.exp(3 - t) / 2),
+        velocities=[2.0],
+        duration=6.0,
+    )
 
 
 @pytest.mark.parametrize(
     "size", [absolute, lambda V: norm(V)[..., None]], ids=["absolute", "norm of one component"]
 )
-def test_absolute_value(solved, size):
+def test_absolute_value(assert_velocity, size):
     """V̇ = −|V| − 1 through V = 0, at t = log 2 from V = 1."""
-    problem = problem_of(lambda s, law: -size(s.V) - 1, duration=1.5)
-    V = velocity(problem, solved(problem))[0, :, 0]
-    t = problem.times
-    exact = np.where(t < np.log(2), 2 * np.exp(-t) - 1, 1 - np.exp(t) / 2)
-    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+    exact = lambda t: np.where(t < np.log(2), 2 * np.exp(-t) - 1, 1 - np.exp(t) / 2)  # noqa: E731
+    assert_velocity(lambda s, law: -size(s.V) - 1, exact, duration=1.5)
 
 
-def test_jump_in_time(solved):
+def test_jump_in_time(assert_velocity):
     """V̇ = 1 until t = 1.3, 3 from then on."""
-    problem = problem_of(lambda s, law: where(less(s.t, 1.3), 1.0, 3.0) + 0 * s.V)
-    V = velocity(problem, solved(problem))[0, :, 0]
-    exact = 1 + problem.times + 2 * np.maximum(problem.times - 1.3, 0)
-    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+    assert_velocity(
+        lambda s, law: where(less(s.t, 1.3), 1.0, 3.0) + 0 * s.V,
+        lambda t: 1 + t + 2 * np.maximum(t - 1.3, 0),
+    )
 
 
-def test_an_angle_that_wraps(solved):
+def test_an_angle_that_wraps(assert_velocity):
     """V̇ = atan2(sin t, cos t): t until π, and t − 2π from there."""
     angle = parse("atan2(sin(t), cos(t))")
-    problem = problem_of(lambda s, law: angle.evaluate({"t": s.t}) + 0 * s.V, duration=5.0)
-    V = velocity(problem, solved(problem))[0, :, 0]
-    t = problem.times
-    exact = 1 + t**2 / 2 - 2 * np.pi * np.maximum(t - np.pi, 0)
-    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+    assert_velocity(
+        lambda s, law: angle.evaluate({"t": s.t}) + 0 * s.V,
+        lambda t: 1 + t**2 / 2 - 2 * np.pi * np.maximum(t - np.pi, 0),
+        duration=5.0,
+    )
 
 
 @pytest.mark.parametrize(("compare", "shortened"), [(less, True), (smooth_less, False)])
@@ -157,7 +164,7 @@ def test_no_step_ends_where_nothing_follows_from_a_comparison(solved):
     assert (solved(problem_of(law)).steps == plain.steps).all()
 
 
-def test_side_that_changes_with_the_form_of_a_function_is_right_on_each(solved):
+def test_side_that_changes_with_the_form_of_a_function_is_right_on_each(assert_velocity):
     """V̇ jumps from 2 to −2 at t = 2; what is compared changes its sign at t = 1 without a jump."""
 
     def law(s, own):
@@ -165,29 +172,23 @@ def test_side_that_changes_with_the_form_of_a_function_is_right_on_each(solved):
         wanted = where(less(turned * (2.0 - s.t), 0.0), -1.0, 1.0)
         return 2 * turned * wanted + 0 * s.V
 
-    problem = problem_of(law)
-    V = velocity(problem, solved(problem))[0, :, 0]
-    exact = 1 + 2 * np.minimum(problem.times, 2) - 2 * np.maximum(problem.times - 2, 0)
-    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+    assert_velocity(law, lambda t: 1 + 2 * np.minimum(t, 2) - 2 * np.maximum(t - 2, 0))
 
 
-def test_jump_that_sets_off_another(solved):
+def test_jump_that_sets_off_another(assert_velocity):
     """At t = 1 one comparison jumps from 1 to −1, so that another changes without a crossing."""
 
     def law(s, own):
         sign = where(less(s.t, 1.0), 1.0, -1.0)
         return where(less(0.0, sign), 0.0, 2.0) + 0 * s.V
 
-    problem = problem_of(law)
-    V = velocity(problem, solved(problem))[0, :, 0]
-    np.testing.assert_allclose(V, 1 + 2 * np.maximum(problem.times - 1, 0), rtol=0, atol=10 * TOL)
+    assert_velocity(law, lambda t: 1 + 2 * np.maximum(t - 1, 0))
 
 
-def test_start_on_a_kink(solved):
+def test_start_on_a_kink(assert_velocity):
     """V̇ = ±1 with the sign of t − V … which both sides leave at once."""
-    problem = problem_of(lambda s, law: where(less(s.V, 0.0), -1.0, 1.0), velocities=[0.0])
-    V = velocity(problem, solved(problem))[0, :, 0]
-    np.testing.assert_allclose(V, problem.times, rtol=0, atol=10 * TOL)
+    law = lambda s, own: where(less(s.V, 0.0), -1.0, 1.0)  # noqa: E731 shorter than a function
+    assert_velocity(law, lambda t: t, velocities=[0.0])
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])

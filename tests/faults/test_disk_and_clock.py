@@ -1,7 +1,5 @@
 """What else happens to a run: a disk that fails, a clock that jumps, another process, a kill."""
 
-from __future__ import annotations
-
 import errno
 import io
 import os
@@ -10,13 +8,12 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 from faults_harness import CONFIG, FLIGHT, START, Session, assert_equal, contents
 
 from eqt_cli import api
-from eqt_cli.core.errors import EqtError
+from eqt_cli.base.errors import EqtError
 from eqt_cli.engines.native import Native
 
 SMALL = CONFIG + "ensemble: {runs: 4, seed: 1}\n" + FLIGHT
@@ -26,18 +23,18 @@ pytestmark = pytest.mark.slow("runs experiments, some in processes of their own"
 
 
 @pytest.fixture
-def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def config(tmp_path, monkeypatch):
     if missing := Native.unavailable():
         pytest.skip(missing)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 2)
-    monkeypatch.setattr("eqt_cli.execution.run_study.UNSAVED_SECONDS", 0.0)
+    monkeypatch.setattr("eqt_cli.engines.engine.Engine.part_runs", 2)
+    monkeypatch.setattr("eqt_cli.runs.run_study.UNSAVED_SECONDS", 0.0)
     Path("c.yaml").write_text(NATIVE, encoding="utf-8")
     return Path("c.yaml")
 
 
 @pytest.fixture
-def expected(config: Path) -> Any:
+def expected(config):
     api.run(config, "expected")
     return contents(Path("expected/results.h5"))
 
@@ -46,13 +43,11 @@ def expected(config: Path) -> Any:
     ("name", "number"),
     [("manifest.json", errno.EIO), ("000001.h5", errno.ENOSPC), ("results.h5", errno.EIO)],
 )
-def test_what_cannot_be_written_is_written_later(
-    config: Path, expected: Any, monkeypatch: pytest.MonkeyPatch, name: str, number: int
-) -> None:
+def test_what_cannot_be_written_is_written_later(config, expected, monkeypatch, name, number):
     opened = io.FileIO
 
-    class Failing(opened):  # type: ignore[misc, valid-type]  # a name for the class it replaces
-        def write(self, data: Any) -> int:
+    class Failing(opened):  # a name for the class it replaces
+        def write(self, data):
             if name in str(self.name):
                 raise OSError(number, os.strerror(number))
             return int(super().write(data))
@@ -66,16 +61,14 @@ def test_what_cannot_be_written_is_written_later(
     assert_equal(Path("out/results.h5"), expected)
 
 
-def test_a_clock_that_jumps_changes_nothing(
-    config: Path, expected: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_clock_that_jumps_changes_nothing(config, expected, monkeypatch):
     rng = random.Random(1)
     monkeypatch.setattr(time, "time", lambda: rng.choice([0.0, 1e9, 4e9]))
     api.run(config, "out")
     assert_equal(Path("out/results.h5"), expected)
 
 
-def test_of_two_processes_on_one_folder_one_says_so(config: Path, expected: Any) -> None:
+def test_of_two_processes_on_one_folder_one_says_so(config, expected):
     sessions = [Session("run", config, Path("out"), ["--executor", "serial"]) for _ in range(2)]
     said = [session.process.communicate(timeout=100) for session in sessions]
     codes = [session.process.returncode for session in sessions]
@@ -88,13 +81,11 @@ def test_of_two_processes_on_one_folder_one_says_so(config: Path, expected: Any)
 @pytest.mark.parametrize(
     ("command", "given"), [("export", "c.yaml"), ("report", "expected")], ids=["export", "report"]
 )
-def test_a_kill_leaves_whole_files_or_none(
-    config: Path, expected: Any, command: str, given: str
-) -> None:
+def test_a_kill_leaves_whole_files_or_none(config, expected, command, given):
     """The result of a report is that of native; the states of an export come from its runs."""
     del expected
 
-    def begun(out: str) -> subprocess.Popen[bytes]:
+    def begun(out):
         page = [f"{out}.html", "--date", "2026-01-01", "--figure", "paper"]
         words = page if command == "report" else [out]
         return subprocess.Popen(
@@ -103,7 +94,7 @@ def test_a_kill_leaves_whole_files_or_none(
             stderr=subprocess.DEVNULL,
         )
 
-    def files(out: str) -> dict[str, bytes]:
+    def files(out):
         found = Path().glob(f"{out}.html" if command == "report" else f"{out}/*")
         return {path.name.replace(out, ""): path.read_bytes() for path in found}
 

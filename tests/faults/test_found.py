@@ -7,94 +7,56 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from said import said_of
+from small_experiment import configuration
 
 COMMON = {
-    "group": "SO3",
-    "inertia": "[2, 1, 3]",
-    "gains": "{kp: 1.0, kd: 0.5}",
-    "reference": '{torque: ["cos(t)", "sin(t)", "0"]}',
     "controllers": "[eqt]",
-    "initial": "{pose: haar, velocity: normal}",
     "ensemble": "{runs: 2, seed: 1}",
     "time": "{duration: 1.0, samples: 5}",
     "solver": "{rtol: 1.0e-3, cross_check: 1}",
 }
-AXIS = "gains.kp: {low: 1, high: 2"
-MOST = 10_000_000
-
-CONFIGURATIONS = {
-    "10^12 runs": (
-        {"ensemble": "{runs: 1000000000000}"},
-        "ensemble.runs: expected a number of at most 100,000,000, got 1000000000000",
-    ),
-    "2^40 samples": (
-        {"time": f"{{duration: 1.0, samples: {2**40}}}"},
-        f"time.samples: expected a number of at most {MOST:,}, got {2**40}",
-    ),
-    "a file whose name is too long": (
-        {"initial": f"{{file: {'a' * 1000}}}"},
-        "initial.file: " + "a" * 1000 + ": cannot be read: file name too long",
-    ),
-    "2^40 points of sobol": (
-        {"sweep": f"[{{sobol: {{points: {2**40}, axes: {{{AXIS}}}}}}}}}]"},
-        f"sweep[0].sobol.points: expected a number of at most {MOST:,}, got {2**40}",
-    ),
-    "10^18 values of a range": (
-        {"sweep": f"[{{zip: {{{AXIS}, points: {10**18}}}}}}}]"},
-        f"sweep[0].zip.gains.kp.points: expected a number of at most {MOST:,}, got {10**18}",
-    ),
-    "a grid of 10^14": (
-        {
-            "sweep": "[{grid: {gains.kp: {low: 1, high: 2, points: 10000000}, "
-            "gains.kd: {low: 1, high: 2, points: 10000000}}}]"
-        },
-        f"sweep[0].grid: has {10**14:,} points; expected at most {MOST:,}",
-    ),
-    "blocks of 10^14": (
-        {
-            "sweep": "[{grid: {gains.kp: {low: 1, high: 2, points: 10000000}}}, "
-            "{grid: {gains.kd: {low: 1, high: 2, points: 10000000}}}]"
-        },
-        f"sweep: has {10**14:,} points; expected at most {MOST:,}",
-    ),
-    "600 factors": (
-        {"group": "*".join(["SO3"] * 600)},
-        "group: group 'SO3*…': its 600 factors have more than 64 axes, so the numbers of",
-    ),
-    "R9*R9*…": (
-        {"group": "*".join(["R9"] * 8)},
-        "group: group 'R9*…': its 8 factors have more than 64 axes, so the numbers of",
-    ),
-    "huge and tiny": (
-        {"inertia": "[[1, 1.0e+200, 0], [1.0e+200, 1, 0], [0, 0, 1.0e-200]]"},
-        "inertia: expected the largest entry to be from 1e-100 to 1e+100, got 1e+200; "
-        "choose other units",
-    ),
-    "tiny": (
-        {"inertia": "1.0e-300"},
-        "inertia: expected the largest entry to be from 1e-100 to 1e+100, got 1e-300; "
-        "choose other units",
-    ),
-    "a number for a choice": ({"rigid": "0"}, "rigid: expected true or false, got 0"),
-    "a name with a null byte": (
-        {"initial": '{file: "a\\0b"}'},
-        r"initial.file: a\x00b: cannot be read: embedded null byte",
+LONG = "a" * 1000
+CONFIGURATIONS = said_of(r"""
+ensemble: {runs: 1000000000000} →
+    ensemble.runs: expected a number of at most 100,000,000, got 1000000000000
+time: {duration: 1.0, samples: 1099511627776} →
+    time.samples: expected a number of at most 10,000,000, got 1099511627776
+sweep: [{sobol: {points: 1099511627776, axes: {gains.kp: {low: 1, high: 2}}}}] →
+    sweep[0].sobol.points: expected a number of at most 10,000,000, got 1099511627776
+sweep: [{zip: {gains.kp: {low: 1, high: 2, points: 1000000000000000000}}}] →
+    sweep[0].zip.gains.kp.points: expected a number of at most 10,000,000, got 1000000000000000000
+group: R9*R9*R9*R9*R9*R9*R9*R9 →
+    group: group 'R9*…': its 8 factors have more than 64 axes, so the numbers of
+inertia: [[1, 1.0e+200, 0], [1.0e+200, 1, 0], [0, 0, 1.0e-200]] →
+    inertia: expected the largest entry to be from 1e-100 to 1e+100, got 1e+200; choose other units
+inertia: 1.0e-300 →
+    inertia: expected the largest entry to be from 1e-100 to 1e+100, got 1e-300; choose other units
+rigid: 0 → rigid: expected true or false, got 0
+initial: {file: "a\0b"} → initial.file: a\x00b: cannot be read: embedded null byte
+sweep: [{grid: {gains.kp: &x {low: 1, high: 2, points: 10000000}, gains.kd: *x}}] →
+    sweep[0].grid: has 100,000,000,000,000 points; expected at most 10,000,000
+sweep: [{grid: {gains.kp: &x {low: 1, high: 2, points: 10000000}}}, {grid: {gains.kd: *x}}] →
+    sweep: has 100,000,000,000,000 points; expected at most 10,000,000
+""") | {
+    f"initial: {{file: {LONG}}}": f"initial.file: {LONG}: cannot be read: file name too long",
+    f"group: {'*'.join(['SO3'] * 600)}": (
+        "group: group 'SO3*…': its 600 factors have more than 64 axes, so the numbers of"
     ),
 }
+"""With large numbers, and with long names."""
 
 
 def written(**changes):
-    Path("c.yaml").write_text(
-        "".join(f"{key}: {value}\n" for key, value in (COMMON | changes).items()), encoding="utf-8"
-    )
+    Path("c.yaml").write_text(configuration(**COMMON | changes), encoding="utf-8")
 
 
-@pytest.mark.parametrize("case", CONFIGURATIONS)
-def test_a_configuration_is_refused(folder, invoke, case):
-    changes, message = CONFIGURATIONS[case]
-    written(**changes)
+@pytest.mark.parametrize("line", CONFIGURATIONS, ids=lambda line: line[:60])
+def test_a_configuration_is_refused(folder, invoke, line):
+    section, _, value = line.partition(": ")
+    written(**{section: value})
     said = invoke("config", "check", "c.yaml", code=2).stderr
-    assert message in said
+    assert CONFIGURATIONS[line] in said
     heading, *rest = said.splitlines()
     assert (heading, len(rest)) == ("1 error in c.yaml", 1)
 
@@ -136,7 +98,7 @@ def test_a_reference_is_followed_for_a_bounded_time(folder, invoke):
 def good(tmp_path_factory, invoke):
     place = tmp_path_factory.mktemp("good")
     config = place / "c.yaml"
-    config.write_text("".join(f"{key}: {value}\n" for key, value in COMMON.items()))
+    config.write_text(configuration(**COMMON), encoding="utf-8")
     invoke("run", config, "--out", place / "out")
     return (place / "out/results.h5").read_bytes()
 
@@ -234,25 +196,24 @@ def test_a_report_of_a_reference_that_is_no_number(result, invoke):
     assert "its &#39;desired_pose&#39; is not finite at the start" in page.read_text("utf-8")
 
 
-def test_a_figure_of_numbers_that_no_axis_can_show(result, invoke):
+@pytest.fixture
+def huge(result):
+    """A result with numbers whose squares overflow."""
     with h5py.File(result, "a") as file:
-        file["effort"][0, 0] = 1e308
-        file["effort"][0, 1] = -1e308
-    folder, figure = (
-        result.parent / "f",
-        ["--figure", "distributions", "--option", "metrics=[effort]"],
-    )
-    assert invoke("plot", result, *figure, "--out", folder, code=2).stderr == (
+        file["effort"][0] = [1e308, -1e308]
+    return result
+
+
+def test_a_figure_of_numbers_that_no_axis_can_show(huge, invoke):
+    words = "--figure distributions --option metrics=[effort] --out".split()
+    assert invoke("plot", huge, *words, huge.parent / "f", code=2).stderr == (
         "eqt: the figure cannot be drawn: its numbers are too large for an axis; look for runs "
         "that diverge with `eqt show --table`\n"
     )
 
 
-def test_a_comparison_of_numbers_whose_squares_overflow(result, invoke):
-    with h5py.File(result, "a") as file:
-        file["effort"][0, 0] = 1e308
-        file["effort"][0, 1] = -1e308
-    assert invoke("compare", result).stdout
+def test_a_comparison_of_numbers_whose_squares_overflow(huge, invoke):
+    assert invoke("compare", huge).stdout
 
 
 @pytest.mark.slow("starts an interpreter")
@@ -270,11 +231,8 @@ def test_numbers_that_overflow_are_no_warning_of_a_library(result):
 
 
 @pytest.mark.slow("writes a whole report")
-def test_a_report_of_numbers_whose_squares_overflow(result, invoke):
-    with h5py.File(result, "a") as file:
-        file["effort"][0, 0] = 1e308
-        file["effort"][0, 1] = -1e308
-    invoke("report", result, "--quick", "--out", result.with_name("page.html"))
+def test_a_report_of_numbers_whose_squares_overflow(huge, invoke):
+    invoke("report", huge, "--quick", "--out", huge.with_name("page.html"))
 
 
 def test_thrusters_of_any_size_are_checked(tmp_path, invoke):

@@ -24,7 +24,7 @@ from faults_harness import (
 )
 
 from eqt_cli.engines.native import Native
-from eqt_cli.execution.executors.dask import NEEDED
+from eqt_cli.runs.executors import NEEDED
 
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="has no process groups"),

@@ -1,7 +1,5 @@
 """Searches that are killed try the points, and find the winners and runs, of some that are not."""
 
-from __future__ import annotations
-
 import json
 import time
 from pathlib import Path
@@ -30,11 +28,11 @@ pytestmark = [
 ]
 
 
-def generations(out: Path) -> list[Path]:
+def generations(out):
     return sorted(path.parent for path in out.glob("generations/eqt/*/*/results.h5"))
 
 
-def tried(out: Path) -> dict[str, bytes]:
+def tried(out):
     """How good the runs of every generation are.
 
     The winners alone may come from a search that no kill has met.
@@ -47,7 +45,7 @@ def tried(out: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize(("command", "engine"), [("tune", "solve_ivp"), ("worst", "native")])
-def test_sigkills_change_no_bit_of_a_search(tmp_path: Path, command: str, engine: str) -> None:
+def test_sigkills_change_no_bit_of_a_search(tmp_path, command, engine):
     config = tmp_path / "c.yaml"
     text = SEARCHED.replace("rtol:", f"engine: {engine}, rtol:") + SEARCHES[command]
     config.write_text(text, encoding="utf-8")

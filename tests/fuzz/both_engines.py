@@ -25,14 +25,14 @@ import numpy as np
 import yaml
 from mutated_configurations import _places, mistaken
 
+from eqt_cli.base.errors import EqtError
 from eqt_cli.config import yaml_source
+from eqt_cli.config.read_study import study
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.core.errors import EqtError
-from eqt_cli.engines.problem import Status
-from eqt_cli.execution.compute_part import NUMBERS, ROWS, compute_part, shared_reference
-from eqt_cli.execution.executors import TaskContext
-from eqt_cli.experiment.read_study import study
-from eqt_cli.experiment.study import Study
+from eqt_cli.config.study import Study
+from eqt_cli.engines.engine import Status
+from eqt_cli.runs.compute_part import NUMBERS, ROWS, compute_part, shared_reference
+from eqt_cli.runs.executors import TaskContext
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SHORT = {

@@ -208,18 +208,8 @@ def _as_text(data: Any, rng: random.Random) -> bytes:
         elif choice < 0.6:
             text[start:start] = rng.choice(
                 [
-                    b"\t",
-                    b"\x00",
-                    b"\xff",
-                    b"*a",
-                    b"&a ",
-                    b"[",
-                    b"}",
-                    b": ",
-                    b"- ",
-                    b"!!x ",
-                    b"'",
-                    b"%",
+                    *(b"\t", b"\x00", b"\xff", b"*a", b"&a ", b"[", b"}", b": ", b"- ", b"!!x "),
+                    *(b"'", b"%"),
                 ]
             )
         elif choice < 0.8:

@@ -14,9 +14,9 @@ import pytest
 from mutated_configurations import BASES
 from session import MOST_BYTES
 
+from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
-from eqt_cli.execution.run_study import execute
-from eqt_cli.experiment.read_study import study
+from eqt_cli.runs.run_study import execute
 
 FULL = os.environ.get("EQT_FUZZ") == "full"
 CASES = {"configurations": 10_000, "results": 5_000}

@@ -6,7 +6,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
-from eqt_cli.controllers.eqt import EqT
+from eqt_cli.components.laws import EqT
 from eqt_cli.extend import (
     Array,
     Controller,

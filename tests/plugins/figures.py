@@ -36,8 +36,8 @@ from eqt_cli.extend import (
     scale_log,
     sheet,
 )
-from eqt_cli.plots.drawing.cells import even
-from eqt_cli.plots.drawing.curves import Bands
+from eqt_cli.figures.cells import even
+from eqt_cli.figures.curves import Bands
 
 
 @dataclass(frozen=True)

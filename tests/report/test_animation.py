@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from eqt_cli.plots.animation.scene import motion, scene_of
-from eqt_cli.report.animation import animation
+from eqt_cli.figures.animation import motion, scene_of
+from eqt_cli.report.document import animation
 from eqt_cli.results.result import open_result
 
 

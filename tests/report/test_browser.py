@@ -27,6 +27,18 @@ def page(browser, address):
     return browser
 
 
+@pytest.fixture
+def resize(browser):
+    """Give the screen another width and height, which it has until the end of the test."""
+
+    def resized(width, height):
+        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+
+    yield resized
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
 def find(page, selector):
     return page.find_element(By.CSS_SELECTOR, selector)
 
@@ -236,9 +248,8 @@ def test_the_animation_plays_inside_of_the_page(page):
 
 
 @pytest.mark.parametrize("width", [375, 1280])
-def test_headings_are_not_behind_the_bar(page, width):
-    screen = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600}
-    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+def test_headings_are_not_behind_the_bar(page, resize, width):
+    resize(width, 800)
     hidden = page.execute_script(
         """return [...document.querySelectorAll("nav a")].filter((link) => {
           link.click();
@@ -247,7 +258,6 @@ def test_headings_are_not_behind_the_bar(page, width):
           return heading.getBoundingClientRect().top < bar;
         }).map((link) => link.textContent)"""
     )
-    page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     assert hidden == []
 
 
@@ -278,18 +288,14 @@ def test_curves_are_on_white_paper_in_the_dark(page, drawn):
     assert found.value_of_css_property("color") == "rgba(27, 31, 36, 1)"
 
 
-def test_narrow_screens_need_no_sideways_scrolling(page):
-    metrics = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
-    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+def test_narrow_screens_need_no_sideways_scrolling(page, resize):
+    resize(390, 844)
     page.refresh()
-    width = page.execute_script("return document.documentElement.scrollWidth")
-    page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-    assert width <= 390
+    assert page.execute_script("return document.documentElement.scrollWidth") <= 390
 
 
-def test_on_a_phone_the_first_column_stays_while_a_table_scrolls(page):
-    metrics = {"width": 375, "height": 812, "deviceScaleFactor": 1, "mobile": True}
-    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+def test_on_a_phone_the_first_column_stays_while_a_table_scrolls(page, resize):
+    resize(375, 812)
     moved = page.execute_script(
         """return [...document.querySelectorAll(".scroll")].filter((box) => box.clientWidth).map(
           (box) => {
@@ -299,7 +305,6 @@ def test_on_a_phone_the_first_column_stays_while_a_table_scrolls(page):
             return [box.scrollLeft, Math.round(left - edge), first.offsetWidth / box.clientWidth];
           })"""
     )
-    page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     assert any(scrolled for scrolled, _, _ in moved)
     assert [(off, share) for _, off, share in moved if off or share > 0.5] == []
 
@@ -312,17 +317,14 @@ def test_certificates_that_hold_are_folded_but_on_paper_and_pairs_are_open(page)
     assert folded.get_attribute("open") and find(page, "#all-certificates-table").is_displayed()
 
 
-def test_a_phone_is_told_that_a_figure_scrolls(page):
+def test_a_phone_is_told_that_a_figure_scrolls(page, resize):
     def hinted(width):
-        screen = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600}
-        page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+        resize(width, 800)
         box = find(page, "figure .paper")
-        return find(page, ".hint").is_displayed(), box.get_property(
-            "scrollWidth"
-        ) > box.get_property("clientWidth")
+        inside, room = (box.get_property(f"{what}Width") for what in ("scroll", "client"))
+        return find(page, ".hint").is_displayed(), inside > room
 
     assert [hinted(390), hinted(1280)] == [(True, True), (False, False)]
-    page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def test_tables_fit_a_usual_screen(page):

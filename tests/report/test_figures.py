@@ -5,8 +5,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from eqt_cli.core.errors import EqtError
-from eqt_cli.report.figures import DEFAULT, inline_figures, inlined, named
+from eqt_cli.base.errors import EqtError
+from eqt_cli.report.document import DEFAULT, inline_figures, inlined, named
 from eqt_cli.results.result import open_result
 
 FILE = b"""<?xml version="1.0"?>

@@ -10,10 +10,9 @@ import pytest
 
 import eqt_cli
 from eqt_cli.analysis.certificates import Row, Verdict
-from eqt_cli.report import report
-from eqt_cli.report.figures import Wanted
+from eqt_cli.report.document import Wanted, report
 from eqt_cli.report.summary import in_words
-from eqt_cli.results.quantity_table import QUANTITIES
+from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.result import open_result
 
 MEANS = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
@@ -234,7 +233,7 @@ def test_a_quick_report_integrates_nothing(monkeypatch, paper_result, tmp_path):
 
     pages = []
     monkeypatch.setattr("eqt_cli.analysis.verification.verify_stored", refuse)
-    monkeypatch.setattr("eqt_cli.report.report", lambda *of: pages.append(of) or "page")
+    monkeypatch.setattr("eqt_cli.report.document.report", lambda *of: pages.append(of) or "page")
     eqt_cli.write_report(paper_result, tmp_path / "page.html", quick=True)
     _, _, rows, reason, *_ = pages[0]
     assert (rows, reason) == (

@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.comparison.maps import extreme_points
-from eqt_cli.analysis.comparison.notation import significant
-from eqt_cli.report import report
+from eqt_cli.analysis.maps import extreme_points
+from eqt_cli.analysis.notation import significant
+from eqt_cli.report.document import report
 from eqt_cli.report.summary import point_table
 from eqt_cli.results.result import open_result
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.comparison.compare import compare
-from eqt_cli.analysis.comparison.intervals import Resampling
-from eqt_cli.core.over_time import SampledRuns
-from eqt_cli.results.quantity_table import quantity_of
+from eqt_cli.analysis.compare import compare
+from eqt_cli.analysis.intervals import Resampling
+from eqt_cli.numbers.running import SampledRuns
+from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import open_result
 
 

@@ -2,11 +2,10 @@
 
 import pytest
 
+from eqt_cli.config.build import build
 from eqt_cli.config.source import read_config
-from eqt_cli.experiment.build import build
-from eqt_cli.results.metrics import METRICS
-from eqt_cli.results.quantity import ValuePer, plain
-from eqt_cli.results.quantity_table import QUANTITIES, quantities, quantity_of
+from eqt_cli.results.metrics import METRICS, QUANTITIES, quantities, quantity_of
+from eqt_cli.results.quantity import Quantity, ValuePer
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=QUANTITIES)
@@ -55,8 +54,20 @@ def test_what_a_later_version_stores_is_known_by_its_long_name():
     assert (later.described, later.of, later.windowed) == ("largest rate of ||tau||", None, False)
 
 
-def test_symbols_in_plain_characters():
-    assert plain(r"\|I - Q_E\|_{\mathrm{F}}") == "‖I − Q_E‖"
+@pytest.mark.parametrize(
+    ("pattern", "unit", "expected"),
+    [
+        ("({})^2 s", "N m", "(N m)^2 s"),
+        ("({})^2 s", "rad/s", "(rad/s)^2 s"),
+        ("({})^2 s", "N", "N^2 s"),
+        ("({})^2 s", "1", "s"),
+        ("({})^2 s", "mixed", "mixed"),
+        ("{}", "1", "1"),
+        ("s", "mixed", "s"),
+    ],
+)
+def test_only_what_has_several_symbols_is_in_brackets(pattern, unit, expected):
+    assert Quantity("effort", "control effort", units=pattern).unit(unit) == expected
 
 
 def test_an_experiment_settles_units_and_attributes(tmp_path):

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from said import error_of
 
-from eqt_cli.core.errors import EqtError
-from eqt_cli.engines import Status
-from eqt_cli.results.result import mean_over_runs
-from eqt_cli.results.swept_key import SweptKey, constant_of, with_unit
+from eqt_cli.engines.engine import Status
+from eqt_cli.results.result import SweptKey, constant_of, mean_over_runs, with_unit
 
 RUNS = 6
 NORMS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
@@ -57,9 +56,7 @@ def test_trajectories_are_those_of_good_runs(failing):
 
 def test_one_run_of_all_controllers(failing):
     assert failing.trajectory("torque_norm", 1)[:, 0].tolist() == [2, 6]
-    with pytest.raises(EqtError) as caught:
-        failing.trajectory("torque_norm", 4)
-    assert str(caught.value) == (
+    assert error_of(failing.trajectory, "torque_norm", 4) == (
         f"{failing.path}: the trajectory of run 4 is not stored; stored are runs 0 to 3"
     )
 
@@ -67,9 +64,7 @@ def test_one_run_of_all_controllers(failing):
 def test_who_needs_trajectories_is_told_how_to_get_them(make_result):
     result = make_result(["eqt"], metrics={"effort": np.ones((1, RUNS))})
     assert result.stored_runs.size == 0
-    with pytest.raises(EqtError) as caught:
-        result.check_stored("torque_norm", who="figure 'torque' needs")
-    assert str(caught.value) == (
+    assert error_of(result.check_stored, "torque_norm", who="figure 'torque' needs") == (
         f"{result.path}: figure 'torque' needs the trajectories of 'torque_norm', which the result "
         "does not hold; set store.trajectories to all and run the experiment again"
     )
@@ -86,9 +81,10 @@ def test_censored_are_good_runs_without_a_number_that_may_lie_beyond(failing):
 
 
 def test_an_unknown_metric(failing):
-    with pytest.raises(EqtError) as caught:
-        failing.metric("efort")
-    assert str(caught.value) == f"{failing.path}: finds no metric 'efort'; did you mean 'effort'?"
+    assert (
+        error_of(failing.metric, "efort")
+        == f"{failing.path}: finds no metric 'efort'; did you mean 'effort'?"
+    )
 
 
 def test_parts_of_norms(make_result):

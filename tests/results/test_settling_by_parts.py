@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from eqt_cli.core.errors import ConfigError
-from eqt_cli.core.over_time import SampledRuns
-from eqt_cli.groups import group_named
-from eqt_cli.mechanics.settling import settling_error
-from eqt_cli.results.metrics import ESTIMATE_SETTLING, SETTLING, by_thresholds_of_parts
-from eqt_cli.results.quantity_table import QUANTITIES
+from eqt_cli.base.errors import ConfigError
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.mechanics import settling_error
+from eqt_cli.numbers.running import SampledRuns
+from eqt_cli.results.metrics import ESTIMATE_SETTLING, QUANTITIES, SETTLING, by_thresholds_of_parts
 from eqt_cli.results.result import open_result
 
 THRESHOLDS = {"rotation": np.radians(30), "translation": 0.4}

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from said import error_of
 
-from eqt_cli.core.errors import EqtError
-from eqt_cli.results.time_windows import Window
+from eqt_cli.base.errors import EqtError
+from eqt_cli.results.quantity import Window
 
 TIMES = np.linspace(0.0, 10.0, 11)
 
@@ -21,9 +22,7 @@ def test_parse(text, window):
 
 @pytest.mark.parametrize("text", ["5", "a:b", "", "1:2:3", "nan:1", "0:nan"])
 def test_parse_says_what_it_expects(text):
-    with pytest.raises(EqtError) as caught:
-        Window.parse(text)
-    assert str(caught.value) == (
+    assert error_of(Window.parse, text) == (
         f"window '{text}': expected START:STOP in seconds, as 0:5, 5: or : for all of it"
     )
 
@@ -42,9 +41,7 @@ def test_window_ends_with_the_runs(begin):
 
 @pytest.mark.parametrize("start", [10, 12])
 def test_window_after_the_end(start):
-    with pytest.raises(EqtError) as caught:
-        Window(start, 15).within(3.0 + TIMES)
-    assert str(caught.value) == (
+    assert error_of(Window(start, 15).within, 3.0 + TIMES) == (
         f"window '{start}:15' begins after the end of the runs; they last 10 s"
     )
 

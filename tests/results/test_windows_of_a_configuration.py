@@ -2,25 +2,20 @@
 
 import numpy as np
 import pytest
+from small_experiment import mapping
 
 from eqt_cli.api import compare, open_results, run
-from eqt_cli.core.over_time import SampledRuns
+from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import METRICS, closing_rms
 from eqt_cli.results.result import open_result
 
-CONFIG = {
-    "group": "SO3",
-    "inertia": [1, 2, 2.5],
-    "gains": {"kp": 1, "kd": 0.5},
-    "reference": {"torque": [0.1, 0, 0]},
-    "controllers": ["eqt", "gt"],
-    "plant": {"forces": [{"kind": "constant", "force": 0.1}]},
-    "initial": {"pose": {"kind": "haar"}},
-    "ensemble": {"runs": 2},
-    "time": {"duration": 8, "samples": 81},
-    "early_window": 2,
-    "closing_window": 0.5,
-}
+CONFIG = mapping(
+    plant={"forces": [{"kind": "constant", "force": 0.1}]},
+    ensemble={"runs": 2},
+    time={"duration": 8, "samples": 81},
+    early_window=2,
+    closing_window=0.5,
+)
 
 ROWS = {row.name: row for row in METRICS}
 
@@ -90,5 +85,7 @@ def test_words_say_the_windows():
     assert closing.long_name == ("root mean square of ||I - Q_E||_F over the last 10 % of the time")
     assert closing.plain.endswith(", last 10 %")
     usual = ROWS["closing_pose_error"]
-    assert usual.long_name.endswith("over the last quarter of the time")
+    assert ROWS["closing_torque"].long_name == (
+        "root mean square of ||tau|| over the last quarter of the time"
+    )
     assert usual.plain == "closing rms of ‖I − Q_E‖"

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from eqt_cli.analysis.evidence.program_error import ARITHMETICS
+from eqt_cli.base.errors import Problems
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.laws import controllers
 from eqt_cli.config import yaml_source
+from eqt_cli.config.build import build
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.controllers import controllers
-from eqt_cli.core.errors import Problems
-from eqt_cli.experiment.build import build
-from eqt_cli.exporting.files import files
-from eqt_cli.exporting.laws import exported
-from eqt_cli.groups import group_named
+from eqt_cli.extensions.firmware.export import files
+from eqt_cli.extensions.firmware.export_laws import exported
+from eqt_cli.extensions.firmware.program_error import ARITHMETICS
 
 ARM_COMPILER = "arm-linux-gnueabihf-gcc"
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -ffp-contract=off -fno-math-errno".split()

@@ -17,11 +17,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from eqt_cli.execution.folder import ResultFolder
-from eqt_cli.store.reader import open_results
+from eqt_cli.base.store_reader import open_results
+from eqt_cli.runs.folder import ResultFolder
 
 START = "from eqt_cli.cli import main; main()"
-SAVING = f"from eqt_cli.execution import run_study; run_study.UNSAVED_SECONDS = 0; {START}"
+SAVING = f"from eqt_cli.runs import run_study; run_study.UNSAVED_SECONDS = 0; {START}"
 """As a long session, of which a kill finds the files of all finished parts."""
 TIMEOUT = 300.0
 

@@ -1,7 +1,9 @@
 """Components of a user's own, as the text of a plugin, and how plugins are forgotten."""
 
-from eqt_cli.config.catalogue import KINDS, registry
-from eqt_cli.core import registry as registries
+import re
+
+from eqt_cli.base import registry as registries
+from eqt_cli.base.registry import KINDS, registry
 
 
 def forget_plugins(monkeypatch):
@@ -11,46 +13,50 @@ def forget_plugins(monkeypatch):
         monkeypatch.setattr(registry(kind), "_plugins", {})
 
 
-ESCAPE = """\
-from dataclasses import dataclass
-from typing import ClassVar
-from eqt_cli.controllers import Controller
+def component(text):
+    """The source of a component: of imports, `name(BASE):` with the path of a class, and a body."""
+    head, body = re.split(r":\n", text.lstrip(), maxsplit=1)
+    imports, name, base = re.fullmatch(r"((?:.+\n)*)(\w+)\(([\w.]+)\)", head).groups()
+    module, _, kind = base.rpartition(".")
+    lines = (
+        "from dataclasses import dataclass",
+        "from typing import ClassVar",
+        f"from {module} import {kind}",
+        imports,
+        "@dataclass(frozen=True)",
+        f"class {name.title().replace('_', '')}({kind}):",
+        f'    name: ClassVar[str] = "{name}"',
+    )
+    return "\n".join([*lines, body])
 
-@dataclass(frozen=True)
-class Escape(Controller):
-    name: ClassVar[str] = "escape"
+
+ESCAPE = component("""
+escape(eqt_cli.components.laws.Controller):
     title: ClassVar[str] = "Escape"
 
     def torque(self, s):
         return 20 * s.V_tilde**3
-"""
-SHIFTED = """\
-from dataclasses import dataclass
-from typing import ClassVar
-from eqt_cli.engines.solve_ivp import SolveIvp
-
-@dataclass(frozen=True)
-class Shifted(SolveIvp):
-    name: ClassVar[str] = "shifted"
-
+""")
+SHIFTED = component("""
+shifted(eqt_cli.engines.solve_ivp.SolveIvp):
     def solve(self, problem, workers=1, progress=lambda runs: None):
         solution = super().solve(problem, workers, progress)
         solution.states[:] += 0.01
         return solution
-"""
+""")
 EVERY_KIND = '''\
 """One component of every kind, each a copy of one of eqt's under another name."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
-from eqt_cli.controllers.eqt import EqT
+from eqt_cli.components.laws import EqT
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.ensemble.poses.haar import Haar
-from eqt_cli.ensemble.velocities.normal import Normal
-from eqt_cli.groups.so3 import SO3
-from eqt_cli.plots.figures.runs import RunsFigure
-from eqt_cli.references.torque import TorqueReference
+from eqt_cli.components.initial_states import Haar
+from eqt_cli.components.initial_states import Normal
+from eqt_cli.components.matrix_groups import SO3
+from eqt_cli.figures.run_figures import RunsFigure
+from eqt_cli.components.references import TorqueReference
 
 
 class MyGroup(SO3):

@@ -1,7 +1,9 @@
 """The configuration of a small experiment, and others that differ in some sections."""
 
+import yaml
+
+from eqt_cli.config.read_study import add_grids, study
 from eqt_cli.config.source import read_config
-from eqt_cli.experiment.read_study import add_grids, study
 
 LINES = {
     "group": "SO3",
@@ -21,6 +23,25 @@ def configuration(**changes: str | None) -> str:
     """`LINES` with sections replaced, left out (None) or, where new, added at the end."""
     lines = {**LINES, **changes}
     return "".join(f"{key}: {value}\n" for key, value in lines.items() if value is not None)
+
+
+def mapping(**changes):
+    """`LINES` as a mapping, with sections replaced or new."""
+    return yaml.safe_load(configuration()) | changes
+
+
+WHEEL = {
+    "name": "wheel",
+    "task": "stabilise",
+    "group": "SO2",
+    "inertia": 1.0,
+    "gains": {"kp": 0.5, "kd": 1.0},
+    "target": {"pose": "identity"},
+    "controllers": ["stabilising"],
+    "initial": {"pose": {"kind": "exp_normal", "std": 0.5}},
+    "control": {"period": 0.5},
+}
+"""A double integrator on a circle, without its ensemble and its times."""
 
 
 def study_of(folder, text, *overrides, grids=(), name="config.yaml"):

@@ -1,11 +1,5 @@
 """A folder that a colleague sent, in which everything is hostile, and the commands that meet it."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 CONFIG = """\
@@ -22,7 +16,7 @@ solver: {rtol: 1.0e-3, cross_check: 0}
 
 
 @pytest.fixture
-def sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def sent(tmp_path, monkeypatch):
     """The colleague's folder, which is the current one; beside it lies what is the user's."""
     folder = tmp_path / "sent"
     folder.mkdir()
@@ -32,10 +26,10 @@ def sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def eqt(eqt: Callable[..., Any]) -> Callable[..., Any]:
+def eqt(eqt):
     """Calls the command within this process; no error is a traceback."""
 
-    def call(*arguments: object) -> Any:
+    def call(*arguments):
         done = eqt(*arguments)
         assert "Traceback" not in done.err
         return done

@@ -6,8 +6,9 @@ import subprocess
 import sys
 
 import pytest
+from slow_cases import mostly_slow
 
-from eqt_cli.execution.provenance import commit_of
+from eqt_cli.runs.lock import commit_of
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
@@ -93,13 +94,7 @@ FAST = ("run", "verify")
 """The others share their code, but for what they print and draw."""
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow("one of many commands")] * (name not in FAST))
-        for name in COMMANDS
-    ],
-)
+@mostly_slow("name", COMMANDS, FAST, "one of many commands")
 def test_no_command_starts_a_program(sent, witness, eqt, name):
     (sent / "t.yaml").write_text((sent / "c.yaml").read_text() + TUNE, encoding="utf-8")
     eqt("run", "c.yaml", "--out", "own", "--quiet")
@@ -286,11 +281,9 @@ def shards(sent, witness, eqt):
     return sent / "shards"
 
 
-def test_pack_executes_no_plugin_unasked(shards, witness, eqt, forget_plugins):
+def test_pack_executes_no_plugin_unasked(shards, witness, eqt, refused, forget_plugins):
     forget_plugins()
-    done = eqt("pack", "shards")
-    assert (done.code, done.out) == (2, "")
-    assert done.err == (
+    assert refused("pack", "shards") == (
         "1 error in shards/config.yaml\n"
         "shards/config.yaml:45:11: plugins[0]: the result folder contains "
         "shards/stored_plugins/0-law.py, which eqt executes only on request; read this file, then "
@@ -375,7 +368,7 @@ def test_the_help_says_what_executes_code(eqt):
     ) in said
 
 
-def test_pack_reads_no_file_outside_its_folder(sent, tmp_path, eqt):
+def test_pack_reads_no_file_outside_its_folder(sent, tmp_path, eqt, refused):
     table = "t,wx,wy,wz\n0,0,0,0\n1,0,0,1\n"
     (tmp_path / "secret.csv").write_text(table, encoding="utf-8")
     (sent / "own.csv").write_text(table, encoding="utf-8")
@@ -387,6 +380,6 @@ def test_pack_reads_no_file_outside_its_folder(sent, tmp_path, eqt):
     theirs = config.read_text().replace("stored_files/0-own.csv", "../../secret.csv")
     assert theirs != config.read_text()
     config.write_text(theirs, encoding="utf-8")
-    done = eqt("pack", "shards")
-    assert done.code == 2
-    assert "shards/../../secret.csv: is outside the result folder shards" in done.err
+    assert "shards/../../secret.csv: is outside the result folder shards" in refused(
+        "pack", "shards"
+    )

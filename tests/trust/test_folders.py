@@ -15,32 +15,29 @@ import secrets
 import shutil
 import stat
 import sys
-from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pytest
+from slow_cases import mostly_slow
 from small_experiment import configuration
 from typer.main import get_command
 
 import eqt_cli
-import eqt_cli.api.searching
-import eqt_cli.report.animation  # before anything that these import is replaced
+import eqt_cli.api.running
+import eqt_cli.report.document  # before anything that these import is replaced
+from eqt_cli.analysis.law_search import GENERATIONS, TUNE, WORST
+from eqt_cli.analysis.tune import Search
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.files import FILE_NAME, FOUND_BY, kind_of, name_to_be, new_file, replace_file
+from eqt_cli.base.store_writer import Table, write
 from eqt_cli.cli import main
 from eqt_cli.cli.app import app
-from eqt_cli.core.errors import EqtError
-from eqt_cli.core.files import FOUND_BY, Own, kind_of, name_to_be, new_file, replace_file
-from eqt_cli.execution.folder import CONFIG as CONFIG_NAME
-from eqt_cli.execution.folder import FIGURES, FILES, OWN_RESULT, PLUGINS, RERUN
-from eqt_cli.execution.lock import LOCK, holder, locked
-from eqt_cli.execution.part_files import MANIFEST, PARTS
-from eqt_cli.experiment import read_study
-from eqt_cli.store.reserved_names import FILE_NAME
-from eqt_cli.store.writer import Table, write
-from eqt_cli.tuning.folder import GENERATIONS, TUNE, WORST
-from eqt_cli.tuning.tune import Search
+from eqt_cli.config import read_study
+from eqt_cli.runs.folder import CONFIG as CONFIG_NAME
+from eqt_cli.runs.folder import FIGURES, FILES, OWN_RESULT, PLUGINS, RERUN
+from eqt_cli.runs.lock import LOCK, MANIFEST, PARTS, holder, locked
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="links need rights on Windows")
 
@@ -70,7 +67,7 @@ class Recorder:
     files: set[str] = field(default_factory=set)
     folders: set[str] = field(default_factory=set)
 
-    def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
+    def __call__(self, event, arguments):
         if self.home is None:
             return
         if event == "open" and isinstance(arguments[2], int):
@@ -81,7 +78,7 @@ class Recorder:
         elif event == "os.mkdir":
             self.note(arguments[0], self.folders)
 
-    def note(self, path: Any, names: set[str]) -> None:
+    def note(self, path, names):
         """One path, if it is below the folder and will not be renamed."""
         assert self.home is not None
         if not isinstance(path, str | os.PathLike):
@@ -95,12 +92,12 @@ RECORDER = Recorder()
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _audited() -> None:
+def _audited():
     """A hook makes all that follows slower, so none is there before the first of these tests."""
     sys.addaudithook(RECORDER)
 
 
-MAKES: dict[str, list[str]] = {
+MAKES = {
     "complete": [
         "run c.yaml --out OUT",
         "plot OUT --figure torque --format json",
@@ -120,7 +117,7 @@ MAKES: dict[str, list[str]] = {
 }
 """Folders, and the commands that make them."""
 
-COMMANDS: dict[str, tuple[str, str]] = {
+COMMANDS = {
     "run": ("complete", "run c.yaml --out OUT"),
     "run --force": ("complete", "run c.yaml --out OUT --force"),
     "run on": ("begun", "run c.yaml --out OUT"),
@@ -162,26 +159,26 @@ class Folders:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _only_folders() -> Iterator[None]:
+def _only_folders():
     """Figures and pages are empty, and the commands are made once: folders are the subject."""
     page = '<!DOCTYPE html>\n<meta name="generator" content="eqt test">\n'
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("eqt_cli.cli.app.app", get_command(app))
         patch.setattr(read_study, "study", _once(read_study.study))
         patch.setattr(Search, "read", _once(Search.read))
-        patch.setattr("eqt_cli.plots.render.figure_from", lambda name, _: _Figure(name))
-        patch.setattr("eqt_cli.plots.render.curves", lambda _: [])
+        patch.setattr("eqt_cli.figures.render.figure_from", lambda name, _: _Figure(name))
+        patch.setattr("eqt_cli.figures.render.curves", lambda _: [])
         patch.setattr("eqt_cli.analysis.verification.verify_stored", lambda *_, **__: _Verified())
-        patch.setattr("eqt_cli.report.report", lambda *_: page)
-        patch.setattr("eqt_cli.report.animation.animation", lambda *_: page)
+        patch.setattr("eqt_cli.report.document.report", lambda *_: page)
+        patch.setattr("eqt_cli.report.document.animation", lambda *_: page)
         yield
 
 
-def _once(read: Callable[..., Any]) -> Callable[..., Any]:
+def _once(read):
     """Each configuration is read once: it is the same under every name."""
-    found: dict[str, Any] = {}
+    found = {}
 
-    def known(source: Any, **options: Any) -> Any:
+    def known(source, **options):
         key = repr((source.data, source.path))
         if key not in found:
             found[key] = read(source, **options)
@@ -200,7 +197,7 @@ class _Figure:
 
     name: str
 
-    def draw(self, *_: object, **__: object) -> None:
+    def draw(self, *_, **__):
         """Draw nothing."""
 
 
@@ -212,7 +209,7 @@ class Done:
     error: str
 
 
-def call(text: str) -> Done:
+def call(text):
     """A command in words, with `OUT` for the folder `out`, within this process."""
     words = [word.replace("OUT", "out") for word in text.split()]
     if words[0] in ("run", "sweep", "tune", "worst"):
@@ -228,7 +225,7 @@ def call(text: str) -> Done:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Folders:
+def made(tmp_path_factory):
     """All folders of `MAKES`, and the names that are written into them."""
     home = tmp_path_factory.mktemp("made")
     for name, text in {"c": "", "one": ONE + BUDGET, "many": MANY + BUDGET, "bad": BAD}.items():
@@ -258,20 +255,20 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Folders:
     return Folders(home, frozenset(RECORDER.files | literal | folders), frozenset(folders))
 
 
-def literally(own: Own) -> str:
+def literally(own):
     """The name of what eqt owns, where it is one and no pattern."""
     name = re.sub(r"\\(.)", r"\1", own.name)
     return name if re.escape(name) == own.name or (name == own.name and name.isidentifier()) else ""
 
 
 @pytest.fixture
-def lay(made: Folders, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
+def lay(made, tmp_path, monkeypatch):
     """Lays down a copy of one of the folders as `out`, beside the configurations."""
     monkeypatch.chdir(tmp_path)
     for path in made.home.glob("*.yaml"):
         shutil.copy(path, tmp_path)
 
-    def laid(name: str) -> Path:
+    def laid(name):
         out = tmp_path / "out"
         if out.exists():
             shutil.rmtree(out)
@@ -282,7 +279,7 @@ def lay(made: Folders, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calla
 
 
 @pytest.fixture
-def canary(tmp_path: Path) -> Path:
+def canary(tmp_path):
     """A folder of others, whose files have the names and the marks of eqt's."""
     home = tmp_path / "canary"
     (home / "folder" / "inner").mkdir(parents=True)
@@ -294,9 +291,9 @@ def canary(tmp_path: Path) -> Path:
     return home
 
 
-def state(folder: Path) -> dict[str, tuple[object, ...]]:
+def state(folder):
     """All that there is in a folder: names, kinds, contents, times."""
-    found: dict[str, tuple[object, ...]] = {}
+    found = {}
     for path in [folder, *sorted(folder.rglob("*"))]:
         here = path.lstat()
         content = path.read_bytes() if stat.S_ISREG(here.st_mode) else b""
@@ -306,7 +303,7 @@ def state(folder: Path) -> dict[str, tuple[object, ...]]:
     return found
 
 
-def replaced_by_link(path: Path, target: Path) -> None:
+def replaced_by_link(path, target):
     """Put a link where an entry is, or could be."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_dir():
@@ -319,20 +316,8 @@ FAST = ("config new", "plot")
 """One that writes a file, and one that writes several; the others go through links, too."""
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        pytest.param(name, marks=[pytest.mark.slow("tries every name")] * (name not in FAST))
-        for name in COMMANDS
-    ],
-)
-def test_links_are_refused(
-    made: Folders,
-    lay: Callable[[str], Path],
-    canary: Path,
-    command: str,
-    record_property: Callable[[str, object], None],
-) -> None:
+@mostly_slow("command", COMMANDS, FAST, "tries every name")
+def test_links_are_refused(made, lay, canary, command, record_property):
     """A link at every name that eqt writes, under every command that writes.
 
     A name that the command writes is refused before anything in the folder changes. Each of the
@@ -344,7 +329,7 @@ def test_links_are_refused(
     plain, own, folders = written_by(text, lay(base))
     folders |= made.folders
 
-    def hostile(names: list[str]) -> tuple[Done, bool]:
+    def hostile(names):
         """The command where links are at some names, and whether the folder is as it was."""
         out = lay(base)
         for name in names:
@@ -354,7 +339,7 @@ def test_links_are_refused(
         assert state(canary) == before, names
         return done, state(out) == there
 
-    def refusal(name: str) -> Done:
+    def refusal(name):
         if command == "config new":  # which replaces nothing
             return Done(2, f"eqt: out/{name}: already exists; give another name, or remove it\n")
         expected = "a folder" if name in folders else "a file"
@@ -382,11 +367,11 @@ def test_links_are_refused(
     record_property("table", f"{len(own)} {refused} {alone}")
 
 
-def _is_within(name: str, folder: str) -> bool:
+def _is_within(name, folder):
     return name.startswith(f"{folder}/")
 
 
-def written_by(text: str, out: Path) -> tuple[Done, set[str], set[str]]:
+def written_by(text, out):
     """How a command ends, the names that it writes in a folder, and which of them are folders."""
     RECORDER.home, RECORDER.files, RECORDER.folders = out, set(), set()
     done = call(text)
@@ -400,7 +385,7 @@ def written_by(text: str, out: Path) -> tuple[Done, set[str], set[str]]:
 @pytest.mark.parametrize(
     "command", ["run --force", "run --rerun-failed", "sweep --force", "tune --force", "pack"]
 )
-def test_only_own_names_are_deleted(lay: Callable[[str], Path], command: str) -> None:
+def test_only_own_names_are_deleted(lay, command):
     """Whatever others keep in a folder of eqt's, or under a name like one of eqt's, stays."""
     base, text = COMMANDS[command]
     out = lay(base)
@@ -433,9 +418,7 @@ def test_only_own_names_are_deleted(lay: Callable[[str], Path], command: str) ->
 
 @pytest.mark.parametrize("name", [PARTS, RERUN, FIGURES, PLUGINS, FILES])
 @pytest.mark.parametrize("force", ["", " --force"])
-def test_a_folder_of_others_takes_no_result(
-    lay: Callable[[str], Path], name: str, force: str
-) -> None:
+def test_a_folder_of_others_takes_no_result(lay, name, force):
     out = lay("complete")
     shutil.rmtree(out)
     (out / name).mkdir(parents=True)
@@ -449,9 +432,7 @@ def test_a_folder_of_others_takes_no_result(
 
 @pytest.mark.parametrize("name", [TUNE.record, GENERATIONS, TUNE.found])
 @pytest.mark.parametrize("force", ["", " --force"])
-def test_a_folder_of_others_takes_no_tuning(
-    lay: Callable[[str], Path], name: str, force: str
-) -> None:
+def test_a_folder_of_others_takes_no_tuning(lay, name, force):
     out = lay("complete")
     if name == TUNE.record:
         (out / name).write_bytes(b"{}")
@@ -467,15 +448,13 @@ def test_a_folder_of_others_takes_no_tuning(
 # Temporary files ---------------------------------------------------------------------------------
 
 
-def test_temporary_files_are_exclusive(
-    tmp_path: Path, canary: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_temporary_files_are_exclusive(tmp_path, canary, monkeypatch):
     """Each has a name of its own that nobody can guess; where one guesses, nothing is written."""
-    writes: dict[str, Callable[[Path], None]] = {
+    writes = {
         "a.json": lambda path: replace_file(path, b"new"),
         "a.h5": lambda path: write(path, Table({})),
     }
-    names: list[str] = []
+    names = []
     rename = Path.replace
     monkeypatch.setattr(Path, "replace", lambda a, b: (names.append(a.name), rename(a, b))[1])
     for name, written in writes.items():
@@ -497,7 +476,7 @@ def test_temporary_files_are_exclusive(
 
 
 @pytest.mark.parametrize("target", ["file", "missing", "folder"])
-def test_a_new_file_replaces_nothing(tmp_path: Path, canary: Path, target: str) -> None:
+def test_a_new_file_replaces_nothing(tmp_path, canary, target):
     before = state(canary)
     (tmp_path / "new.yaml").symlink_to(canary / target)
     with pytest.raises(FileExistsError):
@@ -509,22 +488,20 @@ WRITING = {"write_text", "write_bytes", "savefig", "rmtree", "mkstemp", "NamedTe
 """What writes or deletes past the one way."""
 
 
-def test_every_file_is_written_in_one_way() -> None:
+def test_every_file_is_written_in_one_way():
     """No module opens a file for writing but the one that replaces files, and the lock."""
     package = Path(eqt_cli.__file__).parent
     allowed = {
-        ("core/files.py", "FileIO"),  # the one way
-        ("execution/lock.py", "open"),  # a file that is locked cannot be replaced
-        ("plots/render.py", "savefig"),  # into memory
-        ("plots/drawing/style.py", "savefig"),
-        ("store/writer.py", "File"),  # into the one way
-        ("cli/app.py", "open"),  # the null device
-        ("cli/shared/streams.py", "open"),
-        ("cli/__init__.py", "open"),
+        ("base/files.py", "FileIO"),  # the one way
+        ("runs/lock.py", "open"),  # a file that is locked cannot be replaced
+        ("figures/render.py", "savefig"),  # into memory
+        ("figures/style.py", "savefig"),
+        ("base/store_writer.py", "File"),  # into the one way
+        ("base/process.py", "open"),  # the null device
         # Into a new folder of their own, for a compiler.
-        ("engines/native/c_files.py", "write_text"),
-        ("engines/native/compiler.py", "write_bytes"),
-        ("engines/native/own_code.py", "write_bytes"),
+        ("extensions/firmware/own_code.py", "write_text"),
+        ("extensions/firmware/own_code.py", "write_bytes"),
+        ("engines/compiler.py", "write_bytes"),
     }
     found, names = set(), re.compile(rf"\b({'|'.join(WRITING | {'open', 'FileIO', 'File'})})\b")
     for path in package.rglob("*.py"):
@@ -535,11 +512,11 @@ def test_every_file_is_written_in_one_way() -> None:
     assert found <= allowed, sorted(found - allowed)
 
 
-def _name(node: ast.Call) -> str:
+def _name(node):
     return getattr(node.func, "attr", getattr(node.func, "id", ""))
 
 
-def _writes(node: ast.Call) -> bool:
+def _writes(node):
     name = _name(node)
     if name not in ("open", "FileIO", "File"):
         return name in WRITING
@@ -553,41 +530,39 @@ def _writes(node: ast.Call) -> bool:
 # The lock ----------------------------------------------------------------------------------------
 
 
-def hard(path: Path, canary: Path) -> str:
+def hard(path, canary):
     os.link(canary / "file", path)
     return "a file with 2 hard links; expected a file"
 
 
-def symbolic(path: Path, canary: Path) -> str:
+def symbolic(path, canary):
     path.symlink_to(canary / "file")
     return "a symbolic link; expected a file"
 
 
-def dangling(path: Path, canary: Path) -> str:
+def dangling(path, canary):
     path.symlink_to(canary / "missing")
     return "a symbolic link; expected a file"
 
 
-def pipe(path: Path, canary: Path) -> str:
+def pipe(path, canary):
     os.mkfifo(path)
     return "a named pipe; expected a file"
 
 
-def folder(path: Path, canary: Path) -> str:
+def folder(path, canary):
     path.mkdir()
     return "a folder; expected a file"
 
 
-def other(path: Path, canary: Path) -> str:
+def other(path, canary):
     path.write_bytes(b"[mine]")
     return "a file with another content; expected a lock"
 
 
 @pytest.mark.parametrize("put", [hard, symbolic, dangling, pipe, folder, other])
 @pytest.mark.parametrize("command", ["run on", "run --force", "run --shard", "pack", "tune"])
-def test_the_lock_follows_no_link(
-    lay: Callable[[str], Path], canary: Path, put: Callable[[Path, Path], str], command: str
-) -> None:
+def test_the_lock_follows_no_link(lay, canary, put, command):
     base, text = COMMANDS[command]
     names = {"run --shard": [LOCK, f"{LOCK}-1-1"], "tune": [f"{LOCK}-tune"]}
     for name in names.get(command, [LOCK]):
@@ -602,15 +577,15 @@ def test_the_lock_follows_no_link(
         assert state(out / name) == there
 
 
-def test_the_lock_of_a_killed_process_is_taken_over(tmp_path: Path) -> None:
+def test_the_lock_of_a_killed_process_is_taken_over(tmp_path):
     for left in (b"", b'{"pi', b'{"pid": 1, "host": "a", "since": "2025"}'):
         (tmp_path / LOCK).write_bytes(left)
         with locked(tmp_path):
-            assert holder(tmp_path)["pid"] == os.getpid()  # type: ignore[index]  # it is held
+            assert holder(tmp_path)["pid"] == os.getpid()  # it is held
         assert not (tmp_path / LOCK).exists()
 
 
-def test_nothing_is_written_before_the_lock_is_held(tmp_path: Path) -> None:
+def test_nothing_is_written_before_the_lock_is_held(tmp_path):
     with locked(tmp_path):
         before = state(tmp_path)
         with pytest.raises(EqtError, match="another eqt"), locked(tmp_path):
@@ -618,7 +593,7 @@ def test_nothing_is_written_before_the_lock_is_held(tmp_path: Path) -> None:
         assert state(tmp_path) == before
 
 
-def test_only_the_own_lock_is_removed(tmp_path: Path) -> None:
+def test_only_the_own_lock_is_removed(tmp_path):
     """Somebody removed it, and another process has made one of its own."""
     with locked(tmp_path):
         (tmp_path / LOCK).unlink()
@@ -627,15 +602,13 @@ def test_only_the_own_lock_is_removed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("step", ["ftruncate", "write"])
-def test_a_lock_that_cannot_be_written(
-    lay: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, step: str
-) -> None:
+def test_a_lock_that_cannot_be_written(lay, monkeypatch, step):
     out = lay("begun")
 
-    def fail(*_: object) -> None:
+    def fail(*_):
         raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr(f"eqt_cli.execution.lock.os.{step}", fail)
+    monkeypatch.setattr(f"eqt_cli.runs.lock.os.{step}", fail)
     done = call("run c.yaml --out OUT")
     monkeypatch.undo()
     assert done == Done(
@@ -644,10 +617,8 @@ def test_a_lock_that_cannot_be_written(
     assert kind_of(out / LOCK) is None
 
 
-def test_a_lock_that_cannot_be_removed_ends_no_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object, **__: object) -> None:
+def test_a_lock_that_cannot_be_removed_ends_no_run(tmp_path, monkeypatch):
+    def fail(*_, **__):
         raise OSError(errno.EIO, "Input/output error")
 
     with monkeypatch.context() as patch, locked(tmp_path):

@@ -1,36 +1,30 @@
 """A full disk: what cannot fit is refused before it is begun, and what is computed is not lost."""
 
-from __future__ import annotations
-
 import errno
 import io
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from said import error_of
 
+from eqt_cli.base.errors import ConfigError, FullDiskError
+from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
-from eqt_cli.core.errors import ConfigError, EqtError, FullDiskError
-from eqt_cli.execution import cost
-from eqt_cli.execution.executors.local import _portable
-from eqt_cli.execution.run_study import Execution, Shard, execute, pack_folder
-from eqt_cli.experiment.read_study import study
-from eqt_cli.experiment.study import Study
-
-Run = Callable[..., Execution]
+from eqt_cli.runs import cost
+from eqt_cli.runs.executors import _portable
+from eqt_cli.runs.run_study import Shard, execute, pack_folder
 
 
 @pytest.fixture(autouse=True)
-def _small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+def _small_parts(monkeypatch):
     """Parts of two runs, so that a small experiment has several."""
-    monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 2)
+    monkeypatch.setattr("eqt_cli.engines.engine.Engine.part_runs", 2)
 
 
 @pytest.fixture
-def begun(run: Run) -> tuple[Study, Path]:
+def begun(run):
     """Four parts of six runs; all are computed, and none is packed."""
     run("solver.block=2")  # writes c.yaml
     shutil.rmtree("out")
@@ -39,12 +33,12 @@ def begun(run: Run) -> tuple[Study, Path]:
     return found, Path("out")
 
 
-def full_when(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def full_when(monkeypatch, name):
     """Have no room for files of this name."""
     opened = io.FileIO
 
-    class Full(opened):  # type: ignore[misc, valid-type]  # a name for the class that is replaced
-        def write(self, data: Any) -> int:
+    class Full(opened):  # a name for the class that is replaced
+        def write(self, data):
             if name in str(self.name):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             return int(super().write(data))
@@ -53,18 +47,14 @@ def full_when(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
 
 
 @pytest.mark.slow("computes an experiment on a full disk")
-def test_parts_and_result_are_counted_together(
-    begun: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parts_and_result_are_counted_together(begun, monkeypatch):
     """What is estimated is less than what was written, and no less than half of it."""
     found, out = begun
     parts = sum(path.stat().st_size for path in (out / "parts").iterdir())
     assert parts / 2 < cost.parts_size(found) < parts
     result = cost.result_size(found)
     monkeypatch.setattr(cost, "_free_disk", lambda folder: result + cost.parts_size(found) - 1)
-    with pytest.raises(ConfigError) as caught:
-        cost.check_resources(found, Path("new"))
-    assert str(caught.value) == (
+    assert error_of(cost.check_resources, found, Path("new"), kind=ConfigError) == (
         "c.yaml:7:12: ensemble.runs: 64.8 kB are needed on the disk (12.4 kB for the result, "
         "52.4 kB for the parts from which it is packed), and new has 64.8 kB left; "
         "take fewer runs, fewer samples, or store.trajectories: none"
@@ -72,9 +62,7 @@ def test_parts_and_result_are_counted_together(
     cost.check_resources(found, out, missing=0.5)  # the other half is there
 
 
-def test_parts_that_are_there_are_not_counted_again(
-    begun: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parts_that_are_there_are_not_counted_again(begun, monkeypatch):
     found, out = begun
     monkeypatch.setattr(cost, "_free_disk", lambda folder: cost.result_size(found))
     assert execute(found, out).packed
@@ -84,12 +72,7 @@ def test_parts_that_are_there_are_not_counted_again(
 @pytest.mark.parametrize(
     ("name", "command"), [("results.h5", execute), ("manifest.json", pack_folder)]
 )
-def test_what_cannot_be_packed_is_kept(
-    begun: tuple[Study, Path],
-    monkeypatch: pytest.MonkeyPatch,
-    name: str,
-    command: Callable[[Study, Path], Execution],
-) -> None:
+def test_what_cannot_be_packed_is_kept(begun, monkeypatch, name, command):
     """Nothing is computed again: not here, and not on another disk."""
     found, out = begun
     with monkeypatch.context() as patch:
@@ -105,21 +88,19 @@ def test_what_cannot_be_packed_is_kept(
         "move the folder to another disk and run `eqt pack` there"
     )
     shutil.move(out, "other disk")
-    monkeypatch.setattr("eqt_cli.execution.compute_part.compute_part", None)  # is not called
+    monkeypatch.setattr("eqt_cli.runs.compute_part.compute_part", None)  # is not called
     moved = study(read_config(Path("other disk/config.yaml")))
     assert pack_folder(moved, Path("other disk")).packed
     assert Path("other disk/results.h5").exists()
 
 
 @pytest.mark.slow("computes an experiment on a full disk")
-def test_a_part_that_does_not_fit_tells_what_is_kept(
-    begun: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_part_that_does_not_fit_tells_what_is_kept(begun, monkeypatch):
     found, out = begun
     (out / "parts/000002.h5").unlink()
     with monkeypatch.context() as patch:
         full_when(patch, "000002.h5")
-        patch.setattr("eqt_cli.execution.run_study.UNSAVED_SECONDS", 0.0)
+        patch.setattr("eqt_cli.runs.run_study.UNSAVED_SECONDS", 0.0)
         with pytest.raises(FullDiskError) as caught:
             execute(found, out)
     assert str(caught.value) == (
@@ -130,24 +111,13 @@ def test_a_part_that_does_not_fit_tells_what_is_kept(
     assert execute(found, out).resumed == 5
 
 
-def test_the_error_of_a_worker_is_known_as_one_of_the_disk() -> None:
+def test_the_error_of_a_worker_is_known_as_one_of_the_disk():
     assert isinstance(_portable(FullDiskError("x")), FullDiskError)
 
 
-def test_without_runs_another_folder_is_the_way(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    full_when(monkeypatch, "manifest.json")
-    with pytest.raises(EqtError) as caught:
-        run()
-    assert str(caught.value) == (
-        "out: cannot be used: no space left on device; choose another folder with out=…"
-    )
-
-
 @pytest.mark.parametrize("step", ["write", "fsync"])
-def test_a_new_configuration_is_whole_or_not_there(
-    folder: Path, invoke: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, step: str
-) -> None:
-    def full(*_: object) -> None:
+def test_a_new_configuration_is_whole_or_not_there(folder, invoke, monkeypatch, step):
+    def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:

@@ -42,12 +42,11 @@ def test_the_pages_that_speak_of_files_from_others_link_to_it():
 
 
 def test_the_page_states_the_bounds():
-    from eqt_cli.api.checking_logs import LOG_BYTES
-    from eqt_cli.config.named_files import DATA_BYTES
+    from eqt_cli.base.files import RECORD_BYTES, TEXT_BYTES
+    from eqt_cli.config.source import DATA_BYTES
     from eqt_cli.config.yaml_source import MAX_BYTES
-    from eqt_cli.core.files import RECORD_BYTES, TEXT_BYTES
-    from eqt_cli.engines.native.compiler import PREPROCESSOR, SECONDS
-    from eqt_cli.engines.native.contained import Limits
+    from eqt_cli.engines.compiler import PREPROCESSOR, SECONDS, Limits
+    from eqt_cli.extensions.recordings.api import LOG_BYTES
 
     text = PAGE.read_text(encoding="utf-8")
     assert TEXT_BYTES == MAX_BYTES

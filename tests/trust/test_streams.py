@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from slow_cases import mostly_slow
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="streams as a POSIX shell has them")
 
@@ -46,19 +47,8 @@ ENDS = {
 }
 
 
-FAST = ("a document on a full stdout",)
-
-
 @FULL
-@pytest.mark.parametrize(
-    "case",
-    [
-        pytest.param(
-            case, marks=[pytest.mark.slow("starts a process for each")] * (case not in FAST)
-        )
-        for case in ENDS
-    ],
-)
+@mostly_slow("case", ENDS, ["a document on a full stdout"], "starts a process for each")
 def test_closed_and_full_streams(sent, case):
     words, redirection, code, told = ENDS[case]
     found, _, error = shell(words, redirection)
@@ -92,8 +82,8 @@ def test_no_file_takes_the_place_of_a_closed_stream(sent):
     """What libraries write on stderr would be written into it."""
     code = (
         "import os, sys\n"
-        "from eqt_cli.cli.shared import streams\n"
-        "streams.make_safe()\n"
+        "from eqt_cli.base import process\n"
+        "process.make_safe()\n"
         "with open('kept', 'w') as file:\n"
         "    assert file.fileno() > 2, file.fileno()\n"
         "    os.write(2, b'harm')\n"

@@ -1,37 +1,31 @@
 """Text and numbers that other programs take for something else: names, cells, widths, shards."""
 
-from __future__ import annotations
-
 import csv
 import io
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from eqt_cli.analysis.law_search import _slug
+from eqt_cli.base.files import file_name, is_device
 from eqt_cli.cli.app import MOST_COLUMNS
-from eqt_cli.cli.shared.table_formats import as_csv, csv_cell
-from eqt_cli.core.files import file_name, is_device
-from eqt_cli.execution.run_study import Execution, Shard, execute
-from eqt_cli.tuning.law_search import _slug
-
-Invoke = Callable[..., Any]
+from eqt_cli.cli.tables import as_csv, csv_cell
+from eqt_cli.runs.run_study import Shard, execute
 
 FORMULA = "=cmd|' /C calc'!A0"
 
 
 @pytest.mark.parametrize("begin", ["=", "+", "-", "@", "\t", "\r"])
-def test_a_cell_is_no_formula(begin: str) -> None:
+def test_a_cell_is_no_formula(begin):
     assert csv_cell(f"{begin}SUM(A1)") == f"'{begin}SUM(A1)"
 
 
 @pytest.mark.parametrize("cell", [-1.5, "-1.5", "-1e-300", "+2", "-inf", "a=b", "", None, 3])
-def test_numbers_and_other_text_stay(cell: object) -> None:
+def test_numbers_and_other_text_stay(cell):
     assert csv_cell(cell) == cell
 
 
-def test_tables_of_comparisons_hold_no_formula() -> None:
+def test_tables_of_comparisons_hold_no_formula():
     text = as_csv([{"=A": FORMULA, "x": -1.0}, {"=A": "eqt", "x": float("nan")}])
     assert list(csv.reader(io.StringIO(text))) == [
         ["'=A", "x"],
@@ -40,7 +34,7 @@ def test_tables_of_comparisons_hold_no_formula() -> None:
     ]
 
 
-def test_the_table_of_runs_holds_no_formula(folder: Path, run: Any, invoke: Invoke) -> None:
+def test_the_table_of_runs_holds_no_formula(folder, run, invoke):
     run(controllers=f'[{{kind: eqt, label: "{FORMULA}"}}]', ensemble="{runs: 1, seed: 1}")
     text = invoke("show", "out", "--table", "--format", "csv").stdout
     header, row = csv.reader(io.StringIO(text))
@@ -52,9 +46,7 @@ DEVICES = ["con", "CON", "nul", "aux.yaml", "com1", "LPT9.tar.gz", "prn"]
 
 
 @pytest.mark.parametrize("name", DEVICES)
-def test_the_name_of_a_device_is_refused(
-    folder: Path, experiment: Any, invoke: Invoke, name: str
-) -> None:
+def test_the_name_of_a_device_is_refused(folder, experiment, invoke, name):
     with pytest.raises(Exception, match="device") as caught:
         experiment(name=name)
     assert str(caught.value) == (
@@ -63,29 +55,25 @@ def test_the_name_of_a_device_is_refused(
 
 
 @pytest.mark.parametrize("name", ["console", "con-1", "com10", "nu", "xcon", "con_x"])
-def test_names_like_those_of_devices_are_fine(name: str) -> None:
+def test_names_like_those_of_devices_are_fine(name):
     assert not is_device(name)
     assert file_name(name, "law") == name
 
 
-def test_a_name_that_follows_from_a_file_or_a_label_is_that_of_no_device() -> None:
+def test_a_name_that_follows_from_a_file_or_a_label_is_that_of_no_device():
     assert file_name("con", "experiment") == "experiment-con"
     assert _slug("NUL", []) == "law-NUL"
 
 
 @pytest.mark.parametrize("columns", ["999999999", "9" * 5000, str(MOST_COLUMNS + 1)])
-def test_the_width_of_a_terminal_is_bounded(
-    invoke: Invoke, monkeypatch: pytest.MonkeyPatch, columns: str
-) -> None:
+def test_the_width_of_a_terminal_is_bounded(invoke, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
     assert max(map(len, invoke("run", "--help").stdout.splitlines())) <= MOST_COLUMNS
 
 
-def test_a_shard_without_parts_says_so(
-    run: Callable[..., Execution], experiment: Any, told: Any
-) -> None:
+def test_a_shard_without_parts_says_so(run, experiment, told):
+    from eqt_cli.config.read_study import study
     from eqt_cli.config.source import read_config
-    from eqt_cli.experiment.read_study import study
 
     experiment()
     found = study(read_config(Path("c.yaml")))

@@ -1,0 +1,585 @@
+"""Compares the laws of a result, and judges the claims of papers."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.analysis.intervals import (
+    SHARE,
+    Level,
+    Pair,
+    Resampling,
+    runs_without_exception,
+    statistics,
+)
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.registry import Registry
+from eqt_cli.results.metrics import EARLY, METRICS
+from eqt_cli.results.quantity import WHOLE, Quantity, Window
+from eqt_cli.results.result import PerRun, Result
+
+# Base classes of claims. Does not know how claims are tested --------------------------------------
+
+
+@dataclass(frozen=True)
+class Less:
+    """One controller has less of something than another, on average over initial states.
+
+    Attributes
+    ----------
+    lesser, greater
+        Kinds of controllers, as in a configuration: ``eqt``.
+    measure
+        Name of a measure. If its parts have different units, each part is tested.
+    window
+        Window over which it is taken.
+    rotation_only
+        Whether the claim concerns only the orientation; then other parts of the pose are not
+        tested.
+    """
+
+    lesser: str
+    greater: str
+    measure: str
+    window: Window = WHOLE
+    rotation_only: bool = False
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of the controllers of the claim."""
+        return (self.lesser, self.greater)
+
+
+@dataclass(frozen=True)
+class AtMost:
+    """In every run, a measure stays at or below a bound.
+
+    Attributes
+    ----------
+    kind
+        Kind of the controller.
+    measure
+        Name of a measure.
+    bound
+        Bound in the unit of the measure.
+    statement
+        The claim in words.
+    """
+
+    kind: str
+    measure: str
+    bound: float
+    statement: str
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kind of the controller of the claim."""
+        return (self.kind,)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A sentence, and the rows by which it is measured.
+
+    Attributes
+    ----------
+    says
+        The claim in the words of its source.
+    rows
+        Statements that are tested separately; the claim is supported as far as they are.
+    """
+
+    says: str
+    rows: tuple[Less | AtMost, ...]
+
+
+class ClaimSet(ABC):
+    """The claims of one source.
+
+    Attributes
+    ----------
+    name
+        Short name for tables and messages.
+    source
+        Reference of the source.
+    claims
+        Claims in the order of the source.
+    """
+
+    name: ClassVar[str]
+    source: ClassVar[str]
+    claims: ClassVar[tuple[Claim, ...]]
+
+
+claim_sets = Registry("claim set", "claims", ClaimSet, ("analysis.compare",))
+
+
+NEVER_RISES = 1e-6
+"""Bound relative to L(0): far above solver errors, and far below any visible rise."""
+
+
+class Hampsey2025(ClaimSet):
+    """Hampsey, van Goor, Banavar, Mahony (2025), section 7."""
+
+    name: ClassVar[str] = "hampsey2025"
+    source: ClassVar[str] = "Hampsey et al. (2025), section 7"
+    claims: ClassVar[tuple[Claim, ...]] = (
+        Claim(
+            "All four of these controls are stabilising",
+            tuple(
+                AtMost(kind, "lyapunov_rise", NEVER_RISES, "L does not rise between samples")
+                for kind in ("eqt", "gt", "nog", "asym")
+            ),
+        ),
+        Claim(
+            "the EqT control requires less control action for large error (the first 5 seconds of "
+            "the response)",
+            (Less("eqt", "gt", "mean_torque", EARLY),),
+        ),
+        Claim(
+            "[EqT] leads to slightly slower attitude tracking than the GT control",
+            (Less("gt", "eqt", "mean_pose_error", rotation_only=True),),
+        ),
+        Claim(
+            "The EqT and GT controls appear to be superior to the two approximations",
+            tuple(
+                Less(lesser, greater, measure, rotation_only=measure == "mean_pose_error")
+                for measure in ("mean_pose_error", "mean_torque")
+                for lesser in ("eqt", "gt")
+                for greater in ("nog", "asym")
+            ),
+        ),
+    )
+
+
+# Compares the controllers of a result: measures, differences of pairs, and judged claims ----------
+
+
+class ClaimVerdict(StrEnum):
+    """The verdict on a claim."""
+
+    SUPPORTED = "supported"
+    SEEN = "seen, not all settled"
+    NOT_SUPPORTED = "not supported"
+    UNDECIDED = "undecided"
+    NOT_COVERED = "not covered"
+
+
+@dataclass(frozen=True)
+class Settled:
+    """The number of runs of a law that end within the settling threshold.
+
+    Attributes
+    ----------
+    controller
+        Label of the law.
+    count, runs
+        Number of runs that settled, and of runs that did not fail.
+    """
+
+    controller: str
+    count: int
+    runs: int
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A row of a claim, measured.
+
+    Attributes
+    ----------
+    source, says
+        Source of the claim, and its words.
+    verdict
+        Verdict for the available runs.
+    runs_to_decide
+        Number of runs that would decide if all stays as measured; None if no number would.
+    pair
+        The difference of two controllers, for a claim that one has less than the other.
+    measured, controller
+        The measure and the controller, for a claim about every run.
+    statement
+        The claim about every run in words.
+    held, runs
+        Number of runs in which it held, and of runs with a value.
+    low
+        Lower end of the one-sided interval for the share of runs in which it holds.
+    absent
+        Kinds of controllers that the claim mentions and the result does not have.
+    settled
+        Numbers of settled runs of the laws of the row; empty if not stored.
+    """
+
+    source: str
+    says: str
+    verdict: ClaimVerdict
+    runs_to_decide: int | None
+    pair: Pair | None = None
+    measured: PerRun | None = None
+    controller: str = ""
+    statement: str = ""
+    held: int = 0
+    runs: int = 0
+    low: float = float("nan")
+    absent: tuple[str, ...] = ()
+    settled: tuple[Settled, ...] = ()
+
+
+def measured_by(result: Result, row: Less | AtMost) -> list[tuple[Quantity, Window]]:
+    """Return the measures that test a row; empty if the result cannot test it."""
+    if isinstance(row, AtMost):
+        known = result.comparable
+        return [(known[row.measure], WHOLE)] if row.measure in known else []
+    return [
+        (quantity, row.window)
+        for quantity in result.by_parts(row.measure)
+        if result.covers(quantity, row.window)
+        and not (row.rotation_only and not _is_rotation(result, quantity))
+    ]
+
+
+def _is_rotation(result: Result, quantity: Quantity) -> bool:
+    """Whether a measure of the pose error concerns only the orientation."""
+    if quantity.signals and quantity.signals[0].startswith("pose_error_rotation"):
+        return True
+    whole = result.units("mean_pose_error") if result.has("mean_pose_error") else ""
+    return whole == "1" and not (quantity.parted and result.parts(quantity.signals[0]))
+
+
+def judge_less(source: str, says: str, pair: Pair) -> Judgement:
+    """Judge a claim that the first of a pair has less than the second.
+
+    It is supported if the whole interval lies below 0, not supported if none of it does, and
+    undecided otherwise.
+    """
+    if pair.high < 0:
+        verdict = ClaimVerdict.SUPPORTED
+    elif pair.low >= 0 and not pair.low == pair.high == 0:
+        verdict = ClaimVerdict.NOT_SUPPORTED
+    else:
+        verdict = ClaimVerdict.UNDECIDED
+    return Judgement(source, says, verdict, pair.runs_to_decide, pair=pair)
+
+
+def judge_at_most(
+    source: str, says: str, row: AtMost, measured: PerRun, index: int, label: str, confidence: float
+) -> Judgement:
+    """Judge a claim that a bound holds in every run.
+
+    One exception makes it not supported. It is supported if the runs without exception show that at
+    least 95 % of all initial states have none (exact binomial interval of Clopper and Pearson).
+    """
+    from scipy.special import betaincinv  # slow to import
+
+    values = measured.values[index]
+    values = values[np.isfinite(values)]
+    held, runs = int(np.count_nonzero(values <= row.bound)), len(values)
+    low = float(betaincinv(held, runs - held + 1, 1 - confidence)) if held else 0.0
+    if held < runs:
+        verdict = ClaimVerdict.NOT_SUPPORTED
+    else:
+        verdict = ClaimVerdict.SUPPORTED if low >= SHARE else ClaimVerdict.UNDECIDED
+    needed = runs_without_exception(confidence)
+    return Judgement(
+        source,
+        says,
+        verdict,
+        needed,
+        measured=measured,
+        controller=label,
+        statement=row.statement,
+        held=held,
+        runs=runs,
+        low=low,
+    )
+
+
+_Key = tuple[str, Window]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The outcome of `compare`.
+
+    Attributes
+    ----------
+    title, group, labels, runs
+        Title, group and labels of the result, and its runs per law.
+    titles
+        Display name of each controller, by label.
+    kinds
+        Kind of each controller, by label.
+    failed
+        Number of failed runs of each controller, by label.
+    horizon
+        Duration of the runs, s.
+    levels, pairs
+        One row per measure and controller, and per measure and pair of controllers.
+    judgements
+        One row per claim and measure; empty if no claim applies.
+    departures
+        How the loop departs from that of the claims, in words; then no claim is judged.
+    lyapunov_functions
+        Name of each law's function L, by label; empty if it is the same for all.
+    not_matched
+        Labels of laws whose gains are not matched to those of the others.
+    missing
+        Sentences about numbers that could not be computed.
+    confidence, resamples, seed
+        Settings of the bootstrap.
+    """
+
+    title: str
+    group: str
+    labels: list[str]
+    titles: dict[str, str]
+    runs: int
+    kinds: dict[str, str]
+    failed: dict[str, int]
+    horizon: float
+    levels: list[Level]
+    pairs: list[Pair]
+    judgements: list[Judgement]
+    departures: str
+    lyapunov_functions: dict[str, str]
+    not_matched: list[str]
+    missing: list[str]
+    confidence: float
+    resamples: int
+    seed: int
+
+
+def compare(
+    result: Result,
+    *,
+    metrics: Sequence[str] = (),
+    windows: Sequence[Window] = (),
+    labels: Sequence[str] = (),
+    how: Resampling = Resampling(),  # noqa: B008  # it is frozen
+) -> Comparison:
+    """Compare the controllers of a result, run by run on the same initial states.
+
+    Parameters
+    ----------
+    result
+        An open result of a single experiment or of one point of a sweep.
+    metrics
+        Names of measures; a default selection if empty. Claims are always tested on their own
+        measures.
+    windows
+        Windows over which measures are taken; the default windows of each measure if empty.
+    labels
+        Labels of the controllers to compare; all if empty.
+    how
+        Settings of the intervals. They are not corrected for multiple comparisons.
+
+    Raises
+    ------
+    EqtError
+        If a metric or window does not exist, data is missing, or the result is a sweep.
+    """
+    if not 0 < how.confidence < 1:
+        expected = "expected a number between 0 and 1, as 0.95"
+        raise EqtError(f"confidence {how.confidence:g}: {expected}")
+    if how.resamples < 1:
+        raise EqtError(f"resamples {how.resamples}: expected at least 1")
+    result.single("controllers are compared within one experiment")
+    chosen = _chosen(result, metrics, windows)
+    labels = [label for label in result.labels if not labels or label in labels]
+    kinds = _by_kind(result, labels)
+    claimed = [(measure, window) for *_, measure, window in _tests(result, kinds)]
+    wanted: dict[_Key, Quantity] = {}
+    for measure, window in [*chosen, *claimed]:
+        wanted.setdefault((measure.name, window.within(result.times)), measure)
+    samples = {key: result.per_run(measure, key[1]) for key, measure in wanted.items()}
+    measured = list(samples.values())
+    levels, pairs, resamples = statistics(measured, result.labels, result.good, how)
+    shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
+    judgements = _judgements(result, kinds, samples, pairs, how.confidence)
+    if result.departures:
+        uncovered = ClaimVerdict.NOT_COVERED
+        judgements = [replace(row, verdict=uncovered, runs_to_decide=None) for row in judgements]
+    of_all = result.lyapunov_functions
+    functions = {label: of_all[label] for label in labels if label in of_all}
+    return Comparison(
+        title=result.title,
+        group=result.group_name,
+        labels=labels,
+        titles={label: result.title_of[label] for label in labels},
+        runs=result.runs,
+        kinds={label: kind for label, kind in result.kinds.items() if label in labels},
+        failed={label: count for label, count in result.failed.items() if label in labels},
+        horizon=float(result.times[-1] - result.times[0]),
+        levels=[
+            each for each in levels if _key(each.measured) in shown and each.controller in labels
+        ],
+        pairs=[
+            pair
+            for pair in pairs
+            if _key(pair.measured) in shown
+            and _same_measure(result, pair)
+            and {pair.first, pair.second} <= set(labels)
+        ],
+        judgements=judgements,
+        departures=result.departures,
+        lyapunov_functions=functions if len(set(functions.values())) > 1 else {},
+        not_matched=[label for label in result.not_matched if label in labels],
+        missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
+        confidence=how.confidence,
+        resamples=resamples,
+        seed=how.seed,
+    )
+
+
+def _same_measure(result: Result, pair: Pair) -> bool:
+    """Whether the number means the same for both laws: each may have its own L."""
+    functions = result.lyapunov_functions
+    same = functions.get(pair.first) == functions.get(pair.second)
+    return same or "lyapunov" not in pair.measured.quantity.signals
+
+
+def _key(measured: PerRun) -> _Key:
+    return measured.quantity.name, measured.window
+
+
+def _chosen(
+    result: Result, metrics: Sequence[str], windows: Sequence[Window]
+) -> list[tuple[Quantity, Window]]:
+    if not metrics and not windows:
+        return _defaults(result)
+    names = metrics or list(dict.fromkeys(measure.name for measure, _ in _defaults(result)))
+    chosen = []
+    for name in names:
+        measure = result.comparable_named(name)
+        if measure.windowed:
+            over = [w for w in windows or (WHOLE,) if metrics or result.covers(measure, w)]
+        else:
+            over = [measure.window]
+        chosen += [(measure, window) for window in over]
+    return chosen
+
+
+def _defaults(result: Result) -> list[tuple[Quantity, Window]]:
+    """Return the default measures; parts replace norms with mixed units.
+
+    If some settling times lie beyond the horizon, the shares of settled runs replace their means.
+    """
+    early = result.quantity("early_torque").window
+    return [
+        (quantity, window)
+        for base in METRICS
+        for quantity in result.by_parts(base.name)
+        for window in (early if window == EARLY else window for window in base.compared)
+        if result.covers(quantity, window) and _tells(result, quantity, window)
+    ]
+
+
+def _tells(result: Result, quantity: Quantity, window: Window) -> bool:
+    """Whether its mean says more than that of the number it follows from, or that follows."""
+    if quantity.censored:
+        return not result.per_run(quantity, window).censored.any()
+    if quantity.told_by and quantity.name not in result.metrics:
+        return bool(result.censored(quantity.told_by).any())
+    return True
+
+
+def _by_kind(result: Result, labels: Sequence[str]) -> dict[str, str]:
+    """Return the first controller of each kind among those with these labels."""
+    by_kind: dict[str, str] = {}
+    for label in labels:
+        by_kind.setdefault(result.kinds.get(label, label), label)
+    return by_kind
+
+
+_Test = tuple[str, Claim, Less | AtMost, Quantity, Window]
+"""The source of a claim, the claim, a row of it, and a measure over a window that tests the row."""
+
+
+def _tests(result: Result, kinds: Mapping[str, str]) -> Iterator[_Test]:
+    """Yield the tests of the claims with a row about controllers of these kinds."""
+    for claim_set in claim_sets.all():
+        for claim in claim_set.claims:
+            if not any(set(row.kinds) <= set(kinds) for row in claim.rows):
+                continue
+            for row in claim.rows:
+                for measure, window in measured_by(result, row):
+                    yield claim_set.source, claim, row, measure, window
+
+
+def _judgements(
+    result: Result,
+    kinds: Mapping[str, str],
+    samples: dict[_Key, PerRun],
+    pairs: Sequence[Pair],
+    confidence: float,
+) -> list[Judgement]:
+    by_names = {(_key(pair.measured), pair.first, pair.second): pair for pair in pairs}
+    settles = result.settles
+    rows = []
+    for source, claim, row, measure, window in _tests(result, kinds):
+        if not set(row.kinds) <= set(kinds):
+            continue
+        about = dict.fromkeys(kind for each in claim.rows for kind in each.kinds)
+        key, labels = (measure.name, window.within(result.times)), [kinds[k] for k in row.kinds]
+        if isinstance(row, AtMost):
+            [label] = labels
+            index = result.labels.index(label)
+            judged = judge_at_most(source, claim.says, row, samples[key], index, label, confidence)
+        else:
+            first, second = labels
+            pair = by_names.get((key, first, second)) or by_names[key, second, first].swapped()
+            judged = judge_less(source, claim.says, pair)
+        judged = replace(judged, absent=tuple(kind for kind in about if kind not in kinds))
+        if settles is not None:
+            at = [(label, result.labels.index(label)) for label in labels]
+            laws = [
+                Settled(label, int(settles[k].sum()), int(result.good[k].sum())) for label, k in at
+            ]
+            # A claim concerns runs that settle. This horizon does not show how the others end.
+            late = any(law.count < law.runs for law in laws)
+            if late and judged.verdict is ClaimVerdict.SUPPORTED:
+                judged = replace(judged, verdict=ClaimVerdict.SEEN)
+            judged = replace(judged, settled=tuple(laws))
+        rows.append(judged)
+    return rows
+
+
+def _uncut(chosen: Sequence[tuple[Quantity, Window]], windows: Sequence[Window]) -> Iterator[str]:
+    """Note the measures to which the chosen windows do not apply."""
+    names = [measure.name for measure, _ in chosen if not measure.windowed] if windows else []
+    if names:
+        verb = "have windows of their own" if len(names) > 1 else "has a window of its own"
+        yield f"Windows do not apply to {', '.join(names)}, which {verb}."
+
+
+def _clipped(result: Result, windows: Sequence[Window]) -> list[str]:
+    """Note the chosen windows that reach beyond the end of the runs."""
+    shorter = [(window, window.within(result.times)) for window in windows]
+    return [
+        f"Window {window} is cut to {cut}, since the runs last {cut.stop:g} s."
+        for window, cut in shorter
+        if math.isfinite(window.stop) and cut.stop < window.stop
+    ]
+
+
+def _missing(result: Result) -> Iterator[str]:
+    """Note the numbers that need trajectories which are not stored."""
+    stored = len(result.stored_runs)
+    if stored == 0:
+        yield (
+            "No trajectories are stored, so only stored metrics are compared: no other windows, no "
+            "parts of other norms, no integral that is not among them, and no test that L never "
+            "rises. Set store.trajectories to all for these."
+        )
+    elif stored < result.runs:
+        yield (
+            f"Trajectories are stored of the first {stored} of {result.runs} runs; numbers that "
+            "take trajectories are about those."
+        )

@@ -1,1 +1,0 @@
-"""Compares controllers run by run: intervals, effect sizes, claims of papers."""

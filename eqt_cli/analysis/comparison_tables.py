@@ -1,0 +1,526 @@
+"""A comparison as plain data for JSON and CSV, as sentences on claims, and as text tables."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any
+
+from eqt_cli.analysis.compare import ClaimVerdict, Comparison, Judgement
+from eqt_cli.analysis.intervals import FEWEST, LEAST_SEEN, POWER, SHARE, Level, Pair
+from eqt_cli.analysis.notation import Plain, percent
+from eqt_cli.base.reporting import Block, TextTable, listed
+from eqt_cli.results.origin import law_title
+from eqt_cli.results.result import PerRun
+
+Record = dict[str, Any]
+
+
+def records(comparison: Comparison) -> dict[str, list[Record]]:
+    """Return all tables by name, with a record per measure and controller, pair or claim.
+
+    Differences are first minus second.
+    """
+    return {
+        "controllers": [_level(level) for level in comparison.levels],
+        "pairs": [_pair(pair) for pair in comparison.pairs],
+        "claims": [_judgement(judgement) for judgement in comparison.judgements],
+    }
+
+
+def _what(measured: PerRun) -> Record:
+    return {
+        "metric": measured.quantity.name,
+        "window_start": measured.window.start,
+        "window_stop": measured.window.stop,
+        "units": measured.unit,
+    }
+
+
+def _fields(row: Level | Pair | Judgement, *names: str) -> Record:
+    return {name: getattr(row, name) for name in names}
+
+
+def _level(level: Level) -> Record:
+    return {
+        **_what(level.measured),
+        **_fields(level, "controller", "runs", "failed", "undefined", "censored"),
+        **_fields(level, "mean", "low", "high", "standard_deviation", "median"),
+    }
+
+
+def _pair(pair: Pair) -> Record:
+    return {
+        **_what(pair.measured),
+        **_fields(pair, "first", "second", "pairs", "failed", "undefined", "censored"),
+        **_fields(pair, "difference", "low", "high", "relative", "cohen_d", "first_better"),
+        **({} if pair.p_value is None else {"p_value": pair.p_value}),
+        "runs_to_decide": pair.runs_to_decide,
+    }
+
+
+def _judgement(judgement: Judgement) -> Record:
+    common = {
+        "source": judgement.source,
+        "claim": judgement.says,
+        "verdict": str(judgement.verdict),
+        "runs_to_decide": judgement.runs_to_decide,
+    }
+    if judgement.pair is not None:
+        pair = _pair(judgement.pair)
+        pair.pop("runs_to_decide")
+        statement = "first is less than second"
+        return {**common, "statement": statement, **pair, **_settled(judgement)}
+    assert judgement.measured is not None
+    return {
+        **common,
+        "statement": judgement.statement,
+        **_what(judgement.measured),
+        "first": judgement.controller,
+        "pairs": judgement.runs,
+        **_fields(judgement, "held", "low"),
+        **_settled(judgement),
+    }
+
+
+def _settled(judgement: Judgement) -> Record:
+    """Return the number of settled runs of the first and the second law."""
+    names = ("first_settled", "second_settled")
+    return {name: law.count for name, law in zip(names, judgement.settled, strict=False)}
+
+
+RANKED = ("mean_torque", "mean_pose_error", "settled")
+"""Measures by which laws are ranked if no claim is about them."""
+
+PARTLY = "partly"
+"""Prefix of a verdict that only some rows of a claim have."""
+
+_AGREES = (ClaimVerdict.SUPPORTED, ClaimVerdict.SEEN)
+
+_WRITE = Plain()
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A sentence about a claim or a measure.
+
+    Attributes
+    ----------
+    verdict
+        Verdict of the claim as in `ClaimVerdict`, after `PARTLY` if its rows differ; empty without
+        claims.
+    claim
+        The claim in the words of its source; empty if all claims have this verdict.
+    words
+        The measured numbers in words.
+    absent
+        Laws that the claim mentions and the result does not have.
+    """
+
+    verdict: str
+    claim: str
+    words: str
+    absent: str = ""
+
+
+def findings(comparison: Comparison) -> list[Finding]:
+    """Return one finding for each claim; where none is judged, the best laws by usual measures."""
+    if comparison.judgements and comparison.departures:
+        words = f"claims of {sources(comparison)}. Beyond their theorems: {comparison.departures}."
+        return [*_ranking(comparison), Finding(str(ClaimVerdict.NOT_COVERED), "", words)]
+    claimed = groupby(comparison.judgements, key=lambda judgement: judgement.says)
+    sentences = [_of_claim(comparison, says, list(rows)) for says, rows in claimed]
+    return sentences or list(_ranking(comparison))
+
+
+def sources(comparison: Comparison) -> str:
+    """Return the sources of the claims."""
+    return "; ".join(dict.fromkeys(row.source for row in comparison.judgements))
+
+
+def _of_claim(comparison: Comparison, says: str, rows: Sequence[Judgement]) -> Finding:
+    verdict, titles = _together({row.verdict for row in rows}), comparison.titles
+    in_every_run = [row for row in rows if row.pair is None]
+    compared = [row for row in rows if row.pair is not None]
+    words = [*_in_every_run(comparison, in_every_run), *_compared(compared, titles)]
+    words += _unsettled(rows, titles)
+    absent = [titles.get(kind, kind) for kind in rows[0].absent]
+    return Finding(verdict, says, "; ".join(words) + ".", listed(absent) if absent else "")
+
+
+def _together(verdicts: set[ClaimVerdict]) -> str:
+    """Combine the verdicts of the rows of a claim."""
+    agrees = [verdict for verdict in _AGREES if verdict in verdicts]
+    if verdicts <= set(_AGREES) or len(verdicts) == 1:
+        return str([*verdicts - set(agrees), *agrees][-1])
+    return f"{PARTLY} {agrees[-1]}" if agrees else str(ClaimVerdict.NOT_SUPPORTED)
+
+
+def _unsettled(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
+    """Yield ``settled at the end: 46 of 200 runs under EqT`` if some runs did not settle."""
+    if any(row.verdict is ClaimVerdict.SEEN for row in rows):
+        laws = dict.fromkeys(law for row in rows for law in row.settled)
+        yield "settled at the end: " + listed(
+            [f"{law.count} of {law.runs} runs under {titles[law.controller]}" for law in laws]
+        )
+
+
+def _in_every_run(comparison: Comparison, rows: Sequence[Judgement]) -> Iterator[str]:
+    """Yield each statement and the number of runs in which it held; equal counts are grouped."""
+    for (statement, held, runs, low, open_), alike in groupby(
+        rows,
+        key=lambda row: (
+            *(row.statement, row.held, row.runs, row.low),
+            row.verdict is ClaimVerdict.UNDECIDED,
+        ),
+    ):
+        more = f", and {100 * SHARE:g} % is needed" if open_ else ""
+        laws = listed([comparison.titles[row.controller] for row in alike])
+        yield (
+            f"{statement}: {held} of {runs} runs under {laws}, so it holds for at least "
+            f"{100 * low:.1f} % of all initial states ({100 * comparison.confidence:g} % "
+            f"confidence){more}"
+        )
+
+
+def _compared(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
+    """Yield the differences; of several, the number that agree and those that do not."""
+    if len(rows) < 2:
+        yield from (_difference_in_words(row.pair, titles) for row in rows if row.pair)
+        return
+    counts = Counter(row.verdict for row in rows)
+    against, open_ = counts[ClaimVerdict.NOT_SUPPORTED], counts[ClaimVerdict.UNDECIDED]
+    others = f", {open_} {'is' if open_ == 1 else 'are'} undecided" if open_ else ""
+    agree = sum(counts[verdict] for verdict in _AGREES)
+    yield f"{agree} of {len(rows)} comparisons agree with it{others}"
+    wanted = (ClaimVerdict.NOT_SUPPORTED,) if against or open_ else _AGREES
+    yield from (
+        _difference_in_words(row.pair, titles) for row in rows if row.pair and row.verdict in wanted
+    )
+
+
+def _difference_in_words(pair: Pair, titles: Mapping[str, str]) -> str:
+    """``EqT has 13.5 % less mean ‖τ‖ over 0–5 s than GT (−0.283 [−0.346, −0.219] N m)``."""
+    first, second = titles[pair.first], titles[pair.second]
+    what = _measure_in_words(pair.measured)
+    number = _number(pair, pair.difference)
+    if not pair.differs:
+        return f"no difference seen between {first} and {second} in {what} ({number})"
+    share = f"{percent(abs(pair.relative))} " if pair.relative == pair.relative else ""
+    more = "more" if pair.difference > 0 else "less"
+    return f"{first} has {share}{more} {what} than {second} ({number})"
+
+
+def _ranking(comparison: Comparison) -> Iterator[Finding]:
+    titles = comparison.titles
+    by_laws = {
+        (id(pair.measured), frozenset((pair.first, pair.second))): pair for pair in comparison.pairs
+    }
+    for _, rows in groupby(comparison.levels, key=lambda level: id(level.measured)):
+        levels = [level for level in rows if level.mean == level.mean]
+        if not levels or not levels[0].measured.quantity.name.startswith(RANKED):
+            continue
+        upwards = levels[0].measured.quantity.better == "higher"
+        best, *others = sorted(levels, key=lambda level: level.mean, reverse=upwards)
+        law, what = titles[best.controller], _measure_in_words(best.measured)
+        words = f"{law} has a {what} of {_number(best, best.mean)}"
+        if others:
+            extreme = "largest" if upwards else "smallest"
+            words = f"{law} has the {extreme} {what}, {_number(best, best.mean)}"
+        named = frozenset(level.controller for level in (best, *others[:1]))
+        if pair := by_laws.get((id(best.measured), named)):
+            ordered = pair if pair.first == best.controller else pair.swapped()
+            seen = _difference_in_words(ordered, titles)
+            words = f"{words}; {seen}" if ordered.differs or others[1:] else f"N{seen[1:]}"
+        yield Finding("", "", f"{words}.")
+
+
+def _measure_in_words(measured: PerRun) -> str:
+    of = "share of runs " if measured.quantity.counts else ""
+    return f"{of}{_WRITE.name(measured.quantity)} over {_WRITE.window(measured.window)}"
+
+
+def _number(row: Pair | Level, value: float) -> str:
+    unit = _WRITE.unit(row.measured.unit)
+    return " ".join(filter(None, [_WRITE.interval(value, row.low, row.high), unit]))
+
+
+IN_FULL = ("d", "runs to decide")
+"""Columns of the table of pairs that only some readers need."""
+
+_KEYS = ["measure", "window", "unit"]
+"""Headings of `_measure`."""
+
+FEW = 20
+"""Pairs below which coverage falls short of the confidence (docs/explanation/statistics.md)."""
+
+
+def text_tables(
+    comparison: Comparison,
+    notation: Plain,
+    against: Sequence[str] = (),
+    *,
+    laws_as_rows: bool = False,
+    brief: bool = False,
+) -> dict[str, TextTable]:
+    """Return all tables that have rows, by name.
+
+    Parameters
+    ----------
+    against
+        Show only pairs with one of these controllers; all if empty.
+    laws_as_rows
+        Whether the table of means has a row for each controller instead of each measure.
+    brief
+        Whether the tables of means and pairs have one column for measure, window and unit, which
+        fits 80 columns.
+    """
+    whole = f"0–{comparison.horizon:g} s" * brief
+    means = _controllers(comparison, notation, whole * (not laws_as_rows))
+    made = [
+        _pairs(comparison, notation, against, whole),
+        _with_laws_as_rows(means) if laws_as_rows and means.blocks else means,
+        _claims(comparison, notation),
+    ]
+    return {table.name: table for table in made if table.blocks}
+
+
+def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
+    rows = []
+    notes = []
+    titles = comparison.titles
+
+    def counted(of_laws: Mapping[str, int]) -> str:
+        return ", ".join(f"{titles[label]} {count}" for label, count in of_laws.items() if count)
+
+    for _, group in groupby(comparison.levels, key=lambda level: id(level.measured)):
+        levels = list(group)
+        here = levels[0].measured
+        name, end = here.quantity.described, f"{here.window.stop:g} s"
+        rows.append([*_measure(here, write, whole), *(_value(level, write) for level in levels)])
+        if censored := counted({level.controller: level.censored for level in levels}):
+            notes.append(
+                f"{name}: runs still unsettled at {end} count as {end} ({censored}), so this is "
+                "the mean time restricted to the horizon."
+            )
+        if undefined := counted({level.controller: level.undefined for level in levels}):
+            notes.append(f"{name}: good runs without a value: {undefined}.")
+    if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
+        notes += _functions(comparison)
+    if comparison.not_matched:
+        listed = ", ".join(titles[label] for label in comparison.not_matched)
+        notes.append(f"Gains not matched: {listed}.")
+    if failed := counted(comparison.failed):
+        notes.append(f"Failed runs, left out: {failed}.")
+    if any(level.measured.quantity.counts for level in comparison.levels):
+        notes.append(f"Shares of runs: with {100 * comparison.confidence:g} % Wilson intervals.")
+    caption = f"Means over {f'{whole} and ' * bool(whole)}{_runs_each(comparison)}"
+    intervals = (x for x in comparison.levels if not x.measured.quantity.counts)
+    if any(math.isfinite(level.low) for level in intervals):
+        caption += f"; {write.plus_minus} half the {_level_name(comparison, write)} interval"
+    laws = [write.text(titles[label]) for label in comparison.labels]
+    keys = _KEYS[:1] if whole else _KEYS
+    blocks = [Block("", rows)] if rows else []
+    notes = _plain(notes, write)
+    return TextTable("controllers", caption, [*keys, *laws], blocks, notes, keys=len(keys))
+
+
+def _with_laws_as_rows(table: TextTable) -> TextTable:
+    """A column for each measure, with its window and unit in the heading."""
+    across = list(zip(table.header, *table.rows, strict=True))
+    measures, windows, units = (column[1:] for column in across[: table.keys])
+    said = [
+        f"{measure}, {window}{f' ({unit})' if unit else ''}"
+        for measure, window, unit in zip(measures, windows, units, strict=True)
+    ]
+    rows = [list(column) for column in across[table.keys :]]
+    return replace(table, header=["controller", *said], blocks=[Block("", rows)], keys=1)
+
+
+def _value(level: Level, write: Plain) -> str:
+    written = write.interval if level.measured.quantity.counts else write.spread
+    return written(level.mean, level.low, level.high)
+
+
+def _functions(comparison: Comparison) -> list[str]:
+    """Note the functions L of the laws if they differ."""
+    if not comparison.lyapunov_functions:
+        return []
+    by_function: dict[str, list[str]] = {}
+    for label, function in comparison.lyapunov_functions.items():
+        by_function.setdefault(function, []).append(comparison.titles[label])
+    listed = "; ".join(f"{function} of {', '.join(of)}" for function, of in by_function.items())
+    return [f"L is each law's own function: {listed}. Different functions are not compared by it."]
+
+
+def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: str) -> TextTable:
+    def names(pair: Pair) -> tuple[str, str]:
+        return pair.first, pair.second
+
+    def order(pair: Pair) -> list[int]:
+        return list(map(comparison.labels.index, names(pair)))
+
+    shown = [p for p in comparison.pairs if not against or set(names(p)) & set(against)]
+    blocks = []
+    for (first, second), group in groupby(sorted(shown, key=order), key=names):
+        rows = [_pair_row(comparison, pair, write, whole) for pair in group]
+        blocks.append(Block(write.text(_difference(comparison, first, second)), rows))
+    caption = "Paired differences from the same initial states"
+    if any(math.isfinite(pair.low) for pair in shown):
+        caption += f", with {_level_name(comparison, write)} intervals"
+    keys = _KEYS[:1] if whole else _KEYS
+    header = [*keys, "difference", "better in", "relative", *IN_FULL]
+    notes = [f"Over {whole} where no time is named."] if whole else []
+    notes += _plain(_pair_notes(comparison, shown), write)
+    spare = ("runs to decide", "d", "relative", "better in")
+    return TextTable("pairs", caption, header, blocks, notes, spare, len(keys))
+
+
+def _difference(comparison: Comparison, first: str, second: str) -> str:
+    return f"{comparison.titles[first]} − {comparison.titles[second]}"
+
+
+def _pair_row(comparison: Comparison, pair: Pair, write: Plain, whole: str) -> list[str]:
+    return [
+        *_measure(pair.measured, write, whole),
+        write.interval(pair.difference, pair.low, pair.high),
+        write.text(_better_in(pair, comparison.titles)),
+        _relative(pair, write),
+        "-" if pair.measured.quantity.counts else write.number(_two(pair.cohen_d)),
+        _runs(pair.runs_to_decide),
+    ]
+
+
+def _better_in(pair: Pair, titles: Mapping[str, str]) -> str:
+    """Return in how many runs the law that is better more often is: ``EqT 15 of 20``."""
+    if not pair.pairs or pair.measured.quantity.better == "neither":
+        return "-"
+    if pair.ties == pair.pairs:
+        return f"equal in {pair.pairs}"
+    first = round(pair.first_better * pair.pairs - pair.ties / 2)
+    second = pair.pairs - pair.ties - first
+    if first == second:
+        return f"each {first} of {pair.pairs}"
+    label, most = (pair.first, first) if first > second else (pair.second, second)
+    return f"{titles[label]} {most} of {pair.pairs}"
+
+
+def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
+    notes = [
+        "d: mean over standard deviation of the paired differences (Cohen).",
+        f"runs to decide: the number of runs with which an interval excludes 0 with probability "
+        f"{POWER:g}, if mean and spread stay as measured.",
+        *_of_shares(comparison, shown),
+    ]
+    if any(math.isfinite(pair.low) for pair in shown):
+        notes.append("Intervals are not corrected for multiple comparisons.")
+    failed = max((pair.failed for pair in shown), default=0)
+    if failed:
+        notes.append(f"Runs in which either controller failed are left out (at most {failed}).")
+    fewest = min((pair.pairs for pair in shown if pair.pairs), default=FEW)
+    if fewest < FEW:
+        notes.append(
+            f"From fewer than {FEW} pairs (here {fewest}), an interval may hold less often than "
+            f"its confidence says; from fewer than {FEWEST}, there is none."
+        )
+    return notes
+
+
+def _of_shares(comparison: Comparison, shown: Sequence[Pair]) -> Iterator[str]:
+    """Note the method for shares of runs, with the p-values."""
+    tested = [pair for pair in shown if pair.p_value is not None]
+    if not tested:
+        return
+    tests = "; ".join(
+        f"{pair.measured.quantity.plain}, {_difference(comparison, pair.first, pair.second)}: "
+        f"p = {pair.p_value:.2g}"
+        for pair in tested
+    )
+    intervals = f"{100 * comparison.confidence:g} % paired intervals of Newcombe"
+    yield f"Shares of runs: with {intervals}. McNemar's exact test: {tests}."
+
+
+def _claims(comparison: Comparison, write: Plain) -> TextTable:
+    blocks = []
+    for says, group in groupby(comparison.judgements, key=lambda judgement: judgement.says):
+        judgements = list(group)
+        rows = [_claim_row(comparison, judgement, write) for judgement in judgements]
+        absent = ", ".join(map(law_title, judgements[0].absent))
+        without = f" (here without {absent})" if absent else ""
+        blocks.append(Block(write.text(f"“{says}”{without}"), rows))
+    about = f"Claims of {write.text(sources(comparison))}, tested on this experiment"
+    caption = f"{about}, at {_runs_each(comparison)}"
+    header = ["measured", "window", "found", "verdict", "runs to decide"]
+    notes = [
+        "Differences below 0 support a claim: supported if the whole interval lies below 0, not "
+        "supported if it lies above, undecided if it contains 0. A claim about every run is "
+        "supported only if no run violates it and the runs are enough to speak for 95 % of all "
+        "initial states."
+    ]
+    if comparison.departures:
+        notes = [f"not covered: beyond the theorems of these claims are {comparison.departures}."]
+    laws = dict.fromkeys(law for row in comparison.judgements for law in row.settled)
+    if any(law.count < law.runs for law in laws):
+        counts = ", ".join(
+            f"{comparison.titles[law.controller]} {law.count} of {law.runs}" for law in laws
+        )
+        notes.append(
+            f"Settled at {comparison.horizon:g} s: {counts}. A claim about laws of which not all "
+            "runs settled is at most seen, since these runs do not show where the others end."
+        )
+    return TextTable("claims", caption, header, blocks, _plain(notes, write), (header[-1],))
+
+
+def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> list[str]:
+    if judgement.pair is None:
+        assert judgement.measured is not None
+        law = comparison.titles.get(judgement.controller, judgement.controller)
+        what = write.text(f"{law}: {judgement.statement}")
+        outcome = f"in {judgement.held} of {judgement.runs} runs"
+        window = write.window(judgement.measured.window)
+    else:
+        pair = judgement.pair
+        symbol = write.name(pair.measured.quantity)
+        what = f"{symbol}: {write.text(_difference(comparison, pair.first, pair.second))}"
+        interval = write.interval(pair.difference, pair.low, pair.high)
+        outcome = " ".join(filter(None, [interval, write.unit(pair.measured.unit)]))
+        outcome += f" ({_relative(pair, write)})"
+        window = write.window(pair.measured.window)
+    return [what, window, outcome, str(judgement.verdict), _runs(judgement.runs_to_decide)]
+
+
+def _measure(measured: PerRun, write: Plain, whole: str) -> list[str]:
+    """Return name, window and unit; given the window of most rows, as one cell without that."""
+    name = measured.quantity.plain if whole else write.name(measured.quantity)
+    row = [name, write.window(measured.window), write.unit(measured.unit)]
+    return [", ".join(word for word in row if word not in ("", whole))] if whole else row
+
+
+def _relative(pair: Pair, write: Plain) -> str:
+    if pair.relative != pair.relative:
+        return "-"
+    if abs(pair.relative) < LEAST_SEEN and not pair.differs:
+        return "no difference seen"
+    number, _, sign = percent(pair.relative, signed=True).partition(" ")
+    return f"{write.number(number)} {write.text(sign)}"
+
+
+def _level_name(comparison: Comparison, write: Plain) -> str:
+    return write.text(f"{100 * comparison.confidence:g} % bootstrap")
+
+
+def _runs_each(comparison: Comparison) -> str:
+    return f"{comparison.runs} run{'s' if comparison.runs > 1 else ''} per law"
+
+
+def _two(value: float) -> str:
+    return f"{value:.2f}" if value == value else "-"
+
+
+def _runs(runs: int | None) -> str:
+    return "-" if runs is None else str(runs) if runs <= 10_000 else "> 10,000"
+
+
+def _plain(notes: Sequence[str], write: Plain) -> list[str]:
+    return [write.text(note) for note in notes]

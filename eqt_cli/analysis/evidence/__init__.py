@@ -1,1 +1,0 @@
-"""The data that certificates check: loops at random states, runs, and assumptions."""

@@ -1,0 +1,512 @@
+"""What a search varies in a law, and the folder of a search."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any, TypeVar
+
+from eqt_cli.base.errors import (
+    OTHER_FOLDER,
+    ConfigError,
+    EqtError,
+    InputError,
+    KeyPath,
+    Problems,
+    Remedy,
+    dotted,
+    parse_key,
+    suggestion,
+)
+from eqt_cli.base.files import (
+    FOUND_BY,
+    Own,
+    OwnFile,
+    OwnFolder,
+    check_entries,
+    file_name,
+    kind_of,
+    read_record,
+    refusals,
+    remove_left_over,
+    remove_own,
+    write_record,
+)
+from eqt_cli.config.build import build
+from eqt_cli.config.designs import DrawnRange, overlap
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.schema import SEARCHES, LogRange, TunedAxis
+from eqt_cli.config.source import ConfigSource, with_value
+from eqt_cli.config.study import Study
+from eqt_cli.results.metrics import METRICS, quantities
+from eqt_cli.results.result import Result
+from eqt_cli.runs.folder import OWN_COPIES, OWN_RESULT, ResultFolder
+from eqt_cli.runs.lock import MANIFEST
+
+# The search for one law: its experiment and the ranges of the varied keys -------------------------
+
+
+MOST_ENTRIES = 100
+"""Largest number of list entries that one searched number can set."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class LawSearch:
+    """The search for one law.
+
+    Attributes
+    ----------
+    label, slug
+        Label of the law in the configuration, and name of its files.
+    source
+        The experiment with this law only, its gains in the section `gains`.
+    axes
+        Ranges of the varied keys of `source`.
+    given
+        The same keys, in the same order, as the user's configuration writes them.
+    index
+        Index of the law among the user's controllers.
+    start
+        The user's values in the unit cube; None where one is outside its range.
+    """
+
+    label: str
+    slug: str
+    source: ConfigSource
+    axes: dict[str, DrawnRange]
+    given: tuple[str, ...]
+    index: int
+    start: tuple[float, ...] | None
+
+    def values(self, shares: Sequence[float]) -> dict[str, float]:
+        """Return the values at a point of the unit cube, by key."""
+        axes = zip(self.axes.items(), shares, strict=True)
+        return {key: axis.at(share) for (key, axis), share in axes}
+
+    def as_written(self, path: str) -> str:
+        """Translate a path of `source` into one of the user's configuration."""
+        pairs = (
+            pair
+            for own, given in zip(self.axes, self.given, strict=True)
+            for pair in zip(entries_of(own), entries_of(given), strict=True)
+        )
+        own = path.replace("controllers[0]", f"controllers[{self.index}]", 1)
+        return dict(pairs).get(path, own)
+
+    def at(self, values: dict[str, float]) -> ConfigSource:
+        """Return the experiment with these values."""
+        data = self.source.data
+        for key, value in expanded(values).items():
+            data = with_value(data, parse_key(key), value)
+        return replace(self.source, data=data)
+
+
+_SLICE = re.compile(r"(.+)\[(\d+):(\d+)\]")
+
+
+def entries_of(key: str) -> list[str]:
+    """Return the keys that a searched key sets: ``kp[0]`` and ``kp[1]`` for ``kp[0:2]``.
+
+    Raises
+    ------
+    InputError
+        If the range is empty.
+    """
+    matched = _SLICE.fullmatch(key)
+    if matched is None:
+        return [key]
+    first, end = int(matched[2]), int(matched[3])
+    if not first < end <= first + MOST_ENTRIES:
+        raise InputError(
+            f"expected a range of 1 to {MOST_ENTRIES} entries, such as {matched[1]}[0:3] for the "
+            f"first three, got '{key}'"
+        )
+    return [f"{matched[1]}[{index}]" for index in range(first, end)]
+
+
+def expanded(values: Mapping[str, T]) -> dict[str, T]:
+    """Repeat each value for every key of the configuration that it sets."""
+    return {entry: value for key, value in values.items() for entry in entries_of(key)}
+
+
+def coordinate_of(key: str) -> str:
+    """Return the sweep coordinate that holds the values of a key."""
+    return entries_of(key)[0].replace("[", ".").replace("]", "")
+
+
+def range_of(given: TunedAxis, problems: Problems) -> DrawnRange | None:
+    """Return the range of a key, or None after noting its problems."""
+    if isinstance(given, list):
+        axis = DrawnRange(low=given[0], high=given[1])
+    elif isinstance(given, LogRange):
+        axis = DrawnRange(low=given.log[0], high=given.log[1], scale="log")
+    else:
+        axis = given
+    own = Problems()
+    axis.check(own)
+    for problem in own:
+        problems.add(problem.message)
+    return None if problems else axis
+
+
+def require_metric(name: str, base: Experiment) -> None:
+    """Raise an `InputError` unless every run stores a metric of this name."""
+    stored = [quantity.name for quantity in quantities(base)]
+    known = [q.name for q in METRICS if q.name in stored or q.told_by in stored]
+    # Those of one part of the group, such as ``effort_rotation``.
+    in_parts = tuple(f"{q.name}_" for q in METRICS if q.stored_by_part)
+    known += [part for part in stored if part.startswith(in_parts)]
+    if name not in known:
+        hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
+        raise InputError(f"no metric '{name}' is stored of every run{hint}")
+
+
+def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch, ...]:
+    """Return one search for each law, over its own keys and the shared keys."""
+    laws: list[LawSearch] = []
+    shared = base.resolved.get("gains", {})
+    ranges = dict(sorted(ranges.items(), key=lambda item: item[0].startswith("controllers[")))
+    for index, entry in enumerate(base.resolved["controllers"]):
+        law = base.loops[str(entry["label"])].controller
+        keeps = law.gains_group(base.group) is not base.group or not law.reads_gains
+        data = without_search(base.source.data) | {"controllers": [entry]}
+        if not keeps:
+            of_law = {key: value for key, value in entry.items() if key != "gains"}
+            own = shared | entry.get("gains", {})
+            data |= {"controllers": [of_law], "gains": own}
+        keys = {own: key for key in ranges if (own := _own_key(key, index, keeps))}
+        axes = {own: ranges[key] for own, key in keys.items()}
+        label = str(entry["label"])
+        slug = _slug(label, [other.slug for other in laws])
+        data["name"] = f"{base.name}-{slug}"
+        source = replace(base.source, data=data)
+        given = tuple(keys.values())
+        laws.append(LawSearch(label, slug, source, axes, given, index, _start(data, axes)))
+    return tuple(laws)
+
+
+def _own_key(key: str, index: int, keeps: bool) -> str:
+    """Return a key in the configuration of one law; empty if it belongs to another law.
+
+    A law that `keeps` its gains does not read the section `gains`.
+    """
+    path = parse_key(entries_of(key)[0])
+    if path[0] != "controllers":
+        return "" if keeps and path[0] == "gains" else key
+    if path[1] != index:
+        return ""
+    own = dotted(path[:2])
+    moved = path[2] == "gains" and not keeps
+    return key.removeprefix(f"{own}.") if moved else f"controllers[0]{key[len(own) :]}"
+
+
+def _slug(label: str, taken: Sequence[str]) -> str:
+    """Return a file name for a label that differs from the names already taken."""
+    slug = file_name(label, "law")
+    same = sum(other == slug or other.startswith(f"{slug}-") for other in taken)
+    return f"{slug}-{same + 1}" if slug in taken else slug
+
+
+def _start(data: dict[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ...] | None:
+    """Return the starting values in the unit cube; None if one is outside its range."""
+    shares = []
+    for key, axis in axes.items():
+        held, *others = (value_at(data, parse_key(entry)) for entry in entries_of(key))
+        is_number = isinstance(held, int | float) and not isinstance(held, bool)
+        if not is_number or not axis.low <= held <= axis.high or any(one != held for one in others):
+            return None
+        shares.append(axis.share(float(held)))
+    return tuple(shares)
+
+
+def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:
+    """Note pairs of keys of a law that vary the same entry."""
+    for law in laws:
+        for (one, own), (other, others) in combinations(zip(law.given, law.axes, strict=True), 2):
+            if any(overlap(a, b) for a in entries_of(own) for b in entries_of(others)):
+                problems.at(other).add(f"{other} overlaps with {one}; remove one of them")
+
+
+def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:
+    """Build a law at both ends of all ranges, and note the problems at the ranges."""
+    for share in (0.0, 1.0):
+        try:
+            build(law.at(law.values([share] * len(law.axes))), trust_plugins=True)
+        except ConfigError as error:
+            for problem in error.problems:
+                at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
+                path = law.as_written(problem.path)
+                problems.add(f"{where}{at}: {path}: {problem.message}")
+
+
+def without_search(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a configuration without its sections for searches and sweeps."""
+    return {key: value for key, value in data.items() if key not in (*SEARCHES, "sweep")}
+
+
+def value_at(data: Any, path: KeyPath) -> Any:
+    """Return the value at a path of a configuration; None if there is none."""
+    for step in path:
+        inside = isinstance(data, dict) and step in data
+        inside |= isinstance(data, list) and isinstance(step, int) and step < len(data)
+        data = data[step] if inside else None
+    return data
+
+
+def values_text(values: Mapping[str, float]) -> str:
+    """Format values with short unambiguous keys: ``kp 2.1, kd[0] 0.5``."""
+    short = {key: key.rpartition(".")[2] for key in values}
+    if len(set(short.values())) < len(short):
+        short = {key: key for key in values}
+    return ", ".join(f"{short[key]} {value:.4g}" for key, value in values.items())
+
+
+# The folder of a search, and its record, which is validated because it may come from anyone -------
+
+
+_BOUND = {"metric", "bound", "above", "every_run"}
+
+
+def fits_tuning(record: dict[str, Any], result: Result) -> bool:
+    """Whether a record has the form that `tune` writes, with laws and metrics of the result."""
+    with suppress(TypeError, KeyError, AttributeError, ValueError):
+        laws, place = record["laws"], result.labels.index
+        searches = [search for law in laws for search in law["searches"]]
+        winners = [winner for law in laws for winner in law["winners"]]
+        labels = [*(law["start"] for law in laws), *(w["label"] for w in winners)]
+        wanted = list(record["objectives"])
+        metrics = [*wanted, *(bound["metric"] for bound in record["constraints"])]
+        numbers = [
+            *(value for winner in winners for value in winner["values"].values()),
+            *(bound["bound"] for bound in record["constraints"]),
+            *(record[name] for name in ("generations", "population", "runs")),
+            *(number for search in searches for row in search["objectives"] for number in row),
+        ]
+        flags = [bound[name] for bound in record["constraints"] for name in ("above", "every_run")]
+
+        return (
+            0 < len(wanted) <= 2
+            and len(record["cases"]) == (result.points if result.is_sweep else 0)
+            and all(isinstance(case, str) for case in record["cases"])
+            and record["over_cases"] in ("mean", "worst")
+            and bool(labels)
+            and len(set(wanted)) == len(wanted)
+            and set(metrics) <= set(result.metrics)
+            and len(set(labels)) == len(labels)
+            and {*labels, *(search["label"] for search in searches)} - {None} <= set(result.labels)
+            and all(len(row) == len(wanted) for search in searches for row in search["objectives"])
+            and all(law["searches"] for law in laws)
+            and all(isinstance(law["label"], str) for law in laws)
+            and all(isinstance(number, int | float) for number in numbers)
+            and all(isinstance(flag, bool) for flag in flags)
+            and all(set(bound) == _BOUND for bound in record["constraints"])
+            and all(place(w["label"]) < place(law["start"]) for law in laws for w in law["winners"])
+        )
+    return False
+
+
+def fits_worst(record: dict[str, Any], result: Result) -> bool:
+    """Whether a record has the form that `worst` writes, with laws and a metric of the result."""
+    with suppress(TypeError, KeyError, AttributeError, ValueError):
+        laws = record["laws"]
+        labels = [law["label"] for law in laws]
+        lines = [line for law in laws for line in law["lines"]]
+        ends = [end for line in lines for end in line["points"]]
+        searched = [one for law in laws for one in (law, *law["searches"])]
+        numbers = [
+            *(value for law in laws for value in law["values"].values()),
+            *(one["value"] for one in searched if not one["failed"]),
+            *(law["first"][name] for law in laws for name in ("runs", "unsettled")),
+            *(record[name] for name in ("generations", "population", "runs")),
+        ]
+        counts = [law[name] for law in laws for name in ("run", "unsettled", "runs", "agreeing")]
+        names = {coordinate_of(key) for law in laws for key in law["values"]}
+        return (
+            bool(labels)
+            and result.is_sweep
+            and len(set(labels)) == len(labels)
+            and set(labels) <= set(result.labels)
+            and record["objective"] in result.metrics
+            and names <= set(result.coordinates)
+            and all(line["key"] in law["values"] for law in laws for line in law["lines"])
+            and all(law["lines"] and law["searches"] for law in laws)
+            and all(set(law["log"]) <= set(law["values"]) for law in laws)
+            and all(len(line["points"]) == 2 for line in lines)
+            and all(isinstance(number, int) for number in (*ends, *counts, *record["seeds"]))
+            and all(0 <= line["points"][0] < line["points"][1] <= result.points for line in lines)
+            and all(isinstance(number, int | float) for number in numbers)
+            and all(isinstance(one["failed"], bool) for one in searched)
+            and all(isinstance(law["config"], str) for law in laws)
+        )
+    return False
+
+
+GENERATIONS = "generations"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of search: for gains, or for the worst run.
+
+    Attributes
+    ----------
+    command
+        Command that starts the search: ``tune``.
+    title
+        Name of the search in messages.
+    record, found
+        Names of the file of the outcome, and of the folder of the configurations that were found.
+    fits
+        Whether a record is complete and belongs to a result.
+    runs
+        Whether each configuration that was found has its own result folder; else a law may have
+        several configurations.
+    """
+
+    command: str
+    title: str
+    record: str
+    found: str
+    fits: Callable[[dict[str, Any], Result], bool]
+    runs: bool = False
+
+    def beside(self, result: Result) -> dict[str, Any] | None:
+        """Return the record of the search that a result judges; None if there is no such search."""
+        record = SearchFolder(result.path.parent, self).record
+        # The record of an unfinished search has no outcome yet, and does not fit.
+        return record if record is not None and self.fits(record, result) else None
+
+
+TUNE = Kind("tune", "tuning", "tuning.json", "tuned", fits_tuning)
+WORST = Kind("worst", "search for the worst run", "worst.json", "worst", fits_worst, runs=True)
+
+_NUMBERED = OwnFile(r"\d+\.yaml", marked=True)
+
+
+def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
+    """Return the entries that eqt writes in the folder of a search, beside those of the result.
+
+    Parameters
+    ----------
+    slug
+        Regular expression for the slugs of the laws.
+    marked
+        Whether only a configuration with eqt's mark counts, because a user's file may match the
+        name.
+    """
+    generation = OwnFolder(r"\d{3,}(-case-\d+)?", OWN_RESULT, MANIFEST)
+    one_search = OwnFolder(r"seed-\d+", (generation,))
+    winners = OwnFolder(slug, (*OWN_COPIES, OwnFile(_NUMBERED.name, marked)))
+    run = OwnFolder(slug, OWN_RESULT, MANIFEST)
+    single = OwnFile(rf"({slug})\.yaml", marked)
+    own: tuple[Own, ...] = (*OWN_COPIES, single, run if kind.runs else winners)
+    return {
+        kind.record: OwnFile(re.escape(kind.record)),
+        GENERATIONS: OwnFolder(GENERATIONS, (OwnFolder(slug, (one_search,)),)),
+        kind.found: OwnFolder(kind.found, own),
+    }
+
+
+@dataclass(frozen=True)
+class SearchFolder:
+    """The folder in which a search keeps its generations and its outcome."""
+
+    path: Path
+    kind: Kind
+
+    @property
+    def record(self) -> dict[str, Any] | None:
+        """The record of the search; None if the folder has none."""
+        with refusals(self.path, "used", OTHER_FOLDER):
+            return read_record(self.path / self.kind.record, "digest")
+
+    def write_record(self, record: dict[str, Any]) -> None:
+        """Write the record atomically."""
+        with refusals(self.path, "used", OTHER_FOLDER):
+            write_record(self.path / self.kind.record, record)
+
+    def generation(self, law: LawSearch, seed: int, number: int, cases: int = 1) -> list[Path]:
+        """Return the folders of one generation, one for each case; each holds an ordinary sweep."""
+        of_search = self.path / GENERATIONS / law.slug / f"seed-{seed}"
+        ends = [f"-case-{k + 1}" for k in range(cases)] if cases > 1 else [""]
+        return [of_search / f"{number:03d}{end}" for end in ends]
+
+    def run_of(self, law: LawSearch) -> Path:
+        """Return the result folder of the configuration that was found for a law."""
+        return self.path / self.kind.found / law.slug
+
+    def write_found(
+        self, law: LawSearch, studies: Sequence[Study], numbered: bool = False, comment: str = ""
+    ) -> None:
+        """Write the complete configurations that were found for a law, and remove earlier ones.
+
+        Parameters
+        ----------
+        numbered
+            Whether there may be several.
+        comment
+            Lines to write above each configuration; each begins with ``#``.
+        """
+        names = found_files(self.kind, law, len(studies), numbered)
+        mark = FOUND_BY.format(self.kind.command) + comment
+        with refusals(self.path, "used", OTHER_FOLDER):
+            for name, study in zip(names, studies, strict=True):
+                path = self.path / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                ResultFolder(path.parent).write_config(study, path.name, mark.encode())
+            for path in (self.path / self.kind.found / law.slug).glob("*.yaml") if numbered else ():
+                if path.relative_to(self.path).as_posix() not in names:
+                    remove_own(path, _NUMBERED)
+
+    def check(self, laws: Sequence[LawSearch]) -> None:
+        """Check the folder of a search for these laws before anything in it changes.
+
+        Raises
+        ------
+        EqtError
+            If an entry that eqt would write or remove is a link, or was not written by eqt.
+        """
+        slugs = "|".join(re.escape(law.slug) for law in laws)
+        with refusals(self.path, "used", OTHER_FOLDER):
+            check_entries(self.path, (*OWN_RESULT, *_own(self.kind, slugs, marked=False).values()))
+
+    def claim(self, name: str, digest: str, force: bool) -> None:
+        """Claim the folder for the search of this name and digest.
+
+        Raises
+        ------
+        EqtError
+            If it holds another search or another result, and `force` is false.
+        """
+        record = self.record
+        own = _own(self.kind, r"[A-Za-z0-9._-]+", marked=True)  # those of any law
+        there = [name for name in own if kind_of(self.path / name)]
+        if there and record is None:
+            raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
+        other = record is not None and record["digest"] != digest
+        result = record is None and ResultFolder(self.path).manifest is not None
+        if (other or result) and not force:
+            foreign = f"a result that eqt {self.kind.command} did not write"
+            holds = f"another {self.kind.title}" if other else foreign
+            # Generations are not to be computed twice, so nobody is told how to remove them.
+            force_too = [] if other else [Remedy("replace it with {}", "force")]
+            raise EqtError(f"{self.path}: holds {holds}", OTHER_FOLDER, *force_too)
+        with refusals(self.path, "used", OTHER_FOLDER):
+            for entry in (GENERATIONS, self.kind.found) if force else ():
+                remove_own(self.path / entry, own[entry])
+            remove_left_over(self.path, list(own.values()))
+        if force or record is None:
+            self.write_record({"name": name, "digest": digest})
+
+
+def found_files(kind: Kind, law: LawSearch, count: int, numbered: bool = False) -> list[str]:
+    """Return the names of the configurations that were found for a law."""
+    if not numbered:
+        return [f"{kind.found}/{law.slug}.yaml"] * count
+    return [f"{kind.found}/{law.slug}/{k + 1}.yaml" for k in range(count)]

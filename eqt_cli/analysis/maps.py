@@ -1,0 +1,668 @@
+"""Sweeps: which law wins at each point, and over which range the runs settle."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.intervals import (
+    FEWEST,
+    Interval,
+    Resampling,
+    intervals_of_means,
+    relative_difference,
+    resolved_differences,
+    share,
+    shares,
+)
+from eqt_cli.analysis.notation import Plain, fixed, significant
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.reporting import Block, TextTable, reporter, step
+from eqt_cli.results.quantity import Quantity
+from eqt_cli.results.result import Result, SweptKey, mean_over_runs
+
+# Compares laws at every point of a sweep, with p-values adjusted for the number of points ---------
+#
+# The tables of a sweep are here, too: who wins where, and the best and the worst points.
+
+
+NOBODY = -1
+
+_NUMBERS = 10_000_000
+"""Largest number of resampled means in memory."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One point of a sweep.
+
+    Attributes
+    ----------
+    point
+        Number of the point.
+    best
+        Index of the law with the best mean among the laws with the fewest failed runs.
+    runner_up
+        Index of the next best law.
+    wins
+        Whether the best law is better than every other law at this point, after the adjustment for
+        all points, and settles in at least one run.
+    p_value
+        P-value that the best law is better than all others, adjusted for the number of points.
+    difference
+        Paired difference best minus next, with an unadjusted interval.
+    lead
+        The difference divided by the mean of the next law, with the interval of the ratio.
+    failed, censored : tuple of int
+        Numbers of runs of each law that failed, and whose value lies beyond the horizon.
+    settled
+        Number of runs of the best law that settled; None if this is not stored.
+    """
+
+    point: int
+    best: int
+    runner_up: int
+    wins: bool
+    p_value: float
+    difference: Interval
+    lead: Interval
+    failed: tuple[int, ...]
+    censored: tuple[int, ...]
+    settled: int | None
+
+    @property
+    def winner(self) -> int:
+        """Index of the winner; `NOBODY` if the runs do not decide."""
+        return self.best if self.wins else NOBODY
+
+
+@dataclass(frozen=True)
+class Map:
+    """The comparison of laws by a metric at every point.
+
+    Attributes
+    ----------
+    quantity, unit
+        The metric and its unit.
+    labels, titles
+        Labels and display names of the laws.
+    runs
+        Number of runs of each law at each point.
+    means : (points, laws)
+        Means over the runs that did not fail. A value beyond the horizon counts as the horizon.
+    cells
+        The comparison at each point.
+    tests
+        Number of points at which laws could be tested.
+    confidence
+        Confidence of each interval, and 1 minus the allowed expected share of false wins.
+    """
+
+    quantity: Quantity
+    unit: str
+    labels: list[str]
+    titles: list[str]
+    runs: int
+    means: Array
+    cells: list[Cell]
+    tests: int
+    confidence: float
+
+    def wins(self, law: int) -> int:
+        """Return the number of points that a law wins."""
+        return sum(cell.winner == law for cell in self.cells)
+
+
+def compare_map(
+    result: Result,
+    metric: str,
+    how: Resampling,
+    laws: Sequence[int] | None = None,
+    *,
+    intervals: bool = True,
+) -> Map:
+    """Compare the laws of a sweep at each of its points, run by run on the same initial states.
+
+    A law wins at a point if it is better than every other law there. The law with the best mean is
+    tested against each other law by Student's paired t-test, and the largest p-value counts: a win
+    is false if it is false for any other law (intersection-union test, Berger 1982). The p-values
+    of all points are adjusted after Benjamini and Yekutieli (2001), which is valid for dependent
+    tests such as those on the same runs. A law with more failed runs than another cannot win at a
+    point, because its other runs are a biased sample. A law that settles in no run cannot win.
+
+    Parameters
+    ----------
+    result
+        An open result of a sweep.
+    metric
+        A stored number per run.
+    how
+        Settings of the intervals; the confidence also holds for the map.
+    laws
+        Indices of the laws to compare; all if None.
+    intervals
+        Whether differences have intervals, which take most of the time.
+
+    Raises
+    ------
+    EqtError
+        If there are fewer than two laws, or no such metric.
+    """
+    chosen = list(range(len(result.labels))) if laws is None else list(laws)
+    if len(chosen) < 2:
+        raise result.error("a map needs at least two laws, and this result has one")
+    quantity = result.quantity(metric)
+    if quantity.better == "neither":
+        raise EqtError(f"{metric}: has no better direction, so no law can win on it")
+    censored = result.censored(metric)[:, chosen]
+    values = result.counted(metric)[:, chosen]
+    failed = result.runs - np.count_nonzero(result.good[:, chosen], axis=-1)
+    means = mean_over_runs(values)
+    costs = quantity.cost(means)
+    # Laws with more failed runs come last: their other runs are a biased sample.
+    order = np.lexsort((np.where(np.isfinite(costs), costs, np.inf), failed), axis=-1)
+    points = np.arange(len(values))
+    best, runner_up = order[:, 0], order[:, 1]
+    others = values[points[:, None], order[:, 1:]]
+    # Best minus each of the others, (points, laws - 1, runs).
+    differences = resolved_differences(values[points, best][:, None], others)
+    tests = _p_values(differences)
+    rivals = failed[points[:, None], order[:, 1:]] == failed[points, best][:, None]
+    p_values = np.where(rivals, tests, 0.0).max(axis=-1)  # NaN (too few values) is kept
+    p_values = np.where(np.isfinite(costs[points, best]), p_values, np.nan)
+    adjusted = _adjusted(p_values)
+    ends = _intervals(differences[:, 0], how) if intervals else np.full((len(points), 3), np.nan)
+    settles = result.settles
+    settled = None if settles is None else np.count_nonzero(settles[:, chosen], axis=-1)
+    cells = [
+        Cell(
+            point=point,
+            best=int(best[point]),
+            runner_up=int(runner_up[point]),
+            wins=bool(adjusted[point] <= 1 - how.confidence) and count != 0,
+            p_value=float(adjusted[point]),
+            difference=Interval(*ends[point].tolist()),
+            lead=relative_difference(differences[point, 0], others[point, 0], how.confidence),
+            failed=tuple(map(int, failed[point])),
+            censored=tuple(map(int, np.count_nonzero(censored[point], axis=-1))),
+            settled=count,
+        )
+        for point in points.tolist()
+        for count in [None if settled is None else int(settled[point, best[point]])]
+    ]
+    labels, titles = ([names[k] for k in chosen] for names in (result.labels, result.titles))
+    unit = result.units(metric)
+    tested = int(np.isfinite(adjusted).sum())
+    return Map(quantity, unit, labels, titles, result.runs, means, cells, tested, how.confidence)
+
+
+def _intervals(rows: Array, how: Resampling) -> Array:
+    """Return mean, lower and upper end of each row, with the same resamples for all rows."""
+    at_once = max(1, _NUMBERS // how.resamples)
+    parts = []
+    with step("intervals", len(rows)):
+        for start in range(0, len(rows), at_once):
+            some = rows[start : start + at_once]
+            parts.append(intervals_of_means(some.T, how))
+            reporter().advance(len(some))
+    columns = [np.stack([part.mean, part.low, part.high], axis=-1) for part in parts]
+    return np.concatenate(columns)
+
+
+def _p_values(differences: Array) -> Array:
+    """Return the p-values of paired t-tests over the last axis; NaN for too few values."""
+    from scipy.special import stdtr
+
+    known = np.isfinite(differences)
+    count = known.sum(axis=-1)
+    filled = np.where(known, differences, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = filled.sum(axis=-1) / count
+        spread = np.where(known, differences - mean[..., None], 0.0)
+        error = np.sqrt((spread**2).sum(axis=-1) / (count - 1) / count)
+        p = 2 * stdtr(count - 1, -np.abs(mean) / error)
+    p = np.where(mean == 0, 1.0, np.where(error == 0, 0.0, p))
+    return np.where(count >= FEWEST, p, np.nan)
+
+
+def _adjusted(p_values: Array) -> Array:
+    """Adjust p-values after Benjamini and Yekutieli."""
+    from scipy.stats import false_discovery_control
+
+    known = np.isfinite(p_values)
+    adjusted = p_values.copy()
+    if known.any():
+        adjusted[known] = false_discovery_control(p_values[known], method="by")
+    return adjusted
+
+
+MOST_POINTS = 60
+"""Largest number of points listed one by one; with more points, wins are only counted."""
+
+
+def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) -> list[TextTable]:
+    """Return the table of wins of each law, and the table of points.
+
+    Parameters
+    ----------
+    whole
+        Whether to list all points, however many there are.
+    """
+    name = write.name(wins.quantity)
+    unit = write.unit(wins.unit)
+    points = len(wins.cells)
+    counted = [
+        [write.text(title), str(wins.wins(law)), *_where(wins, result, law, write)]
+        for law, title in enumerate(wins.titles)
+    ]
+    undecided = sum(cell.winner == NOBODY for cell in wins.cells)
+    counted.append(["undecided", str(undecided), "", ""])
+    summary = TextTable(
+        "winners",
+        f"Which law has the better {name}, at {points} points of {wins.runs} runs each",
+        ["law", "points won", "largest lead", "at"],
+        [Block("", counted)],
+        [write.text(note) for note in _notes(wins)],
+    )
+    if points > MOST_POINTS and not whole:
+        more = f"{points} points are not listed; a table of all comes with --table points."
+        return [replace(summary, notes=[*summary.notes, more])]
+    rows = [
+        [str(cell.point), write.text(result.point_name(cell.point)), *_row(wins, cell, write)]
+        for cell in wins.cells
+    ]
+    caption = f"Mean {name} at each point" if not name.startswith("mean") else f"{name}, each point"
+    header = ["point", "at", *map(write.text, wins.titles), "winner", "lead", "adjusted p"]
+    table = TextTable(
+        "points",
+        caption + (f", {unit}" if unit else ""),
+        header,
+        [Block("", rows)],
+        spare=("adjusted p", "lead"),
+        keys=2,
+    )
+    return [summary, table]
+
+
+def _notes(wins: Map) -> list[str]:
+    share = f"{100 * (1 - wins.confidence):g} %"
+    notes = [
+        "A law wins at a point where it is better than every other one there, run by run on the "
+        "same initial states. The best law of a point is compared with each other one by a paired "
+        f"t-test, and the largest p-value counts. The {wins.tests} p-values of the points are "
+        f"adjusted after Benjamini and Yekutieli (2001): expected share of false wins ≤ {share}."
+    ]
+    failed, censored = (
+        [sum(getattr(cell, name)[law] for cell in wins.cells) for law in range(len(wins.labels))]
+        for name in ("failed", "censored")
+    )
+    if any(failed):
+        notes.append(
+            f"Failed runs: {_listed(wins, failed)}. A law of which more runs failed than of "
+            "another cannot win at that point."
+        )
+    if unsettled := sum(cell.settled == 0 for cell in wins.cells):
+        notes.append(
+            f"At {unsettled} of {len(wins.cells)} points no run of the best law settled; no law "
+            "wins there."
+        )
+    if any(censored):
+        notes.append(f"Runs beyond the horizon, which count with it: {_listed(wins, censored)}.")
+    return notes
+
+
+def _listed(wins: Map, counts: list[int]) -> str:
+    return ", ".join(f"{title} {n}" for title, n in zip(wins.titles, counts, strict=True) if n)
+
+
+def _where(wins: Map, result: Result, law: int, write: Plain) -> list[str]:
+    """Return the largest lead of a law and the point where it occurs."""
+    won = [cell for cell in wins.cells if cell.winner == law]
+    if not won:
+        return ["-", ""]
+    most = max(won, key=lambda cell: abs(cell.lead.value))
+    return [_lead(most, write), write.text(f"point {most.point}, {result.point_name(most.point)}")]
+
+
+def _row(wins: Map, cell: Cell, write: Plain) -> list[str]:
+    means = [
+        _mean(wins.means[cell.point, law], cell.failed[law], cell.censored[law])
+        for law in range(len(wins.labels))
+    ]
+    winner = "undecided" if cell.winner == NOBODY else write.text(wins.titles[cell.winner])
+    p_value = "-" if cell.p_value != cell.p_value else f"{cell.p_value:.2g}"
+    return [*means, winner, _lead(cell, write), p_value]
+
+
+def _mean(mean: float, failed: int, censored: int) -> str:
+    """Format a mean with the numbers of failed and unsettled runs."""
+    marks = [f"{failed} failed"] * (failed > 0) + [f"{censored} unsettled"] * (censored > 0)
+    return " ".join([significant(mean), *(f"({mark})" for mark in marks)])
+
+
+def _lead(cell: Cell, write: Plain) -> str:
+    """Format the lead over the next law with its interval, in percent of the next law's mean."""
+    if not cell.difference.value or not all(map(isfinite, cell.lead)):
+        return "-"
+    mean, low, high = (fixed(100 * share, 1) for share in cell.lead)
+    return write.number(f"{mean} [{low}, {high}]") + write.text(" %")
+
+
+def map_records(wins: Map, result: Result) -> list[dict[str, Any]]:
+    """Return one record per point with full precision."""
+    return [
+        {
+            "metric": wins.quantity.name,
+            "units": wins.unit,
+            "point": cell.point,
+            **{key.key: key.value(cell.point) for key in result.swept_keys},
+            "winner": None if cell.winner == NOBODY else wins.labels[cell.winner],
+            "best": wins.labels[cell.best],
+            "next": wins.labels[cell.runner_up],
+            "difference": cell.difference.value,
+            "low": cell.difference.low,
+            "high": cell.difference.high,
+            "relative": cell.lead.value,
+            "relative_low": cell.lead.low,
+            "relative_high": cell.lead.high,
+            "p_adjusted": cell.p_value,
+            **{
+                f"{name} of {label}": value
+                for name, values in (
+                    ("mean", wins.means[cell.point].tolist()),
+                    ("failed", cell.failed),
+                    ("censored", cell.censored),
+                )
+                for label, value in zip(wins.labels, values, strict=True)
+            },
+        }
+        for cell in wins.cells
+    ]
+
+
+METRICS = ("mean_pose_error", "early_torque", "effort", "peak_torque")
+"""Metrics whose smallest and largest means are shown."""
+
+
+def extreme_points(result: Result, metrics: Sequence[str] = METRICS) -> TextTable:
+    """Return the points with the smallest and largest means for each controller and metric."""
+    blocks = []
+    known = [metric for metric in metrics if result.has(metric)]
+    for name in (each for metric in known for each in result.in_parts(metric)):
+        means = result.means(name)
+        rows = [
+            [title, end, *_at(result, point), significant(column[point])]
+            for title, column in zip(result.titles, means.T, strict=True)
+            if np.isfinite(column).any()
+            for end, point in (("best", np.nanargmin(column)), ("worst", np.nanargmax(column)))
+        ]
+        unit = result.unit_in_words(name).replace("^2", "²")
+        title = result.quantity(name).described + (f", {unit}" if unit else "")
+        blocks.append(Block(title, rows))
+    if result.has("settled"):
+        blocks.append(Block("share of settled runs, with its 95 % interval", _settled(result)))
+    return TextTable(
+        "best",
+        "Points with the best and the worst mean over runs, among points without failed runs",
+        ["law", "which", "point", *(key.key for key in result.swept_keys), "mean"],
+        blocks,
+    )
+
+
+def _settled(result: Result) -> list[list[str]]:
+    """Return the points where most and fewest runs settle, for each controller."""
+    rows = []
+    columns = np.moveaxis(shares(result.metric("settled")), 1, 0)
+    for title, column in zip(result.titles, columns, strict=True):
+        share: Array = column[:, 0]
+        if np.isfinite(share).any():
+            for end, point in (("best", np.nanargmax(share)), ("worst", np.nanargmin(share))):
+                value = Plain().interval(*column[point].tolist())
+                rows.append([title, end, *_at(result, point), value])
+    return rows
+
+
+def _at(result: Result, point: np.intp) -> list[str]:
+    """Return the number of a point and the values of its keys."""
+    values = [key.named(int(point)) for key in result.swept_keys]
+    return [str(point), *(value if isinstance(value, str) else f"{value:.4g}" for value in values)]
+
+
+COMPARED = ("mean_pose_error", "early_torque")
+"""Metrics by which laws win points."""
+
+
+def sweep_tables(result: Result, metrics: Sequence[str] = METRICS) -> list[TextTable]:
+    """The best and the worst points, and which law wins how many.
+
+    Of scenarios, such as ideal, a limit and a lag, none is a choice, so that none is best: a table
+    has the means of the laws in each.
+    """
+    if are_scenarios(result):
+        return [
+            map_tables(compare_map(result, name, Resampling()), result, Plain())[1]
+            for name in _compared(result)
+        ]
+    table = extreme_points(result, metrics)
+    return [replace(table, notes=[*table.notes, *map(_won, winners(result))])]
+
+
+def winners(result: Result) -> list[Map]:
+    """Which law wins where, by each metric, without intervals; nothing where there is one law."""
+    return [compare_map(result, name, Resampling(), intervals=False) for name in _compared(result)]
+
+
+def are_scenarios(result: Result) -> bool:
+    """Whether the points differ in names only, few enough to be listed, under several laws."""
+    named = all(not key.is_number for key in result.swept_keys)
+    return named and len(result.labels) > 1 and result.points <= MOST_POINTS
+
+
+def _compared(result: Result) -> Iterator[str]:
+    if len(result.labels) > 1:
+        for metric in filter(result.has, COMPARED):
+            yield from result.in_parts(metric)
+
+
+def _won(wins: Map) -> str:
+    """As in ``Points won by mean ‖I − Q_E‖: EqT 3, GT 12, undecided 5``."""
+    counts = {title: wins.wins(law) for law, title in enumerate(wins.titles)}
+    counts["undecided"] = wins.wins(NOBODY)
+    points = ", ".join(f"{name} {count}" for name, count in counts.items())
+    return f"Points won by {Plain().name(wins.quantity)}: {points}."
+
+
+# Finds the range of a swept number in which enough runs of each law settle ------------------------
+
+
+@dataclass(frozen=True)
+class Tested:
+    """A tested value for one law.
+
+    Attributes
+    ----------
+    value
+        Value of the swept number.
+    settled, runs
+        Number of runs that settled, and of all runs. A failed run has not settled.
+    low, high
+        Ends of the Wilson interval of the share.
+    """
+
+    value: float
+    settled: int
+    runs: int
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The range of values around the easiest one at which enough runs of a law settle.
+
+    Attributes
+    ----------
+    law, other
+        Label of the law, and value of the other swept key, if there is one.
+    values
+        All tested values in increasing order.
+    easiest
+        The value at which most runs of all laws settle.
+    lowest, highest
+        Ends of the range around the easiest value in which every tested value has a lower bound of
+        at least the required share; NaN if the easiest value has not.
+    """
+
+    law: str
+    other: str
+    values: list[Tested]
+    easiest: Tested
+    lowest: float
+    highest: float
+
+    def holds_at(self, value: float) -> bool:
+        """Whether a value is within the range."""
+        return self.lowest <= value <= self.highest
+
+    def beyond(self, *, above: bool) -> Tested | None:
+        """Return the first tested value outside the range; None if there is none."""
+        if above:
+            return next((each for each in self.values if each.value > self.highest), None)
+        return next((each for each in reversed(self.values) if each.value < self.lowest), None)
+
+
+def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey, list[Reach]]:
+    """Return the swept number, and the range of each law along it.
+
+    The easiest value is the one at which most runs of all laws settle; among equals, the one
+    nearest to 0. It is 0 for a delay, and the largest value for a limit.
+
+    Parameters
+    ----------
+    result
+        An open result of a sweep over one number and at most one other key.
+    wanted
+        Share of runs that must settle, by the lower bound of its Wilson interval.
+    confidence
+        Confidence of these intervals.
+
+    Raises
+    ------
+    EqtError
+        If the sweep is over something else.
+    """
+    if not 0 < wanted < 1:
+        raise EqtError(f"share {wanted:g}: expected a number between 0 and 1, as 0.9")
+    if (keys := result.number_and_other()) is None:
+        listed = ", ".join(key.key for key in result.swept_keys) or "none"
+        raise result.error(
+            "robustness needs a sweep over a number and at most one other key; this result sweeps: "
+            f"{listed}"
+        )
+    across, other = keys
+    settled = result.metric("settled") > 0  # NaN (a failed run) is not settled
+    reached = []
+    for level in np.unique(other.values) if other else [0.0]:
+        points = np.flatnonzero(other.values == level) if other else np.arange(result.points)
+        points = points[np.argsort(across.values[points], kind="stable")]
+        values, counts = across.values[points], settled[points].sum(axis=-1)
+        total = counts.sum(axis=-1)
+        easiest = int(np.lexsort((np.abs(values), -total))[0])
+        name = f"{other.key} {other.at(int(points[0]))}" if other else ""
+        for law, label in enumerate(result.labels):
+            tested = [
+                Tested(value, n, result.runs, *share(n, result.runs, confidence)[1:])
+                for value, n in zip(values.tolist(), counts[:, law].tolist(), strict=True)
+            ]
+            holds = np.array([each.low >= wanted for each in tested])
+            ends = _around(values, holds, easiest)
+            reached.append(Reach(label, name, tested, tested[easiest], *ends))
+    return across, reached
+
+
+def _around(values: Array, holds: Array, start: int) -> tuple[float, float]:
+    """Return the ends of the range around `start` in which all values hold; NaN if it does not."""
+    if not holds[start]:
+        return math.nan, math.nan
+    fails = np.flatnonzero(~holds)
+    before, after = fails[fails < start], fails[fails > start]
+    last = after.min(initial=len(values)) - 1
+    return float(values[before.max(initial=-1) + 1]), float(values[last])
+
+
+def robustness_table(
+    result: Result, wanted: float, confidence: float, write: Plain
+) -> tuple[TextTable, list[dict[str, Any]]]:
+    """Return the range of each law as a table, and all tested values as plain data."""
+    across, reached_by = reaches(result, wanted, confidence)
+    needed = runs_to_show(wanted, confidence)
+    blocks: dict[str, list[list[str]]] = {}
+    for each in reached_by:
+        row = [write.text(result.title_of[each.law]), *_ends(each, wanted, needed, write)]
+        blocks.setdefault(each.other, []).append(row)
+    runs = result.runs
+    notes = [
+        "Every tested value in the range of a law has a share of settled runs whose "
+        f"{100 * confidence:g} % Wilson interval begins at {wanted:g} or above. A failed run has "
+        "not settled. In parentheses: the first tested value outside the range, the share there, "
+        "and its lower bound."
+    ]
+    if runs < needed:
+        reached = share(runs, runs, confidence).low
+        notes.append(
+            f"{runs} runs cannot show {wanted:g}: even if all settle, the interval begins at "
+            f"{reached:.2f}. Use {needed} runs or more (ensemble.runs), or a smaller --share."
+        )
+    table = TextTable(
+        "robustness",
+        f"Range of {across.key} in which {wanted:g} of the runs settle, at {runs} runs per value",
+        ["law", "from", "to"],
+        [Block(write.text(name), rows) for name, rows in blocks.items()],
+        [write.text(note) for note in notes],
+    )
+    records = [
+        {"law": each.law, "key": across.key, "other": each.other, **asdict(tested)}
+        | {"within": each.holds_at(tested.value)}
+        for each in reached_by
+        for tested in each.values
+    ]
+    return table, records
+
+
+def runs_to_show(wanted: float, confidence: float) -> int:
+    """Return the fewest runs whose Wilson interval starts at `wanted` or above if all settle.
+
+    For n runs that all settle, the interval starts at n / (n + z²).
+    """
+    from scipy.special import ndtri  # slow to import
+
+    z = float(ndtri((1 + confidence) / 2))
+    return math.ceil(z**2 * wanted / (1 - wanted))
+
+
+def _ends(each: Reach, wanted: float, needed: int, write: Plain) -> tuple[str, str]:
+    """Format both ends of the range; without one, whether the runs decide this or are too few."""
+    if each.holds_at(each.easiest.value):
+        return _end(each, False, write), _end(each, True, write)
+    easiest = each.easiest
+    if easiest.high < wanted:
+        return "nowhere", "-"
+    if easiest.runs < needed:
+        return write.text(f"undecided: {easiest.runs} runs, {needed} are needed"), "-"
+    settled = easiest.settled / easiest.runs
+    interval = f"{settled:.2f} [{easiest.low:.2f}, {easiest.high:.2f}]"
+    return write.text(f"undecided: {interval} at {easiest.value:.4g}"), "-"
+
+
+def _end(each: Reach, above: bool, write: Plain) -> str:
+    """Format one end of the range, and the first tested value beyond it."""
+    end = each.highest if above else each.lowest
+    beyond = each.beyond(above=above)
+    if beyond is None:
+        return write.number(f"{end:.4g}") + write.text(" (all tested)")
+    share_there = f"{beyond.settled / beyond.runs:.2f}, {beyond.low:.2f}"
+    return write.number(f"{end:.4g}") + write.text(f" ({beyond.value:.4g}: {share_there})")

@@ -1,0 +1,408 @@
+"""Searches of one law after the other, generation by generation."""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, ClassVar, Generic, Self, TypeVar
+
+import numpy as np
+
+from eqt_cli.analysis.fronts import Population, Scores, first_points, generator, selected, trials
+from eqt_cli.analysis.law_search import (
+    Kind,
+    LawSearch,
+    SearchFolder,
+    check_ends,
+    check_overlaps,
+    coordinate_of,
+    expanded,
+    laws_of,
+    range_of,
+)
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, Problems
+from eqt_cli.base.files import FILE_NAME
+from eqt_cli.base.reporting import RUNS_DONE, reporter, step
+from eqt_cli.config.build import build
+from eqt_cli.config.designs import DrawnRange
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.read_study import study
+from eqt_cli.config.schema import SearchSection
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.results.result import Result, open_result
+from eqt_cli.runs.cost import PROBE_SECONDS, estimate
+from eqt_cli.runs.executors import Executor
+from eqt_cli.runs.folder import ResultFolder
+from eqt_cli.runs.lock import LOCK, locked
+from eqt_cli.runs.run_study import Execution, execute
+
+# Common base of the searches: reads the section, and counts generations and runs ------------------
+
+
+S = TypeVar("S", bound=SearchSection)
+
+Outcome = tuple[Execution, dict[str, Any]]
+"""The runs that judge the outcome of a search, and its record."""
+
+
+@dataclass(frozen=True)
+class Searches(ABC, Generic[S]):
+    """Searches for each law of an experiment, with equal numbers of generations and seeds.
+
+    Attributes
+    ----------
+    kind
+        Kind of the search.
+    example
+        Example of the section, for messages.
+    continuing
+        Keys of the section that only change how many generations there are. A search whose other
+        keys are equal reuses the stored generations.
+    keeps_ends
+        Whether values outside a range are clipped to its ends, where the worst run often is; else
+        they are drawn again.
+    base
+        The experiment with all laws.
+    section
+        The section of the configuration.
+    laws
+        One search for each law.
+    """
+
+    kind: ClassVar[Kind]
+    example: ClassVar[str]
+    continuing: ClassVar[frozenset[str]]
+    keeps_ends: ClassVar[bool] = False
+
+    base: Experiment
+    section: S
+    laws: tuple[LawSearch, ...]
+
+    @classmethod
+    def read(cls, source: ConfigSource, *, trust_plugins: bool = False) -> Self:
+        """Read and check the section of a configuration.
+
+        Raises
+        ------
+        ConfigError
+            With every problem, each at its place.
+        EqtError
+            If it has no such section.
+        """
+        name = cls.kind.command
+        if not source.data.get(name):
+            raise EqtError(
+                f"{source.source.name}: has no section `{name}`; add one, such as "
+                f"{name}: {cls.example}"
+            )
+        if source.data.get("sweep"):
+            place = source.place(("sweep",))
+            raise EqtError(f"{place}: eqt {name} searches around one point; leave `sweep` out")
+        base = build(source, trust_plugins=trust_plugins)
+        section = getattr(base.config, name)
+        problems = Problems(source.place)
+        here = problems.at(name)
+        ranges: dict[str, DrawnRange] = {}
+        for key, given in section.over.items():
+            at_key = here.at("over", key)
+            axis = range_of(given, at_key)
+            with at_key.catching():
+                varied = cls._axis(key, axis, base)
+                ranges |= {key: varied} if varied else {}
+        cls._check(section, base, here)
+        problems.raise_if_any()
+        laws = laws_of(base, ranges)
+        for law in laws:
+            if not law.axes:
+                here.at("over").add(
+                    f"has no key of controller '{law.label}'; add one that all laws share, or "
+                    "leave the controller out"
+                )
+        check_overlaps(laws, here.at("over"))
+        problems.raise_if_any()
+        search = cls(base, section, laws)
+        for law in laws:
+            for name, case in search.in_cases(law).items():
+                check_ends(case, here.at("over"), f"in case '{name}', " if name else "")
+        problems.raise_if_any()
+        return search
+
+    @classmethod
+    @abstractmethod
+    def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
+        """Return the range of a key (None if it was invalid); `InputError` if it cannot vary."""
+
+    @classmethod
+    @abstractmethod
+    def _check(cls, section: S, base: Experiment, problems: Problems) -> None:
+        """Note the other problems of the section."""
+
+    @property
+    def folder(self) -> Path:
+        """Default result folder."""
+        return Path("results") / f"{self.base.name}-{self.kind.found}"
+
+    def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
+        """Return the search for a law in each case by name; without cases, one named ''."""
+        return {"": law}
+
+    def over_cases(self, cases: Sequence[Scores]) -> Scores:
+        """Combine the scores of the same points in all cases."""
+        (only,) = cases
+        return only
+
+    @abstractmethod
+    def scores(self, result: Result) -> Scores:
+        """Return the scores of all points of a sweep with one law."""
+
+    @abstractmethod
+    def so_far(self, law: LawSearch, population: Population) -> str:
+        """Describe the best point of a law so far."""
+
+    def keep(self, law: LawSearch, searches: dict[int, Population], folder: SearchFolder) -> None:
+        """Write what the searches for a law, by seed, have found so far; here nothing."""
+
+    @abstractmethod
+    def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
+        """Search for every law, and judge what was found."""
+
+    @property
+    def seeds(self) -> range:
+        """Seeds of the searches for each law."""
+        return range(self.section.seed, self.section.seed + self.section.seeds)
+
+    @property
+    def all_generations(self) -> int:
+        """Number of generations of all searches for one law."""
+        return len(self.seeds) * self.section.budget
+
+    @property
+    def runs_at_a_point(self) -> int:
+        """Number of runs that score a point."""
+        return self.base.config.ensemble.runs
+
+    @property
+    def searched_runs(self) -> int:
+        """Number of runs of all laws and generations."""
+        each = self.all_generations * self.section.population
+        return len(self.laws) * each * self.runs_at_a_point
+
+    judging: ClassVar[str] = "to judge the outcome"
+    """What further runs are for."""
+
+    @property
+    @abstractmethod
+    def judging_runs(self) -> int:
+        """Largest number of runs that judge the outcome."""
+
+    @property
+    def all_runs(self) -> int:
+        """Number of runs of the search and of the judgement of its outcome."""
+        return self.searched_runs + self.judging_runs
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The size of the search, for its record."""
+        return {
+            "name": self.base.name,
+            "digest": self.digest,
+            "generations": self.section.budget,
+            "population": self.section.population,
+            "runs": self.base.config.ensemble.runs,
+            "seeds": list(self.seeds),
+        }
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of everything that decides the points of a generation, whatever their number."""
+        section = self.section.model_dump(exclude=set(self.continuing), warnings="none")
+        ordered = json.dumps(section)  # keeps the order of cases and keys
+        text = json.dumps([self.base.numeric_config, ordered], sort_keys=True)
+        return sha256(text.encode()).hexdigest()
+
+
+# Carries out a search in its folder; each generation is an ordinary sweep in its own folder -------
+
+
+SWEEP, GROUP = 0.2, 0.07
+"""Measured overhead of a sweep, and of each of its points where points differ in shape, s."""
+
+
+def compute(source: ConfigSource, out: Path, executor: Executor) -> Execution:
+    """Compute an experiment, or the missing parts of it."""
+    sweep = study(source, trust_plugins=True)
+    there = ResultFolder(out).manifest
+    # A search with fewer generations left another result here.
+    force = there is not None and there["digest"] != sweep.digest
+    done = execute(sweep, out, executor=executor, force=force)
+    if done.was_complete:
+        reporter().skip(done.runs)
+    return done
+
+
+def _generation(
+    search: Searches[Any], law: LawSearch, out: Path, shares: Array, executor: Executor
+) -> Scores:
+    """Return the scores of the points of a generation, which a folder may already hold."""
+    columns = _columns(law, shares)
+    held = _holds(out, columns)
+    if not held:
+        compute(_swept(law, columns), out, executor)
+    with open_result(out) as result:
+        if held:
+            reporter().skip(len(shares) * result.runs)
+        return search.scores(result)
+
+
+def evolve(
+    search: Searches[Any], law: LawSearch, folder: SearchFolder, executor: Executor
+) -> dict[int, Population]:
+    """Run all generations of all searches for one law; return the last population by seed."""
+    section, cases = search.section, search.in_cases(law).values()
+    searches: dict[int, Population] = {}
+    for count, seed in enumerate(search.seeds):
+        shares = first_points(section.population, list(law.axes), law.start, seed)
+        for number in range(section.budget):
+            if number:
+                random = generator(seed, law.label, number)
+                shares = trials(searches[seed], random, search.keeps_ends)
+            outs = folder.generation(law, seed, number, len(cases))
+            scores = [
+                _generation(search, case, out, shares, executor)
+                for case, out in zip(cases, outs, strict=True)
+            ]
+            tried = Population(shares, search.over_cases(scores))
+            searches[seed] = selected(searches[seed], tried) if number else tried
+            search.keep(law, searches, folder)
+            done = f"seed {count + 1}/{len(search.seeds)}, generation {number + 1}/{section.budget}"
+            so_far = search.so_far(law, reduce(selected, searches.values()))
+            reporter().note(law.label, f"{done}, {so_far}")
+    return searches
+
+
+@dataclass(frozen=True)
+class Expected:
+    """The expected size and duration of a search.
+
+    Attributes
+    ----------
+    points
+        Points of all generations of all searches.
+    runs
+        Largest number of runs, including those that judge the outcome.
+    seconds
+        Wall time, s; None if a moment of the horizon takes longer than an estimate may.
+    workers
+        Number of workers.
+    """
+
+    points: int
+    runs: int
+    seconds: float | None
+    workers: int
+
+
+def expected(search: Searches[Any], executor: Executor) -> Expected:
+    """Estimate the cost of a search from part of the first generation of each law."""
+    section, workers = search.section, 1
+    seconds: float | None = 0.0
+    share = PROBE_SECONDS / sum(len(search.in_cases(law)) for law in search.laws)
+    for law in search.laws:
+        shares = first_points(section.population, list(law.axes), law.start, section.seed)
+        for case in search.in_cases(law).values():
+            generation = study(_swept(case, _columns(law, shares)), trust_plugins=True)
+            if seconds is None:
+                break
+            estimated = estimate(generation, executor, share)
+            workers = max(workers, estimated.workers)
+            if estimated.seconds is None:
+                seconds = None
+                break
+            groups = len(generation) if generation.is_ragged else 0
+            seconds += (estimated.seconds + SWEEP + groups * GROUP) * search.all_generations
+    points = len(search.laws) * search.all_generations * section.population
+    if seconds is not None:
+        seconds *= search.all_runs / search.searched_runs
+    return Expected(points, search.all_runs, seconds, workers)
+
+
+def _columns(law: LawSearch, shares: Array) -> dict[str, list[float]]:
+    """Return the values of each key at the points of a generation."""
+    points = [law.values(row) for row in shares.tolist()]
+    return expanded({key: [point[key] for point in points] for key in law.axes})
+
+
+def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:
+    """Return a sweep over listed points that stores only metrics and skips cross-checks."""
+    data = law.source.data
+    solver = dict(data.get("solver") or {})
+    if "max_error" not in solver:
+        solver.setdefault("error_estimate", False)
+    own = {
+        "sweep": [{"zip": columns}],
+        "store": {"trajectories": "none"},
+        "solver": solver | {"cross_check": 0},
+    }
+    return replace(law.source, data=data | own)
+
+
+def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
+    """Whether a folder holds a complete sweep over these points."""
+    if not (out / FILE_NAME).exists():
+        return False
+    with open_result(out) as result:
+        return all(
+            np.array_equal(result.coordinate(coordinate_of(key)), values)
+            for key, values in columns.items()
+        )
+
+
+@dataclass(frozen=True)
+class Found:
+    """The outcome of a finished search.
+
+    Attributes
+    ----------
+    search
+        The search.
+    judged
+        Result of the runs that judge the outcome.
+    record
+        The record of the search, as its folder holds it.
+    """
+
+    search: Searches[Any]
+    judged: Execution
+    record: dict[str, Any]
+
+
+def carry_out(
+    search: Searches[Any], out: Path, executor: Executor, *, force: bool = False
+) -> Found:
+    """Carry out a search in a folder, reusing the generations that it already holds.
+
+    Parameters
+    ----------
+    force
+        Whether to start over.
+
+    Raises
+    ------
+    EqtError
+        If the folder holds something else, is in use, or cannot be written.
+    """
+    folder = SearchFolder(out, search.kind)
+    folder.check(search.laws)
+    with locked(out, name=f"{LOCK}-{search.kind.command}"):
+        folder.claim(search.base.name, search.digest, force)
+        with step(RUNS_DONE, search.all_runs):
+            judged, outcome = search.conclude(folder, executor)
+        record = search.settings | outcome
+        folder.write_record(record)
+    return Found(search, judged, record)

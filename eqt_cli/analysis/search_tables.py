@@ -1,0 +1,345 @@
+"""Tables of the outcome of a search, from its record and its judged runs."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.compare import Comparison, compare
+from eqt_cli.analysis.comparison_tables import text_tables
+from eqt_cli.analysis.fronts import Constraint, cases_of, equal_cost_table, excess, held_out
+from eqt_cli.analysis.intervals import (
+    FEWEST,
+    Resampling,
+    intervals_of_means,
+    relative_difference,
+    resolved_differences,
+)
+from eqt_cli.analysis.law_search import values_text
+from eqt_cli.analysis.notation import Plain, in_one_form, significant
+from eqt_cli.analysis.worst import AGREEING
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.reporting import Block, TextTable, listed
+from eqt_cli.results.origin import law_title
+from eqt_cli.results.result import Result, mean_over_runs
+
+Record = Mapping[str, Any]
+
+Range = tuple[float, float]
+
+_WRITE = Plain()
+
+
+def measured(result: Result, name: str) -> str:
+    """Return the name of a metric with its unit, for captions."""
+    unit = _WRITE.unit(result.units(name))
+    return f"{_WRITE.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
+
+
+def _means_over(result: Result) -> str:
+    """``means over 6 held-out runs ± half the 95 % interval``; few runs have no interval."""
+    interval = " ± half the 95 % interval" if result.runs >= FEWEST else ""
+    return f"means over {result.runs} held-out run{'s' * (result.runs > 1)}{interval}"
+
+
+def seed_labels(law: Record) -> list[str]:
+    """Return the labels of the winners of a law's searches."""
+    return [search["label"] for search in law["searches"] if search["label"] is not None]
+
+
+def differences(result: Result, record: Record, metric: str) -> list[tuple[str, str, Range]]:
+    """Return the range of the difference of means over all searches, for each pair of laws.
+
+    Only laws with at least two successful searches are compared.
+    """
+    means = dict(zip(result.labels, mean_over_runs(result.counted(metric)).tolist(), strict=True))
+    by_law = {law["label"]: [means[label] for label in seed_labels(law)] for law in record["laws"]}
+    several = [label for label, values in by_law.items() if len(values) > 1]
+    return [
+        (one, two, (min(by_law[one]) - max(by_law[two]), max(by_law[one]) - min(by_law[two])))
+        for one, two in combinations(several, 2)
+    ]
+
+
+def searches_table(result: Result, record: Record) -> TextTable:
+    """Return the table of the differences between laws over all searches of both."""
+    (name,) = record["objectives"]
+    what = measured(result, name)
+    rows = [
+        [
+            f"{law_title(one)} − {law_title(two)}",
+            *(significant(end, 3) for end in ends),
+            "yes" if ends[0] > 0 or ends[1] < 0 else "no",
+        ]
+        for one, two, ends in differences(result, record, name)
+    ]
+    return TextTable(
+        "searches",
+        f"Differences of {what} between any search for one law and any search for the other, means "
+        "over held-out runs",
+        ["laws", "smallest", "largest", "the same sign in all"],
+        [Block("", rows)] if rows else [],
+        ["Where the sign is not the same in all, the search decides which law is ahead."],
+    )
+
+
+def tuning_tables(result: Result, record: Record) -> list[TextTable]:
+    """Return the tables of winners against starting gains, of bounds, and of pairs of winners.
+
+    Parameters
+    ----------
+    result
+        The opened result of the held-out runs.
+    record
+        Record of the search.
+    """
+    cases, result = cases_of(result, record), held_out(result, record)
+    bounds = _bounds(cases, record)
+    if len(record["objectives"]) > 1:
+        equal_cost = equal_cost_table(result, record, _WRITE, Resampling())
+        made = [equal_cost, _front_points(result, record)]
+        return [table for table in [*made, bounds] if table.blocks]
+    comparison = compared(result, record)
+    tuned = {winner["label"] for law in record["laws"] for winner in law["winners"]}
+    between = [pair for pair in comparison.pairs if {pair.first, pair.second} <= tuned]
+    shown = replace(comparison, pairs=between, levels=[], judgements=[])
+    pairs = text_tables(shown, _WRITE, brief=True)
+    winners = _winners(result, record, comparison, _violated(cases, record))
+    searches = searches_table(result, record)
+    made = [winners, _by_case(cases, record), bounds, *pairs.values(), searches]
+    return [table for table in made if table.blocks]
+
+
+def _by_case(cases: Mapping[str, Result], record: Record) -> TextTable:
+    """Return the table of each winner's objective in each case; empty without cases."""
+    labels = [winner["label"] for law in record["laws"] for winner in law["winners"]]
+    (name,) = record["objectives"]
+    rows = []
+    for case, result in cases.items() if record["cases"] else ():
+        values = result.counted(name)[[result.labels.index(label) for label in labels]]
+        rows.append([case, *_spreads(values)])
+    result = next(iter(cases.values()))
+    return TextTable(
+        "cases",
+        f"{measured(result, name)} of the tuned laws in each case: {_means_over(result)}",
+        ["case", *(result.title_of[label] for label in labels)],
+        [Block("", rows)] if rows and labels else [],
+    )
+
+
+def _spreads(values: Array) -> list[str]:
+    """Format the mean over runs of each row with half its interval."""
+    means = intervals_of_means(values.T, Resampling())
+    ends = zip(means.mean.tolist(), means.low.tolist(), means.high.tolist(), strict=True)
+    return [_WRITE.spread(*three) for three in ends]
+
+
+def _front_points(result: Result, record: Record) -> TextTable:
+    """Return the table of all winners of the fronts and of the starting gains."""
+    cells = [_spreads(result.counted(name)) for name in record["objectives"]]
+    rows = []
+    for law in record["laws"]:
+        known = {law["start"]: "", **{w["label"]: values_text(w["values"]) for w in law["winners"]}}
+        for label, values in known.items():
+            k = result.labels.index(label)
+            rows.append([result.titles[k], values, *(column[k] for column in cells)])
+    names = [
+        f"{_WRITE.name(result.quantity(name))} {_WRITE.unit(result.units(name))}".strip()
+        for name in record["objectives"]
+    ]
+    return TextTable(
+        "points",
+        f"Points of the fronts: {_means_over(result)}",
+        ["law", "tuned", *names],
+        [Block("", rows)],
+        list(_notes(result, record)),
+    )
+
+
+def compared(result: Result, record: Record) -> Comparison:
+    """Compare the laws by the objectives and the bounded metrics."""
+    names = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
+    return compare(result, metrics=list(dict.fromkeys(names)))
+
+
+def _violated(cases: Mapping[str, Result], record: Record) -> dict[str, list[str]]:
+    """Return the metrics whose bounds the held-out runs violate, in any case, by label."""
+    violated: dict[str, list[str]] = {}
+    for entry in record["constraints"]:
+        bound = Constraint(**entry)
+        for result in cases.values():
+            over = excess(bound, result.counted(bound.metric))
+            for label in [one for one, by in zip(result.labels, over, strict=True) if by > 0]:
+                names = violated.setdefault(label, [])
+                names += [bound.metric] if bound.metric not in names else []
+    return violated
+
+
+def _mark(violated: Mapping[str, Sequence[str]], label: str) -> str:
+    return f" (violates {listed(violated[label])})" if label in violated else ""
+
+
+def _winners(
+    result: Result, record: Record, comparison: Comparison, violated: Mapping[str, Sequence[str]]
+) -> TextTable:
+    (name,) = record["objectives"]
+    levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}
+    values = dict(zip(result.labels, result.counted(name), strict=True))
+    rows = []
+    for law in record["laws"]:
+        start = levels[law["start"]]
+        before = _WRITE.spread(start.mean, start.low, start.high)
+        before += _mark(violated, law["start"])
+        for winner in law["winners"]:
+            level = levels[winner["label"]]
+            after = _WRITE.spread(level.mean, level.low, level.high)
+            change = _relative(values[winner["label"]], values[law["start"]])
+            named = result.title_of[winner["label"]] + _mark(violated, winner["label"])
+            means = [levels[label].mean for label in seed_labels(law)]
+            over = _range(means, (level.high - level.low) / 2)
+            rows.append([named, values_text(winner["values"]), before, after, over, change])
+        if not law["winners"]:
+            rows.append([law_title(law["label"]), "no feasible point", before, "-", "-", "-"])
+    return TextTable(
+        "tuned",
+        f"Tuned laws against their starting gains: {_means_over(result)}",
+        ["law", "tuned", "start", "found", "over searches", "change"],
+        [Block(measured(result, name), rows)],
+        list(_notes(result, record)),
+    )
+
+
+def _notes(result: Result, record: Record) -> Iterator[str]:
+    """Notes on the size of the search, its cases, and failed or unsettled runs."""
+    yield (
+        f"{searched(record)} The best of these searches is shown; over searches: the smallest and "
+        "the largest mean of their winners."
+    )
+    if cases := record["cases"]:
+        worst = "that of the case in which the mean over all runs is worst"
+        each = worst if record["over_cases"] == "worst" else "the mean over the cases"
+        yield f"Over the cases {listed(cases)}: each number is {each}."
+    yield from _counted(result)
+
+
+def searched(record: Record) -> str:
+    """Describe the size of a search in a sentence."""
+    generations, runs, seeds = record["generations"], record["runs"], record["seeds"]
+    cases = f" in each of {len(record['cases'])} cases" if record.get("cases") else ""
+    return (
+        f"Searched: {generations} generation{'s' if generations > 1 else ''} of "
+        f"{record['population']} points, each of {runs} run{'s' if runs > 1 else ''}{cases}, for "
+        f"every law, with the seed{'s' if len(seeds) > 1 else ''} {listed([*map(str, seeds)])}."
+    )
+
+
+def _counted(result: Result) -> Iterator[str]:
+    """Count the held-out runs that failed, or had not settled at the end."""
+    unsettled = result.censored("settling_time").sum(axis=-1)
+    if (unsettled == result.runs).all():
+        yield f"All {result.runs} runs of every law are unsettled at the end; see time.duration."
+        unsettled = 0 * unsettled
+    for what, counts in (("failed", result.failed.values()), ("unsettled at the end", unsettled)):
+        listed = [f"{x}: {n}" for x, n in zip(result.titles, counts, strict=True) if n]
+        if listed:
+            yield f"Runs {what}, of {result.runs}: {'; '.join(listed)}."
+
+
+def _bounds(cases: Mapping[str, Result], record: Record) -> TextTable:
+    """Return the table of the bounds on the held-out runs, in each case."""
+    rows: list[list[str]] = []
+    for entry in record["constraints"]:
+        for case, result in cases.items():
+            rows += _rows(Constraint(**entry), result, record, f", {case}" if case else "")
+    return TextTable(
+        "bounds",
+        "Constraints on the held-out runs",
+        ["law", "constraint", "measured", "runs beyond", "verdict"],
+        [Block("", rows)] if rows else [],
+    )
+
+
+def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iterator[list[str]]:
+    values = result.counted(bound.metric)
+    over = excess(bound, values)
+    worst = np.nanmax if bound.above else np.nanmin
+    reached = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
+    beyond = values > bound.bound if bound.above else values < bound.bound
+    for law in record["laws"]:
+        for label in [winner["label"] for winner in law["winners"]] or [law["start"]]:
+            k = result.labels.index(label)
+            yield [
+                f"{result.titles[k]}{where}",
+                str(bound),
+                significant(float(reached[k])),
+                str(int(beyond[k].sum())),
+                "holds" if over[k] == 0 else f"violated by {100 * over[k]:.2g} %",
+            ]
+
+
+def _relative(winner: Array, start: Array) -> str:
+    """Format the mean change relative to the mean at the starting gains, with its interval."""
+    shares = relative_difference(resolved_differences(winner, start), start, Resampling.confidence)
+    mean, low, high = (f"{100 * share:+.1f}" for share in shares)
+    if not math.isfinite(shares.value):  # of too few runs
+        return f"{100 * (winner.mean() / start.mean() - 1):+.1f} %" if start.mean() else "-"
+    return f"{mean} % [{low}, {high}]" if all(map(math.isfinite, shares)) else f"{mean} %"
+
+
+def _range(means: Sequence[float], half: float) -> str:
+    """Format a range: ``0.1790 to 0.1812``; one number for one search, - for none."""
+    return " to ".join(dict.fromkeys(in_one_form(half, min(means), max(means)))) if means else "-"
+
+
+def worst_tables(result: Result, record: Record) -> list[TextTable]:
+    """Return the table of the worst run of each law, its place, and the agreement of the searches.
+
+    Parameters
+    ----------
+    result
+        The opened result of all laws along each key.
+    record
+        Record of the search.
+    """
+    what = measured(result, record["objective"])
+    rows = [
+        [
+            law_title(law["label"]),
+            "a run failed" if law["failed"] else significant(law["value"]),
+            values_text(law["values"]),
+            str(law["run"]),
+            f"{law['unsettled']} of {law['runs']}",
+            f"{law['first']['unsettled']} of {law['first']['runs']}",
+            f"{law['agreeing']} of {len(law['searches'])}",
+        ]
+        for law in record["laws"]
+    ]
+    header = ["law", "worst found", "at", "run", "not settled", "in the box", "agree"]
+    title = f"The worst run that was found: {what}"
+    return [TextTable("worst", title, header, [Block("", rows)], list(_worst_notes(record)))]
+
+
+def _worst_notes(record: Record) -> Iterator[str]:
+    yield f"{searched(record)} Worse runs may exist: a search is not a proof."
+    for law in record["laws"]:
+        seen = [one["value"] for one in law["searches"]]
+        if not law["failed"] and (None in seen or not _same(law["value"], seen)):
+            values = ", ".join("a failed run" if v is None else f"{v:.4g}" for v in seen)
+            yield (
+                f"{law_title(law['label'])}: together with other points, the searches found "
+                f"{values}; the run amplifies rounding, so its value is no more certain than that."
+            )
+    yield (
+        "Not settled: of the runs at the point that was found; in the box: of all runs of "
+        "the first generations, whose points are spread over the ranges. A failed run has not "
+        "settled. "
+        f"Agree: searches whose worst is within {100 * AGREEING:g} % of the worst of all."
+    )
+
+
+def _same(value: float, seen: list[float]) -> bool:
+    """Whether a run computed alone has the value that some search found."""
+    return any(abs(value - other) <= AGREEING * abs(other) for other in seen)

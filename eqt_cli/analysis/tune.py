@@ -1,0 +1,384 @@
+"""The search for gains: the generations of each law, and then the held-out runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, reduce
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.fronts import Constraint, Population, Scores, scores, selected
+from eqt_cli.analysis.law_search import (
+    TUNE,
+    LawSearch,
+    SearchFolder,
+    entries_of,
+    found_files,
+    require_metric,
+    values_text,
+    without_search,
+)
+from eqt_cli.analysis.search import Outcome, Searches, compute, evolve
+from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
+from eqt_cli.base.option_types import shown
+from eqt_cli.config.build import build
+from eqt_cli.config.designs import Cases, DrawnRange
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.read_study import require_sweepable, study
+from eqt_cli.config.schema import TuneSection, WorstRunSection
+from eqt_cli.config.source import ConfigSource, changed_at
+from eqt_cli.config.study import section_of
+from eqt_cli.results.metrics import QUANTITIES, quantity_of
+from eqt_cli.results.result import Result
+from eqt_cli.runs.executors import Executor
+
+MOST_TRAJECTORIES = 50
+"""Trajectories of each law that the confirmation stores unless the configuration sets the number.
+The confirmation of a front stores none, because it has too many laws."""
+
+
+class Search(Searches[TuneSection]):
+    """A search for gains, checked: the section `tune`."""
+
+    kind = TUNE
+    example = "{over: {gains.kp: {log: [0.1, 10]}}, objective: mean_pose_error}"
+    continuing = frozenset({"budget", "seeds", "confirm"})
+
+    @cached_property
+    def objectives(self) -> tuple[str, ...]:
+        """The metrics to optimise."""
+        return _objective_names(self.section)
+
+    @cached_property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The bounds that a feasible point satisfies."""
+        return tuple(_constraints(self.section))
+
+    @property
+    def confirm_seed(self) -> int:
+        """Seed of the held-out runs."""
+        seed = self.section.confirm.seed
+        return self.base.config.ensemble.seed + 1 if seed is None else seed
+
+    @property
+    def seeks_front(self) -> bool:
+        """Whether there are two objectives, so that a law can have several winners."""
+        return len(self.objectives) > 1
+
+    @property
+    def cases(self) -> dict[str, dict[str, Any]]:
+        """The changed settings of each case, by its name."""
+        return self.section.cases or {}
+
+    def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
+        cases = {
+            name: replace(law, source=_in_case(law.source, name, settings))
+            for name, settings in self.cases.items()
+        }
+        return cases or super().in_cases(law)
+
+    def over_cases(self, cases: Sequence[Scores]) -> Scores:
+        return Scores.over_cases(cases, worst=self.section.over_cases == "worst")
+
+    @property
+    def runs_at_a_point(self) -> int:
+        return super().runs_at_a_point * max(1, len(self.cases))
+
+    @property
+    def judging_runs(self) -> int:
+        """Largest number of held-out runs of all winners and starting gains."""
+        section = self.section
+        winners = section.population if self.seeks_front else section.seeds
+        each = section.confirm.runs * max(1, len(self.cases))
+        return len(self.laws) * (winners + 1) * each
+
+    def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> ConfigSource:
+        """Return the experiment of the winners and the starting gains on held-out initial states.
+
+        Parameters
+        ----------
+        chosen
+            Values by key, by the label in the confirmation, by law.
+        """
+        tuned = [
+            _entry(law.at(values).data, label)
+            for law in self.laws
+            for label, values in chosen[law.label].items()
+        ]
+        starts = [_entry(law.source.data, started(law.label)) for law in self.laws]
+        data = self.base.source.data
+        ensemble = {"runs": self.section.confirm.runs, "seed": self.confirm_seed}
+        store = dict(data.get("store") or {})
+        few = min(MOST_TRAJECTORIES, ensemble["runs"])
+        store.setdefault("trajectories", "none" if self.seeks_front else few)
+        own = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
+        own |= {"sweep": [{"cases": self.cases}]} if self.cases else {}
+        return replace(self.base.source, data=without_search(data) | own)
+
+    def so_far(self, law: LawSearch, population: Population) -> str:
+        """Describe the best point of a law so far."""
+        best, scored = population.best, population.scores
+        if not scored.feasible[best]:
+            return f"no feasible point so far, least violation {scored.violation[best]:.3g}"
+        values = values_text(law.values(population.shares[best].tolist()))
+        cost = QUANTITIES[self.objectives[0]].cost(scored.objectives[best, 0])
+        front = f", {len(population.front)} on the front" if self.seeks_front else ""
+        return f"best so far: {self.objectives[0]} {cost:.4g} at {values}{front}"
+
+    def scores(self, result: Result) -> Scores:
+        return scores(result, self.objectives, self.constraints)
+
+    def keep(self, law: LawSearch, searches: dict[int, Population], folder: SearchFolder) -> None:
+        """Write the configurations of the winners so far."""
+        so_far = Tuned(law, searches, self.seeks_front)
+        studies = [study(law.at(values), trust_plugins=True) for values in so_far.chosen]
+        folder.write_found(law, studies, self.seeks_front)
+
+    def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
+        """Search for the best gains of each law, and run the winners on held-out initial states."""
+        tuned = [
+            Tuned(law, evolve(self, law, folder, executor), self.seeks_front) for law in self.laws
+        ]
+        chosen = {each.law.label: each.confirmed for each in tuned}
+        confirmed = compute(self.confirmation(chosen), folder.path, executor)
+        return confirmed, {
+            "objectives": list(self.objectives),
+            "cases": list(self.cases),
+            "over_cases": self.section.over_cases or "mean",
+            "constraints": [asdict(bound) for bound in self.constraints],
+            "laws": [_law_record(self, each) for each in tuned],
+        }
+
+    @classmethod
+    def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
+        """Return the range of a key that belongs to the laws."""
+        path = parse_key(entries_of(key)[0])
+        if path[0] == "gains" and len(path) > 1:
+            return axis
+        if path[0] != "controllers":
+            raise InputError(
+                "expected a key of gains or controllers; all other keys define the task, which is "
+                "the same for all laws"
+            )
+        count = len(base.loops)
+        if len(path) < 3 or not isinstance(path[1], int) or path[1] >= count:
+            raise InputError(
+                f"expected an option of one of the {count} controllers, as controllers[0].gains.kp"
+            )
+        return axis
+
+    @classmethod
+    def _check(cls, section: TuneSection, base: Experiment, problems: Problems) -> None:
+        for each in [base, *_build_cases(section, base, problems)]:
+            _check_objectives(section, each, problems)
+            for name in section.subject_to:
+                with problems.catching("subject_to", name):
+                    require_metric(name, each)
+            if each.config.initial.file is not None:
+                problems.add(
+                    "initial.file sets the states of all runs, so none can be held out; draw them"
+                )
+        for name, bound in section.subject_to.items():
+            if isinstance(bound, WorstRunSection) and bound.max is None and bound.min is None:
+                problems.at("subject_to", name).add("expected `max` or `min`, got neither")
+        if section.confirm.seed == base.config.ensemble.seed:
+            problems.at("confirm", "seed").add(
+                f"expected another seed than ensemble.seed, got {section.confirm.seed}; winners "
+                "are judged on runs that did not choose them"
+            )
+
+
+def started(label: str) -> str:
+    """Return the label of a law at its starting gains."""
+    return f"{label}, start"
+
+
+OF_LAWS = {
+    "gains": "belongs to the laws, and is tuned by `over`",
+    "controllers": "belongs to the laws, and is tuned by `over`",
+    "ensemble": "is that of the search and of `confirm`",
+}
+"""Sections that cases cannot change, with the reasons."""
+
+
+def _build_cases(section: TuneSection, base: Experiment, problems: Problems) -> list[Experiment]:
+    """Build the experiment with all laws in each case, and note the problems of the cases."""
+    if section.cases is None:
+        if section.over_cases is not None:
+            problems.at("over_cases").add("there are no cases; add `cases`, or leave it out")
+        return []
+    here = problems.at("cases")
+    Cases.read(section.cases, here)
+    for name, settings in section.cases.items() if not here else ():
+        for key in settings:
+            with here.catching(name, key):
+                require_sweepable(key)
+                if reason := OF_LAWS.get(section_of(key)):
+                    raise InputError(f"no case can change it: {section_of(key)} {reason}")
+    cases = []
+    for name, settings in section.cases.items() if not here else ():
+        try:
+            cases.append(build(_in_case(base.source, name, settings), trust_plugins=True))
+        except ConfigError as error:
+            for problem in error.problems:
+                here.at(name).add(f"{problem.path}: {problem.message}")
+    return cases
+
+
+def _in_case(source: ConfigSource, case: str, settings: dict[str, Any]) -> ConfigSource:
+    """Return a configuration with the settings of a case."""
+    for key, value in settings.items():
+        place = source.place(("tune", "cases", case, key))
+        source = changed_at(source, parse_key(key), value, place)
+    return source
+
+
+def _objective_names(section: TuneSection) -> tuple[str, ...]:
+    return tuple(section.objectives or (str(section.objective),))
+
+
+def _check_objectives(section: TuneSection, base: Experiment, problems: Problems) -> None:
+    given = section.objectives
+    if (section.objective is None) == (given is None):
+        problems.add("expected either `objective`, a metric, or `objectives`, two of them")
+    elif given is not None and (len(given) != 2 or given[0] == given[1]):
+        problems.at("objectives").add(f"expected two different metrics, got {shown(given)}")
+    else:
+        for index, name in enumerate(_objective_names(section)):
+            with problems.catching(*(("objectives", index) if given else ("objective",))):
+                require_metric(name, base)
+
+
+def _constraints(section: TuneSection) -> Iterator[Constraint]:
+    for name, bound in section.subject_to.items():
+        if not isinstance(bound, WorstRunSection):
+            higher = quantity_of(name).better == "higher"
+            yield Constraint(name, float(bound), above=not higher, every_run=False)
+            continue
+        if bound.max is not None:
+            yield Constraint(name, bound.max, above=True, every_run=True)
+        if bound.min is not None:
+            yield Constraint(name, bound.min, above=False, every_run=True)
+
+
+def _entry(data: dict[str, Any], label: str) -> dict[str, Any]:
+    """Return the only law of a configuration with its gains, under another label."""
+    law = data["controllers"][0]
+    gains = law.get("gains") or data.get("gains")  # none where no law reads them
+    return law | ({"gains": dict(gains)} if gains else {}) | {"label": label}
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """The outcome of the searches for a law.
+
+    Attributes
+    ----------
+    law
+        The search for the law.
+    searches
+        The last population of each search, by its seed.
+    seeks_front
+        Whether the winners are a front.
+    """
+
+    law: LawSearch
+    searches: dict[int, Population]
+    seeks_front: bool
+
+    @cached_property
+    def population(self) -> Population:
+        """The survivors of all searches together."""
+        return reduce(selected, self.searches.values())
+
+    @cached_property
+    def winners(self) -> tuple[int, ...]:
+        """Indices of the best point or of the front; empty if no point is feasible."""
+        return _winners(self.population, self.seeks_front)
+
+    @cached_property
+    def by_seed(self) -> dict[int, tuple[int, ...]]:
+        """Winners of each search, by its seed."""
+        return {seed: _winners(left, self.seeks_front) for seed, left in self.searches.items()}
+
+    def values(self, point: int) -> dict[str, float]:
+        """Return the values at a point, by key."""
+        return self.law.values(self.population.shares[point].tolist())
+
+    @property
+    def chosen(self) -> list[dict[str, float]]:
+        """Values of the winners."""
+        return [self.values(point) for point in self.winners]
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """Labels of the winners in the confirmation; those of a front are numbered."""
+        label = self.law.label
+        return [f"{label} {k + 1}" if self.seeks_front else label for k in range(len(self.winners))]
+
+    @cached_property
+    def seed_labels(self) -> dict[int, str]:
+        """Label in the confirmation of the winner of each search, by its seed.
+
+        Empty for a front: only the front of all searches together is confirmed.
+        """
+        names: dict[int, str] = {}
+        label = self.law.label
+        for seed, winners in self.by_seed.items():
+            if winners and not self.seeks_front:
+                best = self.searches[seed].shares[winners[0]]
+                same = np.array_equal(best, self.population.shares[self.winners[0]])
+                is_best = same and label not in names.values()
+                names[seed] = label if is_best else f"{label}, seed {seed}"
+        return names
+
+    @property
+    def confirmed(self) -> dict[str, dict[str, float]]:
+        """Values of all tuned laws in the confirmation, by label: the winners first."""
+        confirmed = dict(zip(self.labels, self.chosen, strict=True))
+        for seed, label in self.seed_labels.items():
+            shares = self.searches[seed].shares[self.by_seed[seed][0]]
+            confirmed.setdefault(label, self.law.values(shares.tolist()))
+        return confirmed
+
+
+def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:
+    if seeks_front:
+        return tuple(population.front.tolist())
+    best = population.best
+    return (best,) if population.scores.feasible[best] else ()
+
+
+def _law_record(search: Search, tuned: Tuned) -> dict[str, Any]:
+    scored = tuned.population.scores
+    return {
+        "label": tuned.law.label,
+        "over": {key: [axis.low, axis.high] for key, axis in tuned.law.axes.items()},
+        "start": started(tuned.law.label),
+        "least_violation": float(scored.violation.min()),  # 0 if a point is feasible
+        "winners": [
+            {
+                "label": label,
+                "config": name,
+                "values": tuned.values(point),
+                "objectives": scored.objectives[point].tolist(),
+                "unsettled": int(scored.unsettled[point]),
+            }
+            for point, label, name in zip(
+                tuned.winners,
+                tuned.labels,
+                found_files(TUNE, tuned.law, len(tuned.winners), search.seeks_front),
+                strict=True,
+            )
+        ],
+        "searches": [
+            {
+                "seed": seed,
+                "label": tuned.seed_labels.get(seed),
+                "objectives": left.scores.objectives[list(tuned.by_seed[seed])].tolist(),
+            }
+            for seed, left in tuned.searches.items()
+        ],
+    }

@@ -1,0 +1,303 @@
+"""The search for the worst run of each law, and the runs around what was found."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.fronts import Population, Scores, selected
+from eqt_cli.analysis.law_search import (
+    WORST,
+    LawSearch,
+    SearchFolder,
+    entries_of,
+    expanded,
+    found_files,
+    require_metric,
+    value_at,
+    without_search,
+)
+from eqt_cli.analysis.search import Outcome, Searches, compute, evolve
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, InputError, Problems, parse_key
+from eqt_cli.base.option_types import shown
+from eqt_cli.base.reporting import reporter
+from eqt_cli.config.designs import DrawnRange
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.read_study import require_sweepable, study
+from eqt_cli.config.schema import WorstSection
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.results.metrics import QUANTITIES
+from eqt_cli.results.result import Result, open_result
+from eqt_cli.runs.executors import Executor
+
+MOST_ON_A_LINE = 21
+"""Default number of values along a key, besides the found point, at which every law is run."""
+
+LEAST_ON_A_LINE = 5
+"""Number below which the default does not fall to save runs."""
+
+MOST_LINE_POINTS = 900
+"""Largest number of points of all lines. Points that differ in shape need one HDF5 group each."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """Points along one key through the point that was found for a law.
+
+    Attributes
+    ----------
+    law
+        Label of the law.
+    key
+        Key of the user's configuration that varies along the line.
+    points
+        Values of all keys at each point.
+    """
+
+    law: str
+    key: str
+    points: list[dict[str, float]]
+
+
+class WorstSearch(Searches[WorstSection]):
+    """A checked search for the worst run: the section `worst`."""
+
+    kind = WORST
+    example = "{over: {gains.kp: [0.8, 1.2]}, objective: final_pose_error}"
+    continuing = frozenset({"budget", "seeds", "profile"})
+    keeps_ends = True
+    judging = "for the picture along all keys (worst.profile)"
+
+    @property
+    def objective(self) -> str:
+        """The metric whose worst value is searched."""
+        return self.section.objective
+
+    @property
+    def judging_runs(self) -> int:
+        """Number of runs at the points that were found, and of all laws along each key."""
+        each = len(self.laws) * self.runs_at_a_point
+        return each + self._per_line * self._on_all_lines
+
+    @property
+    def _lines(self) -> int:
+        return sum(len(law.axes) for law in self.laws)
+
+    @property
+    def _on_all_lines(self) -> int:
+        """Number of runs of all laws at one value on every line."""
+        return self._lines * len(self.laws) * self.profile_runs
+
+    @property
+    def profile_runs(self) -> int:
+        """Number of runs at each point of a line."""
+        return min(self.section.profile.runs or self.runs_at_a_point, self.runs_at_a_point)
+
+    @property
+    def _per_line(self) -> int:
+        points = self.section.profile.points
+        if points is None:
+            affordable = self.searched_runs // self._on_all_lines - 1
+            points = min(MOST_ON_A_LINE, max(LEAST_ON_A_LINE, affordable))
+        return max(2, min(points, MOST_LINE_POINTS // self._lines)) + 1
+
+    def lines(self, shares: dict[str, tuple[float, ...]]) -> list[Line]:
+        """Return the lines through the points that were found (in the unit cube, by law)."""
+        at = {law.label: law.values(shares[law.label]) for law in self.laws}
+        given = {
+            key: value
+            for law in reversed(self.laws)
+            for key, value in zip(law.given, at[law.label].values(), strict=True)
+        }
+        lines = []
+        for law in self.laws:
+            own = given | dict(zip(law.given, at[law.label].values(), strict=True))
+            for key, axis in zip(law.given, law.axes.values(), strict=True):
+                last = self._per_line - 2
+                values = sorted({*(axis.at(k / last) for k in range(last + 1)), own[key]})
+                points = [own | {key: value} for value in values]
+                lines.append(Line(law.label, key, points))
+        return lines
+
+    def along(self, lines: list[Line]) -> ConfigSource:
+        """Return a sweep of all laws over all lines, by default without trajectories."""
+        points = [point for line in lines for point in line.points]
+        columns = expanded({key: [point[key] for point in points] for key in points[0]})
+        data = self.base.source.data
+        ensemble = dict(data.get("ensemble") or {}) | {"runs": self.profile_runs}
+        own: dict[str, Any] = {
+            "ensemble": ensemble,
+            "sweep": [{"zip": columns}],
+            "store": {"trajectories": "none"} | dict(data.get("store") or {}),
+        }
+        return replace(self.base.source, data=without_search(data) | own)
+
+    def so_far(self, law: LawSearch, population: Population) -> str:
+        """Describe the worst run of a law so far."""
+        cost = QUANTITIES[self.objective].cost(-population.scores.objectives[population.best, 0])
+        return f"worst so far: {self.objective} {cost:.4g}"
+
+    def scores(self, result: Result) -> Scores:
+        return badness(self.objective, result)
+
+    def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
+        """Search for the worst run of each law, and run all laws along each key through it."""
+        by_law: dict[str, dict[int, Population]] = {}
+        first: dict[str, list[Scores]] = {law.label: [] for law in self.laws}
+        for law in self.laws:
+            by_law[law.label] = evolve(self, law, folder, executor)
+            for seed in self.seeds:  # of the first generations, which are spread over the ranges
+                with open_result(folder.generation(law, seed, 0)[0]) as result:
+                    first[law.label].append(self.scores(result))
+        best = {label: reduce(selected, searches.values()) for label, searches in by_law.items()}
+        shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
+        alone = {}
+        for law in self.laws:
+            source = law.at(law.values(shares[law.label]))
+            compute(source, folder.run_of(law), executor)
+            with open_result(folder.run_of(law)) as result:
+                worst_run = alone[law.label] = _worst_run(self, result)
+            single = study(source, trust_plugins=True)
+            folder.write_found(law, [single], comment=_comment(self, law, worst_run))
+        lines = self.lines(shares)
+        reporter().note("runs", self.judging)
+        along = compute(self.along(lines), folder.path, executor)
+        laws = [
+            {
+                "label": law.label,
+                "config": found_files(WORST, law, 1)[0],
+                **alone[law.label],
+                **_search_record(self, law, by_law[law.label], first[law.label], shares[law.label]),
+                "lines": _line_ranges(lines, law.label),
+            }
+            for law in self.laws
+        ]
+        return along, {"objective": self.objective, "laws": laws}
+
+    @classmethod
+    def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
+        """Return the range of a key that holds a number and can be swept; integers if it does."""
+        first = entries_of(key)[0]
+        require_sweepable(first)
+        held = value_at(base.resolved, parse_key(first))
+        if isinstance(held, bool | str | list):
+            raise InputError(
+                f"expected a key that holds a number, and this one holds {shown(held)}"
+            )
+        if axis is None or not isinstance(held, int):
+            return axis
+        if not (float(axis.low).is_integer() and float(axis.high).is_integer()):
+            raise InputError(
+                f"expected whole numbers at both ends, since {key} takes whole numbers, "
+                f"got [{axis.low:g}, {axis.high:g}]"
+            )
+        return replace(axis, integer=True)
+
+    @classmethod
+    def _check(cls, section: WorstSection, base: Experiment, problems: Problems) -> None:
+        with problems.catching("objective"):
+            require_metric(section.objective, base)
+            if QUANTITIES[section.objective].better == "neither":
+                raise InputError(
+                    f"'{section.objective}' has no better direction, so no run is the worst by "
+                    "it; choose another metric, such as final_pose_error"
+                )
+
+
+AGREEING = 0.01
+"""Searches agree if their worst values are within this share of the worst value of all."""
+
+
+def costs_of_runs(result: Result, metric: str) -> Array:
+    """Return the cost of each run by a metric, in the shape of `Result.metric`.
+
+    The worst run has the largest cost: ∞ for a failed run, −∞ for a run without a value.
+    """
+    costs = result.quantity(metric).cost(result.counted(metric))
+    return np.where(result.good, np.where(np.isnan(costs), -np.inf, costs), np.inf)
+
+
+def badness(metric: str, result: Result) -> Scores:
+    """Score the points of a sweep with one law: a point is better if its worst run is worse."""
+    worst = costs_of_runs(result, metric)[:, 0].max(axis=-1)
+    good = result.good[:, 0]
+    late = good & np.isnan(result.metric("settling_time")[:, 0])
+    failed, unsettled = (~good).sum(axis=1), late.sum(axis=1)
+    return Scores(-worst[:, None], np.zeros(len(worst)), failed, unsettled)
+
+
+def _comment(search: WorstSearch, law: LawSearch, record: dict[str, Any]) -> str:
+    """Return the comment above the configuration, which names the worst of its runs."""
+    outcome = "failed" if record["failed"] else f"{search.objective} {record['value']!r}"
+    return f"# run {record['run']} of {law.label}: {outcome}\n"
+
+
+def _worst_run(search: WorstSearch, result: Result) -> dict[str, Any]:
+    """Describe the worst run at the point that was found, computed without other points.
+
+    The last digits of a run can depend on the runs that the engine integrates with it.
+    """
+    costs = costs_of_runs(result, search.objective)[0]
+    run = int(np.argmax(costs))
+    if costs[run] == -math.inf:
+        raise EqtError(
+            f"{result.path}: no run of '{result.labels[0]}' has a value of {search.objective}; "
+            "choose another objective"
+        )
+    settled = np.isfinite(result.metric("settling_time")[0])
+    return {
+        "run": run,
+        **_value_record(search, float(costs[run])),
+        "runs": result.runs,
+        "unsettled": int(np.count_nonzero(~settled)),
+    }
+
+
+def _search_record(
+    search: WorstSearch,
+    law: LawSearch,
+    searches: dict[int, Population],
+    first: list[Scores],
+    shares: tuple[float, ...],
+) -> dict[str, Any]:
+    """Describe where each search found its worst run, and how many runs did not settle."""
+    worst = {seed: -float(left.scores.objectives[left.best, 0]) for seed, left in searches.items()}
+    axes = dict(zip(law.given, law.axes.values(), strict=True))
+    points = sum(len(scored) for scored in first)
+    return {
+        "over": {key: [axis.low, axis.high] for key, axis in axes.items()},
+        "log": [key for key, axis in axes.items() if axis.scale == "log"],
+        "values": dict(zip(law.given, law.values(shares).values(), strict=True)),
+        "searches": [{"seed": seed, **_value_record(search, cost)} for seed, cost in worst.items()],
+        "agreeing": sum(_agree(cost, max(worst.values())) for cost in worst.values()),
+        "first": {
+            "runs": points * search.base.config.ensemble.runs,
+            "unsettled": int(sum((each.failed + each.unsettled).sum() for each in first)),
+        },
+    }
+
+
+def _line_ranges(lines: list[Line], label: str) -> list[dict[str, Any]]:
+    """Return the ranges of points that the lines of a law occupy in the sweep."""
+    ends = np.cumsum([0, *(len(line.points) for line in lines)]).tolist()
+    return [
+        {"key": line.key, "points": [ends[k], ends[k + 1]]}
+        for k, line in enumerate(lines)
+        if line.law == label
+    ]
+
+
+def _value_record(search: WorstSearch, cost: float) -> dict[str, Any]:
+    """Return the value of the objective; None for a failed run."""
+    failed = cost == math.inf
+    value = None if failed else float(QUANTITIES[search.objective].cost(cost))
+    return {"value": value, "failed": failed}
+
+
+def _agree(cost: float, worst: float) -> bool:
+    return cost == worst or (math.isfinite(worst) and worst - cost <= AGREEING * abs(worst))

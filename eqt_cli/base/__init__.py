@@ -1,0 +1,1 @@
+"""What everything builds on: errors, files, units, arrays, expressions and the registry."""

@@ -1,0 +1,261 @@
+"""The array functions that a law may call.
+
+Laws are written with operators, ``@``, slicing, ``reshape``, ``swapaxes`` and the functions of this
+module. Each function acts by the type of its arguments: float arrays go to NumPy; object arrays go,
+element by element, to the function table that was registered for the symbol type with
+`register_symbols`. So the same law runs on floats and is traced by a compiler.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eqt_cli.base.errors import TraceError
+
+Array = NDArray[Any]
+"""A float array, or an object array of symbols, with any leading batch axes."""
+
+FUNCTIONS = "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log sqrt abs".split()
+"""Elementwise functions of one argument; the names are also those of the expression grammar."""
+
+_NUMPY: dict[str, Callable[..., Any]] = {
+    **{name: getattr(np, name) for name in FUNCTIONS},
+    "less": np.less,
+    "positive": lambda x: np.less(0.0, x),
+    "smooth_less": np.less,
+    "where": np.where,
+}
+_symbol_tables: dict[type, Mapping[str, Callable[..., Any]]] = {}
+
+
+def register_symbols(symbol: type, table: Mapping[str, Callable[..., Any]]) -> None:
+    """Register how the functions of this module act on a `symbol` type in object arrays.
+
+    The table may hold any of `FUNCTIONS`, ``less(a, b)`` and ``where(condition, a, b)``. Optional
+    entries are ``smooth_less(a, b)`` if it differs from ``less(a, b)``, ``positive(x)`` of a sum of
+    squares if it differs from ``less(0, x)``, and ``inverse(matrix)`` of arrays ``(..., m, m)`` if
+    there is a better way than elimination.
+    """
+    defaults = {}
+    if "less" in table:
+        less = table["less"]
+        defaults = {"smooth_less": less, "positive": lambda x: less(0.0, x)}
+    _symbol_tables[symbol] = defaults | dict(table)
+
+
+def as_array(x: Any) -> Any:
+    """Return an array; an object with NumPy's array protocol is returned unchanged."""
+    return x if hasattr(x, "__array_function__") else np.asarray(x)
+
+
+def apply(name: str, *arguments: Any) -> Any:
+    """Apply the elementwise function `name` to floats or symbols, which broadcast.
+
+    Raises
+    ------
+    TraceError
+        If an argument holds symbols whose engine offers no such function.
+    """
+    for argument in arguments:
+        if hasattr(argument, "applied"):  # a Taylor series
+            return argument.applied(name, arguments)
+    arrays = [as_array(argument) for argument in arguments]
+    if not any(array.dtype == object for array in arrays):
+        return _NUMPY[name](*arrays)
+    entries = np.broadcast(*arrays) if len(arrays) > 1 else ((entry,) for entry in arrays[0].flat)
+    shape = np.broadcast_shapes(*(array.shape for array in arrays))
+    out = np.empty(shape, dtype=object)
+    flat = [_apply_to_symbols(name, entry) for entry in entries]
+    for position, index in enumerate(np.ndindex(shape)):
+        out[index] = flat[position]
+    return out
+
+
+def _apply_to_symbols(name: str, values: tuple[Any, ...]) -> Any:
+    symbols = [value for value in values if not isinstance(value, int | float | np.generic)]
+    if not symbols:
+        return _NUMPY[name](*values)[()]  # `where` returns an array
+    table = _symbol_tables.get(type(symbols[0]), {})
+    if name not in table:
+        raise TraceError(f"{name}() is not available for {type(symbols[0]).__name__} symbols")
+    return table[name](*values)
+
+
+def unwrapped(x: Any) -> Any:
+    """Return the number in an array of no dimensions, which `apply` returns; others unchanged."""
+    return x[()] if isinstance(x, np.ndarray) and x.shape == () else x
+
+
+def sin(x: Any) -> Any:
+    """Sine, elementwise, of floats or symbols."""
+    return apply("sin", x)
+
+
+def cos(x: Any) -> Any:
+    """Cosine, elementwise, of floats or symbols."""
+    return apply("cos", x)
+
+
+def exp(x: Any) -> Any:
+    """Exponential, elementwise, of floats or symbols."""
+    return apply("exp", x)
+
+
+def log(x: Any) -> Any:
+    """Natural logarithm, elementwise, of floats or symbols."""
+    return apply("log", x)
+
+
+def tanh(x: Any) -> Any:
+    """Hyperbolic tangent, elementwise, of floats or symbols; a smooth saturation."""
+    return apply("tanh", x)
+
+
+def sqrt(x: Any) -> Any:
+    """Square root, elementwise, of floats or symbols."""
+    return apply("sqrt", x)
+
+
+def absolute(x: Any) -> Any:
+    """Absolute value, elementwise, of floats or symbols."""
+    return apply("abs", x)
+
+
+def less(a: Any, b: Any) -> Any:
+    """a < b, elementwise: a condition, only for `where`."""
+    return apply("less", a, b)
+
+
+def smooth_less(a: Any, b: Any) -> Any:
+    """a < b, elementwise, for a `where` that chooses between two forms of one smooth function.
+
+    As `less`, but an engine need not end a step where it changes, because both forms hold there.
+    """
+    return apply("smooth_less", a, b)
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """a where the condition of `less` or `smooth_less` holds, b elsewhere, elementwise."""
+    return apply("where", condition, a, b)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    """The smaller of a and b, elementwise."""
+    return where(less(a, b), a, b)
+
+
+def maximum(a: Any, b: Any) -> Any:
+    """The larger of a and b, elementwise."""
+    return where(less(a, b), b, a)
+
+
+def clip(x: Any, low: Any, high: Any) -> Any:
+    """x limited to the range from low to high, elementwise.
+
+    Engines end a step at each kink; `tanh` saturates without kinks.
+    """
+    return minimum(maximum(x, low), high)
+
+
+def norm(x: Array) -> Any:
+    """Euclidean norm over the last axis."""
+    if x.dtype == object and x.shape[-1] == 1:
+        return absolute(x[..., 0]) + _NEARLY_ZERO
+    return _root((x * x).sum(axis=-1))
+
+
+def frobenius(x: Array) -> Any:
+    """Frobenius norm over the last two axes."""
+    return _root((x * x).sum(axis=(-2, -1)))
+
+
+_NEARLY_ZERO = 1e-100
+"""Smallest norm of symbols, to allow division; it does not change larger norms."""
+
+
+def _root(squares: Any) -> Any:
+    """Return the root of a sum of squares."""
+    root = sqrt(squares)
+    if as_array(root).dtype != object:
+        return root
+    # A root has no derivative at 0. What is no number stays so: it is not positive either.
+    return where(apply("positive", squares), root, squares + _NEARLY_ZERO)
+
+
+def apply_matrix(matrix: Array, vector: Array) -> Array:
+    """Matrix times vector, ``(..., k, m) · (..., m) -> (..., k)``."""
+    if matrix.ndim == 2:  # eight times as fast for one matrix and many vectors
+        return vector @ matrix.T
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def times(stack: Array, matrix: Array) -> Array:
+    """A stack of matrices times one matrix, or times a stack, ``(..., k, m) · (..., m, n)``."""
+    # One product of two matrices is faster than many; other array types have faster ways.
+    if matrix.ndim == 2 and stack.ndim > 2 and isinstance(stack, np.ndarray):
+        rows = stack.reshape(-1, matrix.shape[0])
+        return (rows @ matrix).reshape(*stack.shape[:-1], matrix.shape[-1])
+    return stack @ matrix
+
+
+def dot(p: Array, v: Array) -> Any:
+    """The contraction ⟨P, V⟩ of a covector and a vector, over the last axis."""
+    return (p * v).sum(axis=-1)
+
+
+def stack(entries: Sequence[Any]) -> Array:
+    """Join scalars or arrays, of numbers or symbols, along a new last axis."""
+    for entry in entries:
+        if hasattr(entry, "stacked"):  # a Taylor series
+            return entry.stacked(entries)
+    arrays = [as_array(entry) for entry in entries]
+    dtype = object if any(array.dtype == object for array in arrays) else float
+    shape = np.broadcast_shapes(*(array.shape for array in arrays))
+    like = next((array for array in arrays if not isinstance(array, np.ndarray)), arrays[0])
+    out = np.empty_like(like, shape=(*shape, len(arrays)), dtype=dtype)
+    for index, array in enumerate(arrays):
+        out[..., index] = array
+    return out
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a × b of vectors ``(..., 3)``."""
+    ax, ay, az = (a[..., k] for k in range(3))
+    bx, by, bz = (b[..., k] for k in range(3))
+    return stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+def moment(point: Array, force: Array) -> Array:
+    """The torque of a force at a point, ``(..., 3)`` in space and ``(..., 1)`` in the plane."""
+    if point.shape[-1] == 3:
+        return cross(point, force)
+    return stack([point[..., 0] * force[..., 1] - point[..., 1] * force[..., 0]])
+
+
+def inverse_spd(matrix: Array) -> Array:
+    """The inverse of a symmetric positive definite matrix, ``(..., m, m)``.
+
+    LAPACK's for floats. For symbols that of their table, or Gauss-Jordan elimination without
+    pivoting or branches, stable by definiteness (Golub and Van Loan, Matrix Computations, 4.2).
+    """
+    if matrix.dtype != object:
+        return np.linalg.inv(matrix)
+    tables = (_symbol_tables.get(type(entry), {}) for entry in matrix.flat)
+    for table in tables:
+        if "inverse" in table:
+            return table["inverse"](matrix)
+    n = matrix.shape[-1]
+    work = np.concatenate([matrix, np.broadcast_to(np.eye(n), matrix.shape)], axis=-1)
+    for k in range(n):
+        work[..., k, :] = work[..., k, :] / work[..., k, k, None]
+        for row in range(n):
+            if row != k:
+                work[..., row, :] = work[..., row, :] - work[..., row, k, None] * work[..., k, :]
+    return work[..., n:]
+
+
+def transpose(matrix: Array) -> Array:
+    """Matrix transpose, over the last two axes."""
+    return matrix.swapaxes(-1, -2)

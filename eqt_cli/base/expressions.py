@@ -1,0 +1,680 @@
+"""Formulas of a configuration, such as reference torques and constants.
+
+An expression is made of numbers, ``pi``, the variables that the caller allows (``t`` by default),
+``+ - * / **``, parentheses, the one-argument functions of `eqt_cli.base.arrays.FUNCTIONS`, and
+those of `PIECEWISE`. A comparison may only be the first argument of ``where(t < 1, a, b)``.
+Precedence is Python's: ``-2**2`` is −4, ``2**3**2`` is 512. There is no ``e``, because it also
+starts an exponent; write ``exp(1)``.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache, reduce
+from itertools import combinations
+from typing import Any, NoReturn
+
+import numpy as np
+
+from eqt_cli.base.arrays import (
+    FUNCTIONS,
+    Array,
+    absolute,
+    apply,
+    clip,
+    less,
+    maximum,
+    minimum,
+    smooth_less,
+    unwrapped,
+    where,
+)
+from eqt_cli.base.errors import ExpressionError, InputError, suggestion
+
+# Functions with kinks or steps -----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Piecewise:
+    """A function that is defined in pieces.
+
+    Attributes
+    ----------
+    value
+        The function, of floats, arrays or symbols.
+    compared
+        Returns the pairs of arguments that it compares, from their number; None stands for 0.
+    takes
+        The arguments in words.
+    count
+        The number of arguments; None for two or more.
+    """
+
+    value: Callable[..., Any]
+    compared: Callable[[int], Iterable[tuple[int, int | None]]]
+    takes: str
+    count: int | None
+
+
+def _sign(x: Any) -> Any:
+    return where(less(x, 0.0), -1.0, where(less(0.0, x), 1.0, 0.0))
+
+
+def _smoothstep(x: Any, start: Any, end: Any) -> Any:
+    s = clip((x - start) / (end - start), 0.0, 1.0)
+    return s * s * (3 - 2 * s)
+
+
+def _atan2(y: Any, x: Any) -> Any:
+    """Return the angle of (x, y) from the x axis, by arc tangents of numbers from −1 to 1."""
+    steep = smooth_less(absolute(x), absolute(y))
+    angle = apply("atan", where(steep, x, y) / where(steep, y, x))
+    above = where(smooth_less(y, 0.0), -np.pi / 2, np.pi / 2)
+    behind = where(less(y, 0.0), -np.pi, np.pi)  # a real jump, so not `smooth_less`
+    return where(steep, above - angle, where(smooth_less(x, 0.0), angle + behind, angle))
+
+
+def _every_pair(count: int) -> Iterable[tuple[int, int | None]]:
+    return combinations(range(count), 2)
+
+
+PIECEWISE = {
+    "min": Piecewise(lambda *x: reduce(minimum, x), _every_pair, "two or more arguments", None),
+    "max": Piecewise(lambda *x: reduce(maximum, x), _every_pair, "two or more arguments", None),
+    "sign": Piecewise(_sign, lambda _: [(0, None)], "one argument", 1),
+    "step": Piecewise(
+        lambda x, start: where(less(x, start), 0.0, 1.0),
+        lambda _: [(0, 1)],
+        "two arguments, as in 'step(t, 1)', which is 0 before t = 1 and 1 after",
+        2,
+    ),
+    "smoothstep": Piecewise(
+        _smoothstep,
+        lambda _: [(0, 1), (0, 2)],
+        "three arguments, as in 'smoothstep(t, 1, 3)', which rises from 0 at 1 to 1 at 3",
+        3,
+    ),
+    "atan2": Piecewise(
+        _atan2,
+        lambda _: [(0, None)],
+        "two arguments, as in 'atan2(y, x)', the angle of the point (x, y) in rad",
+        2,
+    ),
+    "where": Piecewise(
+        lambda a, b, x, y: where(less(a, b), x, y),
+        lambda _: [(0, 1)],
+        "a comparison and two values, as in 'where(t < 1, 0, 2)'",
+        4,
+    ),
+}
+"""The functions with kinks or steps, at which engines end a step."""
+
+# The tree --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Node:
+    """A number, a variable, or an operation on other nodes.
+
+    Attributes
+    ----------
+    what
+        The number; or the name of the variable, of the function, or of the operator: one of
+        ``+ - * / **``, and ``neg`` for a sign. ``where(a < b, x, y)`` has the operands a, b, x, y;
+        other comparisons are converted to it.
+    column
+        Its place in the text, from 1.
+    operands
+        The nodes on which it operates.
+    """
+
+    what: float | str
+    column: int
+    operands: tuple[Node, ...] = ()
+
+    @property
+    def is_variable(self) -> bool:
+        """Whether this is a variable."""
+        return not self.operands and isinstance(self.what, str)
+
+
+def fold(node: Node, visit: Callable[[Node, tuple[Any, ...]], Any]) -> Any:
+    """Visit the tree from the leaves up, each node with the results of its operands."""
+    chain: list[Node] = []
+    while node.operands:  # the tree of a long sum is too deep for recursion
+        chain.append(node)
+        node = node.operands[0]
+    result = visit(node, ())
+    while chain:
+        node = chain.pop()
+        result = visit(node, (result, *(fold(other, visit) for other in node.operands[1:])))
+    return result
+
+
+# Parsing ---------------------------------------------------------------------------------------
+
+MAX_LENGTH = 10_000
+"""Longest expression, characters."""
+
+MAX_NESTING = 100
+"""Deepest nesting of parentheses, signs and ``**``, far within Python's recursion limit."""
+
+_TOKEN = re.compile(
+    r"(?P<space>[ \t\r\n]+)"
+    r"|(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)"
+    r"|(?P<symbol>\*\*|<=|>=|[-+*/()<>,])"
+    r"|(?P<other>.)",  # no error yet, because an error earlier in the text should be reported first
+    re.DOTALL,
+)
+
+_IN_WHERE = "; write one 'where' within another"
+_HINTS = {
+    "e": "; write 'exp(1)' for Euler's number",
+    "ln": "; the natural logarithm is 'log'",
+    "pow": "; write 'a**b' for a power",
+    "math": "; write 'sin' for 'math.sin'",
+    "np": "; write 'sin' for 'np.sin'",
+    "numpy": "; write 'sin' for 'numpy.sin'",
+    "clip": "; write 'min(max(a, low), high)'",
+    "if": "; write 'where(t < 1, a, b)'",
+    "and": _IN_WHERE,
+    "or": _IN_WHERE,
+    "^": "; write '**' for a power",
+    "\N{GREEK SMALL LETTER PI}": "; write 'pi'",
+    "\N{SUPERSCRIPT TWO}": "; write '**2'",
+    "\N{SUPERSCRIPT THREE}": "; write '**3'",
+    **dict.fromkeys("\N{MINUS SIGN}\N{EN DASH}", "; write '-'"),
+    **dict.fromkeys("\N{MIDDLE DOT}\N{DOT OPERATOR}\N{MULTIPLICATION SIGN}", "; write '*'"),
+    "\N{DIVISION SIGN}": "; write '/'",
+}
+"""What to write instead of names and characters outside the grammar."""
+
+# The binding strength of each operator, and the smallest strength within its right operand.
+_INFIX = {"+": (1, 2), "-": (1, 2), "*": (3, 4), "/": (3, 4), "**": (7, 6)}
+_COMPARISONS = ("<", ">", "<=", ">=")
+_SIGN_STRENGTH = 5  # between * and **, so that -t**2 is -(t**2)
+
+
+@dataclass(frozen=True)
+class _Token:
+    kind: str  # number, name, symbol, or other: a character outside the grammar; end
+    text: str
+    column: int
+
+
+class Parser:
+    """A precedence-climbing (Pratt) parser of one text."""
+
+    def __init__(self, text: str, variables: Collection[str]) -> None:
+        if len(text) > MAX_LENGTH:
+            message = f"the expression goes on at {{}}; expected at most {MAX_LENGTH} characters"
+            self._stop(message, MAX_LENGTH + 1)
+        self._variables = variables
+        self._known = [*variables, "pi", *FUNCTIONS, *PIECEWISE]
+        self._used: set[str] = set()
+        self._tokens = [
+            _Token(str(match.lastgroup), match.group(), match.start() + 1)
+            for match in _TOKEN.finditer(text)
+            if match.lastgroup != "space"
+        ]
+        self._tokens.append(_Token("end", "", len(text) + 1))
+        self._next = 0
+        self._nesting = 0
+
+    def parse(self) -> tuple[Node, frozenset[str]]:
+        """Return the tree and the variables in it.
+
+        Raises
+        ------
+        ExpressionError
+            If the text is not in the grammar.
+        """
+        if self._token.kind == "end":
+            self._stop("expected an expression at {}, got an empty text", 1)
+        tree = self._expression(0)
+        if self._token.kind != "end":
+            self._refuse(self._token)
+        return tree, frozenset(self._used)
+
+    @staticmethod
+    def _stop(message: str, column: int) -> NoReturn:
+        """Raise an error; ``{}`` in the message stands for the column."""
+        raise ExpressionError(message.replace("{}", f"column {column}", 1), column)
+
+    @property
+    def _token(self) -> _Token:
+        return self._tokens[self._next]
+
+    def _advance(self) -> _Token:
+        self._next += 1
+        return self._tokens[self._next - 1]
+
+    def _expression(self, strength: int) -> Node:
+        """Parse operands joined by operators that bind at least as strongly as `strength`."""
+        self._nesting += 1
+        if self._nesting > MAX_NESTING:
+            message = f"the expression is nested more than {MAX_NESTING} deep at {{}}"
+            self._stop(message, self._token.column)
+        left = self._operand()
+        while self._token.text in _INFIX:
+            left_strength, right_strength = _INFIX[self._token.text]
+            if left_strength < strength:
+                break
+            token = self._advance()
+            left = Node(token.text, token.column, (left, self._expression(right_strength)))
+        self._nesting -= 1
+        return left
+
+    def _operand(self) -> Node:
+        token = self._advance()
+        if token.kind == "number":
+            value = float(token.text)
+            if math.isinf(value):
+                self._stop(f"number '{_short(token.text)}' at {{}} is too large", token.column)
+            return Node(value, token.column)
+        if token.kind == "name":
+            return self._name(token)
+        if token.text == "-":
+            return Node("neg", token.column, (self._expression(_SIGN_STRENGTH),))
+        if token.text == "+":
+            return self._expression(_SIGN_STRENGTH)
+        if token.text == "(":
+            inner = self._expression(0)
+            self._close(token)
+            return inner
+        if token.kind == "other":
+            self._refuse(token)
+        got = "the expression ends" if token.kind == "end" else f"got '{token.text}'"
+        self._stop(f"expected a number, a name or '(' at {{}}, but {got}", token.column)
+
+    def _name(self, token: _Token) -> Node:
+        name, column = token.text, token.column
+        if name in self._variables:
+            self._used.add(name)
+            return Node(name, column)
+        if name == "pi":
+            return Node(math.pi, column)
+        if name not in FUNCTIONS and name not in PIECEWISE:
+            hint = _HINTS.get(name, "") or suggestion(name.lower(), self._known)
+            hint = hint or f"; known names: {', '.join(self._known)}"
+            self._stop(f"unknown name '{_short(name)}' at {{}}{hint}", column)
+        if self._token.text != "(":
+            as_in = f"as in '{name}({next(iter(self._variables), '1')})'"
+            self._stop(
+                f"function '{name}' at {{}} needs its argument in parentheses, {as_in}", column
+            )
+        opening = self._advance()
+        arguments = self._arguments(token)
+        self._close(opening)
+        return Node(name, column, arguments)
+
+    def _arguments(self, function: _Token) -> tuple[Node, ...]:
+        """Parse the arguments of a function, and check their number."""
+        known = PIECEWISE.get(function.text)
+        takes, count = (known.takes, known.count) if known else ("one argument", 1)
+        rule = f"function '{function.text}' at column {function.column} takes {takes}, got "
+        if self._token.text == ")":
+            self._stop(f"{rule}none", function.column)
+        is_inverted = False
+        if function.text == "where":
+            arguments, is_inverted = self._comparison(rule)
+        else:
+            arguments = [self._expression(0)]
+        while self._token.text == ",":
+            if len(arguments) == count:
+                self._stop(f"{rule}another after ',' at {{}}", self._token.column)
+            self._advance()
+            arguments.append(self._expression(0))
+        if self._token.text == ")" and len(arguments) < (count or 2):
+            got = "no more" if function.text == "where" else str(len(arguments))
+            self._stop(f"{rule}{got}", function.column)
+        if is_inverted:
+            arguments[2:] = arguments[:1:-1]
+        return tuple(arguments)
+
+    def _comparison(self, rule: str) -> tuple[list[Node], bool]:
+        """Parse a comparison as a < b; also return whether that is its inverse."""
+        column = self._token.column
+        left = self._expression(0)
+        sign = self._token.text
+        if sign not in _COMPARISONS:
+            self._stop(f"{rule}no comparison at {{}}", column)
+        self._advance()
+        pair = [left, self._expression(0)]
+        if sign in (">", "<="):
+            pair.reverse()
+        return pair, sign in ("<=", ">=")
+
+    def _close(self, opening: _Token) -> None:
+        if self._token.kind == "end":
+            self._stop("the '(' at {} is never closed", opening.column)
+        if self._token.text != ")":
+            self._refuse(self._token)
+        self._advance()
+
+    def _refuse(self, token: _Token) -> NoReturn:
+        """Say why `token` cannot stand here, after a complete operand or as a foreign character."""
+        text = token.text
+        if token.kind == "other":
+            message = f"unexpected character {text!r} at {{}}{_HINTS.get(text, '')}"
+        elif text == ")":
+            message = "the ')' at {} has no matching '('"
+        elif text == ",":
+            several = ", ".join(name for name, known in PIECEWISE.items() if known.count != 1)
+            message = (
+                f"unexpected ',' at {{}}; write decimals with a point; only {several} take several "
+                "arguments"
+            )
+        elif text in _COMPARISONS:
+            message = (
+                f"unexpected '{text}' at {{}}; a comparison may only be the first argument of "
+                "'where', as in 'where(t < 1, 0, 2)'"
+            )
+        elif text in ("and", "or", "if"):
+            message = f"unexpected '{text}' at {{}}{_HINTS[text]}"
+        else:
+            before, after = _short(self._tokens[self._next - 1].text), _short(text)
+            # 2t probably means a product; 1_000, 0x10 and 1e do not.
+            multiply = token.kind != "name" or text in self._known
+            hint = f"; write '{before}*{after}' to multiply" if multiply else ""
+            message = f"missing operator between '{before}' and '{after}' at {{}}{hint}"
+        self._stop(message, token.column)
+
+
+def _short(word: str) -> str:
+    return word if len(word) <= 30 else word[:27] + "..."
+
+
+GRID = 2000
+"""Number of intervals into which the horizon is divided to look for short pulses."""
+
+LONGEST = 300
+"""Largest number of characters of an expression whose parts are examined one by one."""
+
+MOST_PLACES = 1000
+"""Largest number of places at which the parts of an expression are examined."""
+
+AWAY = np.geomspace(1e-12, 1e-2, 460)
+"""Distances from a place, relative to the horizon: 5 % from one to the next."""
+
+STEEP = 0.003
+"""Least change from one distance to the next, relative to the largest, that belongs to a pulse."""
+
+QUIET = 47
+"""Number of distances, a factor of 10, without change that follow a pulse."""
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A parsed expression; two are equal when their texts are.
+
+    Attributes
+    ----------
+    text : str
+        The text that was parsed.
+    variables : frozenset of str
+        The variables that occur in it.
+    tree : Node
+        The syntax tree, in which chains such as ``a + b + c`` lean to the left without limit of
+        depth: walk it with a loop along the first operands, as `fold` does.
+    """
+
+    text: str
+    variables: frozenset[str]
+    tree: Node = field(repr=False, compare=False)
+
+    def evaluate(self, values: Mapping[str, Any]) -> Any:
+        """Compute the value for the given variables.
+
+        Parameters
+        ----------
+        values : mapping of str to number, array or symbol
+            One value for every name in `variables`; others are ignored.
+
+        Returns
+        -------
+        float, array or symbol
+            Floats give a float, arrays an array of their shape, a symbol a symbol. An expression
+            without variables gives a float. Arithmetic follows IEEE 754, without warnings: ``1/t``
+            at 0 is inf, ``sqrt(t)`` at −1 is nan.
+
+        Raises
+        ------
+        KeyError
+            If a variable has no value.
+        TraceError
+            If a symbol's engine lacks a function.
+        """
+
+        def visit(node: Node, operands: tuple[Any, ...]) -> Any:
+            if node.is_variable:
+                value = unwrapped(values[str(node.what)])
+                return float(value) if isinstance(value, int) else value
+            return _combined(node, operands)
+
+        with np.errstate(all="ignore"):
+            return fold(self.tree, visit)
+
+    @lru_cache(maxsize=1024)  # noqa: B019  # equal expressions, of all runs, share their instants
+    def instants(self, until: float) -> tuple[float, ...]:
+        """Return the values of ``t`` at which steps should end, in order.
+
+        These are the changes of piece of a piecewise function whose compared arguments are linear
+        in t, and the sides and the middle of short pulses between 0 and `until`.
+        """
+        if "t" not in self.variables:
+            return ()
+        instants: set[float] = set()
+
+        def visit(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
+            if node.operands and node.what in PIECEWISE:
+                instants.update(_roots(str(node.what), operands))
+                return None
+            return _linear(node, operands)
+
+        with np.errstate(all="ignore"):
+            fold(self.tree, visit)
+            pulses: list[tuple[float, float]] = []
+            for t in self._places(until) if len(self.text) <= LONGEST else ():
+                if all(abs(t - other) > 10 * width for other, width in pulses):
+                    pulses += [(t, width) for width in self._widths(t, until)]
+        edges = {t + side * width for t, width in pulses for side in (-1, 0, 1)}
+        return tuple(sorted(instants | {t for t in edges if AWAY[0] * until < t < until}))
+
+    def _places(self, until: float) -> list[float]:
+        """Return the zeros and extrema of all parts: there a function of a part may be steep."""
+        step, located = until / GRID, list[float]()
+        grid = step * np.arange(-1.0, GRID + 2.0)
+
+        def visit(node: Node, operands: tuple[Any, ...]) -> Any:
+            value = grid if node.is_variable else _combined(node, operands)
+            size = np.abs(value) * np.ones(GRID + 3)
+            for w in (size, -size):
+                least = (w[1:-1] < w[:-2]) & (w[1:-1] <= w[2:])
+                places = grid[1:-1][least]
+                if 0 < len(places) <= MOST_PLACES - len(located):
+                    part = Expression("", self.variables, node)
+                    located.extend(_located(part, places, step, 1.0 if w is size else -1.0))
+            return value
+
+        fold(self.tree, visit)
+        return [t for t in dict.fromkeys(located) if 0 <= t <= until]
+
+    def _widths(self, t: float, until: float) -> list[float]:
+        """Return the half-width of a short pulse about a time; beyond it, nothing changes long."""
+        away = until * AWAY
+        late, early = (self.evaluate({"t": t + sign * away}) for sign in (1.0, -1.0))
+        here = self.evaluate({"t": np.array([t])})
+        change = np.maximum(np.abs(late - here), np.abs(early - here))
+        steep = np.flatnonzero(~(np.abs(np.diff(change)) <= STEEP * change.max()))
+        quiet = np.flatnonzero(np.diff([*steep, len(AWAY)]) > QUIET)
+        finite = np.isfinite(change).all()
+        return [2 * float(away[steep[k] + 1]) for k in quiet[:1] if finite]
+
+    def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, tuple[str, ...]]]:
+        """Pickle the text, because pickling a deep tree would exhaust the stack."""
+        return parse, (self.text, tuple(sorted(self.variables)))
+
+
+def parse(text: str, variables: Collection[str] = ("t",)) -> Expression:
+    """Parse an expression in the given variables.
+
+    Raises
+    ------
+    ExpressionError
+        If the text is not in the grammar, or if a part without variables has no finite value
+        (``log(0)``, ``1/0``). The message names the column, counted from 1.
+    """
+    tree, used = Parser(text, variables).parse()
+    with np.errstate(all="ignore"):
+        fold(tree, _finite_value)
+    return Expression(text, used, tree)
+
+
+_of_time = lru_cache(maxsize=512)(parse)
+"""Kept, because the points of a sweep have mostly the same references."""
+
+MAX_QUOTED = 100
+"""Longest quotation of an expression in a message, characters."""
+
+
+def formula(entry: str | float) -> Expression:
+    """Return the expression in t of an entry in a configuration, text or a number.
+
+    Raises
+    ------
+    InputError
+        If the entry is no expression; the message quotes it.
+    """
+    try:
+        return _of_time(str(entry))
+    except ExpressionError as error:
+        text = str(entry)
+        quoted = text if len(text) <= MAX_QUOTED else text[:MAX_QUOTED] + "…"
+        raise InputError(f"'{quoted}': {error}") from error
+
+
+@lru_cache(maxsize=512)
+def constant(text: str) -> float:
+    """Compute an expression without variables, such as ``-pi/2``.
+
+    Raises
+    ------
+    ExpressionError
+        As by `parse`.
+    """
+    return float(parse(text, ()).evaluate({}))
+
+
+# Values of nodes -------------------------------------------------------------------------------
+
+
+def power(base: Any, exponent: Any) -> Any:
+    """Raise to a power, also a number to a symbol, whose type may have no ``__rpow__``."""
+    symbols = isinstance(exponent, np.ndarray) and exponent.dtype == object
+    if isinstance(base, float) and (symbols or not hasattr(exponent, "__rpow__")):
+        return apply("exp", exponent * float(np.log(base)))[()]
+    return base**exponent
+
+
+_OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": power,
+}
+
+
+def _combined(node: Node, operands: tuple[Any, ...]) -> Any:
+    """Return the value of a number or an operation from those of its operands."""
+    what = node.what
+    if isinstance(what, float):
+        return what
+    if what == "neg":
+        return -operands[0]
+    if what in _OPERATORS:
+        left, right = operands
+        if isinstance(left, float) and isinstance(right, float):
+            # Python's floats raise where IEEE gives inf or nan, and (-8)**0.5 becomes complex.
+            return float(_OPERATORS[what](np.float64(left), right))
+        return _OPERATORS[what](left, right)
+    known = PIECEWISE.get(what)
+    result = known.value(*operands) if known else apply(what, operands[0])
+    return float(result) if isinstance(result, float) else unwrapped(result)
+
+
+def _finite_value(node: Node, operands: tuple[float | None, ...]) -> float | None:
+    """Return the value of a node without variables, which must be finite; None for all others."""
+    what, column = node.what, node.column
+    if what == "/" and operands[1] == 0:
+        raise ExpressionError(f"division by zero at column {column}", column)
+    if what == "smoothstep" and node.operands:
+        start, end = operands[1:]
+        if start is not None and end is not None and not start < end:
+            raise ExpressionError(
+                f"'smoothstep' at column {column} must rise from a smaller to a larger number, got "
+                f"{start:g} and {end:g}",
+                column,
+            )
+    if node.is_variable or None in operands:
+        return None
+    value = float(_combined(node, operands))
+    if operands and not math.isfinite(value):
+        message = f"'{what}' at column {column} has no finite value (got {value})"
+        raise ExpressionError(message, column)
+    return value
+
+
+def _located(part: Expression, places: Array, step: float, sign: float) -> list[float]:
+    """Return where the size of a part is least (`sign` 1) or greatest (−1) about some times."""
+    for _ in range(10):  # of 32 intervals over two of the round before: 1e-12 of the first one
+        grid = places[:, None] + step * np.linspace(-1.0, 1.0, 33)
+        size = sign * np.abs(part.evaluate({"t": grid}))
+        places = np.take_along_axis(grid, np.argmin(size, axis=1)[:, None], axis=1)[:, 0]
+        step /= 16
+    return [float(f"{t:.12g}") for t in places]
+
+
+_Linear = tuple[float, float]
+"""p + q t, as (p, q)."""
+
+
+def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
+    """Return a node as p + q t, or None where that is not possible."""
+    what = node.what
+    if node.is_variable:
+        return (0.0, 1.0) if what == "t" else None
+    known = [operand for operand in operands if operand is not None]
+    if len(known) < len(operands):
+        return None
+    if what in ("+", "-"):
+        (p, q), (r, s) = known
+        sign = 1 if what == "+" else -1
+        return p + sign * r, q + sign * s
+    if what in ("*", "/"):
+        (p, q), (r, s) = known
+        if s == 0 and what == "/":
+            return p / r, q / r
+        if what == "*" and q * s == 0:
+            return p * r, p * s + q * r
+        return None
+    if what == "neg":
+        [(p, q)] = known
+        return -p, -q
+    if all(slope == 0 for _, slope in known):
+        return _combined(node, tuple(value for value, _ in known)), 0.0
+    return None
+
+
+def _roots(function: str, operands: tuple[_Linear | None, ...]) -> Iterator[float]:
+    """Yield the times at which two compared arguments of a function are equal."""
+    for one, other in PIECEWISE[function].compared(len(operands)):
+        left, right = operands[one], (0.0, 0.0) if other is None else operands[other]
+        if left and right and left[1] != right[1]:
+            yield (right[0] - left[0]) / (left[1] - right[1])

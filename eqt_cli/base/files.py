@@ -1,0 +1,643 @@
+"""Names, opens, reads and replaces files; all of eqt opens and writes files here.
+
+A name that a user, a configuration or a folder gives can lead to a named pipe without a writer, to
+an endless device, or to a file that is larger than the memory. A file is written completely or not
+at all, and never through a link.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import json
+import os
+import re
+import secrets
+import stat
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from difflib import get_close_matches
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from eqt_cli.base.errors import OTHER_FOLDER, EqtError, Remedy
+
+_DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE | re.ASCII)
+"""Names that Windows reserves for devices, with any suffix."""
+
+
+def is_device(name: str) -> bool:
+    """Whether a file of this name would be a device on Windows."""
+    return _DEVICE.fullmatch(name) is not None
+
+
+def file_name(text: str, otherwise: str) -> str:
+    """Return a text as a file name, with a hyphen for each run of invalid characters.
+
+    Parameters
+    ----------
+    otherwise
+        The name where no valid character is left, and the prefix to the name of a device.
+    """
+    name = re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-._") or otherwise
+    return f"{otherwise}-{name}" if is_device(name) else name
+
+
+RECORD_BYTES = 16 * 2**20
+"""Largest record that eqt keeps in a folder, such as ``manifest.json``, bytes."""
+
+TEXT_BYTES = 4_000_000
+"""Largest text that a user writes, bytes: a configuration, a plugin, a style sheet, notes."""
+
+FILE, FOLDER = "a file", "a folder"
+
+_KINDS = (
+    (stat.S_ISREG, FILE),
+    (stat.S_ISDIR, FOLDER),
+    (stat.S_ISLNK, "a symbolic link"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISSOCK, "a socket"),
+)
+
+_OPEN_FLAGS = (
+    os.O_RDONLY
+    | getattr(os, "O_NONBLOCK", 0)  # a pipe would wait for a writer
+    | getattr(os, "O_NOCTTY", 0)
+    | getattr(os, "O_CLOEXEC", 0)
+    | getattr(os, "O_BINARY", 0)
+)
+
+
+def kind_in_words(mode: int) -> str:
+    """Return the kind of a folder entry of this mode."""
+    return next((kind for matches, kind in _KINDS if matches(mode)), "a device")
+
+
+class NotRegularError(OSError):
+    """Raised where an entry is no regular file."""
+
+
+class TooLargeError(OSError):
+    """Raised for a file that is larger than its kind may be.
+
+    Attributes
+    ----------
+    size
+        Size of the file, bytes; a lower bound where the system does not report the size.
+    """
+
+    def __init__(self, limit: int, size: int) -> None:
+        super().__init__(errno.EFBIG, f"expected at most {limit:,} bytes, got {size:,}")
+        self.size = size
+
+
+def open_regular(path: Path, *, follow: bool = True) -> BinaryIO:
+    """Open a file for reading, if it is a regular file.
+
+    Parameters
+    ----------
+    follow
+        Whether the file itself may be a symbolic link.
+
+    Raises
+    ------
+    NotRegularError
+        For a pipe, a device, a socket, and a link that is not followed.
+    OSError
+        If it cannot be opened, as for a folder.
+    """
+    # Check first, because opening a device may start an action.
+    _require_regular(path.stat() if follow else path.lstat())
+    handle = os.open(path, _OPEN_FLAGS | (0 if follow else getattr(os, "O_NOFOLLOW", 0)))
+    try:
+        _require_regular(os.fstat(handle))
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        os.close(handle)
+        raise
+
+
+def content_of(path: Path, limit: int, *, follow: bool = True) -> bytes:
+    """Return the content of a regular file of at most `limit` bytes.
+
+    Raises
+    ------
+    TooLargeError
+        If the file is larger; where the system reports its size, before anything is read.
+    OSError
+        As by `open_regular`.
+    """
+    with open_regular(path, follow=follow) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size > limit:
+            raise TooLargeError(limit, size)
+        content = stream.read(limit + 1)  # some system files report a size of 0
+    if len(content) > limit:
+        raise TooLargeError(limit, len(content))
+    return content
+
+
+def text_in(path: Path, limit: int = TEXT_BYTES) -> str:
+    """Return the text of a file, read by `content_of`, with line breaks as in Python.
+
+    Raises
+    ------
+    UnicodeDecodeError
+        If the file is not in UTF-8.
+    """
+    text = content_of(path, limit).decode("utf-8")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _require_regular(status: os.stat_result) -> None:
+    if stat.S_ISREG(status.st_mode):
+        return
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    kind = kind_in_words(status.st_mode)
+    raise NotRegularError(errno.EINVAL, f"it is {kind}; expected a regular file")
+
+
+NO_SPACE = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
+"""Error numbers of a full disk or an exceeded quota."""
+
+_TEMPORARY = re.compile(r"(.+)\.[0-9a-f]{16}\.tmp")
+"""The name of an unfinished file: the final name, and a random part."""
+
+
+@contextmanager
+def replacement(path: Path) -> Iterator[io.FileIO]:
+    """Open a new file that replaces `path` when the block ends without an error.
+
+    The file is written in the same folder under a random name that must not exist yet, so that no
+    link can redirect it. Then it is flushed to the disk and renamed.
+    """
+    temporary = path.with_name(f"{path.name}.{secrets.token_hex(8)}.tmp")
+    with io.FileIO(temporary, "x+") as file:
+        try:
+            yield file
+            os.fsync(file.fileno())
+            file.close()
+            temporary.replace(path)
+        except BaseException:
+            with suppress(OSError):
+                file.close()
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+            raise
+    _sync_folder(path.parent)
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a file completely or not at all, even if the process or the machine stops."""
+    with replacement(path) as file:
+        _write(file, content)
+
+
+def new_file(path: Path, content: bytes) -> None:
+    """Write a file that must not exist yet; after an error, no file remains.
+
+    Raises
+    ------
+    FileExistsError
+        If there is an entry of this name, even a broken link.
+    """
+    with io.FileIO(path, "x") as file:
+        try:
+            _write(file, content)
+            os.fsync(file.fileno())
+        except BaseException:
+            with suppress(OSError):
+                path.unlink()
+            raise
+
+
+def name_to_be(name: str) -> str | None:
+    """Return the final name of an unfinished file; None for any other file."""
+    match = _TEMPORARY.fullmatch(name)
+    return match[1] if match else None
+
+
+def _write(file: io.FileIO, content: bytes) -> None:
+    """Write all of the content, in several calls where the system takes less at a time."""
+    rest = memoryview(content)
+    while rest:
+        rest = rest[file.write(rest) :]
+
+
+def _sync_folder(folder: Path) -> None:
+    """Flush a rename to the disk, where the system and the disk support it."""
+    if os.name != "posix":
+        return
+    with suppress(PermissionError):  # a folder may be writable, but not readable
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+                raise
+        finally:
+            os.close(handle)
+
+
+def write_record(path: Path, record: dict[str, Any]) -> None:
+    """Write the record of a folder, completely or not at all."""
+    text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
+    replace_file(path, text.encode())
+
+
+def read_record(path: Path, *keys: str) -> dict[str, Any] | None:
+    """Return a record of `write_record`; None where there is none, or where a key is missing."""
+    try:
+        record = json.loads(content_of(path, RECORD_BYTES, follow=False))
+    except (NotRegularError, TooLargeError) as error:  # callers name only the folder
+        raise OSError(error.errno, f"{path.name}: {error.strerror}") from error
+    except (FileNotFoundError, ValueError, RecursionError):
+        return None
+    return record if isinstance(record, dict) and set(keys) <= set(record) else None
+
+
+@contextmanager
+def refusals(
+    subject: object, action: str, remedy: Remedy | str = "", kind: type[EqtError] = EqtError
+) -> Iterator[None]:
+    """Turn errors of the system into ``x.yaml: cannot be read: permission denied; check …``.
+
+    Parameters
+    ----------
+    action
+        The participle of what the block does: ``"read"``.
+    remedy
+        Advice for the user.
+    kind
+        The error to raise in place of the system's.
+    """
+    try:
+        yield
+    except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a name with a null byte
+        reason = "it is no text in UTF-8" if isinstance(error, UnicodeError) else str(error)
+        if isinstance(error, OSError):
+            reason = error.strerror or str(error)
+        advice = Remedy(remedy) if isinstance(remedy, str) else remedy
+        reason = reason[:1].lower() + reason[1:]
+        raise kind(f"{subject}: cannot be {action}: {reason}", advice) from error
+
+
+def require_writable(folder: Path) -> None:
+    """Raise an `OSError` for a folder that cannot be written to, or cannot be made."""
+    there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    if not there.is_dir():
+        raise NotADirectoryError("not a directory")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise PermissionError("permission denied")
+
+
+YAML = (".yaml", ".yml")
+"""Suffixes of configurations, to distinguish them from results."""
+
+MAX_LISTED = 1000
+"""Largest number of folder entries to compare with a missing name."""
+
+
+def near(path: Path, fits: Callable[[Path], bool]) -> str:
+    """Return `; did you mean 'results/sat'?` for the entry whose name is closest to a missing one.
+
+    The folder of the missing path and ``results`` are searched.
+
+    Parameters
+    ----------
+    fits
+        Whether an entry may be suggested.
+    """
+    entries: dict[str, Path] = {}
+    for folder in dict.fromkeys((path.parent, Path("results"))):
+        with suppress(OSError):
+            for entry in islice(folder.iterdir(), MAX_LISTED):
+                entries.setdefault(entry.stem.lower(), entry)
+    for name in get_close_matches(path.stem.lower(), list(entries), n=3, cutoff=0.6):
+        if fits(entries[name]):
+            return f"; did you mean '{entries[name]}'?"
+    return ""
+
+
+def text_of(
+    path: Path,
+    missing: str,
+    kind: type[EqtError] = EqtError,
+    subject: object = None,
+    limit: int = TEXT_BYTES,
+    smaller: str = "",
+    read: Callable[[Path, int], str] = text_in,
+) -> str:
+    """Return the text of a file that a user names, of at most `limit` bytes.
+
+    Raises
+    ------
+    EqtError
+        Of this kind, if the file cannot be read; `missing` is the advice for a missing file, and
+        `smaller` that for one that is too large.
+    """
+    with refusals(subject or path, "read", kind=kind):
+        try:
+            return read(path, limit)
+        except FileNotFoundError:
+            raise kind(f"{path}: not found; {missing}") from None
+        except TooLargeError as error:
+            if not smaller:
+                raise
+            message = f"{subject or path}: cannot be read: {error.strerror}"
+            raise kind(f"{message}; {smaller}") from error
+
+
+# Entries -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class OwnFile:
+    """A pattern of files that eqt writes.
+
+    Attributes
+    ----------
+    name
+        Their names, as a regular expression.
+    marked
+        Whether others use such names, too, so that eqt's files are recognised by `is_eqts`.
+    """
+
+    name: str
+    marked: bool = False
+
+
+@dataclass(frozen=True)
+class OwnFolder:
+    """A pattern of folders in which eqt writes.
+
+    Attributes
+    ----------
+    name
+        Their names, as a regular expression.
+    entries
+        The files and folders of eqt within them.
+    record
+        The file that marks such a folder as eqt's; without one, every folder of this name is.
+    """
+
+    name: str
+    entries: Sequence[Own] = ()
+    record: str = ""
+
+
+Own = OwnFile | OwnFolder
+
+
+def kind_of(path: Path) -> str | None:
+    """Return the kind of an entry in words, where a link is a link; None if there is no entry."""
+    try:
+        return kind_in_words(path.lstat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def check_kind(path: Path, expected: str) -> None:
+    """Refuse an existing entry that is not of the expected kind, `FILE` or `FOLDER`.
+
+    Raises
+    ------
+    EqtError
+        With the kind of the entry, and what to do.
+    """
+    kind = kind_of(path)
+    if kind not in (None, expected):
+        raise foreign(path, kind or "", expected)
+
+
+def check_within(home: Path, path: Path) -> None:
+    """Check a file in a folder, and all folders between; `home` itself may be a link."""
+    below = path.relative_to(home).parts
+    for count in range(1, len(below)):
+        check_kind(home.joinpath(*below[:count]), FOLDER)
+    check_kind(path, FILE)
+
+
+def check_entries(folder: Path, own: Sequence[Own]) -> None:
+    """Refuse a folder in which an entry has a name of eqt's but is of another kind.
+
+    Names of marked files are skipped, because others may use them for anything.
+    """
+    for path, entry in _entries(folder, own):
+        if isinstance(entry, OwnFolder):
+            check_kind(path, FOLDER)
+            check_entries(path, entry.entries)
+        elif not entry.marked:
+            check_kind(path, FILE)
+
+
+def foreign(path: Path, kind: str, expected: str) -> EqtError:
+    """Return the error for an entry that is not eqt's at a place where eqt writes."""
+    return EqtError(
+        f"{path}: is {kind}; expected {expected} that eqt wrote, or no such entry",
+        Remedy("rename or remove it"),
+    )
+
+
+def remove_own(path: Path, own: Own) -> list[Path]:
+    """Remove what eqt wrote, and nothing else; return the removed paths.
+
+    If a folder also holds other entries, only eqt's entries in it are removed.
+    """
+    if isinstance(own, OwnFile):
+        if kind_of(path) != FILE or (own.marked and not is_eqts(path)):
+            return []
+        path.unlink()
+        return [path]
+    if kind_of(path) != FOLDER or (own.record and not _has_record(path / own.record)):
+        return []
+    gone = remove_left_over(path, own.entries)
+    for inner, entry in _entries(path, own.entries):
+        gone += remove_own(inner, entry)
+    if any(path.iterdir()):
+        return gone
+    path.rmdir()
+    return [path]
+
+
+def remove_left_over(folder: Path, own: Sequence[Own]) -> list[Path]:
+    """Remove unfinished files of eqt that killed processes left behind; return their paths."""
+    files = [entry for entry in own if isinstance(entry, OwnFile)]
+    left = list[Path]()
+    for path in _listed(folder):
+        name = name_to_be(path.name)
+        if name and _pattern_of(name, files) and kind_of(path) == FILE:
+            path.unlink()
+            left.append(path)
+        entry = _pattern_of(path.name, own)
+        if isinstance(entry, OwnFolder) and kind_of(path) == FOLDER:
+            left += remove_left_over(path, entry.entries)
+    return left
+
+
+def _has_record(path: Path) -> bool:
+    return kind_of(path) == FILE and read_record(path, "digest") is not None
+
+
+def _entries(folder: Path, own: Sequence[Own]) -> Iterator[tuple[Path, Own]]:
+    """Yield the entries of a folder that have a name of eqt's, with the matching pattern."""
+    for path in _listed(folder):
+        if entry := _pattern_of(path.name, own):
+            yield path, entry
+
+
+def _pattern_of(name: str, own: Sequence[Own]) -> Own | None:
+    return next((entry for entry in own if re.fullmatch(entry.name, name)), None)
+
+
+def _listed(folder: Path) -> list[Path]:
+    """Return the sorted entries of a folder; an empty list if there is no folder."""
+    try:
+        names = sorted(os.listdir(folder))  # noqa: PTH208  # faster for thousands of entries
+        return [folder / name for name in names]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
+# Writing -----------------------------------------------------------------------------------------
+
+
+def check_targets(paths: Iterable[Path], home: Path) -> None:
+    """Refuse, before the work, to write where it would fail or replace what is not eqt's.
+
+    Parameters
+    ----------
+    home
+        Folder below which no link is followed.
+
+    Raises
+    ------
+    EqtError
+        If a path is a folder, a link or a file that eqt did not write, or its parent is no folder
+        that can be written to.
+    """
+    for path in paths:
+        with refusals(path, "written", OTHER_FOLDER):
+            if path.is_dir():
+                example = path / "report.html"
+                raise EqtError(f"{path}: is a folder; expected a file, such as {example}")
+            check_within(home, path)
+            if path.exists() and not is_eqts(path):
+                raise EqtError(
+                    f"{path}: exists, and is no file that eqt wrote",
+                    Remedy("choose another place with {}", "out"),
+                )
+            require_writable(path.parent)
+
+
+def write_all(contents: Mapping[Path, bytes], home: Path) -> None:
+    """Write each file atomically; missing folders are made.
+
+    Parameters
+    ----------
+    home
+        Folder below which no link is followed.
+
+    Raises
+    ------
+    EqtError
+        If a folder or file cannot be written, or would replace what eqt did not write.
+    """
+    check_targets(contents, home)
+    for path, content in contents.items():
+        with refusals(path, "written", OTHER_FOLDER):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            replace_file(path, content)
+
+
+# Marks -------------------------------------------------------------------------------------------
+
+FOUND_BY = "# found by eqt {}\n"
+"""The mark of a configuration that a command found."""
+
+_HEAD = 4096
+"""Number of bytes at the start of a file that are searched for a mark; a PDF file is searched
+completely."""
+
+_MARKS = (
+    re.compile(rb'<!DOCTYPE html>.*?<meta name="generator" content="eqt ', re.DOTALL),
+    re.compile(rb"<\?xml.*?<dc:title>eqt ", re.DOTALL),
+    re.compile(rb"\x89PNG.*?Software\0eqt ", re.DOTALL),
+    re.compile(rb"GIF8.*?!\xfe.eqt ", re.DOTALL),
+    re.compile(rb'\[\n(\{"panel": |\n\])'),  # the numbers of a figure
+    re.compile(rb"% caption by eqt: "),
+    re.compile(rb"# found by eqt (tune|worst|fit)\n"),
+    re.compile(rb"(/\* E|<!-- e)xported by eqt "),
+)
+_PDF, _PDF_MARK = b"%PDF", b"/Creator (eqt "
+
+
+def is_eqts(path: Path) -> bool:
+    """Whether eqt wrote a picture, its numbers or caption, a page, a configuration or a law.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    if kind_of(path) != FILE:
+        return False
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD)
+        if head.startswith(_PDF):
+            # In blocks: a mapped file that another process shortens would kill this one.
+            return _holds(stream, head, _PDF_MARK)
+    return any(mark.match(head) for mark in _MARKS)
+
+
+def _holds(stream: BinaryIO, read: bytes, mark: bytes) -> bool:
+    """Whether a mark is in the bytes that were read, or in the rest of the file."""
+    while read:
+        if mark in read:
+            return True
+        more = stream.read(2**20)
+        read = read[-len(mark) :] + more if more else b""
+    return False
+
+
+# Names in result files ----------------------------------------------------------------------------
+
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
+"""Valid names of variables, dimensions and attributes, which all HDF5 tools accept."""
+
+FORMAT = 1
+"""Number of the file layout; a reader refuses every other number."""
+
+FORMAT_ATTRIBUTE = "eqt_format"
+"""The root attribute that marks a file as eqt's and holds its `FORMAT`."""
+
+VERSION_ATTRIBUTE = "eqt_version"
+"""The root attribute with the version of eqt that wrote the file, a string of fixed length."""
+
+FILE_NAME = "results.h5"
+"""The name of the result file in a result folder."""
+
+PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."
+"""Label of netCDF-4 for the scale of a dimension with a size but without coordinate values."""
+
+POINT = "point"
+"""The dimension of a sweep's points."""
+
+POINT_GROUP = re.compile(r"point_(0|[1-9][0-9]*)")
+"""Names of the groups of points, one for each, in a sweep whose points differ in shape."""
+
+COORDINATES = "coordinates"
+"""The CF attribute that names further coordinates of a variable, separated by blanks."""
+
+_OF_HDF5 = "CLASS NAME DIMENSION_LABELS DIMENSION_LIST REFERENCE_LIST".split()
+_OF_NETCDF = "_Netcdf4Dimid _Netcdf4Coordinates _NCProperties _nc3_strict".split()
+RESERVED = {FORMAT_ATTRIBUTE, VERSION_ATTRIBUTE, COORDINATES, *_OF_HDF5, *_OF_NETCDF}
+"""Attributes that hold the structure of the file, and are never a user's."""
+
+
+def point_group(point: int) -> str:
+    """Return the name of the group of a point."""
+    return f"{POINT}_{point}"

@@ -1,0 +1,745 @@
+"""Annotated types of numbers and names in a configuration, and the validation of plain data.
+
+Errors are described in words, including those of unknown keys.
+"""
+
+import dataclasses
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args, get_type_hints
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    Discriminator,
+    Field,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+    WithJsonSchema,
+    WrapValidator,
+)
+from pydantic_core import core_schema
+
+from eqt_cli.base.errors import ExpressionError, KeyPath, Problems, closest, suggestion
+from eqt_cli.base.expressions import constant
+from eqt_cli.base.files import is_device
+from eqt_cli.base.registry import Registry, meanings, option_of_field
+from eqt_cli.base.units import base_of, factor, offered, split
+
+
+def number_schema(above: float | None = None) -> dict[str, Any]:
+    """Return the JSON schema of a number greater than `above`, or of a constant expression."""
+    limit = {} if above is None else {"exclusiveMinimum": above}
+    words = "a constant expression such as -pi/2, or a number with a unit such as 20 ms"
+    expression = {"type": "string", "description": words}
+    return {"anyOf": [{"type": "number", **limit}, expression]}
+
+
+@dataclass(frozen=True)
+class _FiniteReal:
+    """Marks a float that may also be written as a constant expression, or with a unit."""
+
+    above: float | None = None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        number = core_schema.float_schema(strict=True, allow_inf_nan=False, gt=self.above)
+        return core_schema.no_info_before_validator_function(number_of, number)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return number_schema(self.above)
+
+
+# Units --------------------------------------------------------------------------------------------
+
+TORQUE, DAMPING, TORQUE_RATE = "torque", "torque s", "torque/s"
+STIFFNESS, MOMENTUM, INERTIA = "stiffness", "momentum", "inertia"
+POSE, VELOCITY = "pose", "velocity"
+MEASURED = "measured"
+"""A unit that is that of `POSE` or `VELOCITY`, by the place of a sensor."""
+ANY = "any"
+"""Any unit: of a number whose key is not known where it is read."""
+
+_OF_PART = {
+    TORQUE: "{force}",
+    TORQUE_RATE: "{force}/s",
+    MOMENTUM: "{force} s",
+    DAMPING: "{force} {per}/{of}",
+    STIFFNESS: "{force} {per}/{of}/s",
+    INERTIA: "{force} {per}/{of} s",
+    VELOCITY: "{of}/{per}",
+    POSE: "{of}/{per} s",
+}
+"""Units that differ between the parts of a group, by their velocity unit ``of/per``."""
+
+_PARTS = (("rad", "s", "N m"), ("m", "s", "N"), ("m", "s^2", "N s"))
+"""Units of velocities and forces of the parts of all groups, where the group is not known."""
+
+
+class Place(NamedTuple):
+    """Where a number is written: what decides its unit.
+
+    Attributes
+    ----------
+    group
+        The group; None where it is not known.
+    path
+        Path of the component or section, such as ``sensors.pose[0]``.
+    of
+        Name of the part of the group that the component is about; empty for all.
+    """
+
+    group: Any = None
+    path: str = ""
+    of: str = ""
+
+    def units(self, unit: str) -> dict[str, tuple[str, slice]]:
+        """Return the unit of each part by name, with its coordinates."""
+        if unit == MEASURED:
+            unit = VELOCITY if self.path.startswith("sensors.velocity") else POSE
+        by_part = {}
+        for part in self.group.parts:
+            of, _, per = part.velocity_unit.partition("/")
+            if self.of in ("", part.name):
+                own = _OF_PART[unit].format(force=part.force_unit, of=of, per=per)
+                by_part[part.name] = own, part.axes
+        return by_part
+
+
+class Written(str):
+    """A number as text, with the units that it may have.
+
+    Attributes
+    ----------
+    units
+        Units of all dimensions that it may have.
+    mixed
+        Whether one number would stand for coordinates of different dimensions.
+    """
+
+    units: tuple[str, ...]
+    mixed: bool
+
+    def __new__(cls, text: str, units: Iterable[str], *, mixed: bool = False) -> Self:
+        """Return the text with its units."""
+        made = super().__new__(cls, text)
+        made.units, made.mixed = tuple(dict.fromkeys(units)), mixed
+        return made
+
+
+class _InUnit:
+    """Marks an option with a unit: its texts, also in lists, are told what units they may have."""
+
+    unit: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        schema = handler(source)
+        if not self.unit:
+            return schema
+        return core_schema.with_info_before_validator_function(
+            lambda value, info: self.told(value, info.context or Place()), schema
+        )
+
+    def told(self, value: Any, place: Place) -> Any:
+        """Return the value, in which texts know what units they may have."""
+        if isinstance(value, int | float):
+            return value
+        if self.unit not in (*_OF_PART, MEASURED):
+            return _tagged(value, [self.unit])
+        if place.group is None:
+            kinds = (POSE, VELOCITY) if self.unit == MEASURED else (self.unit,)
+            units = [
+                _OF_PART[kind].format(force=force, of=of, per=per)
+                for kind in kinds
+                for of, per, force in _PARTS
+            ]
+            return _tagged(value, units)
+        by_part = place.units(self.unit)
+        by_axis = [unit for unit, axes in by_part.values() for _ in range(axes.start, axes.stop)]
+        units = list(dict.fromkeys(by_axis))
+        if isinstance(value, list) and not any(isinstance(entry, list) for entry in value):
+            by_entry = [[unit] for unit in by_axis]
+            own = by_entry if len(value) == len(by_axis) else [units] * len(value)
+            return [_tagged(entry, some) for entry, some in zip(value, own, strict=True)]
+        if isinstance(value, dict) and value.keys() <= by_part.keys():
+            return {name: _tagged(entry, [by_part[name][0]]) for name, entry in value.items()}
+        return _tagged(value, units, mixed=len(units) > 1 and not isinstance(value, list))
+
+
+def _tagged(value: Any, units: Sequence[str], *, mixed: bool = False) -> Any:
+    if isinstance(value, str):
+        return Written(value, units, mixed=mixed)
+    if isinstance(value, list):
+        return [_tagged(entry, units, mixed=mixed) for entry in value]
+    if isinstance(value, dict):
+        return {key: _tagged(entry, units, mixed=mixed) for key, entry in value.items()}
+    return value
+
+
+def number_of(value: Any) -> Any:
+    """Return the number of a text such as ``-pi/2`` or, where it has units, ``20 ms``.
+
+    Raises
+    ------
+    ValueError
+        If it is none; the message says what was expected.
+    """
+    if not isinstance(value, str):
+        return value
+    units: tuple[str, ...] = getattr(value, "units", ())
+    text, unit = split(value) or (value, "")
+    expected = " or ".join(["a number", *dict.fromkeys(map(offered, units))])
+    try:
+        number = constant(text)
+    except ExpressionError as error:
+        if _WITH_A_UNIT.fullmatch(value.strip()):
+            raise ValueError(f"expected {expected}, got '{value}'") from error
+        raise ValueError(f"expected a number, got '{value}': {error}") from error
+    if not unit:
+        return number
+    if getattr(value, "mixed", False):
+        listed = " and ".join(offered(each).partition(" in ")[0] for each in units)
+        raise ValueError(
+            f"expected a list with an entry for each coordinate, because they are of different "
+            f"kinds ({listed}), got '{value}'"
+        )
+    for own in units:
+        if (size := factor(unit, base_of(unit) if own == ANY else own)) is not None:
+            return number * size
+    plain = expected if units else "a number that has no unit"
+    own = base_of(unit)
+    converted = "" if own == unit else f", which is {number * (factor(unit, own) or 1):.6g} {own}"
+    raise ValueError(f"expected {plain}, got '{value}'{converted}")
+
+
+_WITH_A_UNIT = re.compile(
+    r"(?!0[xXbBoO])[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?(?: +|(?![eE]))(?!pi\b)[A-Za-zµμ%][\w/*^² ]*"
+)
+"""A number with a word that may be meant as a unit; not ``2pi``, ``0x10`` or ``1e``."""
+
+
+def has_unit(value: Any) -> bool:
+    """Whether a value is a text such as ``20 ms``."""
+    return isinstance(value, str) and split(value) is not None
+
+
+@dataclass(frozen=True)
+class Unit(_InUnit):
+    """The unit of an option: ``Annotated[Real, Unit("s")]`` may also be written as ``20 ms``.
+
+    Attributes
+    ----------
+    unit
+        A unit, or one of `POSE`, `VELOCITY`, … of coordinates, which the group decides.
+    """
+
+    unit: str
+
+
+@dataclass(frozen=True)
+class Scale(_InUnit):
+    """Unit of an option, and its label on an axis: ``Annotated[Real, Scale("horizon", "s")]``.
+
+    Attributes
+    ----------
+    label
+        Words, or a symbol.
+    unit
+        As of `Unit`; empty for pure numbers.
+    is_symbol
+        Whether the label is a symbol.
+    """
+
+    label: str
+    unit: str = ""
+    is_symbol: bool = False
+
+
+Real = Annotated[float, _FiniteReal()]
+"""A finite number; in a configuration also a constant expression."""
+
+Angle = Annotated[Real, Unit("rad")]
+"""An angle in rad; in a configuration also one such as ``90 deg``."""
+
+AnyReal = Annotated[Real, Unit(ANY)]
+"""A finite number in any unit; for values of keys that are not known where they are read."""
+
+Positive = Annotated[float, _FiniteReal(above=0.0)]
+"""A finite number greater than 0; in a configuration also a constant expression."""
+
+
+def one_of(kind: Callable[[Any], str | None], expected: str) -> Discriminator:
+    """Return a discriminator of a union, with `expected` for values that match no member."""
+    return Discriminator(kind, custom_error_type="none_of", custom_error_message=expected)
+
+
+def rank(value: Any) -> str | None:
+    """Return the kind of a number, a list or a list of rows; None for anything else."""
+    if not isinstance(value, list):
+        number = isinstance(value, int | float | str) and not isinstance(value, bool)
+        return "scalar" if number else None
+    return "matrix" if any(isinstance(row, list) for row in value) else "list"
+
+
+Row = list[Real]
+Constant = (
+    Annotated[Real, Tag("scalar")]
+    | Annotated[Row, Tag("list")]
+    | Annotated[list[Row], Tag("matrix")]
+)
+Matrix = Annotated[Constant, one_of(rank, "a number, a list (the diagonal) or a list of rows")]
+"""A number (times the identity), a list (a diagonal) or a list of rows."""
+
+SHORTEST = 1e-12
+"""Shortest horizon, s; an engine can still step to a billionth of it."""
+
+
+def _is_long_enough(duration: float) -> float:
+    if duration < SHORTEST:
+        raise ValueError(f"expected at least {SHORTEST:g} s, got {duration:g}")
+    return duration
+
+
+Duration = Annotated[Positive, AfterValidator(_is_long_enough)]
+"""The length of a horizon, s."""
+
+
+EXACT = 1e9
+"""Largest number of periods for which rounding can tell whether it is whole."""
+
+ROUNDING = 1e-9
+"""Relative error that decimals of a time and of a period may leave."""
+
+
+def periods_in(time: float, period: float, least: int = 0, name: str = "periods") -> int:
+    """Return how many whole periods a time is.
+
+    Parameters
+    ----------
+    time, period
+        Time and period, s.
+    name
+        What the periods are called.
+
+    Raises
+    ------
+    ValueError
+        If it is no whole number of periods; it names the nearest.
+    """
+    count = time / period
+    if not least * (1 - ROUNDING) <= count < EXACT:
+        raise ValueError(
+            f"expected from {least} to {EXACT:g} {name} of {period:g} s, got {time:g} s"
+        )
+    if abs(count - round(count)) > ROUNDING * max(count, 1.0):
+        near = [math.floor(count), math.ceil(count)]
+        times = " or ".join(f"{1e3 * each * period:g} ms" for each in near)
+        raise ValueError(
+            f"expected a whole number of {name} of {1e3 * period:g} ms, got {1e3 * time:g} ms; "
+            f"write {times}"
+        )
+    return round(count)
+
+
+def common_divisor(times: Iterable[float]) -> float:
+    """Return the greatest time of which all times are whole multiples, up to decimals."""
+    divisor = 0.0
+    for time in times:
+        rest, floor = time, ROUNDING * max(time, divisor) * EXACT ** (1 / 3)
+        while rest > floor:
+            divisor, rest = rest, abs(math.remainder(divisor, rest))
+    return divisor
+
+
+def check_period(
+    own: float, control: float | None, problems: Problems, name: str = "periods"
+) -> int | None:
+    """Return the number of control periods, or ticks, in a period; note it if it is not whole."""
+    if control is None:
+        problems.add("counts control periods; set control.period")
+        return None
+    try:
+        return periods_in(own, control, 1, name)
+    except ValueError as error:
+        problems.add(str(error))
+        return None
+
+
+def _is_no_device(name: str) -> str:
+    if is_device(name):
+        raise ValueError(f"expected no name that Windows keeps for a device, got '{name}'")
+    return name
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$"), AfterValidator(_is_no_device)]
+"""A name that a file or folder can have on every system."""
+
+Count = Annotated[int, Field(strict=True, ge=1)]
+"""A whole number of at least 1."""
+
+MAX_RUNS = 10**8
+"""Largest number of runs of a controller; a billion would take months and 100 GB."""
+
+MAX_POINTS = 10**7
+"""Largest number of points of a sweep, because all are checked before the first one is run."""
+
+RunCount = Annotated[int, Field(strict=True, ge=1, le=MAX_RUNS)]
+"""A number of runs."""
+
+MAX_SAMPLES = 10**7
+"""Largest number of samples of a run: a day at 100 Hz, and 80 MB for each quantity."""
+
+Samples = Annotated[int, Field(strict=True, ge=2, le=MAX_SAMPLES)]
+"""A number of sample times, both ends included."""
+
+Points = Annotated[int, Field(strict=True, ge=1, le=MAX_POINTS)]
+"""A number of points of a sweep, or of values along one of its axes."""
+
+CountOrNone = Annotated[int, Field(strict=True, ge=0)]
+"""A whole number of at least 0, where 0 stands for none."""
+
+
+def seconds(text: str) -> float:
+    """Return the time of a text such as ``20 ms``."""
+    return float(number_of(Written(text, ["s"])))
+
+
+def _time_as_written(value: Any, handler: Any) -> Any:
+    """Return a time such as ``20 ms`` as it is, once it is read; any other value is a count."""
+    if not has_unit(value):
+        return handler(value)
+    if not 0 <= seconds(value) < math.inf:
+        raise ValueError(f"expected a time of at least 0 s, got {value}")
+    return str(value)
+
+
+_TIME = {"type": "string", "description": "a time such as 20 ms"}
+CountOrTime = Annotated[
+    CountOrNone,
+    WrapValidator(_time_as_written),
+    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 0}, _TIME]}),
+]
+"""A whole number of control periods, or a time as text."""
+
+Offset = Annotated[Real, Unit("s")]
+"""The time of the first instant of a clock, s."""
+
+
+T = TypeVar("T")
+
+_UNKNOWN_KEY = "unknown key"
+MISSING = "missing; this key is required"
+
+_EXPECTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "dataclass_type": "a mapping",
+    "finite_number": "a finite number",
+    "greater_than": "a number greater than {gt:g}",
+    "greater_than_equal": "a whole number of at least {ge}",
+    "less_than": "a whole number less than {lt}",
+    "less_than_equal": "a number of at most {le:,.15g}",
+    "too_short": "at least {min_length} entry",
+    "literal_error": "{expected}",
+    "string_pattern_mismatch": "letters, digits, '.', '_' and '-', with a letter or digit first",
+}
+"""Expectations in words, by pydantic's type of error."""
+
+
+# Values -------------------------------------------------------------------------------------------
+
+
+def validated(
+    kind: Any,
+    data: Any,
+    problems: Problems,
+    common: tuple[str, ...] = (),
+    group: Any = None,
+    meant: frozenset[KeyPath] = frozenset(),
+) -> Any:
+    """Return the data as the type `kind`, or None after noting its errors.
+
+    Unknown keys are noted, and the rest is validated without them.
+
+    Parameters
+    ----------
+    common
+        Keys that `data` may have in addition to those of its type.
+    group
+        The group, which decides the units of coordinates; None where it is not known.
+    meant
+        Keys that unknown keys probably mean, so that they are not missing.
+    """
+    of = data.get("of") if isinstance(data, dict) else None
+    place = Place(group, problems.path, of if isinstance(of, str) else "")
+    try:
+        # As JSON, because strict validation accepts a mapping for a dataclass only in JSON.
+        return _adapter(kind).validate_json(
+            json.dumps(data, default=str), strict=True, context=place
+        )
+    except ValidationError as error:
+        unknown = _note_errors(error, data, kind, problems, common, meant)
+    if not unknown:
+        return None
+    meant |= _meant(unknown, kind, common)
+    return validated(kind, _without(data, unknown), problems, common, group, meant)
+
+
+def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> frozenset[KeyPath]:
+    """Return the keys that unknown keys probably mean."""
+    likely = (
+        (path, closest(str(path[-1]), known_keys(kind, path[:-1], common))) for path in unknown
+    )
+    return frozenset((*path[:-1], name) for path, name in likely if name)
+
+
+def fields_of(
+    model: type[BaseModel], data: Any, problems: Problems, group: Any = None
+) -> dict[str, Any]:
+    """Return the valid fields of a model by name, and defaults; each is validated by itself."""
+    valid = {}
+    unknown = [(str(name),) for name in data if name not in model.model_fields]
+    meant = _meant(unknown, model, ())
+    for name, field in model.model_fields.items():
+        if name in data:
+            value = validated(_kinds(model)[name], data[name], problems.at(name), group=group)
+        elif field.is_required():
+            if (name,) not in meant:
+                problems.at(name).add(f"{MISSING}: {_meanings(model)[name]}")
+            value = None
+        else:
+            make: Any = field.default_factory  # pydantic would inspect its signature every time
+            value = make() if make else field.get_default()
+        if value is not None:
+            valid[name] = value
+    return valid
+
+
+@cache
+def _kinds(model: type[BaseModel]) -> dict[str, Any]:
+    return {name: field.rebuild_annotation() for name, field in model.model_fields.items()}
+
+
+def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[str, str]:
+    """Return the keys at a place in data of a type, with their meanings."""
+    for step in path:
+        hints = [get_type_hints(owner) for owner in owners(kind)]
+        kind = next((hint[str(step)] for hint in hints if str(step) in hint), kind)
+    keys = dict.fromkeys(() if path else common, "")
+    for owner in owners(kind):
+        keys |= _meanings(owner)
+    return keys
+
+
+@cache
+def _meanings(owner: type) -> dict[str, str]:
+    """Return the meanings of the keys of a model or component, from its docstring."""
+    texts = {option_of_field(name): text for name, text in meanings(owner).items()}
+    examples: dict[str, list[Any]] = (
+        {name: field.examples or [] for name, field in owner.model_fields.items()}
+        if issubclass(owner, BaseModel)
+        else {name: [] for name in option_names(owner)}
+    )
+    return {
+        name: texts.get(name, "").removesuffix(".")
+        + "".join(f", for example {name}: {each}" for each in given)
+        for name, given in examples.items()
+    }
+
+
+def owners(kind: Any) -> list[type]:
+    """Return the models and dataclasses that a value of a type may be or contain."""
+    if isinstance(kind, type) and (dataclasses.is_dataclass(kind) or issubclass(kind, BaseModel)):
+        return [kind]
+    return [inner for part in get_args(kind) for inner in owners(part)]
+
+
+def _note_errors(
+    error: ValidationError,
+    data: Any,
+    kind: Any,
+    problems: Problems,
+    common: tuple[str, ...],
+    meant: frozenset[KeyPath],
+) -> list[KeyPath]:
+    """Note pydantic's errors at the places in `data` that the user wrote.
+
+    Returns
+    -------
+    list of KeyPath
+        The unknown keys.
+    """
+    unknown: dict[KeyPath, str] = {}
+    messages: dict[KeyPath, str] = {}
+    expected: dict[KeyPath, list[str]] = {}
+    for detail in error.errors(include_url=False):
+        code, context = detail["type"], detail.get("ctx", {})
+        path = _written(detail["loc"], data, missing=code == "missing")
+        known = known_keys(kind, path[:-1], common)
+        if code in ("extra_forbidden", "unexpected_keyword_argument"):
+            unknown[path] = unknown_key(str(path[-1]), known)
+        elif code == "missing":
+            meaning = known.get(str(path[-1]))
+            messages[path] = f"{MISSING}: {meaning}" if meaning else MISSING
+        elif code == "value_error":
+            messages[path] = str(context["error"])
+        else:
+            words = _EXPECTED[code].format(**context) if code in _EXPECTED else detail["msg"]
+            expected.setdefault(path, []).append(words)
+    noted = [*expected, *messages, *unknown]
+    for path, alternatives in expected.items():
+        # Each member of a union fails at the same place, or deeper in its value.
+        if not any(_below(other, path) for other in noted):
+            words, value = _listed(list(dict.fromkeys(alternatives))), _at(path, data)
+            alone = len(path) <= 1 and isinstance(value, str)
+            if alone and words == _EXPECTED["list_type"]:
+                words += f", such as [{value}]"
+            messages.setdefault(path, f"expected {words}, got {shown(value)}")
+    meant |= _meant(unknown, kind, common)
+    for path, message in (messages | unknown).items():
+        if not (path in meant and message.startswith(MISSING)):
+            problems.at(*path).add(message)
+    return list(unknown)
+
+
+def unknown_key(key: str, known: Iterable[str], deeper: str | None = None) -> str:
+    """Return the message for an unknown key, which may belong at `deeper`."""
+    if deeper:
+        return f"{_UNKNOWN_KEY}; did you mean '{deeper}'?"
+    others = [name for name in known if name != key]  # a union's other members may know `key`
+    return _UNKNOWN_KEY + (suggestion(key, others) or f"; expected one of {', '.join(others)}")
+
+
+def shown(value: Any) -> str:
+    """Return a value as on one line of YAML, shortened."""
+    text = _flow(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, str):
+        return repr(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_flow, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(entry)}" for key, entry in value.items()) + "}"
+    return json.dumps(value, default=str)
+
+
+def _listed(alternatives: list[str]) -> str:
+    """Return ``a, b or c``; an alternative may itself be such a list."""
+    *first, last = alternatives
+    return f"{', '.join(first).replace(' or ', ', ')} or {last}" if first else last
+
+
+def _written(location: KeyPath, data: Any, *, missing: bool) -> KeyPath:
+    """Return the steps of a pydantic location that are in the data, without union members."""
+    path: list[str | int] = []
+    for index, step in enumerate(location):
+        inside = (isinstance(data, dict) and step in data) or (
+            isinstance(data, list) and isinstance(step, int) and step < len(data)
+        )
+        if inside:
+            path.append(step)
+            data = data[step]
+        elif missing and index == len(location) - 1:
+            path.append(step)
+    return tuple(path)
+
+
+def _at(path: KeyPath, data: Any) -> Any:
+    for step in path:
+        data = data[step]
+    return data
+
+
+def _without(data: Any, paths: list[KeyPath]) -> Any:
+    data = deepcopy(data)
+    for *above, key in paths:
+        del _at(tuple(above), data)[key]
+    return data
+
+
+def _below(path: KeyPath, ancestor: KeyPath) -> bool:
+    return len(path) > len(ancestor) and path[: len(ancestor)] == ancestor
+
+
+_adapter = lru_cache(maxsize=256)(TypeAdapter)
+
+
+# Components ---------------------------------------------------------------------------------------
+
+
+def component(
+    registry: Registry[T],
+    value: Any,
+    problems: Problems,
+    common: tuple[str, ...] = (),
+    group: Any = None,
+    *,
+    check: bool = True,
+) -> T | None:
+    """Return the component that `value` describes, or None after noting its errors.
+
+    The value is a name, or a mapping such as `{kind: family, gyroscopic: 0.5}`. A mapping may have
+    the keys `common` in addition to `kind` and the options. The component is checked for `group`.
+    """
+    if not isinstance(value, str | Mapping):
+        problems.add(f"expected text or a mapping, got {shown(value)}")
+        return None
+    options = {} if isinstance(value, str) else dict(value)
+    kind = value if isinstance(value, str) else options.pop("kind", None)
+    at_kind = problems if isinstance(value, str) else problems.at("kind")
+    if not isinstance(kind, str):
+        expected = f"expected a {registry.kind}, one of {', '.join(registry.names())}"
+        at_kind.add(f"missing; {expected}" if kind is None else f"{expected}, got {shown(kind)}")
+        return None
+    with at_kind.catching():
+        known = ("kind", *common)
+        built: Any = validated(registry.get(kind), options, problems, known, group)
+        if built is not None and group is not None and check:
+            built.check(group, problems)
+        return built
+    return None
+
+
+def has_options(component: type) -> bool:
+    """Whether a component has options by name; some have one that is the whole section."""
+    return dataclasses.is_dataclass(component) and not getattr(component, "whole_section", "")
+
+
+def option_names(component: type) -> list[str]:
+    """Return the options that a component has in a configuration."""
+    return [option_of_field(field.name) for field in dataclasses.fields(component) if field.init]
+
+
+def as_section(component: Any) -> dict[str, Any]:
+    """Return a component as a mapping with `kind` and every option, including defaults."""
+    section = {"kind": component.name}
+    for field in dataclasses.fields(component):
+        value = getattr(component, field.name)
+        if field.init and value is not None:
+            section[option_of_field(field.name)] = _plain(value)
+    return section
+
+
+def _plain(value: Any) -> Any:
+    """Return dataclasses as mappings and arrays as lists, also inside others."""
+    if isinstance(value, list):
+        return [_plain(entry) for entry in value]
+    if hasattr(value, "__dataclass_fields__"):
+        return {name: _plain(entry) for name, entry in dataclasses.asdict(value).items()}
+    return value.tolist() if hasattr(value, "tolist") else value

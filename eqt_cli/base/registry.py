@@ -1,0 +1,412 @@
+"""The base class of components, their registries, and the origin of their errors.
+
+Components (groups, controllers, figures, …) are found by scanning modules; none is named here.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import linecache
+import pkgutil
+import re
+import sys
+import traceback
+from abc import ABC
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cached_property, lru_cache
+from hashlib import sha256
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any, ClassVar, Generic, TypeVar
+
+from eqt_cli.base.errors import ComponentError, EqtError, suggestion
+from eqt_cli.base.files import refusals, text_in
+
+# The base class of components, their registries, and the origin of their errors -------------------
+#
+# Components (groups, controllers, figures, …) are found by scanning modules; none is named here.
+
+
+def option_of_field(name: str) -> str:
+    """Return the option of a field: `from` for ``from_``, because Python reserves the former."""
+    return name.removesuffix("_")
+
+
+class Component(ABC):
+    """A dataclass whose fields are its options in a configuration, ``from_`` for `from`.
+
+    A component checks its options in `check`, and notes errors in the problems of its place:
+    ``problems.at("std").add("expected …")``.
+    """
+
+    name: ClassVar[str]
+    # Read by pydantic when a configuration gives options: no other keys, no silent conversions.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {
+        "extra": "forbid",
+        "strict": True,
+        "alias_generator": option_of_field,
+    }
+
+
+T = TypeVar("T")
+
+_PLUGIN = "eqt_plugin_"
+"""Prefix of the module names of plugins."""
+
+_registries: list[Registry] = []  # type: ignore[type-arg]  # registries of different bases
+_loaded_plugins: dict[str, ModuleType] = {}
+
+
+class Registry(Generic[T]):
+    """The components of one kind, by name.
+
+    Parameters
+    ----------
+    kind
+        The word for a component in messages: ``"controller"``.
+    plural
+        The name of the kind in `eqt list`.
+    base
+        The class that every component derives from; plugins find it in `eqt_cli.extend`.
+    modules
+        The modules of eqt's own components, in the order in which a name is looked for. Extensions
+        name theirs in `COMPONENTS`.
+    entry_point_group
+        The entry-point group of other distributions, by default ``eqt.`` and the plural.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        plural: str,
+        base: type[T],
+        modules: tuple[str, ...],
+        entry_point_group: str = "",
+    ) -> None:
+        self.kind, self.plural, self.base, self.modules = kind, plural, base, modules
+        self.entry_point_group = entry_point_group or f"eqt.{plural}"
+        self._plugins: dict[str, type[T]] = {}
+        _registries.append(self)
+
+    @lru_cache  # noqa: B019  # registries live as long as the process
+    def _in_module(self, module: str) -> dict[str, type[T]]:
+        found = self._components(importlib.import_module(f"eqt_cli.{module}"))
+        return {_name(component): component for component in found}
+
+    @cached_property
+    def _own(self) -> dict[str, type[T]]:
+        return {n: each for module in self.modules for n, each in self._in_module(module).items()}
+
+    @cached_property
+    def _of_extensions(self) -> dict[str, str]:
+        """The modules of the components in extensions, which are imported when they are used."""
+        return {
+            name: f"extensions.{extension}.{module}"
+            for extension, manifest in extensions().items()
+            for name, module in getattr(manifest, "COMPONENTS", {}).get(self.plural, {}).items()
+        }
+
+    @cached_property
+    def _installed(self) -> dict[str, type[T]]:
+        found: dict[str, type[T]] = {}
+        for point in _entry_points().select(group=self.entry_point_group):
+            try:
+                component = point.load()
+            except Exception as error:
+                raise ComponentError(
+                    f"{self.kind} '{point.name}' of the entry point '{point.value}' cannot be "
+                    f"loaded: {error}; fix or uninstall the distribution that declares it"
+                ) from error
+            if not (inspect.isclass(component) and issubclass(component, self.base)):
+                raise ComponentError(
+                    f"{self.kind} '{point.name}' of the entry point '{point.value}' is no "
+                    f"{self.base.__name__}; derive it from eqt_cli.extend.{self.base.__name__}"
+                )
+            self._check_complete(component)
+            found.setdefault(_name(component), component)
+        return found
+
+    def _shipped(self, name: str) -> type[T] | None:
+        """Return a component of eqt; modules behind the one that has it are not imported."""
+        for module in self.modules:
+            if component := self._in_module(module).get(name):
+                return component
+        if name in self._of_extensions:
+            return self._in_module(self._of_extensions[name])[name]
+        return None
+
+    def _components(self, module: ModuleType) -> Iterator[type[T]]:
+        for _, member in inspect.getmembers(module, inspect.isclass):
+            is_own = member.__module__ == module.__name__ and "name" in vars(member)
+            if is_own and issubclass(member, self.base):
+                self._check_complete(member, f"{Path(str(module.__file__)).name}: ")
+                yield member
+
+    def _check_complete(self, component: type[T], where: str = "") -> None:
+        missing = sorted({*getattr(component, "__abstractmethods__", ()), *_unset(component)})
+        if missing:
+            raise ComponentError(
+                f"{where}{self.kind} '{_name(component)}' does not define {', '.join(missing)}; "
+                f"see eqt_cli.extend.{self.base.__name__}"
+            )
+
+    def _known(self) -> set[str]:
+        """Names of the components of eqt, its extensions, and other distributions."""
+        return {*self._own, *self._of_extensions, *self._installed}
+
+    def names(self) -> list[str]:
+        """Return all names, built-in and installed components first, plugins last, each sorted."""
+        known = self._known()
+        return sorted(known) + sorted(set(self._plugins) - known)
+
+    def get(self, name: str) -> type[T]:
+        """Return the component called `name`.
+
+        Raises
+        ------
+        ComponentError
+            If there is none; the message names the closest, or else all components.
+        """
+        component = self._shipped(name) or self._installed.get(name) or self._plugins.get(name)
+        if component is None:
+            names = self.names()
+            hint = suggestion(name, names) or f"; known: {', '.join(names)}"
+            raise ComponentError(f"unknown {self.kind} '{name}'{hint}")
+        return component
+
+    def own(self) -> list[type[T]]:
+        """Return the components of eqt itself, without extensions and other distributions."""
+        return list(self._own.values())
+
+    def all(self) -> list[type[T]]:
+        """Return every component, in the order of `names`."""
+        return [self.get(name) for name in self.names()]
+
+    def add_from(self, module: ModuleType, source: str) -> list[str]:
+        """Register the components that a plugin module defines, and return their names."""
+        added = []
+        for component in self._components(module):
+            name = _name(component)
+            if name in self._known():
+                raise ComponentError(
+                    f"plugin {source}: {self.kind} '{name}' already exists in eqt; "
+                    "give yours another name"
+                )
+            self._plugins[name] = component
+            added.append(name)
+        return added
+
+
+def _unset(component: type) -> Iterator[str]:
+    """Names of class variables that a base declares without a value, and that have none."""
+    for base in component.__mro__:
+        for name, kind in vars(base).get("__annotations__", {}).items():
+            if "ClassVar" in str(kind) and not hasattr(component, name):
+                yield name
+
+
+def registry_of(plural: str) -> Registry[Any]:
+    """Return the registry of a kind, whose module has been imported."""
+    return next(registry for registry in _registries if registry.plural == plural)
+
+
+@lru_cache(maxsize=1)
+def extensions() -> dict[str, Any]:
+    """Return the extensions by name; each names its components and commands, without their code."""
+    package = importlib.import_module("eqt_cli.extensions")
+    names = sorted(each.name for each in pkgutil.iter_modules(package.__path__) if each.ispkg)
+    return {name: importlib.import_module(f"eqt_cli.extensions.{name}") for name in names}
+
+
+def of_extension(place: str) -> Any:
+    """Import an object of an extension, ``recordings.measured.findings``, where a command needs it.
+
+    Raises
+    ------
+    ComponentError
+        If the extension was removed.
+    """
+    module, _, name = place.rpartition(".")
+    extension = place.partition(".")[0]
+    if importlib.util.find_spec(f"eqt_cli.extensions.{extension}") is None:
+        raise ComponentError(f"the extension '{extension}' is not installed; install eqt again")
+    return getattr(importlib.import_module(f"eqt_cli.extensions.{module}"), name)
+
+
+def load_plugin(path: Path, source: str | None = None) -> list[str]:
+    """Execute a plugin file and register every component in it.
+
+    The same text is executed only once. If another text has taken over its names since, they are
+    registered again. `source` replaces the file's text, for a plugin kept inside a result.
+
+    Returns
+    -------
+    list of str
+        The registered components, as ``controller 'mine'``.
+
+    Raises
+    ------
+    ComponentError
+        If the file cannot be read, fails when executed, or defines no component.
+    """
+    with refusals(f"plugin {path}", "read", kind=ComponentError):
+        text = text_in(path) if source is None else source
+    digest = sha256(text.encode()).hexdigest()
+    module = _loaded_plugins.get(digest) or _executed(path, text, digest)
+    # Messages quote lines of the text, even where the file is another one or does not exist.
+    name = str(module.__file__)
+    linecache.cache[name] = len(text), None, text.splitlines(keepends=True), name
+    added = [
+        f"{registry.kind} '{name}'"
+        for registry in _registries
+        for name in registry.add_from(module, path.name)
+    ]
+    if not added:
+        known = ", ".join(sorted(registry.base.__name__ for registry in _registries))
+        raise ComponentError(
+            f"plugin {path}: defines no component; derive a class with a `name` from one of {known}"
+        )
+    _loaded_plugins[digest] = module
+    return added
+
+
+def _executed(path: Path, text: str, digest: str) -> ModuleType:
+    module = ModuleType(f"{_PLUGIN}{digest[:12]}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # dataclasses look their module up there
+    try:
+        exec(compile(text, str(path), "exec"), module.__dict__)
+    except Exception as error:
+        raise ComponentError(f"plugin {path}: {type(error).__name__}: {error}") from error
+    return module
+
+
+def is_foreign(module: str) -> bool:
+    """Whether a module is a plugin, or belongs to a distribution that declares components."""
+    package = module.partition(".")[0]
+    return module.startswith(_PLUGIN) or (package != "eqt_cli" and package in _foreign_packages())
+
+
+@lru_cache(maxsize=1)
+def _foreign_packages() -> frozenset[str]:
+    groups = {registry.entry_point_group for registry in _registries}
+    found = (point.value for group in groups for point in _entry_points().select(group=group))
+    return frozenset(value.partition(":")[0].partition(".")[0] for value in found)
+
+
+@lru_cache(maxsize=1)
+def _entry_points() -> Any:
+    """All entry points; cached, because finding them takes 10 ms and many registries need them."""
+    from importlib.metadata import entry_points  # which takes 20 ms
+
+    return entry_points()
+
+
+def _name(component: type) -> str:
+    return str(component.name)  # type: ignore[attr-defined]  # `_components` asks for it
+
+
+def summary(component: type) -> str:
+    """Return the first line of a component's docstring, as in `eqt list`."""
+    return (inspect.getdoc(component) or "").partition("\n")[0]
+
+
+def description(component: type) -> str:
+    """Return a component's docstring before its attributes, as running text."""
+    text = (inspect.getdoc(component) or "").partition("\n\nAttributes\n")[0]
+    return " ".join(text.replace("`", "").split())
+
+
+def meanings(component: type) -> dict[str, str]:
+    """Return the text on each attribute in the docstrings of a class and its bases."""
+    found: dict[str, str] = {}
+    for owner in reversed(component.__mro__):
+        doc = inspect.cleandoc(owner.__doc__ or "")
+        section = re.search(r"Attributes\n-+\n(.*?)(?:\n\n\S|\Z)", doc, re.DOTALL)
+        attributes = section[1] + "\n" if section else ""
+        for names, text in re.findall(r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)+)", attributes, re.M):
+            for name in names.partition(" : ")[0].split(", "):
+                found[name] = " ".join(text.split())
+    return found
+
+
+def place_of(error: BaseException, is_component: Callable[[str], bool] = is_foreign) -> str | None:
+    """Return the innermost line of a plugin, ``law.py:9: return 1 / 0``; None if there is none.
+
+    Lines of libraries are skipped, because a library may fail by what a component passes to it.
+
+    Parameters
+    ----------
+    is_component
+        Whether the lines of a module count.
+    """
+    found = None
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        if is_component(str(frame.f_globals.get("__name__", ""))):
+            code = frame.f_code
+            source = traceback.FrameSummary(code.co_filename, line, code.co_name).line
+            found = f"{Path(code.co_filename).name}:{line}" + (f": {source}" if source else "")
+    return found
+
+
+def place_of_function(function: object) -> str:
+    """Return where a function is defined, ``law.py:8``."""
+    if not isinstance(function, FunctionType):
+        return repr(function)
+    return f"{Path(function.__code__.co_filename).name}:{function.__code__.co_firstlineno}"
+
+
+def described(error: BaseException) -> str:
+    """Return type and message of an error on one line, ``ZeroDivisionError: division by zero``."""
+    return " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+
+
+@contextmanager
+def blamed() -> Iterator[None]:
+    """Turn an exception in a plugin into an error with its line.
+
+    Raises
+    ------
+    ComponentError
+        In place of the exception.
+    """
+    try:
+        yield
+    except EqtError:
+        raise
+    except Exception as error:
+        place = place_of(error)
+        if place is None:
+            raise
+        raise ComponentError(f"{described(error)} at {place}") from error
+
+
+# Every kind of component by its name in `eqt list` ------------------------------------------------
+
+KINDS = {
+    "groups": "components.groups",
+    "controllers": "components.laws",
+    "references": "components.references",
+    "forces": "components.forces",
+    "actuators": "components.actuators",
+    "sensors": "components.sensors",
+    "estimators": "components.estimators",
+    "engines": "engines.engine",
+    "poses": "components.initial_states",
+    "velocities": "components.initial_states",
+    "designs": "config.designs",
+    "executors": "runs.executors",
+    "figures": "figures.figure",
+    "certificates": "analysis.certificates",
+    "claims": "analysis.compare",
+}
+"""The modules of the registries, in the order of `eqt list`."""
+
+
+def registry(kind: str) -> Registry[Any]:
+    """Return the registry of a kind, by its plural."""
+    importlib.import_module(f"eqt_cli.{KINDS[kind]}")
+    return registry_of(kind)

@@ -1,0 +1,267 @@
+"""Progress, remarks and tables of text, which code that computes makes, whoever shows them."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from eqt_cli.base.errors import EqtWarning
+
+RUNS_DONE = "runs"
+"""The usual unit of progress."""
+
+_PACKAGE = str(Path(__file__).parents[1])
+
+
+class Reporter:
+    """Receives progress and remarks of eqt; this one shows no progress, and remarks as warnings.
+
+    Override the methods for what you want to show, and activate your class with `reporting`.
+
+    Examples
+    --------
+    >>> class Printer(eqt_cli.Reporter):
+    ...     def begin(self, what, count):
+    ...         print(count, what)
+    >>> few = {"ensemble.runs": 2, "time.duration": 1, "name": "few", "solver.cross_check": 0}
+    >>> with eqt_cli.reporting(Printer()):
+    ...     result = eqt_cli.run(eqt_cli.load_experiment("configs/paper.yaml", few))
+    4 runs
+    1 parts packed
+    """
+
+    def begin(self, what: str, count: int) -> None:
+        """Begin a step that counts something, such as ``runs``."""
+
+    def advance(self, amount: float) -> None:
+        """Count progress of the step; fractions are possible."""
+
+    def skip(self, amount: float) -> None:
+        """Count progress of the step that an earlier session made."""
+
+    def end(self) -> None:
+        """End the step, finished or not."""
+
+    def note(self, about: str, words: str) -> None:
+        """Show an intermediate result, for example of a law that is tuned."""
+
+    def busy(self, words: str) -> AbstractContextManager[None]:
+        """Show work in the block that cannot be counted, such as compiling."""
+        return nullcontext()
+
+    def remark(self, warning: EqtWarning) -> None:
+        """Show a remark, which is no error."""
+        warnings.warn(warning, stacklevel=_frames_of_eqt())
+
+
+class _Step(Reporter):
+    """Reporter within a step: passes on all but inner steps, which count only in the same unit."""
+
+    def __init__(self, to: Reporter, what: str, counts: bool) -> None:
+        self.to, self.what, self.counts = to, what, counts
+
+    def advance(self, amount: float) -> None:
+        if self.counts:
+            self.to.advance(amount)
+
+    def skip(self, amount: float) -> None:
+        if self.counts:
+            self.to.skip(amount)
+
+    def note(self, about: str, words: str) -> None:
+        self.to.note(about, words)
+
+    def busy(self, words: str) -> AbstractContextManager[None]:
+        return self.to.busy(words)
+
+    def remark(self, warning: EqtWarning) -> None:
+        self.to.remark(warning)
+
+
+_current: ContextVar[Reporter | None] = ContextVar("reporter", default=None)
+_DEFAULT = Reporter()
+
+
+def reporter() -> Reporter:
+    """Return the active reporter."""
+    return _current.get() or _DEFAULT
+
+
+@contextmanager
+def reporting(to: Reporter) -> Iterator[None]:
+    """Send the progress and the remarks of the block to a reporter.
+
+    Parameters
+    ----------
+    to
+        The reporter, of a class derived from `Reporter`.
+
+    Returns
+    -------
+    context manager
+        For a ``with`` statement; blocks may be nested, and the innermost is active.
+
+    Examples
+    --------
+    >>> class Remarks(eqt_cli.Reporter):
+    ...     def remark(self, warning):
+    ...         print(warning)
+    >>> with eqt_cli.reporting(Remarks()):
+    ...     loaded = eqt_cli.load_experiment("configs/paper.yaml")
+    """
+    token = _current.set(to)
+    try:
+        yield
+    finally:
+        _current.reset(token)
+
+
+@contextmanager
+def step(what: str, count: int) -> Iterator[None]:
+    """Count something in the block, by `reporter().advance`.
+
+    A step within another one is not reported. If it counts the same, it advances the outer step, as
+    the runs of an experiment do within a search.
+    """
+    outer = reporter()
+    if isinstance(outer, _Step):
+        with reporting(_Step(outer.to, outer.what, outer.counts and outer.what == what)):
+            yield
+        return
+    outer.begin(what, count)
+    try:
+        with reporting(_Step(outer, what, counts=True)):
+            yield
+    finally:
+        outer.end()
+
+
+_subject: ContextVar[str] = ContextVar("subject", default="the laws")
+
+
+def subject() -> str:
+    """Return which of the laws the current work is for, in words."""
+    return _subject.get()
+
+
+@contextmanager
+def working_for(words: str) -> Iterator[None]:
+    """Name what the work in the block is for, such as ``law 2 of 4 (gt)``."""
+    token = _subject.set(words)
+    try:
+        yield
+    finally:
+        _subject.reset(token)
+
+
+def _frames_of_eqt() -> int:
+    """Return the number of frames of eqt on the stack, so that a warning names the user's line."""
+    frame, count = inspect.currentframe(), 0
+    while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame, count = frame.f_back, count + 1
+    return count
+
+
+# Text tables: blocks of rows under a header, independent of contents and output formats -----------
+
+
+_UNIT = r"(?:%|\(N m\)² s|N m\b|(?:deg|rad|kg|1|N|J|m|s)\b(?:/s)?)"
+
+WORD = re.compile(
+    r"(?:‖[^‖]*‖|\|\|[^|]*\|\||∫.*? dt|\[[-−+\d.e, ]{1,40}\]|p = \d|N m\b|\(N m\)² s"
+    rf"|(?<=[\d\]]) {_UNIT}|(?<=\w) − (?=\w)|\S)+"
+)
+"""A piece of a text that stays on one line: a word, a norm, two laws, a number with its unit."""
+
+
+def words(text: str) -> list[str]:
+    """Return the pieces of a text between which a line may be broken."""
+    return WORD.findall(text)
+
+
+def listed(words: Sequence[str]) -> str:
+    """Join words: ``a, b and c``."""
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows under a common heading, which may be empty."""
+
+    title: str
+    rows: list[list[str]]
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table.
+
+    Attributes
+    ----------
+    name
+        Name of the table, for options and files.
+    caption
+        Sentence that describes the content.
+    header
+        Headings of the columns.
+    blocks
+        Blocks of rows.
+    notes
+        Notes below the table.
+    spare
+        Headings of columns that a narrow display may leave out, the least important first.
+    keys
+        Number of leading columns that identify a row.
+    """
+
+    name: str
+    caption: str
+    header: list[str]
+    blocks: list[Block]
+    notes: list[str] = field(default_factory=list)
+    spare: tuple[str, ...] = ()
+    keys: int = 1
+
+    def of_columns(self, columns: Sequence[int]) -> TextTable:
+        """Some of its columns, by position."""
+
+        def those(row: Sequence[str]) -> list[str]:
+            return [row[k] for k in columns]
+
+        blocks = [Block(block.title, list(map(those, block.rows))) for block in self.blocks]
+        return replace(self, header=those(self.header), blocks=blocks)
+
+    def without(self, headings: Sequence[str]) -> TextTable:
+        """Return the table without some columns, and without the notes that explain them."""
+        kept = [k for k, heading in enumerate(self.header) if heading not in headings]
+        return replace(self.of_columns(kept), notes=self.notes_without(headings))
+
+    def notes_without(self, headings: Sequence[str]) -> list[str]:
+        """Return the notes but those that explain one of these columns: ``d: mean over …``."""
+        return [note for note in self.notes if note.partition(":")[0] not in headings]
+
+    def narrow(self, most: int) -> list[TextTable]:
+        """Return the table split into tables of at most so many columns.
+
+        Spare columns are left out first. Each table repeats the first columns.
+        """
+        kept = list(range(len(self.header)))
+        for heading in self.spare:
+            if len(kept) > most and heading in self.header:
+                kept.remove(self.header.index(heading))
+        keys, others = kept[: self.keys], kept[self.keys :]
+        room = max(1, most - len(keys))
+        parts = [others[k : k + room] for k in range(0, len(others), room)] or [[]]
+        made = [self.of_columns([*keys, *part]) for part in parts]
+        return [replace(table, notes=[]) for table in made[:-1]] + made[-1:]
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """Rows of all blocks."""
+        return [row for block in self.blocks for row in block.rows]

@@ -1,0 +1,397 @@
+"""Writes result files in HDF5, whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from eqt_cli.base.errors import FullDiskError, Remedy, ResultError
+from eqt_cli.base.files import (
+    COORDINATES,
+    FORMAT,
+    FORMAT_ATTRIBUTE,
+    NO_SPACE,
+    PLACEHOLDER,
+    VERSION_ATTRIBUTE,
+    replacement,
+)
+from eqt_cli.base.version import __version__
+
+Attribute = str | int | float
+"""The value of an attribute; integers must fit into 64 bits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """An array whose axes have names.
+
+    Parameters
+    ----------
+    dims
+        One name per axis; empty for a scalar.
+    data
+        Integers of 1 to 8 bytes, floats of 4 or 8 bytes, or strings (of any NumPy string dtype, or
+        an object array of `str`).
+    attributes
+        Descriptions of the array: ``units``, ``long_name``, and so on.
+    """
+
+    dims: tuple[str, ...]
+    data: NDArray[Any]
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)
+
+    @property
+    def dtype(self) -> np.dtype[Any] | None:
+        """The type of the data; None for strings."""
+        return None if self.data.dtype.kind in "UTO" else self.data.dtype
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Variables that share dimensions, with their coordinates and common attributes.
+
+    Parameters
+    ----------
+    variables
+        The data, by name.
+    coordinates
+        The meaning of positions along the dimensions, by name. A 1-D array with the name of a
+        dimension belongs to that dimension; others are further coordinates, such as ``gains.kd``
+        along ``point``. A dimension may have no coordinate.
+    attributes
+        Descriptions of the whole table.
+    """
+
+    variables: Mapping[str, Variable]
+    coordinates: Mapping[str, Variable] = field(default_factory=dict)
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)
+
+    def has(self, name: str) -> bool:
+        """Whether it holds a variable of this name."""
+        return name in self.variables
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return the data of a variable, as a file does."""
+        return self.variables[name].data
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """The size of every dimension, those with coordinates first."""
+        return {
+            dim: size
+            for variable in (*self.coordinates.values(), *self.variables.values())
+            for dim, size in zip(variable.dims, variable.data.shape, strict=True)
+        }
+
+
+READ_BACK = 2**24
+"""Largest write to keep after an error, bytes; HDF5 reads back only its metadata and heaps, which
+are smaller."""
+
+_FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
+_NO_FOLDER = {errno.ENOENT, errno.ENOTDIR}
+
+
+class Sink:
+    """A file that raises its first error only at the end of its `with` block.
+
+    If a write fails while HDF5 closes a file, HDF5 leaves objects behind whose destruction crashes
+    the process later. So this file accepts every write. After the first error it writes nothing
+    more to the disk, and raises that error at the end of the block, when HDF5 is done. Until then
+    HDF5 may read back what it wrote, so later writes are kept in memory.
+    """
+
+    def __init__(self, file: io.FileIO) -> None:
+        self._file = file
+        self._error: BaseException | None = None
+        self._kept: list[tuple[int, bytes]] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._error is not None:
+            raise self._error
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a position, as HDF5 requests before it reads, writes, or measures the file."""
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Return the position."""
+        return self._file.tell()
+
+    def readinto(self, buffer: memoryview) -> int:
+        """Read back what HDF5 wrote, from the disk or from memory."""
+        start, view = self._file.tell(), memoryview(buffer).cast("B")
+        count = self._file.readinto(view)
+        if self._error is not None:
+            view[count:] = bytes(len(view) - count)
+            for position, data in self._kept:
+                first, last = max(start, position), min(start + len(view), position + len(data))
+                if first < last:
+                    view[first - start : last - start] = data[first - position : last - position]
+            count = len(view)
+        return count
+
+    def write(self, data: memoryview) -> None:
+        """Write all of `data`, unless an earlier step failed."""
+        start = self._file.tell()
+        if self._error is None:
+            try:
+                rest = memoryview(data)
+                while rest:
+                    rest = rest[self._file.write(rest) :]
+            except BaseException as error:  # even an interruption must wait for HDF5
+                self._error = error
+        if self._error is not None and len(data) <= READ_BACK:
+            self._kept.append((start, bytes(data)))
+
+    def truncate(self, size: int) -> None:
+        """Set the length of the file, unless an earlier step failed."""
+        if self._error is None:
+            try:
+                self._file.truncate(size)
+            except OSError as error:
+                self._error = error
+
+    def flush(self) -> None:
+        """Do nothing, because the file has no buffer."""
+
+
+def _create(sink: Sink) -> Any:
+    """Create an HDF5 file in `sink`, in the layout of HDF5 1.8 and without time stamps."""
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fileobj_driver(h5py.h5fd.fileobj_driver, sink)
+    # From 1.8 on, attributes may exceed 64 KB and metadata carry checksums.
+    access.set_libver_bounds(h5py.h5f.LIBVER_V18, h5py.h5f.LIBVER_V18)
+    access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
+    creation = _creation(h5py.h5p.FILE_CREATE)
+    return h5py.File(h5py.h5f.create(b"results", h5py.h5f.ACC_TRUNC, creation, access))
+
+
+def _creation(kind: Any) -> Any:
+    """Return properties of a new file or group: names in the order of writing, and no times."""
+    creation = h5py.h5p.create(kind)
+    creation.set_obj_track_times(False)
+    creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
+    return creation
+
+
+def _refused(target: Path, error: OSError) -> ResultError:
+    reason = f"{target}: cannot be written: {error.strerror or error}"
+    if error.errno in NO_SPACE:
+        remedy = Remedy("free some space or choose another folder with {}", "out")
+        return FullDiskError(reason, remedy)
+    if error.errno in _FORBIDDEN:
+        remedy = Remedy("choose a folder that you may write to with {}", "out")
+    elif error.errno in _NO_FOLDER:
+        remedy = Remedy(f"create the folder {target.parent} first")
+    else:
+        remedy = Remedy(f"check the folder {target.parent}")
+    return ResultError(reason, remedy)
+
+
+_CHUNK_BYTES = 2**20
+
+
+@dataclass(frozen=True)
+class Blank:
+    """A variable whose data are written later.
+
+    Parameters
+    ----------
+    dims
+        One name per axis.
+    dtype
+        The type of the data; None for strings.
+    attributes
+        Descriptions of the array.
+    """
+
+    dims: tuple[str, ...]
+    dtype: np.dtype[Any] | None
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)
+
+
+class Assembly:
+    """An unfinished result file, with every dimension, coordinate and variable.
+
+    Parameters
+    ----------
+    file
+        The open HDF5 file, or a group of it.
+    sizes, coordinates, variables, compression
+        As in `assemble`; the compression also applies to groups.
+
+    Attributes
+    ----------
+    replaces : bool
+        Whether writes may replace earlier data, even text by empty text.
+    """
+
+    def __init__(
+        self,
+        file: Any,
+        sizes: Mapping[str, int],
+        coordinates: Mapping[str, Variable],
+        variables: Mapping[str, Blank | Variable],
+        compression: Literal["gzip"] | None,
+    ) -> None:
+        self._file, self._sizes, self._compression = file, sizes, compression
+        self.replaces = False
+        self._datasets: dict[str, Any] = {}  # kept open: opening one takes as long as writing it
+        for dim, size in sizes.items():
+            if dim in coordinates:
+                self._add(dim, coordinates[dim]).make_scale(dim)
+            else:
+                # It is never written, so that it takes no space: only its length counts.
+                blank = file.create_dataset(dim, shape=(size,), dtype=">f4")
+                self._datasets[dim] = blank
+                blank.make_scale(f"{PLACEHOLDER}{size:10d}")
+        extra = {name: variable for name, variable in coordinates.items() if name not in sizes}
+        for name, variable in extra.items():
+            self._attach(self._add(name, variable), variable.dims, {})
+        for name, entry in variables.items():
+            self._attach(self._add(name, entry, compression), entry.dims, extra)
+
+    def group(
+        self,
+        name: str,
+        sizes: Mapping[str, int],
+        coordinates: Mapping[str, Variable],
+        variables: Mapping[str, Blank | Variable],
+    ) -> Assembly:
+        """Add a group with its own dimensions and variables, as `assemble` does for the file."""
+        creation = _creation(h5py.h5p.GROUP_CREATE)
+        group = h5py.Group(h5py.h5g.create(self._file.id, name.encode(), gcpl=creation))
+        return Assembly(group, sizes, coordinates, variables, self._compression)
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of a variable."""
+        return self._datasets[name].shape
+
+    def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
+        """Write part of a variable: `positions` along its first axes, and all of the other axes."""
+        # Unwritten strings read as empty ones. So millions of runs without a message need only a
+        # reference each, and no object in a heap.
+        is_empty = data.dtype == object and bool((data == "").all())
+        if data.size and (self.replaces or not is_empty):
+            self._datasets[name][positions] = data
+
+    def describe(self, attributes: Mapping[str, Attribute]) -> None:
+        """Add attributes of the file, or of the group."""
+        self._file.attrs.update(attributes)
+
+    def _add(
+        self, name: str, entry: Blank | Variable, compression: Literal["gzip"] | None = None
+    ) -> Any:
+        """Create a dataset; for a variable, write its data."""
+        shape = tuple(self._sizes[dim] for dim in entry.dims)
+        options: dict[str, Any] = {}
+        if entry.dtype is None:  # not compressed, which would affect only references to strings
+            dtype = h5py.string_dtype("utf-8")
+        else:
+            dtype = entry.dtype.newbyteorder("<")
+            if compression and shape and 0 not in shape:
+                options = _compressed(shape, dtype)
+        dataset = self._file.create_dataset(name, shape=shape, dtype=dtype, **options)
+        self._datasets[name] = dataset
+        if entry.dtype is None and 0 not in shape:
+            dataset[(0,) * len(shape)] = ""  # allocates the dataset
+        dataset.attrs.update(entry.attributes)
+        if isinstance(entry, Variable):
+            self.put(name, entry.data.astype(object) if entry.dtype is None else entry.data)
+        return dataset
+
+    def _attach(self, dataset: Any, dims: tuple[str, ...], extra: Mapping[str, Variable]) -> None:
+        """Attach the dimensions of a dataset, and name its further coordinates."""
+        for axis, dim in enumerate(dims):
+            dataset.dims[axis].attach_scale(self._datasets[dim])
+        described = [name for name, variable in extra.items() if set(variable.dims) <= set(dims)]
+        if described:
+            dataset.attrs[COORDINATES] = " ".join(described)
+
+
+@contextmanager
+def assemble(
+    path: str | Path,
+    sizes: Mapping[str, int],
+    coordinates: Mapping[str, Variable],
+    variables: Mapping[str, Blank | Variable],
+    compression: Literal["gzip"] | None = None,
+) -> Iterator[Assembly]:
+    """Create a result file, to be filled in the block; every blank must be written.
+
+    The layout is that of HDF5 1.8 with netCDF-4's dimension scales, which HDF5 tools, netCDF and
+    xarray can read. The complete file appears when the block ends without an error.
+
+    Parameters
+    ----------
+    path
+        The file; its folder must exist.
+    sizes
+        The size of every dimension.
+    coordinates
+        As in a `Table`.
+    variables
+        Blanks by name, or variables that are written immediately.
+    compression
+        ``"gzip"`` stores numbers in shuffled, compressed chunks, None contiguously.
+
+    Raises
+    ------
+    ResultError
+        If the file cannot be written; `path` is then unchanged.
+    """
+    target = Path(path)
+    try:
+        with replacement(target) as written, Sink(written) as sink, _create(sink) as file:
+            file.attrs[FORMAT_ATTRIBUTE] = FORMAT
+            file.attrs[VERSION_ATTRIBUTE] = np.bytes_(__version__)
+            yield Assembly(file, sizes, coordinates, variables, compression)
+    except OSError as error:
+        raise _refused(target, error) from error
+
+
+def _compressed(shape: tuple[int, ...], dtype: np.dtype[Any]) -> dict[str, Any]:
+    """Return h5py's options for compressed chunks of about 1 MiB, complete along the last axes."""
+    capacity = max(1, _CHUNK_BYTES // dtype.itemsize)
+    chunks: list[int] = []
+    for size in reversed(shape):
+        pieces = -(-size // capacity)
+        chunks.insert(0, -(-size // pieces))
+        capacity = max(1, capacity // chunks[0])
+    return {"compression": "gzip", "shuffle": True, "chunks": tuple(chunks)}
+
+
+def write(path: str | Path, table: Table, compression: Literal["gzip"] | None = None) -> None:
+    """Write `table` to the HDF5 file `path`, and replace an old one; equal tables give equal bytes.
+
+    Parameters
+    ----------
+    path
+        The file; its folder must exist.
+    table
+        The data.
+    compression
+        As in `eqt_cli.base.store_writer.assemble`.
+
+    Raises
+    ------
+    ResultError
+        If the file cannot be written; `path` is then unchanged.
+    """
+    sizes, coordinates = table.dimensions, table.coordinates
+    with assemble(path, sizes, coordinates, table.variables, compression) as file:
+        file.describe(table.attributes)

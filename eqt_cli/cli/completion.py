@@ -1,0 +1,130 @@
+"""Shell completion of names and keys, cached in a file because importing them delays every Tab.
+
+The first Tab after eqt or the installed packages have changed takes a second longer. Components of
+plugin files are not completed.
+"""
+
+import os
+import sysconfig
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.files import read_record, write_record
+from eqt_cli.base.registry import KINDS, registry, summary
+
+Completions = list[tuple[str, str]]
+"""Possible words, each with its meaning."""
+
+Complete = Callable[[str], Completions]
+"""Function that completes the beginning of a word."""
+
+
+def names(kind: str) -> Complete:
+    """Complete the name of a component."""
+    return lambda incomplete: _starting(incomplete, _known()["names"][kind])
+
+
+def shipped(incomplete: str) -> Completions:
+    """Complete the name of a shipped configuration."""
+    from eqt_cli.config.shipped import names
+
+    return _starting(incomplete, dict.fromkeys(names(), ""))
+
+
+def words(*known: str) -> Complete:
+    """Complete one of the known words."""
+    return lambda incomplete: _starting(incomplete, dict.fromkeys(known, ""))
+
+
+def keys(incomplete: str) -> Completions:
+    """Complete a key of any configuration."""
+    return _starting(incomplete, _known()["keys"])
+
+
+def settings(ctx: typer.Context, incomplete: str) -> Completions:
+    """Complete ``KEY=``, a key of any configuration or of the given one."""
+    # `args` holds words not parsed yet, where the line ends in an option without its value.
+    words = [ctx.params.get("config"), ctx.params.get("target"), *ctx.args]
+    given = next((Path(word) for word in words if word and Path(word).is_file()), None)
+    known = dict.fromkeys(_written(given), "") | _known()["keys"]
+    return _starting(incomplete, {f"{key}=": text for key, text in known.items()})
+
+
+def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
+    """Complete ``KEY=`` or ``FIGURE.KEY=``, an option of the requested figures or of any."""
+    options = _known()["figure_options"]
+    wanted = ctx.params.get("figure") or options
+    offered = [(name, option) for name in wanted for option in options.get(name, ())]
+    plain = {f"{option}=": "" for _, option in offered}
+    dotted = {f"{name}.{option}=": "" for name, option in offered} if "." in incomplete else {}
+    return _starting(incomplete, plain | dotted)
+
+
+def _starting(incomplete: str, known: dict[str, str]) -> Completions:
+    return [(word, text) for word, text in known.items() if word.startswith(incomplete)]
+
+
+# Keys in a file -----------------------------------------------------------------------------------
+
+
+def _written(path: Path | None) -> list[str]:
+    """Return the keys in a file; none if it cannot be read."""
+    from eqt_cli.base.files import content_of
+    from eqt_cli.config.yaml_source import MAX_BYTES, load
+
+    try:
+        data = load(content_of(path, MAX_BYTES), "").data if path else {}
+    except (EqtError, OSError):
+        return []
+    return list(_below(data, ""))
+
+
+def _below(data: Any, prefix: str) -> Iterator[str]:
+    entries: list[tuple[str, Any]] = []
+    if isinstance(data, dict):
+        entries = [(f"{prefix}.{key}" if prefix else key, value) for key, value in data.items()]
+    elif isinstance(data, list) and any(isinstance(entry, dict) for entry in data):
+        entries = [(f"{prefix}[{index}]", value) for index, value in enumerate(data)]
+    for key, value in entries:
+        yield key
+        yield from _below(value, key)
+
+
+# What eqt knows -----------------------------------------------------------------------------------
+
+
+@cache
+def _known() -> dict[str, Any]:
+    """Return component names, configuration keys and figure options, cached or collected anew."""
+    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    state, file = _state(), Path(caches) / "eqt" / "completion.json"
+    with suppress(OSError):
+        kept = read_record(file, "state", "names", "keys", "figure_options")
+        if kept and kept["state"] == state:
+            return kept
+    from eqt_cli.base.option_types import option_names
+    from eqt_cli.config.json_schema import json_schema, keys_of
+
+    collected = {
+        "state": state,
+        "names": {kind: {one.name: summary(one) for one in registry(kind).all()} for kind in KINDS},
+        "keys": {each.key: each.meaning for each in keys_of(json_schema())},
+        "figure_options": {one.name: option_names(one) for one in registry("figures").all()},
+    }
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_record(file, collected)
+    return collected
+
+
+def _state() -> list[int]:
+    """Return when eqt's own files and the installed packages last changed."""
+    own = Path(__file__).parents[1]
+    times = [path.stat().st_mtime_ns for path in own.rglob("*.py")]
+    return [len(times), max(times), Path(sysconfig.get_path("purelib")).stat().st_mtime_ns]

@@ -1,0 +1,323 @@
+"""`eqt list`, `eqt docs` and `eqt config`: components, documentation, configurations."""
+
+from __future__ import annotations
+
+import webbrowser
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eqt_cli.base.errors import ConfigError, EqtError, Problems, suggestion
+from eqt_cli.base.files import new_file, refusals
+from eqt_cli.base.registry import KINDS, load_plugin, of_extension, registry, summary
+from eqt_cli.cli import completion, options, output
+from eqt_cli.cli.options import Command, Group, example
+from eqt_cli.cli.output import print_found, say
+from eqt_cli.config import shipped
+
+if TYPE_CHECKING:
+    from eqt_cli.config.study import Study
+
+# `eqt list` and `eqt docs`: the available components, and the documentation -----------------------
+
+
+MOST_BESIDE = 24
+"""Longest name with its summary beside it; below longer names the summary can be wrapped."""
+
+
+def list_components(
+    kind: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="KIND",
+            help=f"{', '.join(KINDS)}, devices or configs.",
+            autocompletion=completion.words(*KINDS, "devices", "configs"),
+        ),
+    ] = None,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option("--plugin", metavar="FILE", help="Load a plugin file first. Repeatable."),
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Count the components of each kind, and list them with their options."""
+    kinds = [*KINDS, "configs"]
+    if kind is not None and kind not in [*kinds, "devices"]:
+        hint = suggestion(kind, kinds) or f"; known: {', '.join(kinds)}"
+        raise EqtError(f"unknown kind '{kind}'{hint}")
+    if plugin:
+        for name in KINDS:
+            registry(name)  # a plugin may define any kind
+    for path in plugin or ():
+        load_plugin(path)
+    listed = {name: _described(name) for name in ([kind] if kind else kinds)}
+    print_found(listed, _text(listed), json=json)
+
+
+def _described(kind: str) -> list[dict[str, Any]]:
+    from eqt_cli.base.option_types import has_options, option_names
+
+    if kind == "devices":
+        return [
+            {
+                "name": f"opencl:{each.number}",
+                "summary": f"{each.name}, {each.driver}, {each.memory / 2**30:.1f} GiB"
+                + "".join(f"; lacks {what}" for what in each.lacks),
+                "options": [],
+            }
+            for each in of_extension("devices.devices")()
+        ]
+    if kind == "configs":
+        return [{"name": config, "summary": "", "options": []} for config in shipped.names()]
+    return [
+        {
+            "name": component.name,
+            "summary": summary(component),
+            "options": option_names(component) if has_options(component) else [],
+        }
+        for component in registry(kind).all()
+    ]
+
+
+def _text(listed: dict[str, list[dict[str, Any]]]) -> str:
+    blocks = [_counted(listed)] if len(listed) > 1 else []
+    for kind, entries in listed.items():
+        width = max((len(entry["name"]) for entry in entries), default=0)
+        lines = [kind]
+        between = "  " if width <= MOST_BESIDE else "\n      "
+        width = width if width <= MOST_BESIDE else 0
+        for entry in entries:
+            lines.append(f"  {entry['name']:<{width}}{between}{entry['summary']}".rstrip())
+            if entry["options"]:
+                lines.append(f"  {'':<{width}}  options: {', '.join(entry['options'])}")
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks)
+
+
+def _counted(listed: dict[str, list[dict[str, Any]]]) -> str:
+    """Return the kinds, with the number of components of each."""
+    width = max(map(len, listed))
+    lines = [f"  {kind:<{width}}  {len(entries):>3}" for kind, entries in listed.items()]
+    return "\n".join(["kinds, and how many of each; `eqt list KIND` shows one kind", *lines])
+
+
+CHECKOUT = Path(__file__).parents[2]
+"""Root of the repository that eqt runs from; else the folder of the installed packages."""
+
+DISTRIBUTION = "eqt-cli"
+
+
+def docs(
+    address: Annotated[
+        bool, typer.Option("--address", metavar="", help="Print the address; open nothing.")
+    ] = False,
+    json: options.Json = False,
+) -> None:
+    """Open the documentation in a browser: pages built by make docs, or those online."""
+    pages = _address()
+    if not address and not json and not webbrowser.open(pages):
+        say("no browser could be opened; the documentation is at:")
+    print_found({"documentation": pages}, pages, json=json)
+
+
+def _address() -> str:
+    """Return the address of the pages built here, or of those online."""
+    built = CHECKOUT / "build" / "docs" / "index.html"
+    if built.exists():
+        return built.as_uri()
+    if online := _online():
+        return online
+    text = CHECKOUT / "docs" / "index.md"
+    if text.exists():
+        raise EqtError(f"the documentation is not built; run make docs, or read {text}")
+    raise EqtError(
+        "the documentation is not installed; it is in the folder docs of the eqt repository"
+    )
+
+
+def _online() -> str:
+    """Return the address in the metadata of the distribution; empty if there is none."""
+    try:
+        entries = metadata(DISTRIBUTION).get_all("Project-URL") or []
+    except PackageNotFoundError:
+        return ""
+    named = (entry.partition(", ") for entry in entries)
+    return next((url for name, _, url in named if name == "Documentation"), "")
+
+
+# `eqt config`: configurations ---------------------------
+
+
+MOST_CHECKED = 300
+"""Maximum number of points of a sweep that are checked, spread over all of them."""
+
+app = typer.Typer(
+    cls=Group,
+    help="Write, check and describe configurations.",
+    epilog=example("eqt config", "keys gains.kp"),
+    no_args_is_help=True,
+)
+
+
+@app.command("new", cls=Command, epilog=example("eqt config new", "mine.yaml --from paper"))
+def new(
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE", help="File to write, or - for stdout. Default: NAME.yaml."),
+    ] = None,
+    source: Annotated[str, options.option("--from", autocompletion=completion.shipped)] = "paper",
+    quiet: options.Quiet = False,
+) -> None:
+    """Create a configuration of your own from a shipped one.
+
+    Options
+    -------
+    Experiment
+        --from NAME  Shipped configuration to start from.
+    """
+    text = shipped.text(source)
+    if file == Path("-"):
+        output.print_verbatim(text)
+        return
+    file = file or Path(f"{source}.yaml")
+    with refusals(file, "written"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            new_file(file, text.encode())
+        except FileExistsError:
+            raise EqtError(f"{file}: already exists; give another name, or remove it") from None
+    output.print_text(str(file))
+    output.say(f"next: eqt run {file}")
+
+
+@app.command("check", cls=Command, epilog=example("eqt config check", "mine.yaml --set gains.kp=2"))
+def check(
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result.")
+    ],
+    set_: options.Set = None,
+    resolved: Annotated[bool, options.option("--resolved")] = False,
+    most_torque: Annotated[float | None, options.option("--most-torque")] = None,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Check a configuration, and its reference over the whole horizon, without running it.
+
+    It executes the plugins of a YAML configuration, and those of a result only on request.
+
+    Options
+    -------
+    Output
+        --resolved  Print the configuration with all defaults.
+    Experiment
+        --most-torque TORQUE  Report an error if the reference needs a larger torque.
+    """
+    from eqt_cli.config.horizon import (
+        check_reference,
+        reference_over_horizon,
+        remarks,
+        wheels_needed,
+    )
+    from eqt_cli.config.read_study import study
+    from eqt_cli.config.yaml_source import dump
+    from eqt_cli.runs.cost import check_resources, rehearse
+
+    source = options.source_of(config, set_)
+    try:
+        checked = study(source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED)
+        check_resources(checked, Path("results") / checked.name, most_shapes=MOST_CHECKED)
+        problems = Problems(source.place)
+        shown = reference_over_horizon(checked.base)
+        jumps = check_reference(shown, most_torque, problems.at("reference"))
+        problems.raise_if_any()
+        untried = rehearse(checked, problems)
+        problems.raise_if_any()
+        if source.data.get("tune"):
+            from eqt_cli.analysis.tune import Search
+
+            Search.read(source, trust_plugins=trust_plugins)
+        if source.data.get("worst"):
+            from eqt_cli.analysis.worst import WorstSearch
+
+            WorstSearch.read(source, trust_plugins=trust_plugins)
+    except ConfigError as error:
+        if not json:
+            raise
+        output.print_json(_document(config, output.problem_records(error.problems)))
+        raise typer.Exit(error.exit_code) from error
+    if resolved:
+        output.print_source(checked.resolved, dump(checked.resolved), json=json)
+        return
+    experiment = checked.base
+    for remark in remarks(experiment, shown):
+        output.warn(remark)
+    if not json:
+        output.say(f"{config}: valid")
+    if len(checked) > MOST_CHECKED and not json:
+        output.say(
+            f"{config}: {MOST_CHECKED} of its {len(checked)} points were checked; a run checks all"
+        )
+    text = (
+        f"{experiment.name}: {experiment.group.name}, "
+        + (f"{len(checked)} points × " if checked.sweep else "")
+        + f"{output.count_of(len(experiment.loops), 'controller')} × "
+        f"{output.count_of(experiment.config.ensemble.runs, 'run')}, "
+        f"{experiment.config.time.duration:g} s, engine {experiment.engine.name}"
+    )
+    wheels = wheels_needed(experiment, shown)
+    needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, by the reference"]
+    text = "\n".join([text, *needed, *(f"reference: {jump}" for jump in jumps), *untried])
+    output.print_found(_document(config, [], checked), text, json=json)
+
+
+def _document(
+    path: Path, problems: list[dict[str, str]], study: Study | None = None
+) -> dict[str, Any]:
+    """Return the findings of `check` for programs: an editor, or continuous integration."""
+    record: dict[str, Any] = {"config": str(path), "fine": not problems, "problems": problems}
+    if study is None:
+        return record
+    config = study.base.config
+    return record | {
+        "name": study.name,
+        "group": study.base.group.name,
+        "points": len(study),
+        "controllers": list(study.base.loops),
+        "runs": config.ensemble.runs,
+        "duration": config.time.duration,
+        "engine": study.base.engine.name,
+    }
+
+
+@app.command("keys", cls=Command, epilog=example("eqt config keys", "gains.kp"))
+def keys(
+    key: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="KEY",
+            autocompletion=completion.keys,
+            help="A key such as gains.kp, or a section such as gains. Default: all.",
+        ),
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Describe the keys of a configuration: value, default and meaning."""
+    from eqt_cli.config.json_schema import json_schema, keys_of, within
+
+    listed = keys_of(json_schema())
+    if key is not None:
+        listed = within(listed, key)
+    rows = [[text.replace("`", "") for text in asdict(each).values()] for each in listed]
+    output.print_records(["key", "value", "default", "meaning"], rows, json=json)
+
+
+@app.command("schema", cls=Command, epilog=example("eqt config schema", "> eqt.schema.json"))
+def schema() -> None:
+    """Print the JSON schema of configurations, which editors use for completion and checks."""
+    from eqt_cli.config.json_schema import json_schema
+
+    output.print_json(json_schema())

@@ -1,0 +1,305 @@
+"""Options: their types, their texts, and how help pages show them.
+
+The texts of options of a single command are in its docstring. Those of several are:
+
+Options
+-------
+Experiment
+    --set KEY=VALUE  Override a key of the configuration, such as gains.kp=2. Repeatable.
+    --trust-plugins  Execute the plugins that a result, or a result folder, contains. Those of a
+        YAML configuration are always executed.
+Result
+    --out DIR  Result folder.
+    --force  Start over. Removes only what eqt wrote to the folder.
+    --rerun-failed  Compute only the failed runs again.
+What to show
+    --controller LAW  Show only this controller. Repeatable.
+    --point K  Point of a sweep, counted from 0.
+    --unit UNIT  Unit of all quantities of its dimension, such as 'mN m' or deg/s, or of one:
+        mean_attitude_error=arcsec. Repeatable.
+    --measured FILE  Recording to compare the run with.
+    --mapping FILE  YAML file with columns, units, frames and times of the recording, as in
+        reference.mapping.
+    --log-format NAME  Format of the recording: csv, tum or euroc.
+Output
+    --json  Print one JSON document.
+    --quiet  Print errors only.
+    --verbose  Print every row.
+Computing
+    --workers N  Number of cores to use. Default: all.
+    --engine NAME  Same as --set solver.engine=NAME.
+    --device NAME  Same as --set solver.device=NAME (`eqt list devices`).
+    --executor NAME  auto, serial, threads, local or dask, or NAME:KEY=VALUE with options of it
+        (`eqt list executors`). Default: auto, or dask with --scheduler.
+    --scheduler ADDRESS  Address of a Dask scheduler, such as tcp://host:8786.
+    --shard I/N  Compute only share I of N. `eqt pack` joins the shares.
+    --dry-run  Print the points, runs and expected time only.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from inspect import cleandoc
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperArgument, TyperCommand, TyperGroup
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.cli import completion
+from eqt_cli.cli.output import be_quiet, say
+
+if TYPE_CHECKING:
+    from eqt_cli.config.source import ConfigSource
+    from eqt_cli.config.study import Study
+
+COMPUTE = "Compute"
+READ = "Look at results"
+LOOK_UP = "Configurations, recordings and components"
+"""Groups of commands."""
+
+
+def example(command: str, arguments: str) -> str:
+    """Return the last line of a help page: a command that can be typed."""
+    return f"Example: {command} {arguments}"
+
+
+def _without_types(parameters: list[Any]) -> None:
+    """Omit the types that typer prints for arguments and for options without a value.
+
+    The option ``--help`` joins the last group.
+    """
+    for parameter in parameters:
+        if isinstance(parameter, TyperArgument):
+            # Set on the argument, not on typer's class; older versions ignore it.
+            parameter.display_type_rich = lambda ctx: None  # type: ignore[method-assign]  # hides it
+        elif parameter.metavar is None and parameter.is_flag:
+            parameter.metavar = ""
+        if parameter.name == "help" and len(parameters) > 1:
+            parameter.rich_help_panel = parameters[-2].rich_help_panel
+
+
+_ROW = re.compile(r" +(--\S+) ?(\S*)  (\S.*)")
+
+
+def _described(table: str) -> dict[str, dict[str, Any]]:
+    """Return group, metavar and text of each option, ``    --seed N  Random seed.``, by group."""
+    found: dict[str, dict[str, Any]] = {}
+    group = name = ""
+    for line in table.splitlines():
+        if row := _ROW.fullmatch(line):
+            name = row[1]
+            found[name] = {"rich_help_panel": group, "metavar": row[2], "help": row[3]}
+        elif line.startswith(" "):
+            found[name]["help"] += f" {line.strip()}"
+        else:
+            group = line
+    return found
+
+
+_HEADING = "\n\nOptions\n-------\n"
+_SHARED = _described((__doc__ or "").partition(_HEADING)[2])
+
+
+def option(name: str, *letters: str, **more: Any) -> Any:
+    """Return an option, whose text is in the docstring of this module, or of the command."""
+    return typer.Option(name, *letters, **_SHARED.get(name, {}), **more)
+
+
+class Command(TyperCommand):
+    """A command whose help page shows options in groups and no Python types."""
+
+    def __init__(self, *args: Any, params: list[Any], help: str | None, **more: Any) -> None:
+        """Give the options the texts in the docstring of the command."""
+        help, _, table = (help or "").partition(_HEADING)
+        texts = _described(table)
+        for parameter in params:
+            vars(parameter).update(texts.get(parameter.opts[0], {}))
+        super().__init__(*args, params=params, help=help, **more)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help page, with paragraphs that fill the width."""
+        _without_types(self.get_params(ctx))
+        paragraphs = cleandoc(self.help or "").split("\n\n")
+        self.help = "\n\n".join(" ".join(words.split()) for words in paragraphs)
+        super().format_help(ctx, formatter)
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the ``Usage`` line: braces only where there is a choice.
+
+        Arguments accepted only to be refused in words are left out.
+        """
+        shown = [one for one in self.get_params(ctx) if not getattr(one, "hidden", False)]
+        pieces = [piece for one in shown for piece in one.get_usage_pieces(ctx)]
+        return ["[OPTIONS]", *(x if "|" in x else re.sub("[{}]", "", x) for x in pieces)]
+
+
+class Group(TyperGroup):
+    """A group of commands whose help page shows no Python types."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help page."""
+        _without_types(self.get_params(ctx))
+        super().format_help(ctx, formatter)
+
+
+MOST_SHOWN = 60
+"""Maximum number of characters of a value that messages repeat."""
+
+
+def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:
+    """Map places in messages, such as ``--set gains.kp=2``, to values of a repeated option."""
+    found: dict[str, str] = {}
+    for text in texts or ():
+        key, _, _ = text.partition("=")
+        place = f"{option} {text if len(text) <= MOST_SHOWN else f'{key}=…'}"
+        while place in found:
+            place += " (again)"
+        found[place] = text
+    return found
+
+
+def overrides(set_: Sequence[str] | None, **solver: str | None) -> dict[str, str]:
+    """Return the changes of a configuration by ``--set``, ``--engine`` and ``--device``."""
+    chosen = {
+        f"--{key}": f"solver.{key}={name}" for key, name in solver.items() if name is not None
+    }
+    return placed("--set", set_) | chosen
+
+
+ENGINE = "EQT_ENGINE"
+"""Environment variable with the engine of configurations that name none."""
+
+
+def source_of(
+    config: Path, set_: Sequence[str] | None, engine: str | None = None, device: str | None = None
+) -> ConfigSource:
+    """Return a configuration with the changes by these options, not yet checked.
+
+    Where neither names an engine, the environment variable `ENGINE` does.
+    """
+    from eqt_cli.config.source import read_config
+
+    source, usual = read_config(config, overrides(set_, engine=engine, device=device)), None
+    solver = source.data.get("solver") or {}
+    if isinstance(solver, dict) and "engine" not in solver:
+        usual = os.environ.get(ENGINE)
+    if not usual:
+        return source
+    return read_config(config, overrides(set_, engine=usual, device=device))
+
+
+def study_at(source: ConfigSource, point: int | None, *, trust_plugins: bool, doing: str) -> Study:
+    """Check a configuration without its sweep, or at a point of it.
+
+    Parameters
+    ----------
+    doing
+        What the command does without the sweep, for the remark on it: ``exported without``.
+    """
+    from eqt_cli.config.read_study import study
+    from eqt_cli.config.study import config_at, without_sweep
+
+    if point is None and source.data.get("sweep"):
+        say(f"{source.path}: {doing} its sweep; choose one of its points with --point")
+    at_point = without_sweep(source) if point is None else config_at(source, point)
+    return study(at_point, trust_plugins=trust_plugins)
+
+
+def pairs(option: str, texts: Sequence[str] | None, expected: str = "NAME=TEXT") -> dict[str, str]:
+    """Parse the values ``NAME=TEXT`` of a repeated option.
+
+    Raises
+    ------
+    EqtError
+        If a value has no name or no text.
+    """
+    found = {}
+    for text in texts or ():
+        name, _, value = (piece.strip() for piece in text.partition("="))
+        if not (name and value):
+            raise EqtError(f"{option}: expected {expected}, got '{text}'")
+        found[name] = value
+    return found
+
+
+def only_result(command: str, results: Sequence[Path], does: str = "") -> Path:
+    """Return the single result of a command.
+
+    Raises
+    ------
+    EqtError
+        If several were given; the message says how to compare them.
+    """
+    if len(results) == 1:
+        return results[0]
+    both = "both" if len(results) == 2 else "all"
+    raise EqtError(
+        f"{command} takes one result{does}; got {len(results)}. To compare across experiments, put "
+        "the laws in one configuration, as entries of `controllers` with labels and gains of "
+        f"their own. To draw {both} in one figure: `eqt plot {' '.join(map(str, results))} --out "
+        f"figures/{both}`"
+    )
+
+
+def folder(text: str) -> Path:
+    """Return a folder by its name; an empty name, as from an unset variable, is refused.
+
+    Raises
+    ------
+    EqtError
+        If the name is empty.
+    """
+    if not text.strip():
+        raise EqtError("--out: expected the name of a folder, got ''")
+    return Path(text)
+
+
+Config = Annotated[
+    Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
+]
+Result = Annotated[
+    Path, typer.Argument(metavar="RESULT", help="Result folder, or the results.h5 in it.")
+]
+MoreResults = Annotated[list[Path] | None, typer.Argument(metavar="", hidden=True)]
+"""Surplus results, accepted so that the command can say what to do instead."""
+Set = Annotated[list[str] | None, option("--set", autocompletion=completion.settings)]
+Out = Annotated[Path | None, option("--out", parser=folder)]
+Controllers = Annotated[list[str] | None, option("--controller")]
+Json = Annotated[bool, option("--json")]
+Quiet = Annotated[bool, option("--quiet", "-q", callback=be_quiet)]
+Verbose = Annotated[bool, option("--verbose", "-v")]
+Workers = Annotated[int | None, option("--workers", min=1)]
+Engine = Annotated[str | None, option("--engine", autocompletion=completion.names("engines"))]
+Device = Annotated[str | None, option("--device", autocompletion=completion.words("cpu", "opencl"))]
+ExecutorName = Annotated[
+    str | None, option("--executor", autocompletion=completion.names("executors"))
+]
+Scheduler = Annotated[str | None, option("--scheduler")]
+ShardOf = Annotated[str | None, option("--shard")]
+Point = Annotated[int | None, option("--point")]
+Units = Annotated[list[str] | None, option("--unit")]
+Measured = Annotated[Path | None, option("--measured")]
+Mapping = Annotated[Path | None, option("--mapping")]
+LogFormat = Annotated[
+    str, option("--log-format", autocompletion=completion.words("csv", "tum", "euroc"))
+]
+DryRun = Annotated[bool, option("--dry-run")]
+Force = Annotated[bool, option("--force")]
+RerunFailed = Annotated[bool, option("--rerun-failed")]
+TrustPlugins = Annotated[bool, option("--trust-plugins")]
+
+
+def require_measured(mapping: Path | None, kind: str, run: int = 0) -> None:
+    """Refuse options of a recording if no recording is given."""
+    given = {"--mapping": mapping, "--log-format": kind != "csv", "--run": run}
+    for name in (name for name, value in given.items() if value):
+        raise EqtError(f"{name} is of a recording; add --measured FILE")
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

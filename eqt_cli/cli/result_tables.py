@@ -1,0 +1,260 @@
+"""Summary tables and remarks on a result, shared by several commands."""
+
+from __future__ import annotations
+
+import csv
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eqt_cli.analysis.notation import significant
+from eqt_cli.base.errors import EqtError, printable, suggestion
+from eqt_cli.base.reporting import Block, TextTable, listed
+from eqt_cli.cli import output
+from eqt_cli.cli.tables import csv_cell
+from eqt_cli.components.matrix_groups import turn_of_distance
+from eqt_cli.results.result import HEADLINE, Result, mean_over_runs
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+
+FAR_ABOVE = 1000.0
+"""Multiple of solver.rtol above which an error estimate is warned of, as a failed cross-check is.
+
+In 13 shipped configurations it is at most 64, and 433 where a limit or a jump of the law hampers
+`solve_ivp`."""
+
+_WINDOW, _BELOW = re.compile(r"mean (.*), first (\d+) s"), str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+"""A mean over the beginning in words, and digits as its index."""
+MANY, RARE = 1000, 0.01
+"""Minimum runs, and maximum share of unsettled runs, for exact intervals of that share."""
+
+MOST_FAILURES = 10
+"""Maximum number of different messages of failed runs that are shown."""
+
+MOST_READ = 500
+"""Maximum number of failed runs whose messages are read."""
+
+
+def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
+    """Print the outcome below a heading, and doubts about it and failures on stderr.
+
+    The result is read before anything is printed, so that a damaged file leaves no partial output.
+    """
+    lines: list[str | Text] = [
+        *heading,
+        *(_of_sweep(result) if result.is_sweep else [_headline(result), "", *_shares(result)]),
+        *_accuracy(result),
+    ]
+    remarks = [
+        *_disagreement(result),
+        *_inaccurate(result),
+        *(_failures(result) if result.status.any() else []),
+    ]
+    output.print_text(*lines)
+    for remark in remarks:
+        output.complain(remark)
+
+
+def _of_sweep(result: Result) -> Iterator[str | Text]:
+    """Yield the tables of a sweep; none over all points, since that means little."""
+    from eqt_cli.analysis.maps import COMPARED, sweep_tables
+
+    for table in sweep_tables(result, COMPARED):
+        yield output.laid_out(table)
+        yield ""
+
+
+def outcome_record(result: Result) -> dict[str, Any]:
+    """Return the outcome for programs: each law's headline, or the points that it wins."""
+    from eqt_cli.analysis.maps import NOBODY, winners
+
+    if not result.is_sweep:
+        return {"controllers": result.headline()}
+    won = {
+        found.quantity.name: {
+            **{label: found.wins(law) for law, label in enumerate(found.labels)},
+            "undecided": found.wins(NOBODY),
+        }
+        for found in winners(result)
+    }
+    return {"points_won": won}
+
+
+def _headline(result: Result) -> Text:
+    """Return a line per law: torque, tracking error, final errors, energy residual.
+
+    Parts with units of their own have a block each.
+    """
+    parts = [name.removeprefix(first) for first in HEADLINE for name in result.in_parts(first)]
+    blocks = [_block(result, end) for end in dict.fromkeys(filter(None, parts)) or [""]]
+    plain = [result.quantity(name).plain.removeprefix("energy ") for name in HEADLINE]
+    short = [_WINDOW.sub(lambda m: m[1] + m[2].translate(_BELOW), words) for words in plain]
+    notes = [f"{new}: {old}" for new, old in zip(short, plain, strict=True) if new != old]
+    units = [f", {result.units(name)}" * (result.factor(name) != 1.0) for name in HEADLINE]
+    measures = [words + unit for words, unit in zip(short, units, strict=True)]
+    ends = "settled" if all("settled" in row for row in result.headline()) else "runs"
+    spare = (measures[-1], *reversed(measures[1:-1]))
+    header = ["law", ends, *measures]
+    return output.laid_out(TextTable("headline", "", header, blocks, notes, spare))
+
+
+def _block(result: Result, part: str) -> Block:
+    """Return the lines of a part, given by its suffix, ``_rotation``; of the whole if empty."""
+    names = [name + part * (name + part in result.metrics) for name in HEADLINE]
+    rows = []
+    for row in result.headline():
+        *means, residual = (row[name] for name in names)
+        of = f"/{row['runs']}" * ("settled" in row)
+        ended = f"{row.get('settled', row['runs'] - row['failed'])}{of}"
+        title = result.title_of[row["controller"]]
+        rows.append([title, ended, *map(significant, means), significant(residual, 1)])
+    units = listed([u for u in dict.fromkeys(result.units(name) for name in names) if u != "1"])
+    return Block(f"{part[1:].replace('_', ' ')}, in {units}" if part else "", rows)
+
+
+def _shares(result: Result) -> Iterator[str]:
+    """Yield rare unsettled runs, final angles and the share of time with actuators at a limit."""
+    rows = [(result.title_of[row["controller"]], row) for row in result.headline()]
+    if all("settled" in row for _, row in rows):
+        yield from _rare(result, {title: row["runs"] - row["settled"] for title, row in rows})
+    for name in result.attitude_errors if rows else ():
+        unit, factor = result.shown_in("", "deg")
+        turns = np.degrees(turn_of_distance(result.metric(f"final_{name}"))) * factor
+        told = zip(result.titles, mean_over_runs(turns).tolist(), strict=True)
+        part = f" of {name.removeprefix('pose_error_')}" if len(result.attitude_errors) > 1 else ""
+        words = ", ".join(f"{title} {significant(mean)}" for title, mean in told)
+        yield f"final attitude error{part} ({unit}): {words}"
+    if all("saturated_share" in row for _, row in rows):
+        shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
+        yield f"time at a limit: {shares}"
+
+
+def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
+    """Yield the shares of unsettled runs, for laws where few of many did not settle."""
+    from eqt_cli.analysis.intervals import Resampling, share
+
+    runs = result.good[..., 0, :].size
+    few = {title: count for title, count in unsettled.items() if count < RARE * runs}
+    if runs < MANY or not few:
+        return
+    found = {
+        title: share(count, runs, Resampling.confidence, exact=True) for title, count in few.items()
+    }
+    told = "; ".join(
+        f"{title} {few[title]} of {runs}, {value:.2g} [{low:.2g}, {high:.2g}]"
+        for title, (value, low, high) in found.items()
+    )
+    yield f"not settled: {told} (exact {100 * Resampling.confidence:g} % intervals)"
+    if any(few.values()):
+        yield f"`eqt show {result.path.parent} --unsettled` lists their starts"
+
+
+def _accuracy(result: Result) -> Iterator[str]:
+    """Yield the accuracy of the numbers: their error estimates and the cross-check."""
+    estimates = result["error_estimate"]
+    if np.isfinite(estimates).any():
+        largest, median = np.nanmax(estimates), np.nanmedian(estimates)
+        yield f"error estimates: largest {largest:.2g}, median {median:.2g}"
+    if result.cross_check is not None:
+        yield result.cross_check.described
+
+
+def _disagreement(result: Result) -> Iterator[str]:
+    check = result.cross_check
+    if check is None:
+        return
+    drift = result["group_drift"][result.good].max(initial=0.0)
+    if not check.holds:
+        yield (
+            "eqt: the two integrators differ by more than the bound; tighten solver.rtol, "
+            "or look for kinks and discontinuities in the laws"
+        )
+    elif drift > check.bound:
+        yield (
+            f"eqt: poses leave the group by {drift:.2g}, more than the bound of the "
+            f"cross-check, {check.bound:.1g}; tighten solver.rtol"
+        )
+
+
+def _inaccurate(result: Result) -> Iterator[str]:
+    """Yield a remark if error estimates far exceed the tolerance."""
+    estimates, rtol = result["error_estimate"], result.rtol
+    if rtol is None or not np.isfinite(estimates).any():
+        return
+    above = int(np.count_nonzero(estimates > FAR_ABOVE * rtol))
+    if above:
+        yield (
+            f"eqt: the error estimates of {output.count_of(above, 'run')} exceed {FAR_ABOVE:g} "
+            f"times solver.rtol = {rtol:g}; the largest is {np.nanmax(estimates):.2g}; tighten "
+            "solver.rtol, or set solver.max_error to count such runs as failed"
+        )
+
+
+def _failures(result: Result) -> Iterator[str]:
+    """Yield the number of failed runs by ending, and each message with its first run."""
+    failures = result.failures
+    total, first = len(failures), failures[:MOST_READ]
+    listed = ", ".join(f"{count} {ending}" for ending, count in result.endings.items())
+    yield f"\n{output.count_of(total, 'run')} failed: {listed}"
+    places: dict[str, list[str]] = {}
+    for where, message in zip(first, result.messages(first), strict=True):
+        places.setdefault(message, []).append(result.place(where))
+    for message, found in list(places.items())[:MOST_FAILURES]:
+        others = f" and {len(found) - 1} more" if len(found) > 1 else ""
+        yield f"  {found[0]}{others}: {message}"
+    if total > min(len(places), MOST_FAILURES):
+        those = f"of the first {MOST_READ}; " if total > MOST_READ else ""
+        cut = "… " if len(places) > MOST_FAILURES else ""
+        how = f"`eqt show {result.path.parent} --failed` lists all"
+        yield f"  {cut}{those}{how}"
+
+
+FORMATS = ("csv", "jsonl")
+
+
+def print_run_table(result: Result, form: str) -> None:
+    """Print the metrics of every run on stdout, with all digits."""
+    if form not in FORMATS:
+        hint = suggestion(form, FORMATS) or f"; known: {', '.join(FORMATS)}"
+        raise EqtError(f"--format: unknown format '{form}'{hint}")
+    swept = [
+        name for name in result.coordinates if name != "point" and result.dims(name) == ("point",)
+    ]
+    numbers = [name for name in result.names if result.dims(name) == result.dims("status")]
+    first = ["point", *swept] if result.is_sweep else []
+    named = [
+        name if result.factor(name) == 1 else f"{name} ({result.units(name)})" for name in numbers
+    ]
+    header, rows = [*first, "controller", "run", *named], _rows(result, swept, numbers)
+    if form == "csv":
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(map(csv_cell, header))
+        writer.writerows(map(csv_cell, row) for row in rows)
+        return
+    for row in rows:
+        output.print_verbatim(output.json_text(dict(zip(header, row, strict=True))))
+
+
+def _rows(result: Result, swept: list[str], numbers: list[str]) -> Iterator[list[Any]]:
+    """Yield a row per run, by point and controller."""
+    values = [result.coordinate(name).tolist() for name in swept]
+    shape = (result.points, len(result.labels), result.runs)
+    columns = [
+        (result[name] if (by := result.factor(name)) == 1 else result[name] * by).reshape(shape)
+        for name in numbers
+    ]
+    for point in range(result.points):
+        here = [point, *(_shown(value[point]) for value in values)] if result.is_sweep else []
+        for controller, label in enumerate(result.labels):
+            found = [column[point, controller].tolist() for column in columns]
+            for run, row in enumerate(zip(*found, strict=True)):
+                yield [*here, label, run, *map(_shown, row)]
+
+
+def _shown(value: Any) -> Any:
+    return printable(value) if isinstance(value, str) else value

@@ -1,1 +1,0 @@
-"""Options, completion, progress and printing, shared by several commands."""

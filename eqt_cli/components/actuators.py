@@ -1,0 +1,450 @@
+"""Actuators: between the commanded and the acting torque."""
+
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, absolute, clip, less, norm, where
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import MOMENTUM, TORQUE, TORQUE_RATE, Offset, Positive, Scale, Unit
+from eqt_cli.base.registry import Registry
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.vehicle_parts import Numbers, VehiclePart, check_limits
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+
+# The base class of actuators; it knows no law, plant or engine ------------------------------------
+
+
+@dataclass(frozen=True)
+class Actuator(VehiclePart):
+    """One of the actuators through which a command passes in order.
+
+    Its output depends on its input command, and on its own states if any.
+
+    Attributes
+    ----------
+    period
+        Time between two instants at which it takes its input, s, a whole number of ticks of
+        `control`. If left out, it acts at every tick.
+    offset
+        Time of the first of them, s, a whole number of ticks.
+    """
+
+    period: Annotated[Positive | None, Scale("period of the actuator", "s")] = field(
+        default=None, kw_only=True, metadata=STRUCTURE
+    )
+    offset: Offset | None = field(default=None, kw_only=True, metadata=STRUCTURE)
+
+    limited: ClassVar[str] = ""
+    """Prefix of its limit in messages: ``a rate of``; empty for a limit of torques."""
+
+    # Most actuators give these by a class variable.
+
+    @property
+    def limits(self) -> bool:
+        """Whether the actuator can be at a limit."""
+        return False
+
+    @property
+    def moves(self) -> bool:
+        """Whether the actuator has states that change between instants, by `state_rate`."""
+        return False
+
+    @property
+    def runs(self) -> bool:
+        """Whether its states at the start of a run follow from the first command, and are not 0."""
+        return False
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the actuator acts at control instants only, on a held command.
+
+        An actuator that also `moves` takes the command in `step` at an instant.
+        """
+        return False
+
+    @property
+    def solves(self) -> bool:
+        """Whether `step` takes the result of `solution`, which no engine compiles."""
+        return False
+
+    @property
+    def acting_at_instants(self) -> str:
+        """The name in messages of what acts at control instants."""
+        return self.name
+
+    @property
+    def thruster_names(self) -> tuple[str, ...]:
+        """Names of the thrusters, if any."""
+        return ()
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """Names of the wheels, if any."""
+        return ()
+
+    @property
+    def linear_part(self) -> "Actuator":
+        """The actuator without limits, steps and dead zones; `PassThrough` if nothing is left."""
+        return self
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """Return the number of states."""
+        return 0
+
+    @abstractmethod
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the output for a command and the states x, ``(..., m)``."""
+
+    def started(self, G: MatrixLieGroup) -> Array | None:
+        """Return the states at t = 0; None where all are 0, or where it `runs`."""
+        return None
+
+    def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array] | None:
+        """Return a force on the body that depends on its velocity, and the rates that go with it.
+
+        They add to output and `state_rate`; None without such a force.
+        """
+        return None
+
+    def running(self, G: MatrixLieGroup, command: Array) -> Array:
+        """Return the states at the start of a run with this first command, if it `runs`."""
+        return 0.0 * command[..., :1]
+
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the time derivative of the states."""
+        return x
+
+    def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
+        """Return the states after a control instant, for an actuator that is `sampled`."""
+        return x
+
+    def solution(self, G: MatrixLieGroup, command: Array) -> Array:
+        """Return the solution ``(runs, n)`` for commands ``(runs, m)`` at an instant."""
+        return command
+
+    def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the thrust of each thruster, ``(..., k)``."""
+        return command[..., :0]
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
+        """Return where a command is beyond the limit, ``(...)``; None without a limit.
+
+        For most limits, that is where output and command differ by more than rounding.
+        """
+        if not self.limits:
+            return None
+        short = np.abs(command - self.output(G, command, x)) > 1e-12 * (1 + np.abs(command))
+        return np.array(short.any(axis=-1))
+
+    @property
+    def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
+        """B⁺, ``(k, m)``, and the limits behind it; None for any other allocation, or none."""
+        return None
+
+    def torque_range(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
+        """Return the least and the largest torque along each axis, ``(m,)``, in a run.
+
+        None if it does not limit axes one by one.
+        """
+        return None
+
+    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
+        """Return how much of the `limited` quantity a torque needs, and its limit, ``(n, k)`` each.
+
+        Each row is at one of the last n times; None where this does not follow from a torque.
+        """
+        return None
+
+    def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
+        """Yield remarks for the user before a run, none of which is an error.
+
+        `wanted` are the directions in which a law asks for a torque, ``(k, m)``.
+        """
+        yield from ()
+
+
+def of_each(part: Actuator, names: Iterable[str], count: int) -> dict[str, Any]:
+    """Return the options that are given, of these names, with a number for each of k members."""
+    given = {name: getattr(part, name) for name in names}
+    return {name: np.full(count, x, dtype=float) for name, x in given.items() if x is not None}
+
+
+class PassThrough(Actuator):
+    """An actuator that passes the command unchanged."""
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the command."""
+        return command
+
+
+def against(values: Array, low: Any, high: Any) -> tuple[Array, Array]:
+    """Return the magnitudes of values, and of the limits on their side of 0."""
+    below = values < 0
+    return where(below, 0.0 - values, values), where(below, 0.0 - low, high)
+
+
+actuators = Registry(
+    "actuator",
+    "actuators",
+    Actuator,
+    ("components.actuators", "components.thrusters", "components.wheels"),
+)
+
+
+@dataclass(frozen=True)
+class Deadband(Actuator):
+    """Commands that are smaller than a width give 0 along their axis; all others pass.
+
+    Attributes
+    ----------
+    width
+        Along each axis, or a list of m.
+    """
+
+    name: ClassVar[str] = "deadband"
+    departs: ClassVar[str] = "deadband"
+    linear_part: ClassVar[Actuator] = PassThrough()
+    vectors: ClassVar[tuple[str, ...]] = ("width",)
+    positive: ClassVar[tuple[str, ...]] = ("width",)
+    sampled: ClassVar[bool] = True
+
+    width: Annotated[Numbers, Unit(TORQUE)]
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the command, or 0 within the width."""
+        return where(less(absolute(command), self.width + 0 * command), 0 * command, command)
+
+
+@dataclass(frozen=True)
+class Lag(Actuator):
+    """A lag of first order: ẋ = (command − x) / T, from x = 0.
+
+    Attributes
+    ----------
+    time_constant
+        T, s; along every axis, or a list of m.
+    """
+
+    name: ClassVar[str] = "lag"
+    departs: ClassVar[str] = "torque lags"
+    vectors: ClassVar[tuple[str, ...]] = ("time_constant",)
+    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
+
+    moves: ClassVar[bool] = True
+
+    time_constant: Annotated[Numbers, Scale("time constant of the actuators", "s")]
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """Return the number of states, one along each axis."""
+        return G.dimension
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the state."""
+        return x
+
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return (command − x) / T."""
+        return (command - x) / self.time_constant
+
+
+# A hard limit of the torque -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Limit(Actuator):
+    """No more than a limit, along each axis or in all.
+
+    Attributes
+    ----------
+    limit
+        The largest value along each axis in both directions, or a list of m.
+    norm
+        Limit the Euclidean norm instead; the direction is kept. Along different axes, limits then
+        count in proportion. Only with `limit`.
+    low, high
+        Instead of `limit`: the least and the largest value along each axis, or lists of m.
+    """
+
+    name: ClassVar[str] = "limit"
+    departs: ClassVar[str] = "torque limited"
+    linear_part: ClassVar[Actuator] = PassThrough()
+    vectors: ClassVar[tuple[str, ...]] = ("limit", "low", "high")
+    positive: ClassVar[tuple[str, ...]] = ("limit",)
+    limits: ClassVar[bool] = True
+
+    limit: Annotated[Numbers | None, Scale("limit of the torque", TORQUE)] = None
+    norm: bool = False
+    low: Annotated[Numbers | None, Unit(TORQUE)] = None
+    high: Annotated[Numbers | None, Unit(TORQUE)] = None
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the actuator with limits in both directions, or with the limit of the norm."""
+        part = super().of_run(G, random)
+        if part.norm or part.limit is None:
+            return part
+        return with_fields(part, limit=None, low=-part.limit, high=part.limit)
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the saturated command."""
+        if not self.norm:
+            return clip(command, self.low, self.high)
+        size = norm(command / self.limit)[..., None]
+        return where(less(1.0, size), command / size, command)
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
+        """Return where the command is beyond the limits."""
+        if self.norm:
+            return np.array(norm(command / self.limit) > 1.0)
+        beyond = (command < self.low) | (command > self.high)
+        return np.array(beyond.any(axis=-1))
+
+    def torque_range(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
+        """Return the limits along the axes; None for a limit of the norm."""
+        if self.norm:
+            return None
+        ends: Any = (self.low, self.high)
+        low, high = (np.broadcast_to(end, G.dimension) for end in ends)
+        return low, high
+
+    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
+        """Return magnitudes on the axes, or the norm times the largest limit, with their limits."""
+        if not self.norm:
+            return against(torque, self.low, self.high)
+        limit: Any = self.limit
+        largest = limit.max()
+        return norm(torque / limit)[..., None] * largest, largest
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note limits given in both ways or in none, and limits with nothing between them."""
+        given: Any = [name for name in ("low", "high") if getattr(self, name) is not None]
+        if self.limit is not None and given:
+            problems.add(f"expected limit, or low and high, got limit and {' and '.join(given)}")
+        elif self.limit is None and not given:
+            problems.add("expected limit, or low and high, got neither; add limit: 1.0")
+        elif self.norm and given:
+            problems.at("norm").add("needs limit, got low and high; use limit, or remove this key")
+        super().check(G, problems)
+        if not problems:
+            check_limits(self.low, self.high, problems)
+
+
+# Reaction wheels, whose momentum is limited -------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MomentumLimit(Actuator):
+    """The integral of the torque stays within a limit: what would lead out of it is cut off.
+
+    A command is held for a period, so that the integral is known at its end. The plant does not
+    include the momentum of the wheels: their gyroscopic torques are left out.
+
+    Attributes
+    ----------
+    momentum
+        The largest integral along each axis, in the unit of the torque times s, or a list of m.
+    """
+
+    name: ClassVar[str] = "momentum_limit"
+    departs: ClassVar[str] = "momentum of wheels limited"
+    linear_part: ClassVar[Actuator] = PassThrough()
+    vectors: ClassVar[tuple[str, ...]] = ("momentum",)
+    positive: ClassVar[tuple[str, ...]] = ("momentum",)
+    limits: ClassVar[bool] = True
+    sampled: ClassVar[bool] = True
+    limited: ClassVar[str] = "a momentum of "
+
+    momentum: Annotated[Numbers, Unit(MOMENTUM)]
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """Return the number of states: torque and momentum at the end of the period, each m."""
+        return 2 * G.dimension
+
+    def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
+        """Return the states with the torque nearest to the command within the momentum."""
+        most, h = self.momentum, x[..., G.dimension :]
+        torque = clip(command, (-most - h) / period, (most - h) / period)
+        return np.concatenate([torque, h + period * torque], axis=-1)
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the torque among the states."""
+        return x[..., : G.dimension]
+
+    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
+        """Return the magnitude of the integral from the first time on, and its limit, by axis."""
+        pieces = np.diff(times)[:, None] * (torque[1:] + torque[:-1]) / 2
+        return np.abs(np.cumsum(pieces, axis=0)), self.momentum
+
+
+SHIFT = 1.5 * 2.0**52
+"""A size at which doubles are whole numbers: adding it rounds to the nearest, half to even."""
+
+
+@dataclass(frozen=True)
+class Quantisation(Actuator):
+    """The nearest multiple of a step along each axis, for up to 2⁵¹ steps.
+
+    Attributes
+    ----------
+    resolution
+        The step along each axis, or a list of m.
+    """
+
+    name: ClassVar[str] = "quantisation"
+    departs: ClassVar[str] = "torque in steps"
+    linear_part: ClassVar[Actuator] = PassThrough()
+    vectors: ClassVar[tuple[str, ...]] = ("resolution",)
+    positive: ClassVar[tuple[str, ...]] = ("resolution",)
+    sampled: ClassVar[bool] = True
+
+    resolution: Annotated[Numbers, Unit(TORQUE)]
+    # Fields, so that a compiler cannot cancel them.
+    up: float = field(default=SHIFT, init=False, repr=False)
+    down: float = field(default=SHIFT, init=False, repr=False)
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the step times the rounded number of steps."""
+        rounded: Array = (command / self.resolution + self.up) - self.down
+        return self.resolution * rounded
+
+
+@dataclass(frozen=True)
+class RateLimit(Actuator):
+    """From one control instant to the next, no greater change than rate · period, from 0.
+
+    Attributes
+    ----------
+    rate
+        The largest rate along each axis, per second, or a list of m.
+    """
+
+    name: ClassVar[str] = "rate_limit"
+    departs: ClassVar[str] = "rate of torque limited"
+    linear_part: ClassVar[Actuator] = PassThrough()
+    vectors: ClassVar[tuple[str, ...]] = ("rate",)
+    positive: ClassVar[tuple[str, ...]] = ("rate",)
+    limits: ClassVar[bool] = True
+    sampled: ClassVar[bool] = True
+    limited: ClassVar[str] = "a rate of "
+
+    rate: Annotated[Numbers, Scale("limit of the torque's rate", TORQUE_RATE)]
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """Return the number of states: the torque along each axis."""
+        return G.dimension
+
+    def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
+        """Return the torque nearest to the command that it can reach in one period."""
+        most = self.rate * period
+        return x + clip(command - x, -most, most)
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the state."""
+        return x
+
+    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
+        """Return the magnitude of the rate in the step before each time, and its limit, by axis."""
+        return np.abs(np.diff(torque, axis=0) / np.diff(times)[:, None]), self.rate

@@ -1,0 +1,495 @@
+"""A position loop around an attitude law, for bodies that are pushed along one body axis only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, apply_matrix, dot, exp, frobenius, less, sqrt, where
+from eqt_cli.base.errors import Problems, Remedy
+from eqt_cli.base.option_types import Positive, Real, Scale, check_period, component
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import Inertia, InertiaLaw
+from eqt_cli.components.laws import Controller
+from eqt_cli.components.matrix_groups import rigid, rigid_motions
+from eqt_cli.components.mechanics import Gains, LawInput, Tracking
+from eqt_cli.components.motions import (
+    PlantModel,
+    RigidMotion,
+    attitude,
+    check_along,
+    check_rigid_body,
+    only_direction,
+    third_axis,
+    unit_vector,
+)
+from eqt_cli.numbers.jets import Jet
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+
+ORDER = 2
+"""Derivatives of the force that the rates of the attitude need."""
+
+FILTERED, FILTERED_RATE = "filtered", "filtered_rate"
+"""States of the filter: F/m as it gives it, and its rate."""
+
+HELD, LEFT = "held", "left"
+"""States of a position loop with a period: F/m with its derivatives, and the time until it is
+computed again, s."""
+
+OWN = "attitude_"
+"""Prefix of the states of the attitude law, before its own names."""
+
+if TYPE_CHECKING:
+    EachAxis: TypeAlias = Any
+else:
+    EachAxis = Positive | list[Positive]
+
+
+@dataclass(frozen=True)
+class PositionGains:
+    """The feedback of the position, p̈_d − sat(k_x e + k_v ė + k_i ∫e) with e = p − p_d in space.
+
+    Attributes
+    ----------
+    kx
+        k_x, 1/s²: a number, or one for each axis of space.
+    kv
+        k_v, 1/s, likewise.
+    ki
+        k_i, 1/s³; without it, there is no integral.
+    c1
+        c₁, 1/s, for an integral of ė + c₁ e, which k_i, now 1/s², turns into an estimate of the
+        acceleration by unknown forces. The rates of the attitude read it, too.
+    limit
+        l of sat(u) = u/√(1 + |u|²/l²), m/s²; none if left out. It keeps the force away from 0.
+    period
+        Of the position loop, s: a whole number of control periods. Between its instants, F and its
+        derivatives are held. If left out, F is computed whenever the law is.
+    """
+
+    # Not strict, for the reason given in `Distribution`.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    kx: Annotated[EachAxis, Scale("k_x", "1/s^2", is_symbol=True)]
+    kv: Annotated[EachAxis, Scale("k_v", "1/s", is_symbol=True)]
+    ki: Annotated[Real | None, Scale("k_i", "1/s^3", is_symbol=True)] = None
+    c1: Annotated[Positive | None, Scale("c_1", "1/s", is_symbol=True)] = None
+    limit: Annotated[Positive | None, Scale("limit of the feedback", "m/s^2")] = None
+    period: Annotated[Positive | None, Scale("period of the position loop", "s")] = None
+
+    def __post_init__(self) -> None:
+        if self.ki == 0.0:
+            object.__setattr__(self, "ki", None)
+        for name in ("kx", "kv"):
+            if isinstance(value := getattr(self, name), list):
+                object.__setattr__(self, name, np.array(value, dtype=float))
+
+    def check(self, space: int, problems: Problems) -> None:
+        """Note gains for each axis that are too few or too many, and c1 without an integral."""
+        for name in ("kx", "kv"):
+            count = np.size(getattr(self, name))
+            if np.ndim(getattr(self, name)) and count != space:
+                problems.at(name).add(f"expected a number, or {space} of them, got {count}")
+        if self.c1 is not None and self.ki is None:
+            problems.at("c1").add("belongs to the integral; give ki, too")
+
+    def bounded(self, u: Any) -> Any:
+        """Return sat(u), of an array or a series."""
+        if self.limit is None:
+            return u
+        share = u / self.limit
+        return u / sqrt(1.0 + dot(share, share))[..., None]
+
+
+class Inside(NamedTuple):
+    """What the position loop asks for.
+
+    Attributes
+    ----------
+    tracking
+        All that the attitude law reads, on the group of rotations: Q_d is R_c, V_d and V̇_d are Ω_c
+        and Ω̇_c.
+    asked : (..., n)
+        F/m: the acceleration that the actuators are to give, in space.
+    integrand : (..., n)
+        The rate of the integral, in space.
+    """
+
+    tracking: Tracking
+    asked: Array
+    integrand: Array
+
+
+@dataclass(frozen=True)
+class Cascade(Controller):
+    """A position loop around an attitude law, for a body pushed along one body axis b; SE2 and SE3.
+
+    The force F = m (p̈_d − sat(k_x e + k_v ė + k_i ∫e)) − known forces, in space, is to be given by
+    a push f = F·Rb along b and by the attitude R_c, whose axis b has the direction of F, with b₁ in
+    the plane of F and the heading (cos ψ, sin ψ, 0). The attitude law tracks R_c with the inertia J
+    and the gains of this entry. Known forces are those of `model.forces`; Lee, Leok and McClamroch
+    (2010) is the case `attitude: lee2010`.
+
+    R_c turns at rates that need Ḟ and F̈ along the motion. They follow from the law itself: the
+    model's acceleration is substituted, and so on order by order. Known forces that turn with the
+    body are differentiated as if Ω were constant. L and its dissipation are the attitude law's, and
+    their balance holds only if the rates are right.
+
+    Attributes
+    ----------
+    attitude
+        The attitude law: a kind of SO3 (SO2 in the plane), or a mapping with `kind` and options.
+    position
+        Gains of the position, and its limit.
+    rates
+        Rates of R_c: `model` from the law and the model; `filter` from a filter of second order on
+        F; `reference` those of the reference; `heading` ψ̇ about the third axis; `none` 0.
+    bandwidth
+        Of the filter, rad/s; both its poles are there.
+    along
+        b in the body, such as [0, 0, -1]. Default: the only direction in which actuators push.
+    """
+
+    name: ClassVar[str] = "cascade"
+    tasks: ClassVar[tuple[str, ...]] = ()
+    theorem: ClassVar[str] = ""  # nothing is claimed for the whole
+    reads_flat_output: ClassVar[bool] = True
+    commands_attitude: ClassVar[bool] = True
+    reads_gains: ClassVar[bool] = False
+
+    attitude: str | dict[str, Any]
+    position: PositionGains
+    rates: Literal["model", "filter", "reference", "heading", "none"] = "model"
+    bandwidth: Annotated[Positive | None, Scale("bandwidth", "rad/s")] = None
+    along: list[Real] | None = None
+    inner: Any = field(default=None, init=False, repr=False)  # Controller
+    known: Any = field(default=(), init=False, repr=False)  # tuple of forces
+    exact: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
+    # Of most laws, a constant of the class: mypy refuses a field in its place.
+    direction: Any = field(default=(), init=False, metadata=STRUCTURE)  # type: ignore[misc]
+
+    # What it is made of.
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note groups without an attitude and a position, and laws that are none of attitudes."""
+        if not rigid_motions(G):
+            problems.add(
+                f"cascade needs a group of one rotation and one translation, SE2 or SE3, "
+                f"got {G.name}"
+            )
+            return
+        from eqt_cli.components.laws import controllers  # the registry imports this file
+
+        own = self.gains_group(G)
+        law = component(controllers, self.attitude, problems.at("attitude"), group=own)
+        if law is not None and ("track" not in law.tasks or law.pieces):
+            problems.at("attitude").add(
+                f"expected a law of {own.name} that tracks with given gains, such as lee2010, got "
+                f"{law.name}"
+            )
+        if self.rates == "filter" and self.bandwidth is None:
+            problems.at("bandwidth").add("missing; rates: filter needs it, in rad/s")
+        if self.rates != "filter" and self.bandwidth is not None:
+            problems.at("bandwidth").add(f"applies to rates: filter only, got rates: {self.rates}")
+        check_along(self.along, G.space, problems)
+        self.position.check(G.space, problems.at("position"))
+        object.__setattr__(self, "inner", law)
+
+    @property
+    def inside_reads_gains(self) -> bool:  # type: ignore[override]  # a constant of most laws
+        """Whether the attitude law does; laws of plugins may have all their gains as options."""
+        return self.inner is None or bool(self.inner.reads_gains)
+
+    def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
+        """Return the group of rotations."""
+        return rigid(G).rotation_group if rigid_motions(G) else G
+
+    def inside(
+        self, G: MatrixLieGroup, inertia: InertiaLaw
+    ) -> tuple[MatrixLieGroup, InertiaLaw, Controller] | None:
+        """Return the attitude law, with the rotations and their inertia."""
+        return self.gains_group(G), _of_rotation(G, inertia.at(0.0)), self.inner
+
+    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
+        """Return the attitude law with the options that follow its gains."""
+        if self.inner is None:
+            return {}
+        return {"inner": self.inner.with_defaults(self.gains_group(G), gains, self.attitude)}
+
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Cascade:
+        """Return the law with the forces that it knows, and the direction in which it pushes."""
+        if problems:
+            return self
+        check_flat_output(plant, problems)
+        if self.rates == "heading" and plant.flat is not None and plant.flat.heading is None:
+            problems.at("rates").add("the reference gives no heading; use rates: model")
+        check_rigid_body(G, plant.inertia, problems)
+        if self.position.period is not None:
+            check_period(self.position.period, plant.period, problems.at("position", "period"))
+        along: Any = self.along
+        why = "no thrusters in `actuators` say in which direction the body is pushed"
+        remedy = "give it in the body frame, such as along: [0, 0, -1]"
+        if along is None and plant.pushes is not None:
+            along = only_direction(plant.pushes)
+            why = "the thrusters push in more than one direction"
+            remedy = "give the one that carries the body, such as along: [0, 0, -1]"
+        if along is None:
+            problems.at("along").add(f"missing; {why}", Remedy(remedy))
+        if problems:
+            return self
+        direction = unit_vector(along)
+        return with_fields(self, known=plant.forces, direction=direction, exact=plant.exact)
+
+    def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
+        """Return no time that is left at the first instant, and some at the others."""
+        if self.position.period is None:
+            return [{}]
+        return [{LEFT: 0.0}] + [{LEFT: period}] * (round(self.position.period / period) - 1)
+
+    def directions(self, G: MatrixLieGroup) -> Array:
+        """Return the axes of all torques, and that of the push."""
+        turns = rigid(G).rotations
+        axes = np.eye(G.dimension)[: turns + 1]
+        axes[turns, turns:] = self.direction
+        return axes
+
+    @property
+    def undefined(self) -> str:  # type: ignore[override]  # a constant of most laws
+        """F = 0, which a limit keeps away."""
+        why = "a cascade whose force passes 0 has no attitude to command; give position.limit, "
+        return "" if self.position.limit else f"{why}below the weight per mass"
+
+    def attitude_error(self, s: Tracking) -> Array:
+        """Return ‖R − R_c‖_F."""
+        inside = self.commanded(s).tracking
+        return frobenius(inside.Q - inside.Qd)
+
+    # The position loop.
+
+    def commanded(self, s: Tracking) -> Inside:
+        """Return what the position loop asks for, computed once for each state."""
+        inside: Inside | None = vars(s).get("_commanded")
+        if inside is None:
+            asked, integrand = self._asked(s)
+            if HELD in s.memory:
+                held, n = s.memory[HELD], rigid(s.G).space
+                asked = Jet.of([held[..., n * k : n * (k + 1)] for k in range(self._order + 1)])
+            inside = Inside(self._of_attitude(s, asked), asked.value, integrand)
+            vars(s)["_commanded"] = inside
+        return inside
+
+    @property
+    def _order(self) -> int:
+        """The derivatives of F that the rates need."""
+        return ORDER if self.rates == "model" else 0
+
+    def _asked(self, s: Tracking) -> tuple[Jet, Array]:
+        """Return F/m as a series, and the rate of the integral.
+
+        The law at order k gives the k-th derivative of F, and so of the acceleration, which the law
+        at the next order reads.
+        """
+        G = rigid(s.G)
+        R, turning, moving = G.rotation(s.Q), s.V[..., : G.rotations], s.V[..., G.rotations :]
+        axis = np.array(self.direction)
+        push = [R @ axis, apply_matrix(R, G.rotation_group.hat(turning) @ axis)]
+        place = [G.translations(s.Q)[..., 0], apply_matrix(R, moving)]
+        mass = _mass(s)
+        asked: Any = Jet([0.0])
+        integrand = asked
+        for k in range(self._order + 1):
+            motion = RigidMotion(G, R, turning, Jet.of(place[: k + 1]), Jet.of(place[1:]))
+            given: Any = 0.0
+            for force in self.known:
+                given = given + force.in_space(G, Jet.time(s.t, k), motion) / mass
+            integrand, feedback, estimate = self._feedback(s, motion)
+            asked = _desired(s, 2, k) - feedback - given
+            if k < self._order:
+                b: Any = Jet.of(push[: k + 1])  # a series acts as an array
+                moved = given + estimate + self.push(asked, b)[..., None] * b
+                place.append(moved.derivative(k))
+        return asked, integrand.value
+
+    def _renewed(self, s: Tracking) -> Array:
+        """Return F/m with its derivatives, as it is held."""
+        asked, _ = self._asked(s)
+        return np.concatenate([asked.derivative(k) for k in range(asked.order + 1)], axis=-1)
+
+    def _feedback(self, s: Tracking, moving: RigidMotion) -> tuple[Jet, Any, Any]:
+        """Return the rate of the integral, the feedback, and the estimate of what acts unknown."""
+        gains, k = self.position, moving.position.order
+        error, rate = moving.position - _desired(s, 0, k), moving.velocity - _desired(s, 1, k)
+        integrand: Any = error if gains.c1 is None else rate + gains.c1 * error
+        feedback: Any = gains.kx * error + gains.kv * rate
+        part: Any = 0.0
+        if gains.ki is not None:
+            integral = [s.memory["integral"], *(integrand.derivative(j) for j in range(k))]
+            part = gains.ki * Jet.of(integral)
+        estimate = 0.0 if gains.c1 is None else part
+        return integrand, gains.bounded(feedback + part), estimate
+
+    def _of_attitude(self, s: Tracking, asked: Jet) -> Tracking:
+        """Return all that the attitude law reads."""
+        assert s.flat is not None
+        G, turns = rigid(s.G), slice(0, rigid(s.G).rotations)
+        R, turning = G.rotation(s.Q), s.V[..., turns]
+        if self.rates == "filter":
+            now, rate = s.memory[FILTERED], s.memory[FILTERED_RATE]
+            asked = Jet.of([now, rate, self._filter_rate(s, asked.value)])
+        desired = attitude(asked, self.direction, s.flat.turn(asked.order), R)
+        if self.rates == "reference":
+            desired = desired._replace(velocity=s.Vd[..., turns], acceleration=s.Vd_dot[..., turns])
+        elif self.rates == "heading":
+            assert s.flat.heading is not None
+            axis, psi = third_axis(self.direction), s.flat.heading[..., None]
+            desired = desired._replace(
+                velocity=psi[..., 1, :] * axis, acceleration=psi[..., 2, :] * axis
+            )
+        inputs = LawInput(s.t, R, turning, *desired)
+        memory = {name.removeprefix(OWN): z for name, z in s.memory.items() if name.startswith(OWN)}
+        J = _of_rotation(s.G, s.inertia)
+        return inputs.tracking(G.rotation_group, J, s.gains, memory)
+
+    def _filter_rate(self, s: Tracking, asked: Array) -> Any:
+        w: Any = self.bandwidth
+        return w * w * (asked - s.memory[FILTERED]) - 2.0 * w * s.memory[FILTERED_RATE]
+
+    # The law.
+
+    def torque(self, s: Tracking) -> Array:
+        """Return torque and push, body frame."""
+        return self.wrench(s, self.inner.torque(self.commanded(s).tracking))
+
+    def push(self, asked: Any, b: Any) -> Any:
+        """Return the push per mass along the body axis b for F/m, arrays or series.
+
+        A plugin may push otherwise, and limit the `wrench`.
+        """
+        return dot(asked, b)
+
+    def wrench(self, s: Tracking, torque: Array) -> Array:
+        """Return the command for a torque of the attitude law: torque and push, body frame."""
+        G, axis = rigid(s.G), np.array(self.direction)
+        for force in self.known:
+            if force.turns:
+                torque = torque - force.in_body(G, s.t, s.Q, s.V)[..., : G.rotations]
+        b = G.rotation(s.Q) @ axis
+        push = _mass(s) * self.push(self.commanded(s).asked, b)[..., None] * axis
+        return np.concatenate([torque, push], axis=-1)
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """Return that of the attitude law."""
+        return self.inner.lyapunov(self.commanded(s).tracking)
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """Return that of the attitude law, and 0 for the translation."""
+        inside = self.commanded(s)
+        return np.concatenate(
+            [self.inner.velocity_error(inside.tracking), 0.0 * inside.asked], axis=-1
+        )
+
+    def dissipation(self, s: Tracking) -> Array | None:
+        """Return that of the attitude law; None where R_c turns otherwise than by the model."""
+        position = self.position
+        assumes = not self.exact or self.rates != "model" or position.c1 is not None
+        if assumes or position.period is not None:
+            return None
+        return self.inner.dissipation(self.commanded(s).tracking)
+
+    @property
+    def energy(self) -> str:  # type: ignore[override]  # a constant of most laws
+        """L of the attitude law."""
+        return self.inner.energy if self.inner else Controller.energy
+
+    # Its memory.
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the lengths of the integral, of the filter, and of the attitude law's memory."""
+        own, n = self.inner.memory(self.gains_group(G)).items(), rigid(G).space
+        names = ["integral"] * (self.position.ki is not None)
+        names += [FILTERED, FILTERED_RATE] * (self.rates == "filter")
+        clock = {} if self.position.period is None else {HELD: n * (1 + self._order), LEFT: 1}
+        return dict.fromkeys(names, n) | clock | {OWN + name: length for name, length in own}
+
+    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+        """Return a filter that has settled, and the beginning of the attitude law."""
+        begun: dict[str, Array] = {}
+        if self.position.period is not None:
+            begun[HELD] = self._renewed(s)
+        if self.rates == "filter":
+            begun[FILTERED] = self._asked(s)[0].value
+        s = replace(s, memory={**s.memory, **begun})
+        own = self.inner.initial_memory(self.commanded(s).tracking).items()
+        return begun | {OWN + name: z for name, z in own}
+
+    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+        """ė_I = e, the filter's rates, and those of the attitude law."""
+        inside = self.commanded(s)
+        own = self.inner.memory_rate(inside.tracking).items()
+        rates = {name: 0.0 * s.memory[name] for name in (HELD, LEFT) if name in s.memory}
+        rates |= {OWN + name: rate for name, rate in own}
+        if self.position.ki is not None:
+            rates["integral"] = inside.integrand
+        if self.rates == "filter":
+            rates[FILTERED] = s.memory[FILTERED_RATE]
+            rates[FILTERED_RATE] = self._filter_rate(s, inside.asked)
+        return rates
+
+    def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
+        """Return ∂L/∂z of the attitude law; None where R_c has a memory, too."""
+        own = self.inner.memory_gradient(self.commanded(s).tracking)
+        if own is None or {"integral", HELD, FILTERED} & s.memory.keys():
+            return None
+        return {OWN + name: gradient for name, gradient in own.items()}
+
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
+        """Return the command, and the memory a period later, while F is held."""
+        step, later = period, dict[str, Array]()
+        if self.position.period is not None:
+            left = s.memory[LEFT]
+            is_due = less(left, period / 2)
+            step = where(is_due, self.position.period + 0 * left, 0 * left)
+            later[LEFT] = left + step - period
+            later[HELD] = where(is_due, self._renewed(s), s.memory[HELD])
+            s = replace(s, memory={**s.memory, **later})
+        inside = self.commanded(s)
+        torque, own = self.inner.answer(inside.tracking, period)
+        later |= {OWN + name: z for name, z in own.items()}
+        if self.position.ki is not None:
+            later["integral"] = s.memory["integral"] + step * inside.integrand
+        if self.rates == "filter":
+            w: Any = self.bandwidth
+            behind, rate = s.memory[FILTERED] - inside.asked, s.memory[FILTERED_RATE]
+            decay, slope = exp(-w * period), rate + w * behind
+            later[FILTERED] = inside.asked + decay * (behind + period * slope)
+            later[FILTERED_RATE] = decay * (rate - w * period * slope)
+        return self.wrench(s, torque), later
+
+
+def check_flat_output(plant: PlantModel, problems: Problems) -> None:
+    """Note a reference without a flat output."""
+    if plant.flat is None:
+        problems.add(
+            "needs a reference that gives jerk and snap",
+            Remedy("use reference: {kind: flat, position: […]}, or {kind: flat, of: …}"),
+        )
+
+
+def _of_rotation(G: MatrixLieGroup, inertia: Inertia) -> Inertia:
+    turns = slice(0, rigid(G).rotations)
+    return Inertia(inertia.matrix[..., turns, turns], inertia.inverse[..., turns, turns])
+
+
+def _mass(s: Tracking) -> Array:
+    """m, ``(..., 1)``."""
+    first = rigid(s.G).rotations
+    return s.inertia.matrix[..., first, first, None]
+
+
+def _desired(s: Tracking, k: int, order: int) -> Jet:
+    """Return the k-th derivative of p_d as a series."""
+    assert s.flat is not None
+    return Jet.of([s.flat.position[..., k + j, :] for j in range(order + 1)])

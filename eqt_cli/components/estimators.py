@@ -1,0 +1,496 @@
+"""Estimators of pose and velocity: their base class, their schedule, complementary filters."""
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, less, where
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import POSE, Scale, Unit
+from eqt_cli.base.registry import Registry
+from eqt_cli.components import mechanics
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.pose_notation import vector
+from eqt_cli.components.sensors import Channel
+from eqt_cli.components.vehicle_parts import Numbers, VehiclePart, drawn
+
+# The measurements that an estimator may have of each instant; it knows no estimator ---------------
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """Times at which parts of pose and velocity are measured, and at which that is known.
+
+    Attributes
+    ----------
+    channels
+        Parts that have sensors.
+    period
+        Tick of the loop, s.
+    """
+
+    G: MatrixLieGroup
+    channels: Sequence[Channel]
+    period: float
+
+    @cached_property
+    def fixes(self) -> list[Channel]:
+        """Measured parts of the pose."""
+        return [channel for channel in self.channels if channel.signal == "pose"]
+
+    @cached_property
+    def depth(self) -> int:
+        """Largest delay of a measurement, in ticks."""
+        return max((channel.delay for channel in self.channels), default=0)
+
+    @cached_property
+    def axes(self) -> list[int]:
+        """Measured coordinates of the pose."""
+        return [axis for channel in self.fixes for axis in self.axes_of(channel)]
+
+    @property
+    def unmeasured(self) -> list[str]:
+        """Names of the parts of the pose that no sensor measures."""
+        measured = [channel.part.name for channel in self.fixes]
+        return [part.name for part in self.G.parts if part.name not in measured]
+
+    def axes_of(self, channel: Channel) -> range:
+        """Return the coordinates of a part."""
+        return range(self.G.dimension)[channel.part.axes]
+
+    def of_axes(self, signal: str, option: str, default: int) -> Array:
+        """Return ``every`` or ``delay`` of each coordinate of a signal, ``(m,)``."""
+        values = np.full(self.G.dimension, default)
+        for channel in self.channels:
+            if channel.signal == signal:
+                values[channel.part.axes] = getattr(channel, option)
+        return values
+
+    @property
+    def intervals(self) -> Array:
+        """Time between fixes of each coordinate, s, ``(m,)``."""
+        return self.of_axes("pose", "every", 1) * self.period
+
+    def waits(self, channel: Channel) -> int:
+        """Return the number of earlier measurements of a part to keep."""
+        return self.depth - channel.delay
+
+    def available(self, step: int) -> Iterator[tuple[int, Channel]]:
+        """Yield number and channel of the fixes that are known `step` ticks after the oldest."""
+        for number, channel in enumerate(self.fixes):
+            if step <= self.waits(channel):
+                yield number, channel
+
+
+# The base class of estimators, which give the law pose and velocity from measurements -------------
+#
+# It knows no law or engine. All kinds share which measurement belongs to which instant, and where
+# an estimate starts.
+
+
+INNOVATIONS = 3
+"""Length of the sums over all innovations: count, squares, products of successive ones."""
+
+
+class Deviations(NamedTuple):
+    """Deviations of errors that the sensors specify, for each coordinate, ``(m,)`` each.
+
+    Attributes
+    ----------
+    pose, velocity
+        Standard deviations of the white noise of one measurement.
+    bias, walk
+        The root mean square of the bias of the velocity at t = 0, and the deviation of its drift
+        after one second.
+    """
+
+    pose: Array
+    velocity: Array
+    bias: Array
+    walk: Array
+
+
+class Estimate(NamedTuple):
+    """An estimate at an instant.
+
+    Attributes
+    ----------
+    pose : (..., d, d)
+        Q̂.
+    bias : (..., m)
+        b̂.
+    covariance : (..., n, n)
+        Σ of (log(Q̂⁻¹Q), b − b̂), with n = 2m; n = 0 for kinds without one.
+    """
+
+    pose: Array
+    bias: Array
+    covariance: Array
+
+
+class Fix(NamedTuple):
+    """A fix: the measured parts of a pose.
+
+    Attributes
+    ----------
+    pose : (..., d, d)
+        Q̂ with the measured parts in their place.
+    arrived : (..., m)
+        1 for each measured coordinate, else 0.
+    """
+
+    pose: Array
+    arrived: Array
+
+
+class Measurement(NamedTuple):
+    """Measurements, and the truth, at a control instant.
+
+    Attributes
+    ----------
+    pose, velocity
+        Measurements as they have arrived, ``(..., d, d)`` and ``(..., m)``.
+    fresh : (..., parts)
+        1 for each measured part of the pose with a measurement now that will arrive, else 0.
+    true_pose, true_bias
+        Q and b, for the error and the start of the estimate.
+    """
+
+    pose: Array
+    velocity: Array
+    fresh: Array
+    true_pose: Array
+    true_bias: Array
+
+
+@dataclass(frozen=True)
+class Estimator(VehiclePart):
+    """A filter on G with a bias of the velocity in g; the law reads Q̂ and V̂ = V_m − b̂.
+
+    At each tick it predicts with the mean of the last two measured velocities, corrects
+    with the parts of the pose that are measured at that instant, and tells the law. Where
+    measurements arrive late, it keeps the estimate at the oldest instant of which one may still
+    come, and at each instant repeats the steps from there to the present with all that is known by
+    then. Between instants the estimate is held.
+
+    b̂ starts at 0, and Q̂ at the first fix.
+
+    Attributes
+    ----------
+    initial_error
+        log(Q̂⁻¹Q) at the start, in the coordinates of the algebra: a number or a list, or
+        distributions. Q̂ then starts with this error, and the first fix corrects it.
+    """
+
+    departs: ClassVar[str] = "estimated state"
+    vectors: ClassVar[tuple[str, ...]] = ("initial_error",)
+
+    has_covariance: ClassVar[bool] = False
+    """Whether the estimate has a covariance."""
+
+    initial_error: Annotated[Numbers | None, Unit(POSE)] = field(default=None, kw_only=True)
+
+    # For kinds to define.
+
+    def completed(self, G: MatrixLieGroup, known: Deviations) -> "Estimator":
+        """Return the estimator with the deviations of the sensors where none are given."""
+        return self
+
+    def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
+        """Note what does not fit the sensors."""
+
+    def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:
+        """Return the estimate at the start, at a pose."""
+        bias = np.zeros_like(pose, shape=(*pose.shape[:-2], G.dimension))
+        return Estimate(pose, bias, bias[..., None, :0][..., :0, :])
+
+    @abstractmethod
+    def predicted(
+        self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
+    ) -> Estimate:
+        """Return the estimate a duration later, s, ``(..., 1)``, which may be 0.
+
+        Parameters
+        ----------
+        velocity : (..., m)
+            Mean of the velocities measured over the duration.
+        """
+
+    @abstractmethod
+    def corrected(
+        self, schedule: Schedule, now: Estimate, fix: Fix
+    ) -> tuple[Estimate, Array | None]:
+        """Return the estimate after a fix, and the whitened innovations ``(..., m)``, if any."""
+
+    # Common to all kinds.
+
+    def states(self, schedule: Schedule) -> dict[str, int]:
+        """Return the length of each state that is kept from instant to instant, by name."""
+        G, depth = schedule.G, schedule.depth
+        m, n = G.dimension, 2 * G.dimension * self.has_covariance
+        own = {"pose": G.pose_length, "bias": m, "covariance": n * (n + 1) // 2}
+        sizes = {**own, "velocity": m, "error": 2 * m, "begun": 1, "past_velocity": (depth + 1) * m}
+        if self.has_covariance:
+            sizes |= {"innovations": INNOVATIONS, "last_innovation": m, "lost": 1}
+        if depth:
+            sizes |= {f"behind_{name}": length for name, length in own.items()}
+            sizes |= {"past_live": depth, "past_fresh": depth * len(schedule.fixes)}
+            sizes |= {
+                f"past_fix_{channel.part.name}": schedule.waits(channel) * channel.size
+                for channel in schedule.fixes
+            }
+        return {name: length for name, length in sizes.items() if length}
+
+    def after(
+        self, schedule: Schedule, measured: Measurement, states: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """Return the states after an instant."""
+        G, depth, begun = schedule.G, schedule.depth, states["begun"]
+        is_given = self.initial_error is not None  # the start, else it is the first fix
+        past = _Past(schedule, measured, states)
+        here = self._loaded(G, states, "behind_" if depth else "")
+        start = self._start(schedule, measured)
+        is_begun = less(0.5, begun)
+        here = Estimate(
+            where(is_begun[..., None], here.pose, start.pose),
+            where(is_begun, here.bias, start.bias),
+            where(is_begun[..., None], here.covariance, start.covariance),
+        )
+        here = self.predicted(schedule, here, past.velocity(0), past.duration(0))
+        fix = past.fix(0, here.pose, is_given)
+        here, innovations = self.corrected(schedule, here, fix)
+        changed = self._stored(G, here, "behind_") if depth else {}
+        for step in range(1, depth + 1):
+            here = self.predicted(schedule, here, past.velocity(step), past.duration(step))
+            if any(schedule.available(step)):
+                here, _ = self.corrected(schedule, here, past.fix(step, here.pose))
+        changed |= self._stored(G, here) | past.later
+        error = G.log(G.inverse(here.pose) @ measured.true_pose)
+        changed["velocity"] = measured.velocity - here.bias
+        changed["error"] = np.concatenate([error, measured.true_bias - here.bias], axis=-1)
+        changed["begun"] = 1.0 + 0.0 * begun
+        if innovations is not None:
+            changed |= _summed(innovations, fix.arrived, states)
+            changed["lost"] = indefinite(here.covariance)[..., None]
+        return changed
+
+    def _start(self, schedule: Schedule, measured: Measurement) -> Estimate:
+        G, Q = schedule.G, measured.true_pose
+        if self.initial_error is not None:
+            # Symbols, or many runs, with leading axes as the pose has.
+            return self.first(G, Q @ G.exp(-1.0 * self.initial_error))
+        first = Q.copy()
+        for channel in schedule.fixes:
+            first[channel.entries] = measured.pose[channel.entries]
+        return self.first(G, first)
+
+    def _loaded(self, G: MatrixLieGroup, states: Mapping[str, Array], prefix: str) -> Estimate:
+        pose, bias = G.unpack(states[f"{prefix}pose"]), states[f"{prefix}bias"]
+        if not self.has_covariance:
+            return Estimate(pose, bias, self.first(G, pose).covariance)
+        return Estimate(pose, bias, symmetric(states[f"{prefix}covariance"], 2 * G.dimension))
+
+    def _stored(self, G: MatrixLieGroup, now: Estimate, prefix: str = "") -> dict[str, Array]:
+        stored = {f"{prefix}pose": G.pack(now.pose), f"{prefix}bias": now.bias}
+        if self.has_covariance:
+            rows, columns = np.triu_indices(2 * G.dimension)
+            stored[f"{prefix}covariance"] = now.covariance[..., rows, columns]
+        return stored
+
+
+class _Past:
+    """The measurements known at an instant, of the steps from the oldest instant kept to now."""
+
+    def __init__(
+        self, schedule: Schedule, measured: Measurement, states: Mapping[str, Array]
+    ) -> None:
+        self._schedule, self._measured, self._begun = schedule, measured, states["begun"]
+        m, depth, parts = schedule.G.dimension, schedule.depth, len(schedule.fixes)
+        self._velocities = [*_cut(states["past_velocity"], m, depth + 1), measured.velocity]
+        self._live = [*_cut(states.get("past_live"), 1, depth), self._begun]
+        self._fresh = [*_cut(states.get("past_fresh"), parts, depth), measured.fresh]
+        self._values = []
+        for channel in schedule.fixes:
+            now = measured.pose[channel.entries]
+            now = now.reshape(*now.shape[: now.ndim - len(channel.shape)], channel.size)
+            kept = states.get(f"past_fix_{channel.part.name}")
+            self._values.append([*_cut(kept, channel.size, schedule.waits(channel)), now])
+        delays = schedule.of_axes("velocity", "delay", 0)
+        self._place = [
+            [min(depth + 1, step + 1 + int(delay)) for delay in delays]
+            for step in range(-1, depth + 1)
+        ]
+
+    @property
+    def later(self) -> dict[str, Array]:
+        """The measurements to keep for the next instant, as states."""
+        rings = {"velocity": self._velocities, "live": self._live, "fresh": self._fresh}
+        for channel, values in zip(self._schedule.fixes, self._values, strict=True):
+            rings[f"fix_{channel.part.name}"] = values
+        by_name = {
+            name: np.concatenate(ring[1:], axis=-1) for name, ring in rings.items() if ring[1:]
+        }
+        return {f"past_{name}": ring for name, ring in by_name.items()}
+
+    def velocity(self, step: int) -> Array:
+        """Return the mean velocity of both ends of a step; the last one stands for unknown ones."""
+        return (self._at(step) + self._at(step + 1)) / 2
+
+    def _at(self, end: int) -> Array:
+        places = self._place[end]
+        if len(set(places)) == 1:
+            return self._velocities[places[0]]
+        columns = [self._velocities[k][..., axis, None] for axis, k in enumerate(places)]
+        return np.concatenate(columns, axis=-1)
+
+    def duration(self, step: int) -> Array:
+        """Return the duration of a step, s, ``(..., 1)``: 0 before the start."""
+        return self._schedule.period * self._live[step]
+
+    def fix(self, step: int, pose: Array, at_start: bool = False) -> Fix:
+        """Return the fix at the end of a step; the first fix counts only with `at_start`."""
+        fixed, arrived = pose.copy(), 0.0 * self._measured.velocity
+        for number, channel in self._schedule.available(step):
+            count = self._live[step] * self._fresh[step][..., number, None]
+            value = self._values[number][step]
+            if at_start:
+                count = count + (1.0 - self._begun)
+                value = where(less(0.5, self._begun), value, self._values[number][-1])
+            was = pose[channel.entries]
+            value = value.reshape(was.shape)
+            counts = less(0.5, count.reshape(*count.shape[:-1], *(1,) * len(channel.shape)))
+            fixed[channel.entries] = where(counts, value, was)
+            arrived[..., channel.part.axes] = count
+        return Fix(fixed, arrived)
+
+
+def _cut(ring: Array | None, length: int, count: int) -> list[Array]:
+    """Return the entries of a ring, the oldest first."""
+    if ring is None:
+        return []
+    return [ring[..., k * length : (k + 1) * length] for k in range(count)]
+
+
+def _summed(innovations: Array, arrived: Array, states: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the states of the innovations: count, squares and products, and the last ones."""
+    last, sums = states["last_innovation"], states["innovations"]
+    own = innovations * arrived
+    new = [arrived.sum(axis=-1), (own * own).sum(axis=-1), (own * last).sum(axis=-1)]
+    added = np.concatenate([number[..., None] for number in map(np.asarray, new)], axis=-1)
+    return {
+        "innovations": sums + added,
+        "last_innovation": where(less(0.5, arrived), innovations, last),
+    }
+
+
+def symmetric(upper: Array, n: int) -> Array:
+    """Return the symmetric matrix with these entries on and above its diagonal, row by row."""
+    place = np.zeros((n, n), dtype=int)
+    rows, columns = np.triu_indices(n)
+    place[rows, columns] = place[columns, rows] = np.arange(len(rows))
+    return upper[..., place]
+
+
+def pivots(matrix: Array, vector: Array) -> tuple[list[Array], list[Array]]:
+    """Return the n entries of d in a symmetric matrix LDLᵀ, and of L⁻¹v, ``(...)`` each.
+
+    A row that is 0 has the pivot 0, and eliminates nothing.
+    """
+    n = matrix.shape[-1]
+    rows = [matrix[..., k, :] for k in range(n)]
+    y, d = [vector[..., k] for k in range(n)], []
+    for k in range(n):
+        pivot = rows[k][..., k]
+        d.append(pivot)
+        none = where(less(0.0, pivot), 0.0, where(less(pivot, 0.0), 0.0, 1.0))
+        over = 1.0 / (pivot + none)
+        for j in range(k + 1, n):
+            factor = rows[k][..., j] * over
+            rows[j] = rows[j] - factor[..., None] * rows[k]
+            y[j] = y[j] - factor * y[k]
+    return d, y
+
+
+def indefinite(covariance: Array) -> Array:
+    """Return 1 where a symmetric matrix has a negative pivot, else 0, ``(...)``."""
+    d, _ = pivots(covariance, covariance[..., 0, :])
+    lost = 0.0 * d[0]
+    for pivot in d:
+        lost = where(less(pivot, 0.0), 1.0, lost)
+    return lost
+
+
+estimators = Registry(
+    "estimator", "estimators", Estimator, ("components.filters", "components.estimators")
+)
+
+
+# The complementary filter, with constant gains ----------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Complementary(Estimator):
+    """Complementary filter: Q̂̇ = Q̂ (V̂ + k_P σ)^, b̂̇ = −k_I σ, in its gradient form on every group.
+
+    σ is the gradient of ½‖Q̂⁻¹Q_m − I‖²_F, each coordinate over the ‖E_i‖²_F of its generator. On
+    SO(3) that is half of the antisymmetric part of Q̂⁻¹Q_m, and the filter is the passive one of
+    Mahony, Hamel and Pflimlin, IEEE Trans. Autom. Control 53 (2008) 1203. A fix acts once for the
+    time since the one before: Q̂ ← Q̂ exp(T k_P σ), b̂ ← b̂ − T k_I σ.
+
+    Attributes
+    ----------
+    kp
+        k_P, 1/s; one number, or one for each coordinate.
+    ki
+        k_I, 1/s²; likewise.
+    """
+
+    name: ClassVar[str] = "complementary"
+    vectors: ClassVar[tuple[str, ...]] = ("kp", "ki", "initial_error")
+
+    kp: Annotated[Numbers, Scale("filter gain k_P", "1/s")] = 1.0
+    ki: Annotated[Numbers, Scale("filter gain k_I", "1/s²")] = 0.3
+
+    def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
+        """Note gains with which the estimate cannot settle, for the time between two fixes."""
+        G = schedule.G
+        kp, ki = (vector(drawn(value, None), G.dimension, G) for value in (self.kp, self.ki))
+        for channel in schedule.fixes:
+            T = channel.every * schedule.period
+            for axis in schedule.axes_of(channel):
+                a, b = T * kp[axis], T * T * ki[axis]
+                # (ε, Tb̃) from fix to fix: the prediction ε − Tb̃ is corrected by the gains a and b.
+                step = np.array([[1 - a, a - 1], [b, 1 - b]])
+                largest = float(np.abs(np.linalg.eigvals(step)).max())
+                if largest > 1:
+                    problems.add(
+                        f"the estimate of the {channel.part.name} does not settle with fixes "
+                        f"every {T:g} s: an error grows by {largest:.3g} from one to the next; "
+                        f"choose kp between 0 and {2 / T:g} and a smaller ki"
+                    )
+                    break
+
+    def predicted(
+        self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
+    ) -> Estimate:
+        """Return the estimate with Q̂ exp(hV̂)."""
+        step = schedule.G.exp(duration * (velocity - now.bias))
+        return now._replace(pose=now.pose @ step)
+
+    def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, None]:
+        """Return the estimate corrected by σ in the measured coordinates."""
+        G: MatrixLieGroup = schedule.G
+        own: Any = self  # in a run, options are arrays
+        sigma = schedule.intervals * fix.arrived * innovation(G, G.inverse(now.pose) @ fix.pose)
+        pose, bias = now.pose @ G.exp(own.kp * sigma), now.bias - own.ki * sigma
+        return now._replace(pose=pose, bias=bias), None
+
+
+def innovation(G: MatrixLieGroup, error: Array) -> Array:
+    """Return σ of Q̂⁻¹Q_m, ``(..., m)``; log(Q̂⁻¹Q_m) to first order."""
+    squares = (G.basis * G.basis).sum(axis=(-2, -1))
+    return mechanics.gradient(G, G.identity, error) / squares

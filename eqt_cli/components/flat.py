@@ -1,0 +1,407 @@
+"""A reference for bodies that are pushed along one body axis: position and heading say the rest."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import (
+    Array,
+    apply,
+    apply_matrix,
+    less,
+    norm,
+    sqrt,
+    stack,
+    transpose,
+    where,
+)
+from eqt_cli.base.errors import Problems, Remedy
+from eqt_cli.base.expressions import Expression, formula
+from eqt_cli.base.option_types import Real, Unit, component
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.matrix_groups import EuclideanGroup, rigid, rigid_motions
+from eqt_cli.components.motions import (
+    ORDER,
+    FlatOutput,
+    PlantModel,
+    RigidMotion,
+    attitude,
+    check_along,
+    check_rigid_body,
+    piece_at,
+    unit_vector,
+)
+from eqt_cli.components.references import (
+    ClosedReference,
+    Reference,
+    check_expressions,
+    check_rising,
+    instants_of,
+)
+from eqt_cli.numbers.jets import Jet, series
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+
+DEGREE = 7
+"""Of the pieces of a motion of minimum snap."""
+
+OF_FORCE = 2
+"""Derivatives of the force that the angular acceleration needs."""
+
+WEAK = 0.01
+"""Share of the largest thrust below which its direction is taken as undecided."""
+
+SAMPLES = 1001
+"""Times at which the thrust is checked; between them by its rate."""
+
+FREE, ALONG_VELOCITY = "free", "velocity"
+
+
+@dataclass(frozen=True)
+class Knot:
+    """A position at a time.
+
+    Attributes
+    ----------
+    t
+        Time, s.
+    position
+        Position in space, m.
+    """
+
+    # Not strict, for the reason given in `Distribution`.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    t: Annotated[Real, Unit("s")]
+    position: Annotated[list[Real], Unit("m")]
+
+
+@dataclass(frozen=True)
+class FlatReference(ClosedReference):
+    """The motion that a body pushed along one body axis makes on a path with a heading; SE2, SE3.
+
+    The force that moves it, F = m p̈_d − known forces, must be along that axis: this decides the
+    attitude, with a heading in space, and its rates. Known forces are those of `model`; they must
+    not depend on the attitude.
+
+    Attributes
+    ----------
+    position
+        p_d in space, m: an expression in t for each axis.
+    minimum_snap
+        Instead: two or more positions in the order of time, `{t: 0, position: [0, 0, 1]}` each. The
+        motion through them has the least ∫|d⁴p/dt⁴|² dt, at rest before the first and after the
+        last: polynomials of degree 7, whose first six derivatives have no jumps in between.
+    of
+        Instead, the positions of a reference: of a `path`, or, through the poses of `waypoints` or
+        of a `log`, a motion of minimum snap.
+    heading
+        ψ in space, rad: an expression in t (default 0); `velocity`: horizontally along ṗ_d; `free`:
+        no law is to follow it, and Q_d has ψ = 0. SE3 only.
+    along
+        The axis of the body along which it is pushed. Default: that of the law, or the only
+        direction in which the actuators push.
+    """
+
+    name: ClassVar[str] = "flat"
+
+    position: list[str | float] | None = None
+    minimum_snap: list[Knot] | None = None
+    of: dict[str, Any] | None = None
+    heading: str | float | None = field(default=None, metadata=STRUCTURE)
+    along: list[Real] | None = None
+    mass: float = field(default=0.0, init=False, repr=False, metadata=STRUCTURE)
+    known_forces: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
+    direction: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
+    inner: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
+    since: Any = field(default=None, init=False, repr=False)
+    polynomials: Any = field(default=None, init=False, repr=False)
+
+    # The motion.
+
+    def flat_output(self, G: MatrixLieGroup, t: Any) -> FlatOutput:
+        """Return position and heading with their derivatives at time t."""
+        position = self._position(G, t)
+        no_heading = rigid(G).space == 2 or self.heading == FREE
+        return FlatOutput(position, None if no_heading else self._heading(position, t))
+
+    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        """Return the motion that follows from the position, the heading and the model."""
+        G, position = rigid(G), self._position(G, t)
+        psi = None if G.space == 2 else self._heading(position, t)
+        alone = position.ndim == 2 and (psi is None or psi.ndim == 1)
+        if alone:  # a symbol without batch axes is no array
+            position, psi = position[None], None if psi is None else psi[None]
+        turn = None if psi is None else Jet.of([psi[..., k] for k in range(OF_FORCE + 1)])
+        body = attitude(self._asked(G, t, position), self.direction, turn)
+        p, v, a = (position[..., k, :] for k in range(3))
+        back = transpose(body.R)
+        velocity = apply_matrix(back, v)
+        turned = apply_matrix(G.rotation_group.hat(body.velocity), velocity)
+        Q = G.assemble(body.R, p[..., None])
+        pairs = ((body.velocity, velocity), (body.acceleration, apply_matrix(back, a) - turned))
+        V, V_dot = (
+            stack([each[..., k] for each in pair for k in range(each.shape[-1])]) for pair in pairs
+        )
+        return (Q[0], V[0], V_dot[0]) if alone else (Q, V, V_dot)
+
+    def _asked(self, G: EuclideanGroup, t: Any, position: Array) -> Jet:
+        """Return F/m in space as a series of order 2."""
+        course = FlatOutput(position).course(OF_FORCE + 1)
+        still = np.eye(G.space), np.zeros(G.rotations)
+        moving = RigidMotion(G, *still, course.to_order(OF_FORCE), course.rate)
+        a = Jet.of([position[..., k, :] for k in range(2, ORDER + 1)])
+        for force in self.known_forces:
+            a = a - force.in_space(G, Jet.time(t, OF_FORCE), moving) / self.mass
+        return a
+
+    def _position(self, G: MatrixLieGroup, t: Any) -> Array:
+        """Return p_d and its derivatives, ``(..., 5, n)``."""
+        if self._knotted:
+            return self._on_piece(G, t)
+        if self.position is not None:
+            axes = [series(each, {"t": t}, ORDER) for each in self.expressions]
+        else:
+            Q = self.inner.series(G, t, ORDER)
+            axes = [Q[..., k, -1] for k in range(rigid(G).space)]
+        return stack([_derivatives(each) for each in axes])
+
+    def _on_piece(self, G: MatrixLieGroup, t: Any) -> Array:
+        held = self.since, self.polynomials
+        since, polynomials = self._piece(G, t) if self.since is None else held
+        powers = [1.0, t - since]
+        for p in range(2, DEGREE + 1):
+            powers.append(powers[p // 2] * powers[p - p // 2])
+        rows = [
+            [math.perm(p, k) * powers[p - k] if p >= k else 0.0 for k in range(ORDER + 1)]
+            for p in range(DEGREE + 1)
+        ]
+        return stack([stack(row) for row in rows]) @ polynomials
+
+    def _heading(self, position: Array, t: Any) -> Array:
+        """Return ψ and its derivatives, ``(..., 3)``."""
+        if self.heading != ALONG_VELOCITY:
+            given = 0.0 if self.heading in (None, FREE) else self.heading
+            return _derivatives(series(formula(given), {"t": t}, 2))
+        x, y = (Jet.of([position[..., k, axis] for k in (1, 2, 3)]) for axis in (0, 1))
+        turning: Any = (x * y.rate - y * x.rate) / (x * x + y * y)
+        east, north = x.value, y.value
+        speed, back = sqrt(east * east + north * north), less(east, 0.0)
+        half = apply("atan", north / (speed + where(back, -east, east)))
+        return stack(
+            [where(back, np.pi - 2 * half, 2 * half), turning.value, turning.derivative(1)]
+        )
+
+    # What it is given by.
+
+    @cached_property
+    def expressions(self) -> list[Expression]:
+        """The expressions of the position, parsed."""
+        return [formula(entry) for entry in self.position or ()]
+
+    @property
+    def _knotted(self) -> bool:
+        return self.position is None and not (self.inner is not None and self.inner.smooth)
+
+    def _pieces(self, G: MatrixLieGroup) -> tuple[Array, Array]:
+        """Return the starts of the pieces, and their coefficients ``(N, 8, n)``, rising."""
+        from scipy.interpolate import make_interp_spline  # slow to import
+
+        times, points = self._knots(G)
+        rest = [(k, np.zeros(points.shape[1])) for k in (1, 2, 3)]
+        spline = make_interp_spline(times, points, DEGREE, bc_type=(rest, rest))
+        starts, powers = times[:-1], range(DEGREE + 1)
+        between = np.stack([spline(starts, nu=k) / math.factorial(k) for k in powers], axis=1)
+        still = np.zeros((2, *between.shape[1:]))
+        still[:, 0] = points[0], points[-1]
+        starts = np.array([min(times[0], 0.0) - 1.0, *times])
+        return starts, np.concatenate([still[:1], between, still[1:]])
+
+    def _piece(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array]:
+        """Return the start and the coefficients of the piece at a time, or at each of some."""
+        starts, polynomials = self.prepared(G, self._pieces)
+        k = piece_at(starts, t)
+        return starts[k], polynomials[k]
+
+    def _knots(self, G: MatrixLieGroup) -> tuple[Array, Array]:
+        if self.minimum_snap is not None:
+            points = [knot.position for knot in self.minimum_snap]
+            return np.array([knot.t for knot in self.minimum_snap]), np.array(points, dtype=float)
+        times = self.inner.given_at(G)
+        return times, rigid(G).translations(self.inner.motion(G, times)[0])[..., 0]
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which an expression or a polynomial changes its piece."""
+        own = list(self.expressions)
+        if self.heading not in (None, FREE, ALONG_VELOCITY):
+            own.append(formula(self.heading))
+        instants = [instants_of(own, until)]
+        if self._knotted:
+            instants.append(self.prepared(G, self._pieces)[0])
+        elif self.inner is not None:
+            instants.append(self.inner.instants(G, until))
+        return np.unique(np.concatenate(instants))
+
+    def held(self, G: MatrixLieGroup, t: Any) -> Self | None:
+        """Return the reference with the polynomial at a time."""
+        if not self._knotted:
+            return None
+        since, polynomials = self._piece(G, t)
+        return with_fields(self, since=np.asarray(since), polynomials=polynomials)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The files of the reference in `of`."""
+        inner = self.inner or self._of(None, Problems())
+        names = () if inner is None else inner.files.values()
+        return dict(zip(["of"], names, strict=False))
+
+    def with_files(self, texts: Mapping[str, str]) -> Self:
+        """Return the reference with the one in `of`, and the contents of its files."""
+        inner = self._of(None, Problems())
+        return with_fields(self, inner=None if inner is None else inner.with_files(texts))
+
+    def _of(self, G: MatrixLieGroup | None, problems: Problems) -> Reference | None:
+        from eqt_cli.components.references import references  # the registry imports this file
+
+        if self.of is None:
+            return None
+        return component(references, self.of, problems, group=G, check=False)
+
+    # What it knows of the plant.
+
+    def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
+        """Return Q_d(0) and V_d(0) of the motion, which a model decides; until then those given."""
+        return super().initial(G, pose, velocity) if self.direction else (pose, velocity)
+
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the reference with the model, after noting where no motion follows from it."""
+        G, along = rigid(G), plant.along if self.along is None else self.along
+        check_rigid_body(G, plant.inertia, problems)
+        if along is None:
+            problems.at("along").add(
+                "missing; nothing says in which direction the body is pushed",
+                Remedy("give it in the body frame, such as along: [0, 0, 1]"),
+            )
+        for force in plant.forces:
+            if _turns_with_body(G, force):
+                problems.add(
+                    f"needs known forces that do not depend on the attitude, and {force.name} does",
+                    Remedy("move it from model.forces to plant.forces"),
+                )
+        if problems:
+            return self
+        mass = float(plant.inertia.at(0.0).matrix[-1, -1])
+        known = with_fields(
+            self, mass=mass, known_forces=plant.forces, direction=unit_vector(along)
+        )
+        known._check_horizon(G, plant.horizon, problems)
+        return known
+
+    def _check_horizon(self, G: EuclideanGroup, horizon: float, problems: Problems) -> None:
+        """Note where a direction that the motion needs vanishes, or nearly does."""
+        inside = self.instants(G, horizon)
+        inside = inside[(inside > 0) & (inside < horizon)]
+        times = np.unique([*np.linspace(0.0, horizon, SAMPLES), *inside])
+        with np.errstate(all="ignore"):
+            position = np.broadcast_to(self._position(G, times), (len(times), ORDER + 1, G.space))
+            a = self._asked(G, times, position)
+            force = np.stack([a.derivative(k) + 0.0 * position[:, 0] for k in (0, 1)])
+        smallest, largest, t = _smallest(times, *force)
+        if smallest <= WEAK * max(largest, np.linalg.norm(position[:, 2], axis=-1).max()):
+            problems.add(
+                f"needs a thrust of {self.mass * smallest:.2g} N at {t:.4g} s: no attitude follows",
+                Remedy("change the motion there")
+                if self.known_forces
+                else Remedy("give the weight of the body in model.forces"),
+            )
+        if self.heading == ALONG_VELOCITY:
+            smallest, largest, t = _smallest(times, position[:, 1, :2], position[:, 2, :2])
+            if smallest <= WEAK * largest:
+                problems.at("heading").add(
+                    f"has no direction at {t:.4g} s, where the velocity is {smallest:.2g} m/s "
+                    "horizontally; give an expression"
+                )
+        elif G.space == 3:
+            psi = np.broadcast_to(self._heading(position, times)[..., 0], times.shape)
+            ahead = np.stack([np.cos(psi), np.sin(psi), 0.0 * psi], axis=-1)
+            across = norm(np.cross(force[0], ahead)) / norm(force[0])
+            if across.min() < WEAK:
+                problems.at("heading").add(
+                    f"is along the thrust at {times[across.argmin()]:.4g} s: no attitude follows; "
+                    "choose another heading"
+                )
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note groups other than SE2 and SE3, invalid positions, and an invalid heading."""
+        if not rigid_motions(G):
+            problems.add(f"flat needs group SE2 or SE3, got {G.name}")
+            return
+        n, ways = G.space, ("position", "minimum_snap", "of")
+        given = [name for name in ways if getattr(self, name) is not None]
+        if len(given) != 1:
+            problems.add(f"expected one of {', '.join(ways)}, got {' and '.join(given) or 'none'}")
+        if self.position is not None:
+            check_expressions(self.position, n, G, problems.at("position"))
+        if self.minimum_snap is not None:
+            self._check_knots(self.minimum_snap, n, problems.at("minimum_snap"))
+        self._check_of(G, problems.at("of"))
+        if self.heading is not None and n == 2:
+            problems.at("heading").add("the plane has none; remove this key")
+        elif self.heading not in (None, FREE, ALONG_VELOCITY):
+            with problems.catching("heading"):
+                formula(self.heading)
+        check_along(self.along, n, problems)
+
+    def _check_knots(self, knots: list[Knot], n: int, problems: Problems) -> None:
+        for index, knot in enumerate(knots):
+            if len(knot.position) != n:
+                wanted = f"expected {n} numbers, got {len(knot.position)}"
+                problems.at(index, "position").add(wanted)
+        check_rising(knots, problems)
+
+    def _check_of(self, G: MatrixLieGroup, problems: Problems) -> None:
+        inner = None if self.of is None else self._of(G, problems)
+        if inner is None:
+            return
+        if not (inner.smooth or type(inner).given_at is not Reference.given_at):
+            problems.add(
+                f"a reference of kind {inner.name} has no jerk and snap everywhere; use path, "
+                "waypoints or log, or minimum_snap"
+            )
+        elif self.inner is not None:
+            self.inner.check(G, problems)
+
+    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
+        """Yield those of the reference in `of`."""
+        yield from () if self.inner is None else self.inner.remarks(G)
+
+
+def _turns_with_body(G: EuclideanGroup, force: Any) -> bool:
+    """Return whether a force in space depends on the attitude of a body that moves."""
+    still, moves = np.zeros((1, G.rotations)), Jet([np.ones((1, G.space))])
+    turned = G.rotation(G.exp(np.full((1, G.dimension), 0.5)))
+    values: list[Any] = []
+    for R in (np.eye(G.space)[None], turned):
+        wrench = force.in_space(G, Jet.time(0.0, 0), RigidMotion(G, R, still, moves, moves))
+        values.append(wrench.value if isinstance(wrench, Jet) else wrench)
+    return not np.allclose(values[0], values[1], rtol=1e-9, atol=0.0)
+
+
+def _derivatives(x: Jet) -> Array:
+    """Return a value and its derivatives along a new last axis."""
+    return stack([x.derivative(k) for k in range(x.order + 1)])
+
+
+def _smallest(times: Array, values: Array, rates: Array) -> tuple[float, float, float]:
+    """Return the smallest norm along a curve with its time, found by its rates, and the largest."""
+    half = np.diff(times).max() / 2
+    square = np.maximum((rates * rates).sum(axis=-1), np.finfo(float).tiny)
+    nearest = np.clip(-(values * rates).sum(axis=-1) / square, -half, half)
+    sizes = np.linalg.norm(values + nearest[:, None] * rates, axis=-1)
+    k = int(np.nanargmin(sizes))
+    t = float(np.clip(times[k] + nearest[k], times[0], times[-1]))
+    return float(sizes[k]), float(np.nanmax(np.linalg.norm(values, axis=-1))), t

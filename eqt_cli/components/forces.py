@@ -1,0 +1,436 @@
+"""Forces that act on a vehicle besides the torque of the law."""
+
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import (
+    Array,
+    absolute,
+    apply_matrix,
+    as_array,
+    cos,
+    cross,
+    moment,
+    sin,
+    stack,
+)
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.expressions import Expression, formula
+from eqt_cli.base.option_types import DAMPING, TORQUE, Scale, Unit
+from eqt_cli.base.registry import Registry
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
+from eqt_cli.components.motions import RigidMotion, unit_vector
+from eqt_cli.components.pose_notation import square
+from eqt_cli.components.references import InExpressions, instants_of
+from eqt_cli.components.vehicle_parts import (
+    Matrix,
+    Number,
+    NumberOrExpression,
+    Numbers,
+    VehiclePart,
+    check_deviations,
+    check_numbers,
+    drawn,
+)
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+
+# The base class of forces; it knows no law, actuator or engine ------------------------------------
+
+
+@dataclass(frozen=True)
+class Force(VehiclePart):
+    """A force on the plant, of which the law knows nothing.
+
+    Attributes
+    ----------
+    frame
+        The frame of its coordinates and of the velocity that it depends on. A spatial force f acts
+        as Ad*_Q f: on SE3 its line of action is given in space and not on the body.
+    """
+
+    frame: Literal["body", "spatial"] = field(default="body", kw_only=True)
+
+    @abstractmethod
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return the force at a time, pose and velocity, in its frame, ``(..., m)``."""
+
+    def in_body(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return the force in the body frame, ``(..., m)``; V is the body velocity."""
+        if self.frame == "body":
+            return self.acting(G, t, Q, V)
+        force = self.acting(G, t, Q, G.Ad(Q, V))
+        return G.Ad_star(Q, force + 0 * V)
+
+    @property
+    def turns(self) -> bool:
+        """Whether it may have a torque about the origin of the body."""
+        return True
+
+    def in_space(self, G: EuclideanGroup, t: Any, moving: RigidMotion) -> Any:
+        """Return what moves the origin of a rigid body as a series, in space, ``(..., n)``.
+
+        The time is a series, too, see `eqt_cli.numbers.jets`.
+        """
+        assert G.translation is not None
+        force: Any = self.in_body(G, t, moving.pose, moving.twist)[..., G.translation.axes]
+        return (G.rotation(moving.pose) @ force[..., None])[..., 0]
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times, s, at which the force switches to another expression, in order."""
+        return np.empty(0)
+
+
+forces = Registry("force", "forces", Force, ("components.forces",))
+
+
+@dataclass(frozen=True)
+class ConstantForce(Force):
+    """The same force at all times.
+
+    Attributes
+    ----------
+    force
+        m coordinates of g*.
+    """
+
+    name: ClassVar[str] = "constant"
+    departs: ClassVar[str] = "constant force"
+    vectors: ClassVar[tuple[str, ...]] = ("force",)
+
+    force: Annotated[Numbers, Unit(TORQUE)]
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return the force."""
+        return self.force
+
+
+# Drag, linear and quadratic in the velocity, in a medium that may flow ----------------------------
+
+
+@dataclass(frozen=True)
+class Drag(Force):
+    """The drag −(D₁ + D₂ diag|U|) U, with U = V − Ad_{Q⁻¹} (0, c) in a current c, else U = V.
+
+    Attributes
+    ----------
+    linear
+        D₁: a number, a list (the diagonal) or a matrix.
+    quadratic
+        D₂, likewise.
+    current
+        c, the velocity of the medium in the spatial frame, m/s: numbers or expressions in t, one
+        for each axis of the translation of the group; at rest if left out.
+    """
+
+    name: ClassVar[str] = "drag"
+    departs: ClassVar[str] = "drag"
+    matrices: ClassVar[tuple[str, ...]] = ("linear", "quadratic")
+
+    linear: Annotated[Matrix, Unit(DAMPING)] = 0.0
+    quadratic: Matrix = 0.0
+    current: Annotated[list[NumberOrExpression] | None, Unit("m/s")] = None
+
+    expressions: tuple[Expression | None, ...] = field(
+        default=(), init=False, repr=False, metadata=STRUCTURE
+    )
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the drag with the expressions of the current, and 0 for them among its numbers."""
+        part = super().of_run(G, random)
+        if self.current is None:
+            return part
+        current: Any = part.current
+        numbers = [0.0 if isinstance(entry, str) else entry for entry in current]
+        expressions = [formula(entry) if isinstance(entry, str) else None for entry in self.current]
+        return with_fields(
+            part, current=np.array(numbers, dtype=float), expressions=tuple(expressions)
+        )
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which an expression changes its piece, and of short pulses."""
+        return instants_of(filter(None, self.expressions), until)
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return −D₁ U − D₂ (|U| U)."""
+        if self.current is not None:
+            V = V - self._flow(G, t, Q)
+        squares = apply_matrix(self.quadratic, absolute(V) * V)
+        return -apply_matrix(self.linear, V) - squares
+
+    def _flow(self, G: MatrixLieGroup, t: Any, Q: Array) -> Array:
+        """Return the velocity of the medium in the frame of the force, ``(..., m)``."""
+        part, numbers = G.translation, np.asarray(self.current)
+        assert part is not None
+        entries: list[Any] = [0.0] * G.dimension
+        for axis in range(numbers.shape[-1]):
+            expression = self.expressions[axis]
+            value = numbers[..., axis] if expression is None else expression.evaluate({"t": t})
+            entries[part.axes.start + axis] = value
+        flow = stack(entries)
+        return flow if self.frame == "spatial" else G.Ad(G.inverse(Q), flow)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note invalid numbers, and a current on a group without a translation."""
+        super().check(G, problems)
+        if self.current is None:
+            return
+        here, part = problems.at("current"), G.translation
+        if part is None:
+            here.add(
+                f"needs a group with one translation in m/s, as SE2 and SE3, got {G.name}; remove "
+                "this key"
+            )
+            return
+        axes = part.axes.stop - part.axes.start
+        if len(self.current) != axes:
+            here.add(
+                f"expected {axes} numbers or expressions for {G.name}, got {len(self.current)}"
+            )
+        for index, entry in enumerate(self.current):
+            if isinstance(entry, str):
+                with here.catching(index):
+                    formula(entry)
+            else:
+                check_numbers(entry, here.at(index))
+
+
+@dataclass(frozen=True)
+class ExpressionForce(InExpressions, Force):
+    """A force f(t), one expression per coordinate.
+
+    Attributes
+    ----------
+    force
+        m expressions in t.
+    """
+
+    name: ClassVar[str] = "expression"
+    departs: ClassVar[str] = "force in time"
+    expressed: ClassVar[str] = "force"
+
+    force: list[str | float]
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the force itself: its entries are expressions, even where they are numbers."""
+        return self
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return f(t)."""
+        return self.at(t)
+
+
+# The gravity gradient, whose torque turns the long axis of a satellite towards the planet ---------
+
+
+@dataclass(frozen=True)
+class GravityGradient(Force):
+    """3n² c × 𝕁c on a circular orbit; c is the direction of the planet in the body frame.
+
+    The orbit is in the xy plane of the spatial frame, with the planet at t = 0 along -x. Only for
+    SO3 and SE3. Source: Hughes, Spacecraft Attitude Dynamics (1986), section 8.1.
+
+    Attributes
+    ----------
+    rate
+        n, the rate of the orbit, rad/s.
+    inertia
+        𝕁 about the centre of mass, kg m²: a list (its diagonal) or three rows.
+    """
+
+    name: ClassVar[str] = "gravity_gradient"
+    departs: ClassVar[str] = "gravity gradient"
+
+    rate: Annotated[Number, Scale("rate of the orbit", "rad/s")]
+    inertia: Matrix
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the force with the tensor as a matrix."""
+        part = self.drawn(random)
+        return with_fields(part, rate=np.array([part.rate]), inertia=square(part.inertia, 3, G))
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return the torque, with force 0 on SE3."""
+        rate = self.rate[..., 0]
+        assert isinstance(G, EuclideanGroup)
+        angle = rate * t
+        planet = stack([-cos(angle), -sin(angle), 0 * angle])
+        c = (G.rotation(Q) * planet[..., :, None]).sum(axis=-2)  # Rᵀ of the direction in space
+        factor = (3 * rate * rate)[..., None]
+        torque = factor * cross(c, apply_matrix(self.inertia, c))
+        coordinates = [torque[..., k] for k in range(3)]
+        return stack(coordinates + [0 * coordinates[0]] * (G.dimension - 3))
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note groups other than SO3 and SE3, invalid numbers, and a frame other than body."""
+        if not (isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) < 2):
+            problems.add(f"gravity_gradient needs group SO3 or SE3, got {G.name}")
+        if self.frame != "body":
+            problems.at("frame").add("gravity_gradient computes its own frame; remove this key")
+        check_numbers(self.rate, problems.at("rate"))
+        here = problems.at("inertia")
+        check_numbers(self.inertia, here)
+        if not here:
+            with here.catching():
+                square(drawn(self.inertia, None), 3, G)
+
+
+# Gusts: a smooth random force, a sum of sines whose phases each run draws -------------------------
+
+
+SINES = 12
+"""Number of sines per coordinate; each carries the same part of the variance."""
+
+SHARES = np.tan(np.pi / 2 * (np.arange(SINES) + 0.5) / SINES)
+"""ωT in the middle of each part of the spectrum of an Ornstein-Uhlenbeck process."""
+
+
+@dataclass(frozen=True)
+class Gust(Force):
+    """A force with the spectrum of an Ornstein-Uhlenbeck process, its coordinates independent.
+
+    Each coordinate is a sum of sines of equal amplitude, with frequencies that divide the spectrum
+    2σ²T / (1 + ω²T²) into equal parts, and with phases that each run draws: its variance is σ².
+
+    Attributes
+    ----------
+    std
+        σ of every coordinate, or a list of m.
+    time_constant
+        T, s: after this time the correlation has come down to 1/e.
+    """
+
+    name: ClassVar[str] = "gust"
+    departs: ClassVar[str] = "gusts"
+    vectors: ClassVar[tuple[str, ...]] = ("std",)
+    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
+
+    std: Annotated[Numbers, Unit(TORQUE)]
+    time_constant: Annotated[Number, Scale("time constant of the gust", "s")]
+    amplitude: Any = field(default=None, init=False, repr=False)
+    frequency: Any = field(default=None, init=False, repr=False)
+    phase: Any = field(default=None, init=False, repr=False)
+
+    @property
+    def varies(self) -> bool:
+        """Whether numbers differ from run to run: the phases always do."""
+        return True
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the gust with its sines: amplitude ``(m,)``, frequency and phase.
+
+        Frequencies are ``(sines, 1)``, phases ``(sines, m)``.
+        """
+        part, m = self.drawn(random), G.dimension
+        shape = SINES, m
+        return with_fields(
+            part,
+            std=None,
+            time_constant=None,
+            amplitude=np.sqrt(2 / SINES) * np.broadcast_to(np.array(part.std, dtype=float), (m,)),
+            frequency=(SHARES / part.time_constant)[:, None],
+            phase=np.zeros(shape) if random is None else random.uniform(0.0, 2 * np.pi, shape),
+        )
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return Σ a sin(ω t + φ)."""
+        frequency, phase = self.frequency, self.phase
+        waves = [sin(frequency[..., k, :] * _column(t, V) + phase[..., k, :]) for k in range(SINES)]
+        return self.amplitude * sum(waves)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note negative deviations, a time constant that is not positive, and a wrong length."""
+        check_deviations(self.std, G, problems.at("std"))
+        check_numbers(self.time_constant, problems.at("time_constant"), positive=True)
+
+
+def _column(t: Any, V: Array) -> Any:
+    """Return times ``(samples,)`` as a column that broadcasts with V; one time as it is."""
+    times = as_array(t)
+    return times[..., None] if times.ndim else t
+
+
+# Weight and buoyancy of a rigid body, on SE2 and SE3 ----------------------------------------------
+
+
+POINTS = ("centre_of_mass", "centre_of_buoyancy", "up")
+
+
+@dataclass(frozen=True)
+class Restoring(Force):
+    """The weight acts at the centre of mass, downwards; the buoyancy at its own centre, upwards.
+
+    With u the direction upwards in the body frame, the force is (B − W) u and the torque
+    r_B × B u − r_G × W u. Only for SE2 and SE3, whose coordinates are torque and force.
+
+    Attributes
+    ----------
+    weight, buoyancy
+        W and B, N.
+    centre_of_mass, centre_of_buoyancy
+        r_G and r_B in the body frame, m.
+    up
+        The direction upwards in the spatial frame; its length does not matter. Default: the last
+        axis, [0, 0, 1] on SE3 and [0, 1] on SE2.
+    """
+
+    name: ClassVar[str] = "restoring"
+    departs: ClassVar[str] = "weight and buoyancy"
+
+    weight: Annotated[Number, Unit("N")]
+    buoyancy: Annotated[Number, Unit("N")] = 0.0
+    centre_of_mass: Annotated[list[Number] | None, Unit("m")] = None
+    centre_of_buoyancy: Annotated[list[Number] | None, Unit("m")] = None
+    up: list[Number] | None = None
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the force with `up` of length 1."""
+        part: Any = super().of_run(G, random)
+        assert isinstance(G, EuclideanGroup)
+        up = np.eye(G.space)[-1] if part.up is None else part.up
+        return with_fields(part, up=np.array(unit_vector(up)))
+
+    @property
+    def turns(self) -> bool:
+        """Whether weight or buoyancy acts beside the origin."""
+        return self.centre_of_mass is not None or self.centre_of_buoyancy is not None
+
+    def in_space(self, G: EuclideanGroup, t: Any, moving: RigidMotion) -> Any:
+        """Return (B − W) up, wherever the body points."""
+        return (self.buoyancy - self.weight) * np.asarray(self.up)
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return torque and force."""
+        assert isinstance(G, EuclideanGroup)
+        part: Any = self
+        up = (G.rotation(Q) * part.up[..., :, None]).sum(axis=-2)  # Rᵀ up
+        lift, weight = self.buoyancy * up, self.weight * up
+        torque, force = 0.0 * up[..., : G.rotations], lift - weight
+        if part.centre_of_buoyancy is not None:
+            torque = torque + moment(part.centre_of_buoyancy, lift)
+        if part.centre_of_mass is not None:
+            torque = torque - moment(part.centre_of_mass, weight)
+        return stack([each[..., k] for each in (torque, force) for k in range(each.shape[-1])])
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note groups other than SE2 and SE3, invalid points, and a direction that is 0."""
+        if not rigid_motions(G):
+            problems.add(f"restoring needs group SE2 or SE3, got {G.name}")
+            return
+        if self.frame != "body":
+            problems.at("frame").add(
+                "restoring fixes the frame of each of its numbers; remove this key"
+            )
+        for name in ("weight", "buoyancy"):
+            check_numbers(getattr(self, name), problems.at(name))
+        for name in POINTS:
+            value = getattr(self, name)
+            if value is not None and len(value) != G.space:
+                problems.at(name).add(f"expected {G.space} numbers, got {len(value)}")
+            elif value is not None:
+                check_numbers(value, problems.at(name))
+        if self.up is not None and not any(drawn(self.up, None)):
+            problems.at("up").add("expected a direction, got a vector of zeros")

@@ -1,0 +1,446 @@
+"""The inertia of a mechanical system, and what it is worth at critical points."""
+
+from __future__ import annotations
+
+import operator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, reduce
+from typing import Any, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import (
+    Array,
+    apply_matrix,
+    inverse_spd,
+    maximum,
+    minimum,
+    sqrt,
+    stack,
+    transpose,
+)
+from eqt_cli.base.expressions import Expression
+from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
+from eqt_cli.components.matrix_groups import EuclideanGroup
+from eqt_cli.numbers.jets import value_and_derivative
+from eqt_cli.numbers.leaves import STRUCTURE
+
+# Inertia tensors, constant or varying in time, and the force that compensates their change --------
+#
+# An inertia law gives, at a time t, the tensor 𝕀_t with its inverse, and a matrix A with
+# A + Aᵀ = 𝕀̇_t: the feedforward Ṡ*S⁻* P of Theorem 3.2 is A V. The paper's factor S, with
+# 𝕀_t = S* 𝕀_0 S, is not unique; its choices differ by the skew part of A, a gyroscopic force
+# without power.
+
+
+class InertiaLaw(ABC):
+    """The inertia tensor as a function of time."""
+
+    @abstractmethod
+    def at(self, t: Any) -> Inertia:
+        """Return the tensor at time t: a number, an array ``(samples,)`` or a symbol."""
+
+    def matrix_at(self, t: Any) -> Array:
+        """𝕀_t without its inverse, so that it may be singular."""
+        return self.at(t).matrix
+
+    def with_functions(self, new: Callable[[], Expression]) -> Self:
+        """Return the law with a new function of time for each of its expressions."""
+        return self
+
+
+@dataclass(frozen=True)
+class Inertia(InertiaLaw):
+    """The inertia tensor 𝕀: g → g* as a matrix, at one time or, as a law of its own, at all times.
+
+    Attributes
+    ----------
+    matrix, inverse : (..., m, m)
+        𝕀 and 𝕀⁻¹.
+    change : (..., m, m), optional
+        A, with A + Aᵀ = 𝕀̇; None where the inertia is constant.
+    """
+
+    matrix: Array
+    inverse: Array
+    change: Array | None = None
+
+    def momentum(self, V: Array) -> Array:
+        """P = 𝕀 V."""
+        return apply_matrix(self.matrix, V)
+
+    def velocity(self, P: Array) -> Array:
+        """V = δh/δP = 𝕀⁻¹ P, Hampsey et al. (2025), eq. (6) and (9)."""
+        return apply_matrix(self.inverse, P)
+
+    def feedforward(self, V: Array) -> Array | float:
+        """Ṡ*S⁻* P = A V, Hampsey et al. (2025), eq. (11); 0.0 where the inertia is constant."""
+        return 0.0 if self.change is None else apply_matrix(self.change, V)
+
+    def rate_force(self, V: Array) -> Array | float:
+        """𝕀̇ V; 0.0 where the inertia is constant."""
+        if self.change is None:
+            return 0.0
+        return apply_matrix(self.change + transpose(self.change), V)
+
+    def at(self, t: Any) -> Inertia:
+        """Return this tensor at every time."""
+        return self
+
+
+@dataclass(frozen=True)
+class FactoredInertia(InertiaLaw):
+    """𝕀_t = S_tᵀ 𝕀_0 S_t with S given as expressions in t, as in Theorem 3.2.
+
+    Attributes
+    ----------
+    initial : (m, m)
+        𝕀_0.
+    factor
+        m rows of m expressions; S(0) = I.
+    """
+
+    initial: Array
+    factor: tuple[tuple[Expression, ...], ...] = field(metadata=STRUCTURE)
+
+    def at(self, t: Any) -> Inertia:
+        """𝕀_t, and A = Ṡᵀ 𝕀_0 S, since S⁻* P = 𝕀_0 S V."""
+        S, rate = _matrix_and_rate(self.factor, t)
+        image = self.initial @ S
+        matrix = transpose(S) @ image
+        return Inertia(matrix, inverse_spd(matrix), transpose(rate) @ image)
+
+    def factor_at(self, t: Any) -> Array:
+        """S_t."""
+        return _matrix_and_rate(self.factor, t)[0]
+
+    def matrix_at(self, t: Any) -> Array:
+        """𝕀_t without its inverse, so that it may be singular."""
+        S = self.factor_at(t)
+        return transpose(S) @ self.initial @ S
+
+    def with_functions(self, new: Callable[[], Expression]) -> Self:
+        """Return the law with any factor."""
+        return replace(self, factor=tuple(tuple(new() for _ in row) for row in self.factor))
+
+
+@dataclass(frozen=True)
+class PrescribedInertia(InertiaLaw):
+    """𝕀_t given as expressions in t; the feedforward takes the symmetric choice A = ½𝕀̇.
+
+    Attributes
+    ----------
+    matrix
+        m rows of m expressions.
+    """
+
+    matrix: tuple[tuple[Expression, ...], ...] = field(metadata=STRUCTURE)
+
+    def at(self, t: Any) -> Inertia:
+        """𝕀_t, and A = ½𝕀̇_t."""
+        matrix, rate = _matrix_and_rate(self.matrix, t)
+        return Inertia(matrix, inverse_spd(matrix), rate / 2)
+
+    def matrix_at(self, t: Any) -> Array:
+        """𝕀_t without its inverse, so that it may be singular."""
+        return _matrix_and_rate(self.matrix, t)[0]
+
+    def with_functions(self, new: Callable[[], Expression]) -> Self:
+        """Return the law with any symmetric matrix."""
+        lower = [[new() for _ in row[: i + 1]] for i, row in enumerate(self.matrix)]
+        size = range(len(lower))
+        rows = tuple(tuple(lower[max(i, j)][min(i, j)] for j in size) for i in size)
+        return replace(self, matrix=rows)
+
+
+def _matrix_and_rate(rows: tuple[tuple[Expression, ...], ...], t: Any) -> tuple[Array, Array]:
+    """Return a matrix of expressions and its time derivative at t, ``(..., m, m)`` each."""
+    pairs = [[value_and_derivative(entry, {"t": t}) for entry in row] for row in rows]
+    size = len(rows)
+    entries = stack([value for row in pairs for value, _ in row])
+    rates = stack([rate for row in pairs for _, rate in row])
+    shape = (*entries.shape[:-1], size, size)
+    return entries.reshape(shape), rates.reshape(*rates.shape[:-1], size, size)
+
+
+ROUNDING = 1e-9
+"""Tolerance relative to the largest moment, which in a flat body is the sum of the others."""
+
+INSTANTS = 101
+"""Number of instants of the horizon at which a varying inertia is checked."""
+
+
+def matrices_at(law: InertiaLaw, times: Array) -> Array:
+    """Return 𝕀_t at some times, ``(n, m, m)``, also where it is singular or not finite."""
+    with np.errstate(all="ignore"):
+        matrix = law.matrix_at(times)
+    return np.broadcast_to(matrix, (len(times), *matrix.shape[-2:]))
+
+
+def over_horizon(law: InertiaLaw, horizon: float) -> tuple[Array, Array]:
+    """Return instants of the horizon, one for a constant inertia, and `matrices_at` them."""
+    times = np.zeros(1) if isinstance(law, Inertia) else np.linspace(0.0, horizon, INSTANTS)
+    return times, matrices_at(law, times)
+
+
+def not_rigid(G: MatrixLieGroup, law: InertiaLaw, horizon: float) -> str:
+    """Describe why no rigid body can have this inertia; empty if one can.
+
+    Principal moments about the centre of mass, J₁ ≤ J₂ ≤ J₃, are sums of squared distances over the
+    mass, so that they satisfy the triangle inequality J₁ + J₂ ≥ J₃.
+    """
+    times, matrices = over_horizon(law, horizon)
+    for moments in G.principal_moments(matrices):
+        low, middle, high = moments.T
+        broken = np.flatnonzero(low + middle < high * (1 - ROUNDING))
+        if broken.size:
+            when = "" if len(times) == 1 else f" at t = {times[broken[0]]:g} s"
+            return _in_words(moments[broken[0]]) + when
+    return ""
+
+
+def _in_words(moments: Array) -> str:
+    low, middle, high = (f"{moment:.4g}" for moment in moments)
+    return (
+        f"principal moments {low}, {middle} and {high} kg m² violate the triangle inequality: "
+        f"{low} + {middle} < {high}"
+    )
+
+
+# The critical points of the navigation function Υ, in closed form where the group allows it -------
+#
+# On SO(n) ⋉ (R^n)^k with the weight K = [[A, B], [Bᵀ, C]] the translations of a critical point
+# follow from its rotation, X = −(R − I) B C⁻¹. The rest is Υ of the rotation alone, with the Schur
+# complement A − B C⁻¹Bᵀ as its weight. Its critical points are I and half-turns: in space about the
+# unit eigenvectors of that weight, where a repeated eigenvalue has a whole eigenspace of them.
+
+
+SAME_EIGENVALUE = 1e-9
+"""Relative distance up to which eigenvalues of the weight count as equal.
+
+It allows for numbers written in decimal and for rounding of their eigenvalues.
+"""
+
+
+@dataclass(frozen=True)
+class CriticalSet:
+    """A connected set of critical points of Υ: one point, or a manifold of them.
+
+    Attributes
+    ----------
+    name
+        A description: ``half-turn about (1, 0, 0)``.
+    dimension
+        The dimension of the set: 0 for a point.
+    Q : (d, d)
+        A point of the set.
+    hessian : (m,)
+        The eigenvalues of the Hessian of Υ there, rising.
+    axes : (n, k), or None
+        For half-turns in space, an orthonormal basis of their axes.
+    offset : (n, k)
+        D, with the translations (I − R) D at a rotation R of the set.
+    factors
+        For a product, one set per factor.
+    """
+
+    name: str
+    dimension: int
+    Q: Array
+    hessian: Array
+    axes: Array | None = None
+    offset: Array | None = None
+    factors: tuple[CriticalSet, ...] = ()
+
+    @property
+    def nullity(self) -> int:
+        """The number of eigenvalues of the Hessian that are 0."""
+        return int((np.abs(self.hessian) <= self._zero).sum())
+
+    @property
+    def index(self) -> int:
+        """The number of negative eigenvalues: directions in which Υ falls."""
+        return int((self.hessian < -self._zero).sum())
+
+    @property
+    def _zero(self) -> float:
+        return SAME_EIGENVALUE * float(np.abs(self.hessian).max(initial=0.0))
+
+    def squared_distance(self, Q: Array) -> Array:
+        """Return the least ‖Q − Q_c‖_F² over points Q_c of the set, ``(..., d, d) -> (...)``."""
+        if self.factors:
+            start, total = 0, np.zeros(Q.shape[:-2])
+            for factor in self.factors:
+                block = slice(start, start + len(factor.Q))
+                total = total + factor.squared_distance(Q[..., block, block])
+                start = block.stop
+            return total
+        if self.axes is None or self.axes.shape[1] == 1:
+            return _square_norm(Q - self.Q)
+        return self._distance_to_half_turns(Q, self.axes)
+
+    def _distance_to_half_turns(self, Q: Array, axes: Array) -> Array:
+        """With R_n = 2nnᵀ − I the squared distance is a constant minus a quadratic form in n."""
+        size = axes.shape[0]
+        D = np.zeros((size, 0)) if self.offset is None else self.offset
+        R, Y = Q[..., :size, :size], Q[..., :size, size:] - 2 * D
+        trace = _sum(R[..., axis, axis] for axis in range(size))
+        constant = _square_norm(R) + size + 2 * trace + _square_norm(Y)
+        if axes.shape[1] == size and not D.any():
+            # A rotation does not change its axis, so the largest eigenvalue of R + Rᵀ is 2.
+            return maximum(constant - 4, 0.0)
+        form = 2 * (R + transpose(R)) - 2 * (D @ transpose(Y) + Y @ D.T) - 4 * D @ D.T
+        finite = np.isfinite(constant)  # failed runs are NaN, which LAPACK does not accept
+        within = np.where(finite[..., None, None], axes.T @ form @ axes, 0.0)
+        return np.maximum(constant - np.linalg.eigvalsh(within)[..., -1], 0.0)
+
+
+def _square_norm(matrices: Array) -> Array:
+    """Return ‖A‖_F² of each matrix."""
+    rows, columns = matrices.shape[-2:]
+    entries = (matrices[..., i, j] for i in range(rows) for j in range(columns))
+    return _sum(entry * entry for entry in entries)
+
+
+def _sum(terms: Iterable[Array]) -> Any:
+    """Return the sum of floats or symbols in the order of the terms, so that both round alike."""
+    return reduce(operator.add, terms, 0.0)
+
+
+def critical_sets(G: MatrixLieGroup, K: Array) -> list[CriticalSet] | None:
+    """Return all critical sets of Υ, the identity first; None where they are not known.
+
+    Parameters
+    ----------
+    K : (d, d)
+        Symmetric weight for which the identity is a non-degenerate minimum.
+    """
+    if isinstance(G, ProductGroup):
+        return _of_product(G, K)
+    if isinstance(G, EuclideanGroup):
+        return _of_rigid_motions(G, K)
+    return None
+
+
+def common_weight(K: Array) -> Array:
+    """Return weights with the critical points of K, ``(..., d, d)``; one ``(d, d)`` if all agree.
+
+    Multiples of the identity have the critical points of the identity.
+    """
+    one = np.eye(K.shape[-1])
+    weights = np.where((K == K[..., :1, :1] * one).all(axis=(-2, -1), keepdims=True), one, K)
+    flat = weights.reshape(-1, *K.shape[-2:])
+    return flat[0] if (flat == flat[0]).all() else weights
+
+
+def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
+    """Return the least ‖Q − Q_c‖_F over critical points of Υ other than I, ``(...)``.
+
+    NaN where there are none, or they are not known. K may vary along the first axis of Q. A weight
+    of another group, as that of a cascade's attitude law, has none.
+    """
+    if K.shape[-1] != G.size:
+        return np.full(Q.shape[:-2], np.nan)
+    if K.ndim > 2:
+        weights, which = np.unique(K.reshape(len(K), -1), axis=0, return_inverse=True)
+        distances = np.empty(Q.shape[:-2])
+        for index, weight in enumerate(weights):
+            mine = which.reshape(-1) == index
+            distances[mine] = distance_to_unstable(G, weight.reshape(K.shape[-2:]), Q[mine])
+        return distances
+    unstable = _unstable_sets(G, np.asarray(K, dtype=float).tobytes())
+    if not unstable:
+        return np.full(Q.shape[:-2], np.nan)
+    squares = [each.squared_distance(Q) for each in unstable]
+    return sqrt(reduce(minimum, squares))
+
+
+@lru_cache(maxsize=64)
+def _unstable_sets(G: MatrixLieGroup, weight: bytes) -> tuple[CriticalSet, ...]:
+    """Return all sets but the identity, where they are known; cached for all runs of a weight."""
+    sets = critical_sets(G, np.frombuffer(weight).reshape(G.size, G.size))
+    return tuple(sets or ())[1:]
+
+
+def _of_rigid_motions(G: EuclideanGroup, K: Array) -> list[CriticalSet]:
+    n = G.space
+    A, B, C = K[:n, :n], K[:n, n:], K[n:, n:]
+    D = B @ np.linalg.inv(C) if G.columns else np.zeros((n, 0))
+    sets = [CriticalSet("identity", 0, G.identity, _hessian(G, K, G.identity))]
+    if not G.rotations:
+        return sets
+    if n == 2:
+        Q = _with_rotation(G, -np.eye(2), D)
+        return [*sets, CriticalSet("half-turn", 0, Q, _hessian(G, K, Q))]
+    values, vectors = np.linalg.eigh(A - B @ D.T)
+    for axes in _eigenspaces(values, vectors):
+        R = 2 * np.outer(axes[:, 0], axes[:, 0]) - np.eye(3)
+        Q = _with_rotation(G, R, D)
+        dimension = axes.shape[1] - 1
+        sets.append(CriticalSet(_name(axes), dimension, Q, _hessian(G, K, Q), axes, D))
+    return sets
+
+
+def _of_product(G: ProductGroup, K: Array) -> list[CriticalSet] | None:
+    """Υ is a sum over the factors, because off-diagonal blocks of K do not enter the trace."""
+    sets = [CriticalSet("", 0, np.zeros((0, 0)), np.zeros(0))]
+    for factor, block in zip(G.factors, G.blocks, strict=True):
+        of_factor = critical_sets(factor, K[block, block])
+        if of_factor is None:
+            return None
+        sets = [_paired(left, right) for left in sets for right in of_factor]
+    return sets
+
+
+def _paired(left: CriticalSet, right: CriticalSet) -> CriticalSet:
+    from scipy.linalg import block_diag  # slow to import, and not needed to read results
+
+    return CriticalSet(
+        name=f"{left.name} × {right.name}" if left.name else right.name,
+        dimension=left.dimension + right.dimension,
+        Q=block_diag(left.Q, right.Q) if left.name else right.Q,
+        hessian=np.sort(np.concatenate([left.hessian, right.hessian])),
+        factors=(*left.factors, right),
+    )
+
+
+def _hessian(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
+    """Return the eigenvalues of the Hessian at a critical point, ∂²Υ(Q exp(V)) at V = 0.
+
+    With Q exp(V) = Q + Q V^ + ½Q V^² + … its entries are
+    tr(Q E_i K (Q E_j)ᵀ) + ½ tr((Q − I) K (Q{E_i, E_j})ᵀ).
+    """
+    E = G.basis
+    moved = Q @ E
+    first = np.einsum("iab,bc,jac->ij", moved, K, moved)
+    pairs = E[:, None] @ E[None]
+    twice = Q @ (pairs + pairs.swapaxes(0, 1))
+    second = np.einsum("ab,ijab->ij", (Q - G.identity) @ K, twice) / 2
+    return np.linalg.eigvalsh(first + second)
+
+
+def _with_rotation(G: EuclideanGroup, R: Array, D: Array) -> Array:
+    return G.assemble(R, (np.eye(len(R)) - R) @ D)
+
+
+def _eigenspaces(values: Array, vectors: Array) -> list[Array]:
+    """Return orthonormal bases of the eigenspaces, ``(n, k)`` each, by rising eigenvalue."""
+    last = np.flatnonzero(np.diff(values) > SAME_EIGENVALUE * np.abs(values).max())
+    return np.split(vectors, last + 1, axis=1)
+
+
+def _name(axes: Array) -> str:
+    if axes.shape[1] == 3:
+        return "half-turns about every axis"
+    if axes.shape[1] == 2:
+        normal = np.cross(axes[:, 0], axes[:, 1])
+        return f"half-turns about every axis normal to {_direction(normal)}"
+    return f"half-turn about {_direction(axes[:, 0])}"
+
+
+def _direction(axis: Array) -> str:
+    """Format an axis to three digits, with its largest entry positive."""
+    axis = axis * np.sign(axis[np.abs(axis).argmax()])
+    return "(" + ", ".join(f"{round(float(entry), 3) + 0.0:g}" for entry in axis) + ")"

@@ -1,0 +1,597 @@
+"""Control laws: their base class, and the (g, c, n) family with the laws of the paper."""
+
+from abc import abstractmethod
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, dot
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import Real, Scale
+from eqt_cli.base.registry import Component, Registry
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import InertiaLaw
+from eqt_cli.components.mechanics import Gains, Tracking
+from eqt_cli.components.motions import GivenOverTime, PlantModel
+from eqt_cli.numbers.leaves import structure, with_fields
+
+# Base class of control laws -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class RunsCode:
+    """The C function that a law runs, as a configuration names it.
+
+    Attributes
+    ----------
+    file
+        The file that defines it, relative to the configuration.
+    prefix
+        X of ``X_torque``, ``X_numbers``, ``X_memory`` and ``X_input``.
+    numbers
+        The fields of ``X_numbers`` that are given, with their lengths.
+    memory
+        The fields of ``X_memory``.
+    real
+        ``double`` or ``float``.
+    """
+
+    file: str
+    prefix: str
+    numbers: tuple[tuple[str, int], ...]
+    memory: tuple[str, ...]
+    real: str
+
+
+class LinearPlant(NamedTuple):
+    """The loop without feedback to first order: ẋ, or x a period later, is A x + B u.
+
+    x = (ε, e, …) with Q = Q_d exp(ε) and e = V − Ad_{Q_L⁻¹}V_d, then the states of actuators and
+    delays; u is added to τ_d.
+
+    Attributes
+    ----------
+    times : (k,)
+        One time where the plant is constant; else the middles of pieces of the horizon, s.
+    A, B
+        ``(k, n, n)`` and ``(k, n, m)``.
+    period
+        Control period, s; None for a continuous plant.
+    piece, periods
+        Length of a piece in s, and in control periods.
+    is_periodic
+        Whether the plant begins again as it ends.
+    """
+
+    times: Array
+    A: Array
+    B: Array
+    period: float | None
+    piece: float
+    periods: int
+    is_periodic: bool
+
+
+@dataclass(frozen=True)
+class Controller(GivenOverTime, Component):
+    """A control law: a frozen dataclass whose fields are its options in a configuration.
+
+    Every field that is a float is a leaf: an engine may replace it by an array ``(runs, 1)`` or by
+    a symbol, so a law uses it with operators only. Multiply inside a contraction,
+    ``dot(self.k * z, z)``, because the results of `dot` and `norm` have no last axis.
+
+    Attributes
+    ----------
+    name
+        The name in a configuration: ``eqt``.
+    title
+        The name in figures: ``EqT``. Default: the name.
+    tasks
+        The tasks of a configuration that the law is for; empty for a law that needs more than its
+        name, such as code, which may do any task.
+    energy
+        Its Lyapunov function, as text: ``½⟨P̃, Ṽ⟩ + Υ(Q_E)``.
+    theorem
+        The source that shows that this function decreases; "" if nothing is claimed.
+    bibtex
+        The BibTeX entry of the publication that the law is after; "" of the paper's own laws.
+    matched
+        Whether its stiffness and damping for small errors are the Hessian of Υ and K_d, as those
+        of the paper's laws are, so that equal gains make a fair comparison. None: not known.
+    claims_decrease
+        Whether L is claimed to decrease along every trajectory; None: not known.
+    departs
+        How a loop with this law departs from the assumptions of the theorems, in a few words.
+    reads_flat_output
+        Whether it reads the flat output of the reference.
+    commands_attitude
+        Whether it commands an attitude R_c, to which an attitude law turns the body.
+    direction
+        The body axis along which it pushes a rigid body, if there is only one.
+    undefined
+        Where it has no command, and the remedy, in words; "" where it always has one.
+    reads_gains
+        Whether it reads the section `gains`.
+    inside_reads_gains
+        Whether the law inside it reads gains.
+    """
+
+    title: ClassVar[str]
+    tasks: ClassVar[tuple[str, ...]] = ("track",)
+    energy: ClassVar[str] = "½⟨P̃, Ṽ⟩ + Υ(Q_E)"
+    theorem: ClassVar[str] = "Theorems 3.2, 6.2"
+    bibtex: ClassVar[str] = ""
+    matched: ClassVar[bool | None] = None
+    claims_decrease: ClassVar[bool | None] = None
+    departs: ClassVar[str] = ""
+    reads_flat_output: ClassVar[bool] = False
+    commands_attitude: ClassVar[bool] = False
+    direction: ClassVar[Any] = ()
+    undefined: ClassVar[str] = ""
+    reads_gains: ClassVar[bool] = True
+    inside_reads_gains: ClassVar[bool] = False
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Drop the inherited claims of a class with a torque, and the title of one with a name."""
+        super().__init_subclass__(**options)
+        if "name" in vars(cls) and "title" not in vars(cls):
+            cls.title = cls.name
+        if "torque" in vars(cls):
+            claims = {"claims_decrease", "dissipation", "matched", "feedforward_torque"}
+            for claim in claims - vars(cls).keys():
+                setattr(cls, claim, vars(Controller)[claim])
+
+    @property
+    def structure(self) -> Hashable:
+        """The law without its numbers; laws of equal structure can be solved together."""
+        return structure(self)
+
+    def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
+        """Return whether L is claimed to decrease with these gains, as `claims_decrease`."""
+        return self.claims_decrease
+
+    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, float]:
+        """Return options that follow the gains where a configuration leaves them out."""
+        return {}
+
+    def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
+        """Return the group that its gains are of."""
+        return G
+
+    def inside(
+        self, G: MatrixLieGroup, inertia: InertiaLaw
+    ) -> "tuple[MatrixLieGroup, InertiaLaw, Controller] | None":
+        """Return the law that L and the gains are of, if another one, with group and inertia."""
+        return None
+
+    def attitude_error(self, s: Tracking) -> Array | None:
+        """Return ‖R − R_c‖_F, ``(...)``, if it `commands_attitude`."""
+        return None
+
+    @property
+    def known_forces(self) -> tuple[Any, ...]:
+        """The forces of `model` for which it is `designed`."""
+        return ()
+
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with what it knows of the plant, after noting what does not fit."""
+        return self
+
+    def with_held(self, held: Any) -> Self:
+        """Return the law with the numbers that it `held` from one instant to the next."""
+        return self
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note where the law or its options do not fit the group."""
+
+    def fits(self, G: MatrixLieGroup) -> bool:
+        """Return whether the law is for a group."""
+        problems = Problems()
+        self.check(G, problems)
+        return not problems
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces of the horizon for which it is `designed`; 0 where gains are given."""
+        return 0
+
+    def with_defaults(self, G: MatrixLieGroup, gains: Gains, given: Any) -> Self:
+        """Return the law with the options that follow its gains, but for those of `given`."""
+        own = given if isinstance(given, dict) else {}
+        defaults = self.defaults(G, gains).items()
+        return with_fields(self, **{name: value for name, value in defaults if name not in own})
+
+    def directions(self, G: MatrixLieGroup) -> Array:
+        """Return those in which it asks for a torque, ``(k, m)``; of a design, none."""
+        return np.eye(G.dimension)[: 0 if self.pieces else None]
+
+    def designed(self, G: MatrixLieGroup, plant: LinearPlant) -> Self:
+        """Return the law with the gains that follow from its linearised plant."""
+        raise NotImplementedError(f"{self.name} is not designed for a plant")
+
+    @abstractmethod
+    def torque(self, s: Tracking) -> Array:
+        """τ, body frame, ``(..., m)``."""
+
+    def feedforward_torque(self, s: Tracking) -> Array | None:
+        """Return the part of the torque without gains, body frame; None where it is not known."""
+        return None
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """Return L, ``(...)``, the function of `energy`, which the law claims to decrease."""
+        return s.lyapunov
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """Return y, where an additional torque δ raises L at the rate ⟨δ, y⟩, ``(..., m)``."""
+        return s.V_tilde
+
+    def dissipation(self, s: Tracking) -> Array | None:
+        """Return the power −dL/dt that the law dissipates, ``(...)``; None where it is not known.
+
+        Every run integrates it, so that L(t) + ∫dissipation = L(0) can be checked.
+        """
+        return None
+
+    # A law that is not a formula but code of the user.
+
+    @property
+    def code(self) -> RunsCode | None:
+        """The code that the law runs; None for a formula."""
+        return None
+
+    def loaded(
+        self, source: Any, trusted: bool, G: MatrixLieGroup, problems: Problems
+    ) -> tuple[Self | None, dict[str, str]]:
+        """Return the law ready to run, and the texts of code that it executes, by their files.
+
+        A law that runs code of the user is compiled here. None after a problem.
+
+        Parameters
+        ----------
+        source
+            The configuration, whose folder has the files.
+        trusted
+            Whether code that is stored in a result may be executed.
+        """
+        return self, {}
+
+    def judged(
+        self, label: str, loop: Any, horizon: float, random: Any, flown: Any
+    ) -> Iterable[Any]:
+        """Return rows of `eqt verify` that only this law has.
+
+        Parameters
+        ----------
+        loop
+            The closed loop with this law.
+        random
+            A generator of random numbers.
+        flown
+            Times and flat states of good runs; None if there are none.
+        """
+        return ()
+
+    @property
+    def formula(self) -> "Controller | None":
+        """The law whose formulas apply: this one, or the one that its code claims to be."""
+        return self
+
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
+        """Return the commanded torque at a control instant, and the memory one period later.
+
+        The memory z is advanced by an Euler step.
+        """
+        torque, rates = self.torque(s), self.memory_rate(s)
+        return torque, {name: z + period * rates[name] for name, z in s.memory.items()}
+
+    # A law with memory, such as an integral of the error, has states that are integrated too.
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the lengths of the law's own states by name."""
+        return {}
+
+    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+        """Return the states at the start of a run, ``(..., length)`` each; 0 for those left out.
+
+        In `s`, all states of the law are 0.
+        """
+        return {}
+
+    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+        """Return the time derivatives of all states, which are in `s.memory`."""
+        return {}
+
+    def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
+        """Return the states that count control instants, at each instant of the law's cycle."""
+        return [{}]
+
+    def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
+        """Return ∂L/∂z of all states z; None where it is not known.
+
+        With it, the energy balance also holds where the states change only at instants.
+        """
+        return None
+
+
+controllers = Registry(
+    "controller",
+    "controllers",
+    Controller,
+    ("components.laws", "components.cascade", "components.lqr", "components.classic_laws"),
+)
+
+
+# The family of stabilising tracking laws τ(g, c, n, q), for every group ---------------------------
+
+
+Frame = Literal["spatial", "body"]
+
+BODY_ENERGY = "½⟨𝕀e, e⟩ + Υ(Q_L)"
+"""L of a law in the errors Q_L = Q_d⁻¹Q and e = V − Ad_{Q_L⁻¹}V_d."""
+
+
+@dataclass(frozen=True)
+class Family(Controller):
+    """The (g, c, n, q) family: the paper's four laws and three classics are points of it.
+
+    τ = τ_d − g·ad*_Ṽ 𝕀V_d − c·ad*_{V_d} 𝕀Ṽ + n·𝕀 ad_V V_d − q·ad*_Ṽ 𝕀Ṽ − damping
+    − Ad*_{Q_d} L*_{Q_E}dΥ(Q_E)
+
+    and, where the inertia varies, + Ṡ*S⁻* 𝕀Ṽ (Theorem 3.2); with damping
+    Ad*_{Q_d} K_d Ad_{Q_d} Ṽ (spatial) or K_d Ṽ (body). All members with c + n = 1 change
+    L = ½⟨𝕀Ṽ, Ṽ⟩ + Υ(Q_E) at the same rate, −⟨K_d V_E, V_E⟩ or −⟨K_d Ṽ, Ṽ⟩: the g- and q-terms
+    are gyroscopic, and the c- and n-terms have the same power on every group. Generalises Hampsey
+    et al. (2025), eq. (22), (23), (24) and the two laws after them.
+
+    With the error in the body frame, the same formula holds with V_d replaced by ξ = Ad_{Q_L⁻¹}V_d,
+    Ṽ by e = V − ξ, τ_d by τ_ξ = 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ, and the force by −L*_{Q_L}dΥ(Q_L) of
+    Q_L = Q_d⁻¹Q; its damping is K_d e.
+
+    Attributes
+    ----------
+    gyroscopic
+        g, the weight of −ad*_Ṽ 𝕀V_d.
+    transport
+        c, the weight of −ad*_{V_d} 𝕀Ṽ.
+    connection
+        n, the weight of 𝕀 ad_V V_d.
+    damping
+        The frame in which the Rayleigh tensor K_d is given. Default: that of the error.
+    error
+        The frame of the errors: Q Q_d⁻¹ (spatial) or Q_d⁻¹Q (body).
+    quadratic
+        q, the weight of −ad*_Ṽ 𝕀Ṽ.
+    """
+
+    name: ClassVar[str] = "family"
+    matched: ClassVar[bool | None] = True
+
+    gyroscopic: Annotated[Real, Scale("gyroscopic weight g")] = 1.0
+    transport: Annotated[Real, Scale("transport weight c")] = 1.0
+    connection: Annotated[Real, Scale("connection weight n")] = 0.0
+    damping: Frame | None = None
+    spatial: float = field(init=False, repr=False)
+    error: Frame = "spatial"
+    quadratic: Annotated[Real, Scale("quadratic weight q")] = 0.0
+    has_quadratic: bool = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.error == "body" and self.damping == "spatial":
+            raise ValueError("error: body always has damping: body; leave damping out")
+        object.__setattr__(self, "damping", self.damping or self.error)
+        # The frame as a number, so that one compiled law serves the whole family.
+        object.__setattr__(self, "spatial", 1.0 if self.damping == "spatial" else 0.0)
+        object.__setattr__(self, "has_quadratic", self.quadratic != 0)
+
+    @property
+    def structure(self) -> Hashable:
+        """The same for all members in one frame; a law that overrides a method has another."""
+        kind = type(self)
+        methods = ("torque", "dissipation", "memory", "initial_memory", "memory_rate")
+        inherited = all(getattr(kind, name) is getattr(Family, name) for name in methods)
+        return (Family, self.error, self.has_quadratic) if inherited else super().structure
+
+    @property
+    def claims_decrease(self) -> bool | None:  # type: ignore[override]  # by its options
+        """True on the plane c + n = 1, where both terms compensate the moving reference."""
+        return abs(self.transport + self.connection - 1) <= 1e-12  # rounding of 0.1 + 0.9
+
+    @property
+    def energy(self) -> str:  # type: ignore[override]  # a constant of all other laws
+        """L in the frame of the errors."""
+        return Controller.energy if self.error == "spatial" else BODY_ENERGY
+
+    def torque(self, s: Tracking) -> Array:
+        """τ(g, c, n, q), body frame."""
+        s = self._in_error_frame(s)
+        feedforward = self._feedforward(s)
+        if self.error == "body":  # the desired pose is I, and damping has one frame
+            return feedforward - s.body_damping - s.gradient
+        spatial_force = s.gradient + self.spatial * s.spatial_damping
+        body_force = (1 - self.spatial) * s.body_damping
+        return feedforward - body_force - s.G.Ad_star(s.Qd, spatial_force)
+
+    def feedforward_torque(self, s: Tracking) -> Array:
+        """τ_d and the terms with g, c, n and q."""
+        return self._feedforward(self._in_error_frame(s))
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """½⟨𝕀Ṽ, Ṽ⟩ + Υ(Q_E)."""
+        return self._in_error_frame(s).lyapunov
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """Ṽ, or e."""
+        return self._in_error_frame(s).V_tilde
+
+    def dissipation(self, s: Tracking) -> Array | None:
+        """⟨K_d V_E, V_E⟩ or ⟨K_d Ṽ, Ṽ⟩, and off the plane c + n = 1 the power of these terms."""
+        s = self._in_error_frame(s)
+        off_plane = 1 - self.transport - self.connection
+        added = dot(off_plane * s.P_tilde, s.G.ad(s.V, s.Vd))
+        if self.error == "body":
+            return dot(s.body_damping, s.V_tilde) + added
+        damping = dot(self.spatial * s.spatial_damping, s.V_E)
+        return damping + dot((1 - self.spatial) * s.body_damping, s.V_tilde) + added
+
+    def _feedforward(self, s: Tracking) -> Array:
+        quadratic = self.quadratic if self.has_quadratic else None
+        return s.feedforward(self.gyroscopic, self.transport, self.connection, quadratic)
+
+    def _in_error_frame(self, s: Tracking) -> Tracking:
+        """Return the motion with the errors in their frame."""
+        return s.relative if self.error == "body" else s
+
+
+@dataclass(frozen=True)
+class Member(Family):
+    """A named point of the family, without options.
+
+    A derived class may set other numbers.
+
+    Attributes
+    ----------
+    weights
+        (g, c, n, q).
+    frames
+        The frames of the error and of the damping.
+    """
+
+    weights: ClassVar[tuple[float, float, float, float]]
+    frames: ClassVar[tuple[Frame, Frame]] = ("spatial", "spatial")
+
+    gyroscopic: float = field(init=False)
+    transport: float = field(init=False)
+    connection: float = field(init=False)
+    damping: Frame | None = field(init=False)
+    error: Frame = field(init=False)
+    quadratic: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = ("gyroscopic", "transport", "connection", "quadratic", "error", "damping")
+        bases = type(self).__mro__
+        fixed = {name for kind in bases[: bases.index(Member)] for name in vars(kind)}
+        for name, value in zip(names, (*self.weights, *self.frames), strict=True):
+            if name not in fixed:
+                object.__setattr__(self, name, value)
+        super().__post_init__()
+
+
+@dataclass(frozen=True)
+class EqT(Member):
+    """Equivariant tracking, Theorem 6.2 of the paper; eq. (23) on SO(3)."""
+
+    name: ClassVar[str] = "eqt"
+    title: ClassVar[str] = "EqT"
+    weights: ClassVar[tuple[float, float, float, float]] = (1.0, 1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class GT(Member):
+    """Geometric tracking after Bullo and Lewis, damped in the body frame; eq. (24) on SO(3)."""
+
+    name: ClassVar[str] = "gt"
+    title: ClassVar[str] = "GT"
+    bibtex: ClassVar[str] = """\
+@book{bullo2005geometric,
+  author    = {Bullo, Francesco and Lewis, Andrew D.},
+  title     = {Geometric Control of Mechanical Systems},
+  publisher = {Springer},
+  year      = {2005}
+}"""
+    weights: ClassVar[tuple[float, float, float, float]] = (0.5, 0.5, 0.5, 0.0)
+    frames: ClassVar[tuple[Frame, Frame]] = ("spatial", "body")
+
+
+@dataclass(frozen=True)
+class NoG(Member):
+    """EqT without its gyroscopic term (the paper's §7)."""
+
+    name: ClassVar[str] = "nog"
+    weights: ClassVar[tuple[float, float, float, float]] = (0.0, 1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Asym(Member):
+    """EqT with the symmetric choice of S (the paper's §7 and eq. (10))."""
+
+    name: ClassVar[str] = "asym"
+    weights: ClassVar[tuple[float, float, float, float]] = (1.0, 0.5, 0.5, 0.0)
+
+
+@dataclass(frozen=True)
+class Lee2010(Member):
+    """Lee, Leok and McClamroch (2010), the attitude part, on every group.
+
+    On SO(3), τ = −k_R e_R − k_Ω e_Ω + Ω × JΩ − J(Ω̂RᵀR_dΩ_d − RᵀR_dΩ̇_d) with K = (k_R/2) I and
+    K_d = k_Ω I: arXiv 1003.2005v4, eq. (8), (9) and (11), where Υ is k_R times the error function
+    of eq. (6). On other groups, the form is that of the design of eqt.
+    """
+
+    name: ClassVar[str] = "lee2010"
+    title: ClassVar[str] = "Lee 2010"
+    theorem: ClassVar[str] = "Lee, Leok, McClamroch (2010), attitude part"
+    bibtex: ClassVar[str] = """\
+@inproceedings{lee2010geometric,
+  author    = {Lee, Taeyoung and Leok, Melvin and McClamroch, N. Harris},
+  title     = {Geometric Tracking Control of a Quadrotor {UAV} on {SE(3)}},
+  booktitle = {49th {IEEE} Conference on Decision and Control},
+  pages     = {5420--5425},
+  year      = {2010},
+  doi       = {10.1109/CDC.2010.5717652}
+}"""
+    weights: ClassVar[tuple[float, float, float, float]] = (1.0, 1.0, 0.0, 1.0)
+    frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")
+
+
+@dataclass(frozen=True)
+class Lee2012(Member):
+    """After Lee, Leok and McClamroch (2012): attitude part, no robust term, on every group.
+
+    On SO(3), τ = −k_R e_R − k_Ω e_Ω + (RᵀR_dΩ_d) × J(RᵀR_dΩ_d) + JRᵀR_dΩ̇_d with K = (k_R/2) I and
+    K_d = k_Ω I: Nonlinear robust tracking control of a quadrotor UAV on SE(3), arXiv 1109.4457, of
+    which only the opening was read. Goodarzi, Lee and Lee (2013)
+    without their integral is the same law.
+    """
+
+    name: ClassVar[str] = "lee2012"
+    title: ClassVar[str] = "Lee 2012"
+    theorem: ClassVar[str] = "after Lee, Leok, McClamroch (2012), attitude part"
+    bibtex: ClassVar[str] = """\
+@inproceedings{lee2012nonlinear,
+  author    = {Lee, Taeyoung and Leok, Melvin and McClamroch, N. Harris},
+  title     = {Nonlinear Robust Tracking Control of a Quadrotor {UAV} on {SE(3)}},
+  booktitle = {American Control Conference},
+  year      = {2012},
+  eprint    = {1109.4457},
+  archivePrefix = {arXiv}
+}"""
+    weights: ClassVar[tuple[float, float, float, float]] = (0.0, 0.0, 1.0, 0.0)
+    frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")
+
+
+@dataclass(frozen=True)
+class BulloMurray(Member):
+    """After Bullo and Murray (1999), with the transport map of the body error, on every group.
+
+    τ = 𝕀(ξ̇ + ∇_V ξ) − K_d e − L*dΥ(Q_L), where ξ = Ad_{Q_L⁻¹}V_d is the desired velocity carried
+    to the body and ∇ the Levi-Civita connection of 𝕀. Automatica 35, 17-34, of which only the
+    abstract was read.
+    """
+
+    name: ClassVar[str] = "bullo_murray"
+    title: ClassVar[str] = "Bullo–Murray"
+    theorem: ClassVar[str] = "after Bullo, Murray (1999)"
+    bibtex: ClassVar[str] = """\
+@article{bullo1999tracking,
+  author  = {Bullo, Francesco and Murray, Richard M.},
+  title   = {Tracking for Fully Actuated Mechanical Systems: A Geometric Framework},
+  journal = {Automatica},
+  volume  = {35},
+  number  = {1},
+  pages   = {17--34},
+  year    = {1999}
+}"""
+    weights: ClassVar[tuple[float, float, float, float]] = (0.5, 0.5, 0.5, 0.0)
+    frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")

@@ -1,0 +1,626 @@
+"""Tables of numbers in files: their columns, units and frames, by name."""
+
+import csv
+import math
+import re
+from collections import Counter
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePath
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
+
+import numpy as np
+from pydantic import Tag
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems, suggestion
+from eqt_cli.base.files import text_of
+from eqt_cli.base.option_types import Positive, Real, Unit, one_of
+from eqt_cli.base.registry import extensions, of_extension
+from eqt_cli.base.units import factor, offered
+
+# The mapping of a recording file: columns, units with their factors, frames and times -------------
+
+
+_UNITS_BY_NAME: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (r"t", ("s",)),
+    (r"(angle|roll|pitch|yaw)\d?", ("rad",)),
+    (r"[xyz]\d?", ("m",)),
+    (r"w[xyz]?\d?", ("rad", "rad/s")),
+    (r"[va][xyz]?\d{0,2}", ("m", "m/s", "m/s^2")),
+    (r"t[xyz]\d?", ("N m",)),
+    (r"f[xyz]\d?", ("N",)),
+)
+"""Units of eqt, one for each dimension, by a pattern of column names; other columns have none."""
+
+
+def units_of(name: str) -> tuple[str, ...]:
+    """Return the units of eqt that a column may be in; the first is the default."""
+    matching = (units for pattern, units in _UNITS_BY_NAME if re.fullmatch(pattern, name))
+    return next(matching, ())
+
+
+def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:
+    """Return the factor that converts a column to eqt's units.
+
+    Raises
+    ------
+    InputError
+        If the column cannot have this unit; a `MappingError` where `path` is given.
+    """
+    if not unit:
+        return 1.0
+    units = units_of(name)
+    ratio = next(filter(None, (factor(unit, own) for own in units)), None)
+    if ratio is not None:
+        return ratio
+    expected = " or ".join(map(offered, units)) if units else "no unit"
+    message = f"column {name}: expected {expected}, got '{unit}'"
+    raise MappingError(path, message) if path else InputError(message)
+
+
+TrajectoryFormat: TypeAlias = Literal["csv", "tum", "euroc"]
+
+
+def literal(kind: Any, option: str, text: str) -> Any:
+    """Return a text that is one of a `Literal`'s, or raise an `InputError`."""
+    if text not in get_args(kind):
+        raise InputError(f"{option}: expected one of {', '.join(get_args(kind))}, got {text!r}")
+    return text
+
+
+MAPPING = "mapping"
+"""The key of a mapping in a configuration."""
+
+_AXIS_CHANGES: dict[str, Array] = {
+    "NED to ENU": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+    "FRD to FLU": np.diag([1.0, -1.0, -1.0]),
+}
+_AXIS_CHANGES |= {" to ".join(reversed(name.split(" to "))): A for name, A in _AXIS_CHANGES.items()}
+"""Rotations from the axes of a file to those wanted; each is its own inverse."""
+
+PARTNERS = {"NED to ENU": "FRD to FLU", "ENU to NED": "FLU to FRD"}
+PARTNERS |= {body: world for world, body in PARTNERS.items()}
+"""The change of the body's axes that usually goes with one of the world's, and back."""
+
+
+def _offset_kind(value: Any) -> str | None:
+    if value == "first":
+        return "first"
+    return None if isinstance(value, str) and value.isidentifier() else "number"
+
+
+_Offset = Annotated[
+    Annotated[Literal["first"], Tag("first")] | Annotated[Real, Tag("number")],
+    one_of(_offset_kind, "a number of seconds, or first"),
+]
+
+
+class MappingError(InputError):
+    """Raised where a mapping does not fit its file; `path` is the wrong key of the mapping."""
+
+    def __init__(self, path: KeyPath, message: str) -> None:
+        super().__init__(message)
+        self.path = path
+
+
+@dataclass(frozen=True)
+class TimeMapping:
+    """How the times of a file are read.
+
+    Attributes
+    ----------
+    scale
+        Factor of the times in s, for example to correct a clock that runs fast.
+    begin, end
+        The first and the last time to keep, s, before the offset is added; in the formats tum and
+        euroc counted from the first row.
+    offset
+        Time to add to the times that are kept, s; ``first`` puts the first of them at 0 s.
+        Without it, a recording that is compared with a run is aligned with the run.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+
+    scale: Positive = 1.0
+    begin: Annotated[Real | None, Unit("s")] = None
+    end: Annotated[Real | None, Unit("s")] = None
+    offset: _Offset | None = None
+
+
+@dataclass(frozen=True)
+class LogMapping:
+    """How a file of poses is read, where the file itself does not say it.
+
+    Attributes
+    ----------
+    columns
+        The heading of a column in the file by eqt's name for it, as in ``{t: stamp, qw: q_w}``.
+    units
+        The unit of a column by its name, where its heading has none, as in ``{t: ms, yaw: deg}``.
+    quaternion
+        The order of columns ``q0 … q3``, ``q1 … q4``, ``q[0] … q[3]``, and of those of the formats
+        tum and euroc where a file departs from its format; w is the scalar part.
+    euler
+        The order of ``yaw``, ``pitch`` and ``roll``: ZYX about rotated axes, zyx about fixed axes.
+    attitude
+        Whether the rotation maps body coordinates to world coordinates, or back.
+    world, body
+        Axes of the file, and the axes to convert them to.
+    rates, velocity, torque, force
+        The frame of the recorded ``wx, wy, wz``, ``vx, vy, vz``, ``tx, ty, tz`` and
+        ``fx, fy, fz``. The velocity is that of the body's origin; the torque is about it.
+    time
+        How the times are read.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+
+    columns: dict[str, str] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    quaternion: Literal["xyzw", "wxyz"] | None = None
+    euler: str = "ZYX"
+    attitude: Literal["body_to_world", "world_to_body"] = "body_to_world"
+    world: Literal["NED to ENU", "ENU to NED"] | None = None
+    body: Literal["FRD to FLU", "FLU to FRD"] | None = None
+    rates: Literal["body", "spatial"] = "body"
+    velocity: Literal["body", "spatial"] = "spatial"
+    torque: Literal["body", "spatial"] = "body"
+    force: Literal["body", "spatial"] = "body"
+    time: TimeMapping = field(default_factory=TimeMapping)
+
+    def axes(self, which: str) -> Array:
+        """Return the rotation from the file's axes to the wanted ones, ``(3, 3)``."""
+        return _AXIS_CHANGES.get(getattr(self, which), np.eye(3))
+
+    def check(self, problems: Problems) -> None:
+        """Note errors that do not depend on the file."""
+        if sorted(self.euler) not in (list("xyz"), list("XYZ")):
+            problems.at("euler").add(
+                "expected each of the three axes once, such as ZYX (yaw, pitch, roll about the "
+                f"rotated axes) or zyx (about the fixed ones), got '{self.euler}'"
+            )
+        begin, end = self.time.begin, self.time.end
+        if begin is not None and end is not None and not begin < end:
+            problems.at("time", "end").add(f"expected a time after {begin:g} s, got {end:g} s")
+        headings = list(self.columns.values())
+        for name, heading in self.columns.items():
+            if headings.count(heading) > 1:
+                problems.at("columns", name).add(f"'{heading}' is given for two columns")
+
+
+# Reads the numbers of a table file by column names ------------------------------------------------
+#
+# Messages never quote text of a file other than headings and numbers: it may be any file.
+
+
+QUATERNION = ("qx", "qy", "qz", "qw")
+
+NUMBERED = tuple(
+    tuple(form.format(k) for k in range(first, first + 4))
+    for form, first in (("q{}", 0), ("q{}", 1), ("q[{}]", 0), ("q[{}]", 1), ("q_{}", 0))
+)
+"""Column names of a quaternion that do not show which is the scalar part."""
+
+_WITHOUT_HEADER = {
+    "tum": ("t", "x", "y", "z", *QUATERNION),
+    "euroc": ("t", "x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz"),
+}
+"""Columns of the formats that have no header."""
+
+MIN_ENTRIES = 8
+"""Smallest number of entries in a row of these formats: a time and a pose."""
+
+LOOKS_LIKE = {"t": ("time", "timestamp", "stamp", "secs", "seconds")}
+"""Usual headings of a column in other programs; eqt suggests them, but does not accept them."""
+
+MAX_LINE = 100_000
+"""Longest line, characters; a pose takes a few hundred."""
+
+MAX_SHOWN = 30
+"""Longest entry that a message quotes, characters."""
+
+MAX_DIGITS = 19
+"""Most digits of a time in nanoseconds; enough until the year 2262."""
+
+CHUNK = 20_000
+"""Number of lines to read at once; where that fails, they are searched for the first error."""
+
+_WITHOUT_UNIT = re.compile(r"q[xyzw]\d?|q_?\d|q\[\d\]|V\w+|Q\d+")
+"""Names of eqt's columns without a unit."""
+
+_HEADING = re.compile(r"(.*?)\s*(?:\[(?!\d+\])([^\]]*)\]|\((?!\d+\))([^)]*)\))")
+"""A name and a unit: ``angle (deg)``, ``t [ms]``; ``q[0]`` has none."""
+
+
+@dataclass(frozen=True)
+class LogTable:
+    """Numbers in named columns.
+
+    Attributes
+    ----------
+    name
+        The file, for messages.
+    columns
+        The numbers of each column by its name, ``(rows,)``, in rad, m and s.
+    lines
+        The line of each row in the file.
+    since
+        Time subtracted from column t, s, so that the rest is exact.
+    """
+
+    name: str
+    columns: dict[str, Array]
+    lines: Sequence[int]
+    since: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def error(self, row: int, message: str) -> InputError:
+        """Return the error of a row."""
+        return InputError(f"{self.name}:{self.lines[row]}: {message}")
+
+    def get(self, names: Sequence[str]) -> Array:
+        """Return the numbers of some columns, ``(rows, len(names))``."""
+        return np.stack([self.columns[name] for name in names], axis=-1)
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A file as lines, and the names of its columns.
+
+    Attributes
+    ----------
+    name
+        The file, for messages.
+    names
+        eqt's name for each column, or its heading where eqt has none.
+    headings
+        The headings in the file, without units.
+    units
+        The units given by headings or by a mapping, by eqt's name.
+    delimiter
+        The separator of entries; None for spaces.
+    lines, numbers
+        The rows that are not empty, and their line numbers.
+    head
+        The line of the header.
+    more
+        Whether rows may have entries beyond the columns.
+    order
+        The order of quaternions, xyzw or wxyz; empty where their columns are named.
+    damaged
+        Whether parts of the file were skipped.
+    """
+
+    name: str
+    names: list[str]
+    headings: list[str]
+    units: dict[str, str]
+    delimiter: str | None
+    lines: list[str]
+    numbers: Sequence[int]
+    head: int
+    more: bool = False
+    order: str = ""
+    damaged: bool = False
+
+    @property
+    def header_place(self) -> str:
+        """The file and the line of the header, for messages."""
+        return f"{self.name}:{self.head}"
+
+    def require_distinct(self) -> None:
+        """Raise an `InputError` if two columns have the same name."""
+        counts = Counter(self.names)
+        if repeated := next((name for name in self.names if counts[name] > 1), None):
+            raise InputError(f"{self.header_place}: two columns are named {repeated}")
+
+    def table(self, wanted: Collection[str]) -> LogTable:
+        """Return the numbers of some of the columns.
+
+        Raises
+        ------
+        InputError
+            With the line and the error.
+        """
+        names = [name for name in self.names if name in wanted]
+        if not self.lines:
+            raise InputError(f"{self.name}: holds no rows of numbers")
+        self._require_widths()
+        since, columns = 0.0, {}
+        if "t" in names and self.units.get("t") == "ns":  # floats cannot hold them exactly
+            since, columns["t"] = self._nanoseconds()
+            names.remove("t")
+        if names:
+            numbers = self._numbers(names)
+            for column, name in zip(numbers.T, names, strict=True):
+                factor = factor_of(name, self.units.get(name, ""))
+                columns[name] = column if factor == 1.0 else column * factor
+        return LogTable(self.name, columns, self.numbers, since)
+
+    def _require_widths(self) -> None:
+        width = len(self.names)
+        for number, line in zip(self.numbers, self.lines, strict=True):
+            if self.delimiter and '"' not in line:
+                count = line.count(self.delimiter) + 1
+            elif self.delimiter and line.count('"') % 2:
+                raise self._error(number, "expected quotes in pairs")
+            else:
+                count = len(_entries(line, self.delimiter))
+            if count < width or (count > width and not self.more):
+                raise self._error(number, f"expected {width} entries, got {count}")
+
+    def _error(self, number: int, message: str) -> InputError:
+        """Return the error of a line."""
+        return InputError(f"{self.name}:{number}: {message}")
+
+    def _numbers(self, names: list[str]) -> Array:
+        places = [self.names.index(name) for name in names]
+        numbers = np.empty((len(self.lines), len(places)))
+        for first in range(0, len(self.lines), CHUNK):
+            chunk = self.lines[first : first + CHUNK]
+            quote, rows = '"' if self.delimiter else None, None
+            with suppress(ValueError):
+                rows = np.loadtxt(
+                    chunk,
+                    delimiter=self.delimiter,
+                    comments=None,
+                    quotechar=quote,
+                    usecols=places,
+                    ndmin=2,
+                )
+            if rows is None or not np.isfinite(rows).all():
+                raise self._wrong(first, len(chunk), names, places)
+            numbers[first : first + len(chunk)] = rows
+        return numbers
+
+    def _wrong(self, first: int, count: int, names: list[str], places: list[int]) -> InputError:
+        """Return the error of the first entry of some lines that is no finite number."""
+        for row in range(first, first + count):
+            entries = _entries(self.lines[row], self.delimiter)
+            for name, place in zip(names, places, strict=True):
+                entry = entries[place]
+                if not (_is_number(entry) and math.isfinite(float(entry))):
+                    expected = f"expected a finite number in column {name}, got {_shown(entry)}"
+                    return self._error(self.numbers[row], expected)
+        last = self.numbers[first + count - 1]
+        return self._error(self.numbers[first], f"expected numbers up to line {last}")
+
+    def _nanoseconds(self) -> tuple[float, Array]:
+        """Return the first time and the times since then, s, subtracted as whole numbers."""
+        place, times = self.names.index("t"), []
+        for number, line in zip(self.numbers, self.lines, strict=True):
+            entry = _entries(line, self.delimiter)[place] if '"' in line else ""
+            entry = entry or line.split(self.delimiter, place + 1)[place].strip()
+            if not (entry.isdecimal() and len(entry) <= MAX_DIGITS):
+                raise self._error(number, f"expected whole nanoseconds, got {_shown(entry)}")
+            times.append(int(entry))
+        first = times[0]
+        return first / 1e9, np.array([float(time - first) for time in times]) / 1e9
+
+
+# Formats of extensions ----------------------------------------------------------------------------
+
+DAMAGED = "# parts of the file are damaged and were skipped"
+"""First line of the table of a damaged file."""
+
+
+def _formats() -> dict[str, str]:
+    """Return the modules of extensions that read recordings, by the suffix of the files."""
+    return {
+        suffix: f"{extension}.{module}"
+        for extension, manifest in extensions().items()
+        for suffix, module in getattr(manifest, "RECORDINGS", {}).items()
+    }
+
+
+def _reader(name: str) -> str | None:
+    return _formats().get(PurePath(name.lower()).suffix)
+
+
+def _names_of_formats() -> dict[str, str]:
+    """Return eqt's names of columns by the headings that the formats of extensions have."""
+    return {k: v for each in _formats().values() for k, v in of_extension(f"{each}.NAMES").items()}
+
+
+def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, smaller: str) -> str:
+    """Return the text of a recording; a file in a format of an extension is converted to a table.
+
+    Raises
+    ------
+    EqtError
+        Of this kind, as by `eqt_cli.base.files.text_of`; an `InputError` for a file that cannot be
+        converted.
+    """
+    if reader := _reader(path.name):
+        return str(of_extension(f"{reader}.text_of_recording")(path, missing, kind, limit))
+    return text_of(path, missing, kind, limit=limit, smaller=smaller)
+
+
+# The lines of a file and its columns --------------------------------------------------------------
+
+
+def open_sheet(text: str, name: str, form: TrajectoryFormat, mapping: LogMapping) -> Sheet:
+    """Return the lines of a file, and its columns by eqt's names.
+
+    Raises
+    ------
+    InputError
+        If the header names no columns; a `MappingError` where the mapping does not fit it.
+    """
+    if form != "csv":
+        return _without_header(text, name, form, mapping)
+    lines, numbers = _lines(text, name)
+    damaged = bool(lines) and lines[0] == DAMAGED
+    lines, numbers = lines[damaged:], numbers[damaged:]
+    number, header = (numbers[0], lines.pop(0)) if lines else (1, "")
+    read = [_heading(entry.removeprefix("#").strip()) for entry in _entries(header, ",")]
+    headings, words = [heading for heading, _ in read], header.split()
+    if len(words) == MIN_ENTRIES and all(map(_is_number, words)):
+        raise InputError(f"{name}:{number}: has 8 numbers separated by spaces; use the format tum")
+    if not header or any(not entry or _is_number(entry) for entry in headings):
+        raise InputError(
+            f"{name}:{number}: expected a header that names the columns, such as t, qx, qy, qz, qw"
+        )
+    eqt_names = _renamed(headings, mapping, f"{name}:{number}")
+    order = mapping.quaternion or ""
+    known = {eqt: unit for eqt, (_, unit) in zip(eqt_names, read, strict=True)}
+    return Sheet(
+        name, eqt_names, headings, known, ",", lines, numbers[1:], number, False, order, damaged
+    )
+
+
+def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Sheet:
+    """Return the sheet with the units of the mapping, once the units in use are checked.
+
+    Raises
+    ------
+    InputError
+        For a unit that its column cannot have, with its place.
+    """
+    units = dict(sheet.units)
+    for name, unit in mapping.units.items():
+        if name not in sheet.names:
+            hint = suggestion(name, used) or f"; expected one of {', '.join(used)}"
+            raise MappingError(("units", name), f"{sheet.name} has no column {name}{hint}")
+        if name in used:
+            factor_of(name, unit, ("units", name))
+        given = units.get(name) or unit
+        if given != unit and any(factor(given, own) for own in units_of(name)):
+            raise MappingError(
+                ("units", name),
+                f"the header of {sheet.name} says {given} for {name}, got {unit}; remove one",
+            )
+        units[name] = unit
+    for name in used:
+        try:
+            factor_of(name, units.get(name, ""))
+        except InputError as error:
+            raise InputError(f"{sheet.header_place}: {error.args[0]}") from None
+    return replace(sheet, units=units)
+
+
+def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
+    """Return eqt's name for each heading."""
+    for name, heading in mapping.columns.items():
+        if heading not in headings:
+            hint = suggestion(heading, headings) or "; write a heading of the file, without a unit"
+            if name in headings and not _is_eqt_name(name):
+                hint = f"; eqt's name is first: write `{{{heading}: {name}}}`"
+            raise MappingError(("columns", name), f"{place}: no column '{heading}'{hint}")
+        if not _is_eqt_name(name):
+            examples = ", ".join(("t", *QUATERNION, "yaw, pitch, roll, x, y, z, wx, vx"))
+            raise MappingError(
+                ("columns", name), f"eqt has no column of this name; it knows {examples} and others"
+            )
+    mapped = {heading: name for name, heading in mapping.columns.items()}
+    # Where the mapping gives a name to another column, the column with this heading is not eqt's.
+    # Topics in a flight log have a dot in their names.
+    topics = any("." in each for each in headings)
+    known = {
+        each: name
+        for each, name in (_names_of_formats() if topics else {}).items()
+        if name not in mapping.columns
+    }
+    names = [
+        mapped.get(each, f"{each} (file)" if each in mapping.columns else known.get(each, each))
+        for each in headings
+    ]
+    numbered = next((four for four in NUMBERED if set(four) <= set(names)), None)
+    if numbered is None or set(QUATERNION) & set(names):
+        if mapping.quaternion is not None:
+            raise MappingError(
+                ("quaternion",),
+                f"the columns of {place.rpartition(':')[0]} have names that show their order, "
+                "such as qx, qy, qz, qw; remove this key",
+            )
+        return names
+    if mapping.quaternion is None:
+        raise MappingError(
+            ("quaternion",),
+            f"{place}: columns {', '.join(numbered)} do not show which is the scalar part w; add "
+            f"`quaternion: wxyz` if it is {numbered[0]}, `quaternion: xyzw` if it is {numbered[3]}",
+        )
+    order = dict(zip(numbered, (f"q{axis}" for axis in mapping.quaternion), strict=True))
+    return [order.get(each, each) for each in names]
+
+
+def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> Sheet:
+    """Return the sheet of a file whose format has no header."""
+    if reader := _reader(name):
+        title = of_extension(f"{reader}.TITLE")
+        raise InputError(
+            f"{name}: eqt recognises {title} by its suffix; leave out the format {form}"
+        )
+    if mapping.columns:
+        raise MappingError(
+            ("columns",), f"the format {form} has no header; remove this key, or use format: csv"
+        )
+    is_euroc = form == "euroc"
+    delimiter = "," if is_euroc else None
+    lines, numbers = _lines(text, name, "#")
+    names = list(_WITHOUT_HEADER[form])
+    if mapping.quaternion is not None:
+        parts = iter(f"q{axis}" for axis in mapping.quaternion)
+        names = [next(parts) if each in QUATERNION else each for each in names]
+    if lines:
+        count = len(_entries(lines[0], delimiter))
+        if count < MIN_ENTRIES or (count > MIN_ENTRIES and not is_euroc):
+            separator = "commas" if delimiter else "spaces"
+            raise InputError(
+                f"{name}:{numbers[0]}: expected {MIN_ENTRIES} entries separated by "
+                f"{separator}, got {count}"
+            )
+        names = names[: max(min(len(_entries(line, delimiter)) for line in lines), MIN_ENTRIES)]
+    units = {"t": "ns"} if is_euroc else {}
+    order = mapping.quaternion or ("wxyz" if is_euroc else "xyzw")
+    return Sheet(name, names, names, units, delimiter, lines, numbers, 1, is_euroc, order)
+
+
+def _is_eqt_name(name: str) -> bool:
+    """Whether eqt has a column of this name."""
+    return bool(units_of(name) or _WITHOUT_UNIT.fullmatch(name))
+
+
+def _heading(entry: str) -> tuple[str, str]:
+    """Return the name and the unit of a heading."""
+    match = _HEADING.fullmatch(entry)
+    return (match[1], (match[2] or match[3] or "").strip()) if match else (entry, "")
+
+
+def _lines(text: str, name: str, comment: str = "") -> tuple[list[str], Sequence[int]]:
+    """Return the lines that are neither empty nor comments, and their line numbers."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    numbers: Sequence[int] = range(1, len(lines) + 1)
+    if comment or not all(map(str.strip, lines)):
+        stripped = ((number, line.lstrip()) for number, line in zip(numbers, lines, strict=True))
+        numbers = [k for k, line in stripped if line and not (comment and line[0] == comment)]
+        lines = [lines[number - 1] for number in numbers]
+    if max(map(len, lines), default=0) > MAX_LINE:
+        row = next(row for row, line in enumerate(lines) if len(line) > MAX_LINE)
+        raise InputError(
+            f"{name}:{numbers[row]}: expected a line of at most {MAX_LINE} characters, "
+            f"got {len(lines[row])}"
+        )
+    return lines, numbers
+
+
+def _entries(line: str, delimiter: str | None) -> list[str]:
+    entries = next(csv.reader([line])) if delimiter and line else line.split()
+    return [entry.strip() or " " for entry in entries]
+
+
+def _shown(entry: str) -> str:
+    """Return a wrong entry for a message; text is not quoted, because it may be of any file."""
+    return f"'{entry}'" if _is_number(entry) and len(entry) <= MAX_SHOWN else "text"
+
+
+def _is_number(entry: str) -> bool:
+    try:
+        float(entry)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,600 @@
+"""Motions in closed form, and the derivatives that make a motion flat."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import (
+    Array,
+    apply_matrix,
+    as_array,
+    cos,
+    cross,
+    dot,
+    norm,
+    sin,
+    stack,
+    transpose,
+)
+from eqt_cli.base.errors import InputError, Problems, Remedy
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import Inertia, InertiaLaw
+from eqt_cli.components.matrix_groups import EuclideanGroup
+from eqt_cli.numbers.jets import Jet
+
+# Base class of components that are given over time, in a file or in pieces ------------------------
+
+
+class GivenOverTime:
+    """A component of a loop that may be given over time, in a file or in pieces."""
+
+    def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
+        """Return the times between which it is given, s."""
+        return -np.inf, np.inf
+
+    def gaps(self, G: MatrixLieGroup) -> list[tuple[float, float]]:
+        """Return the begin and the length of each gap, s."""
+        return []
+
+    # Files of the component.
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The files that it needs, relative to the configuration, by the options that name them."""
+        return {}
+
+    def with_files(self, texts: Mapping[str, str]) -> Self:
+        """Return the component with the contents of its files, given by their names."""
+        return self
+
+    # Instants, known in advance, at which it changes.
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the sorted times up to `until` at which an engine must end a step, s."""
+        return np.empty(0)
+
+    def held(self, G: MatrixLieGroup, t: Any) -> Any:
+        """Return the component from time t to the next instant, with that piece's numbers.
+
+        None if no number changes at the instants.
+        """
+        return None
+
+
+# Motions in closed form, Q(t) = Q_0 Π_k exp(a_k(t) ξ_k), on any group: products and splines -------
+
+
+VELOCITY_ROUNDING = 1e-14
+"""Change of velocities that is only rounding, relative to the largest velocity."""
+
+STALLED = 1e-10
+"""Relative change below which an iteration that does not improve may stop."""
+
+MAX_ITERATIONS = 300
+
+SAME_TIME = 1e-12
+"""Relative difference up to which times count as equal, as for engines."""
+
+TINY = 1e-300
+
+
+class Factor(NamedTuple):
+    """One factor exp(a(t) ξ) in the frame of its axis, where it is exp(U(a)).
+
+    Attributes
+    ----------
+    numbers : (..., n)
+        The numbers of U by the group's `screw`.
+    angles : (..., 3, k)
+        a, a' and a'', each times the rates of the `screw`.
+    """
+
+    numbers: Array
+    angles: Array
+
+
+def screws(G: MatrixLieGroup, pose: Array, vectors: Array) -> tuple[Array, Array, Array]:
+    """Write Q_0 Π exp(a_k ξ_k) as L_0 exp(U_1) L_1 exp(U_2) … L_K, with U_k in the frame h_k.
+
+    Here L_0 = Q_0 h_1, L_k = h_k⁻¹ h_{k+1} and L_K = h_K⁻¹.
+
+    Parameters
+    ----------
+    pose : (..., d, d)
+        Q_0.
+    vectors : (..., K, m)
+        ξ_k.
+
+    Returns
+    -------
+    links : (..., K + 1, d, d)
+    numbers, rates : (..., K, n), (..., K, k)
+        As by the group's `screw`.
+    """
+    frames, numbers, rates = G.screw(vectors)
+    before = np.concatenate([pose[..., None, :, :], G.inverse(frames)], axis=-3)
+    after = np.broadcast_to(G.identity, pose.shape)[..., None, :, :]
+    return before @ np.concatenate([frames, after], axis=-3), numbers, rates
+
+
+def motion_along(
+    G: MatrixLieGroup, links: Array, factors: Sequence[Factor]
+) -> tuple[Array, Array, Array]:
+    """Return Q, V = Q⁻¹Q̇ and V̇ of a product of factors.
+
+    Q = L_0 exp(U_1) L_1 … exp(U_K) L_K is computed from the last factor to the first. With the
+    product T_k of all that follows exp(U_k), V is the sum of y_k = Ad_{T_k⁻¹}U_k', and y_k changes
+    at the rate Ad_{T_k⁻¹}U_k'' + [y_k, y_{k+1} + … + y_K]. The constant L_K is applied at the end,
+    because before it most entries of the velocities are 0.
+
+    Parameters
+    ----------
+    links : (..., K + 1, d, d)
+        As by `screws`.
+    """
+    T = moving = None  # V and V̇ as rows
+    for k in reversed(range(len(factors))):
+        numbers, angles = factors[k]
+        A, link = G.exp_along(numbers, angles[..., 0, :]), links[..., k, :, :]
+        rows = G.along(numbers[..., None, :], angles[..., 1:, :])
+        if T is None or moving is None:
+            T, moving = link @ A, rows
+            continue
+        rows = rows @ transpose(G.Ad_matrix(G.inverse(T)))
+        bracket = G.ad(rows[..., 0, :], moving[..., 0, :])
+        moving = rows + moving
+        moving[..., 1, :] = moving[..., 1, :] + bracket
+        T = link @ (A @ T)
+    assert T is not None and moving is not None
+    last = links[..., len(factors), :, :]
+    moving = moving @ transpose(G.Ad_matrix(G.inverse(last)))
+    return T @ last, moving[..., 0, :], moving[..., 1, :]
+
+
+# Motions in pieces --------------------------------------------------------------------------------
+
+
+class Piece(NamedTuple):
+    """One of `Pieces`, or an array of pieces for some times."""
+
+    since: Array
+    links: Array
+    numbers: Array
+    angles: Array
+
+    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        """Return Q, V and V̇ at time t."""
+        local = as_array(as_array(t) - self.since)
+        powers = [np.ones_like(local), local]
+        for p in range(2, self.angles.shape[-1]):
+            powers.append(powers[p // 2] * powers[p - p // 2])
+        stacked = stack(powers[: self.angles.shape[-1]])
+        angles = (self.angles @ stacked[..., None, None, :, None])[..., 0]
+        factors = [
+            Factor(self.numbers[..., k, :], angles[..., k, :, :])
+            for k in range(self.numbers.shape[-2])
+        ]
+        return motion_along(G, self.links, factors)
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Q(t) = Q_i Π_k exp(a_ik(t − t_i) ξ_ik) from t_i to t_{i+1}, a_ik polynomials.
+
+    Attributes
+    ----------
+    starts : (N,)
+        t_i, s.
+    links, numbers : (N, K + 1, d, d), (N, K, n)
+        As by `screws`.
+    angles : (N, K, 3, k, degree + 1)
+        The coefficients of a_ik, a_ik' and a_ik'' in ascending powers, times the rates of the
+        `screw`.
+    """
+
+    starts: Array
+    links: Array
+    numbers: Array
+    angles: Array
+
+    @classmethod
+    def of(
+        cls, G: MatrixLieGroup, starts: Array, poses: Array, vectors: Array, polynomials: Array
+    ) -> Pieces:
+        """Make pieces of Q_i ``(N, d, d)``, ξ_ik ``(N, K, m)`` and a_ik ``(N, K, degree + 1)``."""
+        links, numbers, rates = screws(G, poses, vectors)
+        rate, second = derivative(polynomials), derivative(derivative(polynomials))
+        angles = np.stack([polynomials, rate, second], axis=-2)
+        return cls(starts, links, numbers, rates[:, :, None, :, None] * angles[..., None, :])
+
+    @cached_property
+    def _flat(self) -> Array:
+        parts = (self.links, self.numbers, self.angles)
+        return np.concatenate([part.reshape(len(self.starts), -1) for part in parts], axis=1)
+
+    @cached_property
+    def _varying(self) -> Array:
+        """Indices of the numbers that vary; a 0, 1 or −1 that all pieces share is structure."""
+        first = self._flat[0]
+        plain = np.isin(first, (-1.0, 0.0, 1.0)) & (self._flat == first).all(axis=0)
+        return np.flatnonzero(~plain)
+
+    def at(self, t: Any) -> tuple[Array, Array]:
+        """Return the start and the numbers of the piece at a time, or at each of some times."""
+        index = piece_at(self.starts, t)
+        return np.asarray(self.starts[index]), self._flat[index][..., self._varying]
+
+    def motion(self, G: MatrixLieGroup, t: Array) -> tuple[Array, Array, Array]:
+        """Return Q, V and V̇ at some times, ``(n,)``."""
+        return self.piece(*self.at(t)).motion(G, t)
+
+    def piece(self, since: Array, varying: Array) -> Piece:
+        """Return the piece with the numbers of `at`, which may be symbols."""
+        flat = np.empty_like(varying, shape=(*varying.shape[:-1], self._flat.shape[1]))
+        flat[...] = self._flat[0]
+        flat[..., self._varying] = varying
+        parts, first = [], 0
+        for shape in (part.shape[1:] for part in (self.links, self.numbers, self.angles)):
+            last = first + math.prod(shape)
+            parts.append(flat[..., first:last].reshape(*flat.shape[:-1], *shape))
+            first = last
+        return Piece(since, *parts)
+
+
+def piece_at(starts: Array, t: Any) -> Any:
+    """Return the index of the piece at a time, or at each of some times."""
+    # An engine may begin a span at a sample time that differs from a start by rounding.
+    late = t + SAME_TIME * np.maximum(1.0, np.abs(t))
+    return np.maximum(np.searchsorted(starts, late, side="right") - 1, 0)
+
+
+def derivative(polynomials: Array) -> Array:
+    """Return the derivative of polynomials, by coefficients in ascending powers."""
+    shifted = np.zeros_like(polynomials)
+    shifted[..., :-1] = polynomials[..., 1:] * np.arange(1, polynomials.shape[-1])
+    return shifted
+
+
+CUBIC = np.array([[0.0, 3.0, -3.0, 1.0], [0.0, 0.0, 3.0, -2.0], [0.0, 0.0, 0.0, 1.0]])
+"""The cumulative Bernstein polynomials of degree 3 on [0, 1], which rise from 0 to 1."""
+
+
+def through(G: MatrixLieGroup, times: Array, poses: Array, velocities: Array) -> Pieces:
+    """Return the motion through poses with body velocities, with a cubic Bézier curve in between.
+
+    Each piece is Q_i exp(β₁ω₁) exp(β₂ω₂) exp(β₃ω₃) with ω₁ = hV_i/3, ω₃ = hV_{i+1}/3 and ω₂ such
+    that it ends at Q_{i+1} (Kim, Kim and Shin, SIGGRAPH 1995).
+
+    Parameters
+    ----------
+    times : (n + 1,)
+    poses : (n + 1, d, d)
+    velocities : (n + 1, m)
+    """
+    h = np.diff(times)[:, None]
+    first, last = h * velocities[:-1] / 3, h * velocities[1:] / 3
+    step = G.inverse(poses[:-1]) @ poses[1:]
+    vectors = np.stack([first, G.log(G.exp(-first) @ step @ G.exp(-last)), last], axis=1)
+    coefficients = CUBIC / h[:, :, None] ** np.arange(4)
+    return Pieces.of(G, times[:-1], poses[:-1], vectors, coefficients)
+
+
+def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
+    """Return the cubic spline through poses, whose times need not be uniform.
+
+    The velocities V_i in `through` are such that the acceleration has no jumps and is 0 at both
+    ends. In a vector space this is the natural cubic spline, which equals the B-spline through the
+    same points.
+
+    Parameters
+    ----------
+    times : (n + 1,)
+    poses : (n + 1, d, d)
+
+    Raises
+    ------
+    InputError
+        If consecutive poses are too far apart.
+    """
+    h = np.diff(times)[:, None]
+    step = G.inverse(poses[:-1]) @ poses[1:]
+    # Newton's method with the matrix of a vector space, where one iteration suffices.
+    from scipy.linalg import solve_banded  # slow to import, and not needed to read results
+
+    matrix = np.zeros((3, len(times)))
+    matrix[0, 1:] = matrix[2, :-1] = 1 / (3 * h[:, 0])
+    matrix[1, :-1] += 2 / (3 * h[:, 0])
+    matrix[1, 1:] += 2 / (3 * h[:, 0])
+    V = np.zeros((len(times), G.dimension))
+    sizes: list[float] = []
+    for _ in range(MAX_ITERATIONS):
+        first, last = h * V[:-1] / 3, h * V[1:] / 3
+        middle = G.log(G.exp(-first) @ step @ G.exp(-last))
+        jump = np.zeros_like(V)  # jump of the acceleration at each time, divided by 6
+        jump[:-1] += (middle - first) / h**2
+        jump[1:] -= (last - G.Ad(G.exp(-last), middle)) / h**2
+        change = solve_banded((1, 1), matrix, jump)
+        sizes.append(float(np.abs(change).max() / max(np.abs(V).max(), np.abs(change).max(), TINY)))
+        stalled = len(sizes) > 5 and sizes[-1] < STALLED and sizes[-1] >= min(sizes[-4:-1])
+        if sizes[-1] <= VELOCITY_ROUNDING or stalled:
+            return through(G, times, poses, V)
+        V = V + change
+    raise InputError("no smooth motion was found through these poses; give more where they turn")
+
+
+def eased(G: MatrixLieGroup, start: float, end: float, pose: Array, turn: Array) -> Pieces:
+    """Return a motion along the geodesic pose·exp(a·turn), at rest before and after it.
+
+    a(s) = 10s³ − 15s⁴ + 6s⁵, whose velocity and acceleration are 0 at both ends.
+    """
+    quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / (end - start) ** np.arange(6)
+    still = np.zeros(6)
+    return Pieces.of(
+        G,
+        np.array([min(start, 0.0) - 1.0, start, end]),
+        np.stack([pose, pose, pose @ G.exp(turn)]),
+        np.stack([turn, turn, turn])[:, None],
+        np.stack([still, quintic, still])[:, None],
+    )
+
+
+# The attitude that a force asks for, where actuators push a body along one of its axes ------------
+#
+# Such a push and torques move a body to any place: along its motion, the force F says where this
+# axis must point, and a heading says the rest. The rates of the attitude follow from those of F.
+
+
+PARALLEL = 1e-9
+"""Largest part of a push across the others, relative to the largest, that counts as 0."""
+
+NEGLIGIBLE_INERTIA = 1e-12
+"""Largest entry of an inertia, relative to its largest, that counts as 0."""
+
+ORDER = 4
+"""The derivatives of the position that decide the angular acceleration: snap, and all below."""
+
+
+class FlatOutput(NamedTuple):
+    """What decides the motion of such a body.
+
+    Attributes
+    ----------
+    position : (..., 5, n)
+        p_d in space and its derivatives to the fourth, m, m/s, ….
+    heading : (..., 3)
+        ψ and its derivatives to the second, rad, rad/s, rad/s²; None where it is free, and in the
+        plane, where the force decides the attitude.
+    """
+
+    position: Array
+    heading: Array | None = None
+
+    def course(self, order: int) -> Jet:
+        """Return p_d as a series."""
+        return Jet.of([self.position[..., k, :] for k in range(order + 1)])
+
+    def turn(self, order: int) -> Jet | None:
+        """Return ψ as a series, of order 2 at most."""
+        psi = self.heading
+        return None if psi is None else Jet.of([psi[..., k] for k in range(order + 1)])
+
+
+class PlantModel(NamedTuple):
+    """What a law or a reference knows of the plant.
+
+    Attributes
+    ----------
+    inertia
+        The inertia of the law.
+    forces
+        The forces of `model`, with their mean numbers.
+    pushes : (n, k)
+        The forces of the thrusters on a rigid body, body frame; None without thrusters.
+    exact
+        Whether the plant moves as the model does.
+    horizon
+        The duration of the runs, s.
+    flat
+        The flat output of the reference at t = 0; None if it has none.
+    along : (n,)
+        The body axis along which a rigid body is pushed; None if nothing says it.
+    period
+        Control period, s; None for laws that act continuously.
+    """
+
+    inertia: InertiaLaw
+    forces: tuple[Any, ...]
+    pushes: Array | None
+    exact: bool
+    horizon: float
+    flat: FlatOutput | None = None
+    along: Any = None
+    period: float | None = None
+
+
+@dataclass(frozen=True)
+class RigidMotion:
+    """A motion near a time, as far as a model knows it: Ω̇ is what a law decides, and so left out.
+
+    Attributes
+    ----------
+    rotation, turning
+        R and Ω, ``(..., n, n)`` and ``(..., 1 or 3)``.
+    position, velocity
+        p and ṗ in space as series, ``(..., n)``.
+    """
+
+    group: EuclideanGroup
+    rotation: Array
+    turning: Array
+    position: Jet
+    velocity: Jet
+
+    @cached_property
+    def _rotation(self) -> Any:
+        """R exp(τΩ^) as a series."""
+        derivatives, spin = [self.rotation], self.group.rotation_group.hat(self.turning)
+        for _ in range(self.position.order):
+            derivatives.append(derivatives[-1] @ spin)
+        return Jet.of(derivatives)
+
+    @cached_property
+    def pose(self) -> Any:
+        """Q as a series, ``(..., n + 1, n + 1)``."""
+        R, n = self._rotation, self.group.space
+        columns = [[*(R[..., i, j] for i in range(n)), 0.0] for j in range(n)]
+        columns.append([*(self.position[..., i] for i in range(n)), 1.0])
+        return stack([stack(column) for column in columns])
+
+    @cached_property
+    def twist(self) -> Any:
+        """V, body frame, as a series."""
+        velocity: Any = (self._rotation.swapaxes(-1, -2) @ self.velocity[..., None])[..., 0]
+        turning = [self.turning[..., k] for k in range(self.group.rotations)]
+        return stack([*turning, *(velocity[..., k] for k in range(self.group.space))])
+
+
+class Attitude(NamedTuple):
+    """An attitude and its rates.
+
+    Attributes
+    ----------
+    R : (..., n, n)
+        Attitude.
+    velocity, acceleration
+        Ω with Ṙ = RΩ^, and Ω̇: ``(..., 3)``, in the plane ``(..., 1)``.
+    """
+
+    R: Array
+    velocity: Array
+    acceleration: Array
+
+
+def attitude(
+    force: Jet, along: tuple[float, ...], heading: Jet | None, R: Array | None = None
+) -> Attitude:
+    """Return the attitude whose body axis `along` has the direction n of a force F ≠ 0 in space.
+
+    In the plane, F decides it. In space, b₃ is the axis ±along that is nearer to the third one of
+    the body, b₂ = b₃ × b₁d/|b₃ × b₁d| with b₁d = (cos ψ, sin ψ, 0), and b₁ = b₂ × b₃. Without a
+    heading it is the one next to R, and turns with n × ṅ, which has no part along n.
+
+    Parameters
+    ----------
+    force
+        F, ``(..., n)``. The rates are those of its order; those above it are 0.
+    along
+        Unit vector.
+    R : (..., 3, 3)
+        Attitude of the body, where there is no heading.
+    """
+    n = force / norm(force)[..., None]  # type: ignore[arg-type]  # a series acts as an array
+    if len(along) == 2:
+        return _in_plane(n, along)
+    return _next_to(n, along, R) if heading is None else _headed(n, along, heading)
+
+
+def _in_plane(n: Any, along: tuple[float, ...]) -> Attitude:
+    x, y = n[..., 0], n[..., 1]
+    c = along[0] * x.value + along[1] * y.value
+    s = along[0] * y.value - along[1] * x.value
+    R = stack([stack([c, s]), stack([-s, c])])  # its columns
+    velocity = x * y.rate - y * x.rate if n.order else None
+    return Attitude(R, *(each[..., None] for each in _rates(velocity, 0.0 * c)))
+
+
+def _headed(n: Any, along: tuple[float, ...], heading: Any) -> Attitude:
+    b3: Any = n if along[2] >= 0 else -n
+    c, s = cos(heading), sin(heading)
+    x, y, z = (b3[..., k] for k in range(3))
+    b2: Any = stack([-(z * s), z * c, x * s - y * c])
+    b2 = b2 / norm(b2)[..., None]
+    b1: Any = cross(b2, b3)
+    R = stack([b1.value, b2.value, b3.value])
+    velocity = None
+    if n.order:
+        turning = b2.rate
+        velocity = stack([dot(b3, turning), dot(b1, b3.rate), -dot(b1, turning)])
+    attitude = Attitude(R, *_rates(velocity, 0.0 * b3.value))
+    axes = _axes(along)
+    if np.array_equal(axes, np.eye(3)):
+        return attitude
+    R, *rates = attitude
+    return Attitude(R @ axes.T, *(apply_matrix(axes, each) for each in rates))
+
+
+def _next_to(n: Any, along: tuple[float, ...], R: Any) -> Attitude:
+    v, rows = apply_matrix(R, np.array(along)), transpose(R)
+    w = cross(v, n.value)[..., None, :]
+    turned = cross(w, rows)  # w × each column of R
+    rows = rows + turned + cross(w, turned) / (1.0 + dot(v, n.value))[..., None, None]
+    velocity = cross(n, n.rate) if n.order else None
+    rates = (apply_matrix(rows, each) for each in _rates(velocity, 0.0 * v))
+    return Attitude(transpose(rows), *rates)
+
+
+def _rates(velocity: Any, zero: Any) -> tuple[Any, Any]:
+    """Return the value of a series and its rate; 0 above its order, and for None."""
+    if velocity is None:
+        return zero, zero
+    return velocity.value, velocity.derivative(1) if velocity.order else zero
+
+
+def _axes(along: tuple[float, ...]) -> Array:
+    """Return the body axes that become b₁, b₂ and b₃, as columns."""
+    third = np.array(along) * (1.0 if along[2] >= 0 else -1.0)
+    ahead = np.eye(3)[0 if abs(third[0]) < 0.9 else 2]
+    first = ahead - (ahead @ third) * third
+    first = first / np.linalg.norm(first)
+    return np.stack([first, np.cross(third, first), third], axis=-1)
+
+
+def third_axis(along: tuple[float, ...]) -> Array:
+    """Return the body axis about which a heading turns, ``(3,)``."""
+    return _axes(along)[:, 2]
+
+
+def only_direction(pushes: Array) -> Array | None:
+    """Return the unit vector along which all pushes ``(n, k)`` are; None if there is none."""
+    sizes = np.linalg.norm(pushes, axis=0)
+    first = pushes[:, sizes.argmax()] / sizes.max()
+    across = np.abs(pushes - np.outer(first, first @ pushes)).max()
+    return None if across > PARALLEL * sizes.max() else first
+
+
+def check_along(along: Sequence[float] | None, n: int, problems: Problems) -> None:
+    """Note a body axis that is no direction in space."""
+    if along is not None and (len(along) != n or not any(along)):
+        problems.at("along").add(f"expected a direction of {n} numbers, got {along}")
+
+
+def unit_vector(along: Any) -> tuple[float, ...]:
+    """Return the numbers of a body axis of length 1."""
+    scaled = np.asarray(along, dtype=float) / np.abs(along).max()  # whose square is a float
+    return tuple((scaled / np.linalg.norm(scaled)).tolist())
+
+
+def check_rigid_body(G: MatrixLieGroup, inertia: InertiaLaw, problems: Problems) -> None:
+    """Note an inertia other than diag(J, m I)."""
+    turns, moves = (part.axes for part in G.parts)
+    if not isinstance(inertia, Inertia):
+        problems.add("needs a constant inertia diag(J, m I)", Remedy("write `inertia` as numbers"))
+        return
+    M, size = inertia.matrix, NEGLIGIBLE_INERTIA * np.abs(inertia.matrix).max()
+    mass = M[moves, moves]
+    if np.abs(M[turns, moves]).max() > size:
+        problems.add(
+            "needs an inertia diag(J, m I), and this one couples rotation and translation",
+            Remedy("move the frame of the body to its centre of mass"),
+        )
+    elif np.abs(mass - mass[0, 0] * np.eye(len(mass))).max() > size:
+        problems.add(
+            "needs an inertia diag(J, m I), and this one has masses that differ by direction",
+            Remedy("use a law of SE2 or SE3 for a body with added mass"),
+        )

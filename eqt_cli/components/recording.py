@@ -1,0 +1,461 @@
+"""Recorded motions: from the columns of a table to poses, velocities and wrenches."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, apply_matrix, transpose
+from eqt_cli.base.errors import InputError
+from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
+from eqt_cli.components.log_table import (
+    LOOKS_LIKE,
+    QUATERNION,
+    LogMapping,
+    LogTable,
+    MappingError,
+    Sheet,
+    TrajectoryFormat,
+    open_sheet,
+    with_units,
+)
+from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
+from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
+
+EULER = ("yaw", "pitch", "roll")
+"""Columns of Euler angles: about z, y and x."""
+
+
+@dataclass(frozen=True)
+class PoseColumns:
+    """The columns of a table that hold poses.
+
+    Attributes
+    ----------
+    names
+        Names of the columns.
+    layout
+        ``parts`` (a rotation and translations), ``coordinates`` or ``entries`` of the matrix.
+    rotation
+        The columns of a rotation in space: a quaternion, or Euler angles.
+    """
+
+    names: list[str]
+    layout: str
+    rotation: tuple[str, ...] = QUATERNION
+
+
+VELOCITY = {"rates": "w", "velocity": "v"}
+WRENCH = {"torque": "t", "force": "f"}
+"""Quantities measured beside poses, each with the letter of its columns.
+
+Each quantity is also the key of a mapping that gives its frame.
+"""
+
+
+class RecordedColumns(NamedTuple):
+    """Columns of a velocity or a wrench that was recorded beside the poses.
+
+    Attributes
+    ----------
+    kind
+        The key in `VELOCITY` or `WRENCH`.
+    names
+        Names of the columns.
+    axes
+        Their coordinates in the Lie algebra, or in its dual.
+    group, block
+        The factor of the group that they belong to, and the block of this factor in a pose.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    axes: slice
+    group: EuclideanGroup
+    block: slice
+
+
+def recorded_columns(G: MatrixLieGroup, suffix: str = "") -> Iterator[RecordedColumns]:
+    """Return the columns that velocities and wrenches of a group may have; none if not known."""
+    if isinstance(G, ProductGroup):
+        for k, (factor, first, block) in enumerate(
+            zip(G.factors, G.coordinates, G.blocks, strict=True), start=1
+        ):
+            for each in recorded_columns(factor, str(k)):
+                axes = slice(first.start + each.axes.start, first.start + each.axes.stop)
+                yield each._replace(axes=axes, block=block)
+    if not isinstance(G, EuclideanGroup) or G.space > 3:
+        return
+    translations = [part.axes for part in G.parts if part.velocity_unit == "m/s"]
+    for kinds in (VELOCITY, WRENCH):
+        angular, linear = kinds
+        if G.rotations:
+            about = "xyz" if G.rotations == 3 else "z"
+            names = tuple(kinds[angular] + axis + suffix for axis in about)
+            yield RecordedColumns(angular, names, slice(0, G.rotations), G, slice(0, G.size))
+        for axes in translations:
+            names = tuple(kinds[linear] + axis + suffix for axis in "xyz"[: G.space])
+            yield RecordedColumns(linear, names, axes, G, slice(0, G.size))
+
+
+def recorded_names(G: MatrixLieGroup, kinds: Collection[str]) -> list[str]:
+    """Return the names of all columns of some kinds."""
+    return [name for each in recorded_columns(G) if each.kind in kinds for name in each.names]
+
+
+def coordinate_names(G: MatrixLieGroup) -> list[str]:
+    """Return the coordinates of the algebra as they are typed: ``wz`` for ωz, ``v2`` for v₂."""
+    digits = {ord("₀") + digit: str(digit) for digit in range(10)}
+    return [axis.replace("ω", "w").translate(digits) for axis in G.axis_names]
+
+
+def pose_columns(
+    G: MatrixLieGroup, suffix: str = "", rotation: tuple[str, ...] = QUATERNION
+) -> list[str]:
+    """Return the columns of a pose, the rotation first; none if not known."""
+    if isinstance(G, ProductGroup):
+        parts = [pose_columns(each, str(k), rotation) for k, each in enumerate(G.factors, start=1)]
+        return [column for part in parts for column in part] if all(parts) else []
+    if not isinstance(G, EuclideanGroup) or G.space > 3:
+        return []
+    letters = {"position": "", "velocity": "v"}
+    translations = [
+        letters.get(column, column) + axis for column in G.columns for axis in "xyz"[: G.space]
+    ]
+    return [column + suffix for column in (*_rotation(G, rotation), *translations)]
+
+
+def _rotation(G: EuclideanGroup, in_space: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the columns of a rotation of the group."""
+    return {0: (), 1: ("angle",)}.get(G.rotations, in_space)
+
+
+def _layouts(G: MatrixLieGroup) -> list[PoseColumns]:
+    """Return the layouts that poses of a group may have, the usual one first."""
+    digits = range(1, G.size + 1)
+    layouts = (
+        PoseColumns(pose_columns(G), "parts"),
+        PoseColumns(pose_columns(G, rotation=EULER), "parts", EULER),
+        # Entries come before coordinates, because velocities have the coordinates' names, too.
+        PoseColumns([f"Q{row}{column}" for row in digits for column in digits], "entries"),
+        PoseColumns(coordinate_names(G), "coordinates"),
+    )
+    return [layout for layout in layouts if layout.names]
+
+
+def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | None:
+    """Return the columns that hold the poses of a table; None where some are missing.
+
+    Where the table has a part of a rotation or a position, coordinates are taken for a velocity.
+    """
+    found = next((layout for layout in _layouts(G) if set(layout.names) <= set(names)), None)
+    if found and found.layout == "coordinates":
+        parts = {*pose_columns(G), *pose_columns(G, rotation=EULER)} - {*found.names}
+        return None if parts & {*names} else found
+    return found
+
+
+def require_pose(sheet: Sheet, G: MatrixLieGroup, time: bool = False) -> PoseColumns:
+    """Return the columns of the poses, or raise an `InputError` if poses or times are missing."""
+    if time and "t" not in sheet.names:
+        alias = next((each for each in LOOKS_LIKE["t"] if each in sheet.names), None)
+        hint = f"; add `columns: {{t: {alias}}}` if that is what {alias} holds" if alias else ""
+        raise InputError(f"{sheet.header_place}: missing column t, the time in seconds{hint}")
+    if used := used_columns(sheet.names, G):
+        sheet.require_distinct()
+        return used
+    columns, coordinates = pose_columns(G), coordinate_names(G)
+    expected, euler = columns or coordinates, pose_columns(G, rotation=EULER)
+    layouts = (columns, euler) if columns else (coordinates,)
+    likely = max(layouts, key=lambda names: len({*names} & {*sheet.names}))
+    missing = ", ".join(name for name in likely if name not in sheet.names)
+    others = [", ".join(euler)] if euler != columns else []
+    others += [f"the coordinates {', '.join(coordinates)}"] if columns else []
+    also = f" (or {', or '.join(others)})" if others else ""
+    raise InputError(
+        f"{sheet.header_place}: missing column {missing}; a pose of {G.name} has "
+        f"{', '.join(expected)}{also}"
+    )
+
+
+def table_poses(
+    table: LogTable, columns: PoseColumns, G: MatrixLieGroup, mapping: LogMapping
+) -> Array:
+    """Return the pose of each row, ``(rows, d, d)``, in the wanted axes."""
+    if mapping.euler != LogMapping.euler and columns.rotation != EULER:
+        raise MappingError(
+            ("euler",), f"the poses of {table.name} have no yaw, pitch and roll; remove this key"
+        )
+    if columns.layout == "parts":
+        return _assembled(table, G, "", columns.rotation, mapping)
+    if columns.layout == "coordinates":
+        poses = G.exp(table.get(columns.names))
+    else:
+        poses = table.get(columns.names).reshape(len(table), G.size, G.size)
+    if isinstance(G, EuclideanGroup):
+        return _in_axes(G, G.rotation(poses), G.translations(poses), mapping)
+    _require_no_axes(mapping, G)
+    return poses
+
+
+@np.errstate(over="ignore")  # an infinite norm is reported as different from 1
+def quaternion_norms(table: LogTable, columns: PoseColumns) -> dict[str, Array]:
+    """Return the norm of the quaternion in each row, by the suffix of its columns."""
+    suffixes = [name.removeprefix("qw") for name in columns.names if name.startswith("qw")]
+    return {
+        suffix: np.linalg.norm(table.get([each + suffix for each in QUATERNION]), axis=-1)
+        for suffix in suffixes
+    }
+
+
+def require_norms(table: LogTable, columns: PoseColumns) -> None:
+    """Raise an `InputError` for the first quaternion whose norm is not 1."""
+    for norms in quaternion_norms(table, columns).values():
+        wrong = np.flatnonzero(abs(norms - 1) > QUATERNION_TOLERANCE)
+        if len(wrong):
+            row = int(wrong[0])
+            raise table.error(row, f"expected a quaternion of norm 1, got norm {norms[row]:.6g}")
+
+
+def _assembled(
+    table: LogTable, G: MatrixLieGroup, suffix: str, in_space: tuple[str, ...], mapping: LogMapping
+) -> Array:
+    """Return poses from the columns of rotations and translations."""
+    if isinstance(G, ProductGroup):
+        return G.assemble(
+            [
+                _assembled(table, factor, str(k), in_space, mapping)
+                for k, factor in enumerate(G.factors, start=1)
+            ]
+        )
+    assert isinstance(G, EuclideanGroup)
+    columns = pose_columns(G, suffix, in_space)
+    rotation = columns[: len(_rotation(G, in_space))]
+    rotations = np.broadcast_to(np.eye(G.space), (len(table), G.space, G.space))
+    if len(rotation) == 1:
+        angle = table.get(rotation)
+        rotations = G.rotation(G.exp(np.pad(angle, ((0, 0), (0, G.dimension - 1)))))
+    elif rotation and in_space == EULER:
+        axis = dict(zip("zyx", EULER, strict=True))
+        angles = table.get([axis[letter] + suffix for letter in mapping.euler.lower()])
+        rotations = rotation_of_euler(mapping.euler, angles)
+    elif rotation:
+        rotations = G.rotation_towards(table.get(rotation))
+    rows = table.get(columns[len(rotation) :]) if G.columns else np.zeros((len(table), 0))
+    translations = rows.reshape(len(table), len(G.columns), G.space).swapaxes(-1, -2)
+    return _in_axes(G, rotations, translations, mapping)
+
+
+def _in_axes(
+    G: EuclideanGroup, rotations: Array, translations: Array, mapping: LogMapping
+) -> Array:
+    """Return poses, body to world, in the wanted axes: A_w R A_bᵀ and A_w x."""
+    if mapping.attitude == "world_to_body":
+        rotations = transpose(rotations)
+    if G.space != 3:
+        _require_no_axes(mapping, G)
+        return G.assemble(rotations, translations)
+    world, body = mapping.axes("world"), mapping.axes("body")
+    rotations = world @ rotations @ body.T if G.rotations else rotations
+    return G.assemble(rotations, world @ translations)
+
+
+def _require_no_axes(mapping: LogMapping, G: MatrixLieGroup) -> None:
+    for key in ("world", "body"):
+        if value := getattr(mapping, key):
+            raise MappingError((key,), f"{value} are axes of space, which {G.name} does not have")
+
+
+GAP = 5.0
+"""Multiple of the median step beyond which a step is a gap."""
+
+
+@dataclass(frozen=True)
+class Log:
+    """A recording as it is in its file, usable or not.
+
+    Attributes
+    ----------
+    sheet
+        The file, with the names of all its columns.
+    table
+        The numbers of the columns in use, with their lines.
+    columns
+        The columns of the poses.
+    times : (n,)
+        Times in the order of the file, s.
+    recorded
+        Columns of velocities and wrenches that are no part of the poses.
+    group, mapping
+        The group of the poses, and the mapping by which the file is read.
+    """
+
+    sheet: Sheet
+    table: LogTable
+    columns: PoseColumns
+    times: Array
+    recorded: list[RecordedColumns]
+    group: MatrixLieGroup
+    mapping: LogMapping
+
+    @cached_property
+    def poses(self) -> Array:
+        """Poses ``(n, d, d)``; raises an `InputError` where the log is not usable."""
+        return table_poses(self.table, self.columns, self.group, self.mapping)
+
+    @property
+    def unused(self) -> list[str]:
+        """Headings of the columns that are not used."""
+        named = zip(self.sheet.names, self.sheet.headings, strict=True)
+        return [heading for name, heading in named if name not in self.table.columns]
+
+    @cached_property
+    def gaps(self) -> Array:
+        """The rows after which rows are missing."""
+        steps = np.diff(self.times)
+        usual = np.median(steps) if len(steps) > 2 else np.inf
+        return np.flatnonzero(steps > GAP * usual)
+
+    def in_body(self, recorded: RecordedColumns) -> Array:
+        """Return recorded velocities or wrenches in the body frame, ``(n, k)``.
+
+        A covector transforms as a vector does, because the origin stays that of the body.
+        """
+        numbers, mapping, frame = self.table.get(recorded.names), self.mapping, "body"
+        if len(recorded.names) != recorded.group.space:
+            return numbers  # a rotation in the plane, about the same axis in every frame
+        if getattr(mapping, recorded.kind) == "spatial":
+            frame = "world"
+        if recorded.group.space == 3:
+            numbers = numbers @ mapping.axes(frame).T
+        if frame == "body":
+            return numbers
+        poses = self.poses[:, recorded.block, recorded.block]
+        return apply_matrix(transpose(recorded.group.rotation(poses)), numbers)
+
+    def with_mapping(self, **changes: Any) -> Self:
+        """Return the log, read with other values of some keys of the mapping."""
+        return replace(self, mapping=replace(self.mapping, **changes))
+
+    def part(self, rows: slice) -> Self:
+        """Return the log with some of its rows."""
+        columns = {name: numbers[rows] for name, numbers in self.table.columns.items()}
+        table = replace(self.table, columns=columns, lines=self.table.lines[rows])
+        return replace(self, table=table, times=self.times[rows])
+
+    def require_usable(self) -> None:
+        """Raise an `InputError` if its times, its poses or their axes make it no motion."""
+        if len(self.table) < 2:
+            raise self.table.error(-1, f"expected two rows or more, got {len(self.table)}")
+        steps = np.flatnonzero(np.diff(self.times) <= 0)
+        if len(steps):
+            row = int(steps[0]) + 1
+            before, here = self.times[row - 1], self.times[row]
+            raise self.table.error(row, f"expected a time after {before:.9g} s, got {here:.9g} s")
+        require_norms(self.table, self.columns)
+        _ = self.poses
+
+
+def read_log(
+    text: str, name: str, form: TrajectoryFormat, G: MatrixLieGroup, mapping: LogMapping
+) -> Log:
+    """Read a recording, whether it can be used or not.
+
+    In the formats tum and euroc, times are counted from the first row.
+
+    Raises
+    ------
+    InputError
+        With the line and the error; a `MappingError` where the mapping does not fit the file.
+    """
+    sheet = open_sheet(text, name, form, mapping)
+    columns = require_pose(sheet, G, time=True)
+    others = set(sheet.names) - set(columns.names)
+    recorded = [each for each in recorded_columns(G) if set(each.names) <= others]
+    used = ["t", *columns.names, *(name for each in recorded for name in each.names)]
+    sheet = with_units(sheet, mapping, used)
+    table, times = _timed(sheet.table(used), form, mapping)
+    sheet = replace(sheet, lines=[])  # frees memory of the size of the file
+    return Log(sheet, table, columns, times, recorded, G, mapping)
+
+
+def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tuple[LogTable, Array]:
+    """Return the rows that the mapping keeps, and their times."""
+    time, times, since = mapping.time, table.columns["t"], table.since
+    if form != "csv":
+        times, since = times - times[0], 0.0
+    times, since = times * time.scale, since * time.scale
+    if time.begin is not None or time.end is not None:
+        begin = -np.inf if time.begin is None else time.begin
+        end = np.inf if time.end is None else time.end
+        kept = (begin - since <= times) & (times <= end - since)
+        if not kept.any():
+            low, high = float(times.min()) + since, float(times.max()) + since
+            key = "end" if end < low else "begin"
+            raise MappingError(
+                ("time", key),
+                f"no row of {table.name} is left: its times are from {low:.9g} to {high:.9g} s",
+            )
+        columns = {column: numbers[kept] for column, numbers in table.columns.items()}
+        lines = [table.lines[row] for row in np.flatnonzero(kept).tolist()]
+        table, times = LogTable(table.name, columns, lines, table.since), times[kept]
+    if time.offset == "first":
+        return table, times - times[0]
+    late = since + (time.offset or 0.0)
+    return table, times + late if late else times
+
+
+START_KEYS = ("columns", "units", "quaternion", "euler", "attitude", "world", "body")
+"""The keys of a mapping that a table of initial states may have."""
+
+
+def read_starts(
+    text: str, name: str, G: MatrixLieGroup, mapping: LogMapping
+) -> tuple[Array, Array | None]:
+    """Read initial poses ``(n, d, d)`` and velocities ``(n, m)``, if any, one row per run.
+
+    Raises
+    ------
+    InputError
+        With the line and the error; a `MappingError` where the mapping does not fit the file.
+    """
+    for key, default in vars(LogMapping()).items():
+        if key not in START_KEYS and getattr(mapping, key) != default:
+            raise MappingError(
+                (key,),
+                "rows of initial states have no times, and their velocities are in the body frame; "
+                "remove this key",
+            )
+    sheet = open_sheet(text, name, "csv", mapping)
+    columns, coordinates = require_pose(sheet, G), coordinate_names(G)
+    velocity: list[str] = []
+    for names in (
+        [f"V{k}" for k in range(1, G.dimension + 1)],
+        [f"V_{coordinate}" for coordinate in coordinates],
+        coordinates,
+    ):
+        missing = [column for column in names if column not in sheet.names]
+        if len(missing) < len(names) and not set(names) & set(columns.names):
+            if missing:
+                raise InputError(
+                    f"{sheet.header_place}: missing column {', '.join(missing)}; a velocity on "
+                    f"{G.name} has {', '.join(names)}"
+                )
+            velocity = names
+            break
+    used = [*columns.names, *velocity]
+    table = with_units(sheet, mapping, used).table(used)
+    require_norms(table, columns)
+    poses = table_poses(table, columns, G, mapping)
+    return poses, _in_body_axes(table.get(velocity), G, mapping) if velocity else None
+
+
+def _in_body_axes(velocities: Array, G: MatrixLieGroup, mapping: LogMapping) -> Array:
+    """Return velocities in the wanted axes of the body; in the plane, the axes stay."""
+    rotated = velocities.copy()
+    for part in G.parts:
+        if (of_part := velocities[:, part.axes]).shape[1] == 3:
+            rotated[:, part.axes] = of_part @ mapping.axes("body").T
+    return rotated

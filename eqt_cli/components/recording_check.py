@@ -1,0 +1,520 @@
+"""Checks recordings for oddities, and components that name the file of a recording."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from itertools import permutations
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, apply_matrix, norm, transpose
+from eqt_cli.base.errors import InputError, Problems
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.log_table import (
+    MAPPING,
+    PARTNERS,
+    QUATERNION,
+    LogMapping,
+    MappingError,
+    TrajectoryFormat,
+    units_of,
+)
+from eqt_cli.components.matrix_groups import EuclideanGroup
+from eqt_cli.components.recording import (
+    EULER,
+    VELOCITY,
+    WRENCH,
+    Log,
+    RecordedColumns,
+    read_log,
+    recorded_columns,
+    recorded_names,
+)
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+
+# Checks a recording: columns, assumed units, errors, oddities, and the mapping that fits ----------
+
+
+WINDOWS = 1000
+"""Largest number of windows in which velocities are compared."""
+
+MAX_ROWS = 100_000
+"""Largest number of rows that are compared, spread over the recording."""
+
+ROTATION, SHARE = 0.05, 0.05
+"""Smallest median change of the poses in a window, rad and as a share of the range of positions.
+
+Smaller changes could be noise. A window is as short as this allows, at least one step.
+"""
+
+MAX_ROTATION = 0.5
+"""Median rotation in a window, rad, beyond which the rates are not compared."""
+
+FITS, DOUBT = 0.25, 0.5
+"""Relative differences: velocities fit up to the first, and do not fit beyond the second."""
+
+CLEAR = 0.05
+"""Largest relative difference that remains after a factor, for the factor to be the cause."""
+
+_CAUSES: dict[str, tuple[tuple[float, str, str], ...]] = {
+    "rates": ((180 / np.pi, "the rates are in deg/s", "{wx: deg/s, wy: deg/s, wz: deg/s}"),),
+    "velocity": (
+        (1e3, "the velocity is in mm/s", "{vx: mm/s, vy: mm/s, vz: mm/s}"),
+        (1e2, "the velocity is in cm/s", "{vx: cm/s, vy: cm/s, vz: cm/s}"),
+        (3.6, "the velocity is in km/h", "{vx: km/h, vy: km/h, vz: km/h}"),
+        (1e-3, "the position is in mm", "{x: mm, y: mm, z: mm}"),
+    ),
+}
+_CAUSES_OF_ALL = tuple(
+    (factor, f"t is in {unit}", f"{{t: {unit}}}")
+    for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns"))
+)
+"""Factors between recorded velocities and those of the poses, each with its cause and units."""
+
+
+class _Fit(NamedTuple):
+    """Relative difference between recorded velocities and those of the poses, and their factor."""
+
+    difference: float
+    factor: float
+    shape: float
+    """The relative difference that remains after the factor."""
+
+
+def misfits(log: Log) -> Iterator[str]:
+    """Describe each velocity that does not fit the poses: its difference, and what would fit."""
+    G = log.group
+    if not isinstance(G, EuclideanGroup) or G.space != 3 or len(log.table) < 3:
+        return
+    log = log.part(slice(None, None, -(-len(log.table) // MAX_ROWS)))
+    for recorded in log.recorded:
+        if recorded.kind not in VELOCITY:
+            continue
+        as_mapped = _fit(log, G, recorded)
+        if as_mapped is None or as_mapped.difference <= 2 * CLEAR:
+            continue
+        others = (
+            (_fit(variant, G, recorded), words) for words, variant in _variants(log, recorded.kind)
+        )
+        fitting = [(fit, words) for fit, words in others if fit is not None and fit.shape <= FITS]
+        # They differ by much, or almost only by a factor.
+        is_doubtful = as_mapped.difference > DOUBT or as_mapped.shape <= CLEAR
+        if not (is_doubtful or any(fit.difference <= CLEAR for fit, _ in fitting)):
+            continue
+        yield f"{', '.join(recorded.names)} {_advice(log, recorded, as_mapped, fitting)}"
+
+
+def _advice(
+    log: Log, recorded: RecordedColumns, as_mapped: _Fit, fitting: list[tuple[_Fit, str]]
+) -> str:
+    """Describe the difference, and the change of the mapping that makes velocities fit."""
+    kind = recorded.kind
+    if as_mapped.shape <= CLEAR or (as_mapped.shape <= FITS and as_mapped.difference > DOUBT):
+        return f"are {_of_factor(kind, as_mapped.factor)}"
+    differ = f"differ from the velocity of the poses by {100 * as_mapped.difference:.0f} %"
+    if not fitting:
+        attitude = "angles" if log.columns.rotation == EULER else "quaternion"
+        return (
+            f"{differ}, and no other frame or order of the {attitude} makes them fit; check "
+            "the columns, the units and the times"
+        )
+    fit, words = min(fitting, key=lambda each: each[0].shape)
+    if fit.difference <= FITS:
+        return f"{differ}, and with {words} by {100 * fit.difference:.0f} %; correct the mapping"
+    return f"{differ}; with {words} they are {_of_factor(kind, fit.factor)}"
+
+
+def _of_factor(kind: str, factor: float) -> str:
+    """Describe a factor between velocities, its possible causes, and what to do."""
+    causes = [
+        f"`units: {units}` if {cause}"
+        for known, cause, units in (*_CAUSES[kind], *_CAUSES_OF_ALL)
+        if abs(factor / known - 1) < FITS
+    ]
+    clock = f"check their units, and add `time: {{scale: {1 / factor:.3g}}}` if the clock is wrong"
+    advice = f"add {', or '.join(causes)}" if causes else clock
+    return f"{float(f'{factor:.2g}'):g} times the velocity of the poses; {advice}"
+
+
+def _variants(log: Log, kind: str) -> Iterator[tuple[str, Log]]:
+    """Yield the log as read by other common mappings, each with the key to change."""
+    frame = "spatial" if getattr(log.mapping, kind) == "body" else "body"
+    yield f"`{kind}: {frame}`", log.with_mapping(**{kind: frame})
+    is_inverse = log.mapping.attitude == "world_to_body"
+    attitude = "body_to_world" if is_inverse else "world_to_body"
+    yield f"`attitude: {attitude}`", log.with_mapping(attitude=attitude)
+    if set(QUATERNION) <= set(log.columns.names):
+        yield other_order(log), reordered(log)
+    if log.columns.rotation == EULER:
+        for order in ("".join(axes) for axes in permutations("ZYX")):
+            for sequence in {order, order.lower()} - {log.mapping.euler}:
+                yield f"`euler: {sequence}`", log.with_mapping(euler=sequence)
+
+
+def other_order(log: Log) -> str:
+    """Say how to read the quaternions in the other order."""
+    if not log.sheet.order:
+        return "the columns of the quaternion in the order wxyz"
+    return f"`quaternion: {'wxyz' if log.sheet.order == 'xyzw' else 'xyzw'}`"
+
+
+def reordered(log: Log) -> Log:
+    """Return the log with its quaternions in the other order."""
+    # With w first in the file, the column of x holds w, that of y holds x, and so on.
+    actual = np.roll(QUATERNION, 1 if log.sheet.order == "wxyz" else -1).tolist()
+    columns = log.table.columns
+    swapped = {name: columns[of] for name, of in zip(QUATERNION, actual, strict=True)}
+    return replace(log, table=replace(log.table, columns=columns | swapped))
+
+
+@np.errstate(all="ignore")  # absurd numbers overflow; they fit nothing
+def _fit(log: Log, G: EuclideanGroup, recorded: RecordedColumns) -> _Fit | None:
+    """Compare velocities with those of the poses in world axes; None where nothing moves."""
+    poses = log.poses
+    R = G.rotation(poses)
+    velocity = apply_matrix(R, log.in_body(recorded))
+    if recorded.kind == "rates":
+        turn = G.rotation_group.log
+        rows = _windows(lambda i, j: norm(turn(R[j] @ transpose(R[i]))), len(R), ROTATION)
+        derived = None if rows is None else turn(R[rows[1]] @ transpose(R[rows[0]]))
+    else:
+        p = G.translations(poses)[..., G.columns.index("position")]
+        range_of = float(norm(p.max(axis=0) - p.min(axis=0)))
+        rows = _windows(lambda i, j: norm(p[j] - p[i]), len(p), SHARE * range_of)
+        derived = None if rows is None else p[rows[1]] - p[rows[0]]
+    if rows is None or derived is None:
+        return None
+    if recorded.kind == "rates" and np.median(norm(derived)) > MAX_ROTATION:
+        return None
+    first, last = rows
+    missing = np.zeros(len(log.times), int)
+    missing[log.gaps + 1] = 1
+    before = np.cumsum(missing)
+    complete = before[first] == before[last]
+    first, last, derived = first[complete], last[complete], derived[complete]
+    steps = np.diff(log.times)[:, None]
+    areas = (velocity[1:] + velocity[:-1]) / 2 * steps
+    integral = np.concatenate([np.zeros((1, 3)), np.cumsum(areas, 0)])
+    measured = integral[last] - integral[first]
+    size = float(np.sum(derived * derived))
+    if size == 0.0 or not np.isfinite([size, np.sum(measured * measured)]).all():
+        return None
+    factor = float(np.sum(measured * derived)) / size
+    difference = float(np.sqrt(np.sum((measured - derived) ** 2) / size))
+    remaining = float(np.sqrt(np.sum((measured - factor * derived) ** 2) / size))
+    return _Fit(difference, factor, remaining / factor if factor > 0 else np.inf)
+
+
+def _windows(
+    size: Callable[[Array, Array], Array], rows: int, smallest: float
+) -> tuple[Array, Array] | None:
+    """Return first and last rows of windows in which poses change enough; None if they never do."""
+    length = 1
+    while length < rows:
+        first = np.unique(np.linspace(0, rows - 1 - length, WINDOWS).astype(int))
+        if smallest > 0.0 and np.median(size(first, first + length)) >= smallest:
+            return first, first + length
+        length *= 2
+    return None
+
+
+SLOWEST, FASTEST = 5.0, 1e-5
+"""Largest and smallest usual step between rows, s; others suggest another unit of time."""
+
+USUAL = 1e-3, 1.0
+"""Steps that confirm another unit of time, s."""
+
+_FINER = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+ROTATED, LEVEL = np.deg2rad(90.0), np.deg2rad(20.0)
+"""Angles of the first pose: a mapping is doubted if it gives more than the first angle where
+another one gives less than the second."""
+
+MAX_NAMED = 10
+"""Largest number of unused columns that a remark names."""
+
+
+def incomplete_columns(names: Collection[str]) -> Iterator[str]:
+    """Describe each rotation and position that has some of its columns, but not all."""
+    for complete in (QUATERNION, EULER, ("x", "y", "z")):
+        present = [each for each in complete if each in names]
+        if present and (missing := ", ".join(each for each in complete if each not in present)):
+            yield f"column {missing} is missing, so {', '.join(present)} cannot be used"
+
+
+def gaps_of(times: Array, gaps: Array) -> list[tuple[float, float]]:
+    """Return the begin and the length of each gap, s."""
+    begin = times[gaps]
+    return list(zip(begin.tolist(), (times[gaps + 1] - begin).tolist(), strict=True))
+
+
+def notes(log: Log) -> Iterator[str]:
+    """Yield the oddities of a log that can be used."""
+    if log.sheet.damaged:
+        yield "parts of the file are damaged and were skipped"
+    yield from incomplete_columns({*log.sheet.names} - {*log.columns.names})
+    yield from _angles_without_unit(log)
+    yield from _times(log)
+    yield from misfits(log)
+    yield from _start(log)
+    if unused := log.unused:
+        named = ", ".join(unused[:MAX_NAMED])
+        more = f" and {len(unused) - MAX_NAMED} more" if len(unused) > MAX_NAMED else ""
+        verb = "is" if len(unused) == 1 else "are"
+        yield f"column{'s' * (len(unused) > 1)} {named}{more} {verb} not used"
+
+
+def _angles_without_unit(log: Log) -> Iterator[str]:
+    for name in log.columns.names:
+        if "rad" in units_of(name) and not log.sheet.units.get(name):
+            largest = float(np.abs(log.table.columns[name]).max())
+            if largest > 2 * np.pi:
+                yield (
+                    f"column {name}: {largest:.4g} is more than a full turn and has no unit, so it "
+                    f"is taken as rad; add `units: {{{name}: deg}}` to the mapping, or rad if it "
+                    "is meant"
+                )
+
+
+def _times(log: Log) -> Iterator[str]:
+    median = float(np.median(np.diff(log.times)))
+    if not FASTEST <= median <= SLOWEST and not log.sheet.units.get("t"):
+        unit = next((u for u, f in _FINER.items() if USUAL[0] <= median * f <= USUAL[1]), "…")
+        meant = "if t is not in s" if unit == "…" else f"if t is in {unit}"
+        yield (
+            f"rows are {median:.4g} s apart, which is unusual; add `units: {{t: {unit}}}` to the "
+            f"mapping {meant}"
+        )
+    if gaps := gaps_of(log.times, log.gaps):
+        begin, length = max(gaps, key=lambda gap: gap[1])
+        count = "1 gap" if len(gaps) == 1 else f"{len(gaps)} gaps, the longest"
+        there = f"{length:.4g} s after t = {begin:.6g} s"
+        yield f"{count} of {there}, where rows are {median:.4g} s apart"
+
+
+def _start(log: Log) -> Iterator[str]:
+    """Report a first pose that is level only with another quaternion order, or other axes."""
+    if not isinstance(log.group, EuclideanGroup) or log.group.rotations != 3:
+        return
+    one = log.part(slice(1))
+    if set(QUATERNION) <= set(log.columns.names):
+        angles = [_angle(_rotation(each)) for each in (one, reordered(one))]
+        yield from _if_level("rotated", other_order(log), *angles)
+    for which, other in (("body", "world"), ("world", "body")):
+        if getattr(log.mapping, which) is None and getattr(log.mapping, other) is not None:
+            change = PARTNERS[getattr(log.mapping, other)]
+            both = (one, one.with_mapping(**{which: change}))
+            tilts = [float(np.arccos(_rotation(each)[2, 2])) for each in both]
+            yield from _if_level("tilted", f"`{which}: {change}`", *tilts)
+
+
+def _if_level(how: str, words: str, here: float, there: float) -> Iterator[str]:
+    if here > ROTATED and there < LEVEL:
+        yield (
+            f"the first pose is {how} by {np.rad2deg(here):.0f} deg, and with {words} by "
+            f"{np.rad2deg(there):.0f} deg; correct the mapping if the body was level then"
+        )
+
+
+def _rotation(one: Log) -> Array:
+    assert isinstance(one.group, EuclideanGroup)
+    return np.clip(one.group.rotation(one.poses)[0], -1.0, 1.0)  # for arccos, in spite of rounding
+
+
+def _angle(R: Array) -> float:
+    return float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1.0, 1.0)))
+
+
+# A recording as a motion on a group, and components that name the file of one ---------------------
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A measured motion on a group.
+
+    Attributes
+    ----------
+    name, place
+        The file and the line of its header, for messages.
+    group
+        G.
+    times : (n,)
+        Rising times, s.
+    poses : (n, d, d)
+        Q.
+    velocities : (n, m)
+        V in the Lie algebra, body frame; NaN in the coordinates that were not measured.
+    wrenches : (n, m)
+        The wrench in the dual, body frame; NaN in the coordinates that were not measured.
+    gaps : (k,)
+        The rows after which rows are missing.
+    timed
+        Whether the mapping gives the offset of the clock.
+    notes
+        Remarks on oddities in the file.
+    """
+
+    name: str
+    place: str
+    group: MatrixLieGroup
+    times: Array
+    poses: Array
+    velocities: Array
+    wrenches: Array
+    gaps: Array
+    timed: bool = False
+    notes: tuple[str, ...] = ()
+
+    def require_wrenches(self) -> Array:
+        """Return the wrenches, or raise an `InputError` if one was not measured."""
+        G = self.group
+        if not np.isnan(self.wrenches).any():
+            return self.wrenches
+        names = recorded_names(G, WRENCH)
+        if len(names) < G.dimension:
+            raise InputError(f"{self.place}: no columns of a wrench on {G.name} are known")
+        missing = [
+            name
+            for columns in recorded_columns(G)
+            if columns.kind in WRENCH and np.isnan(self.wrenches[:, columns.axes]).any()
+            for name in columns.names
+        ]
+        raise InputError(
+            f"{self.place}: missing column {', '.join(missing)}; a wrench on {G.name} has "
+            f"{', '.join(names)}"
+        )
+
+    def part(self, first: int, last: int, step: int = 1) -> Self:
+        """Return every `step`-th row from `first` to before `last`."""
+        rows = slice(first, last, step)
+        times = self.times[rows]
+        gaps = np.unique((self.gaps - first) // step)
+        return replace(
+            self,
+            times=times,
+            poses=self.poses[rows],
+            velocities=self.velocities[rows],
+            wrenches=self.wrenches[rows],
+            gaps=gaps[(gaps >= 0) & (gaps < len(times) - 1)],
+        )
+
+
+def recording_of(log: Log) -> Recording:
+    """Return the motion in a log.
+
+    Raises
+    ------
+    InputError
+        If its times, its poses or their axes make it no motion.
+    """
+    log.require_usable()
+    G = log.group
+    velocities, wrenches = np.full((2, len(log.times), G.dimension), np.nan)
+    for columns in log.recorded:
+        measured = velocities if columns.kind in VELOCITY else wrenches
+        measured[:, columns.axes] = log.in_body(columns)
+    return Recording(
+        log.table.name,
+        log.sheet.header_place,
+        G,
+        log.times,
+        log.poses,
+        velocities,
+        wrenches,
+        log.gaps,
+        log.mapping.time.offset is not None,
+        tuple(notes(log)),
+    )
+
+
+def read_recording(
+    text: str, name: str, form: TrajectoryFormat, G: MatrixLieGroup, mapping: LogMapping
+) -> Recording:
+    """Return the motion in the text of a file; raises as `read_log` and `recording_of` do."""
+    return recording_of(read_log(text, name, form, G, mapping))
+
+
+@dataclass(frozen=True, kw_only=True)
+class InFile:
+    """A component whose poses may stand in a file.
+
+    Attributes
+    ----------
+    file
+        The recording, relative to the configuration.
+    format
+        Its format: ``csv`` with a header that names the columns, ``tum`` or ``euroc``.
+    mapping
+        Columns, units, order of quaternions, frames and times, where the file does not give them.
+    """
+
+    file: str | None = None
+    format: TrajectoryFormat = "csv"
+    mapping: LogMapping | None = None
+    text: str | None = field(default=None, init=False, repr=False)
+    digest: str = field(default="", init=False)
+    # What was read of the text for each group; copies of the component share it.
+    cache: Any = field(
+        default_factory=dict, init=False, repr=False, compare=False, metadata=STRUCTURE
+    )
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The file, if there is one, by the option that names it."""
+        return {} if self.file is None else {"file": self.file}
+
+    def with_files(self, texts: Mapping[str, str]) -> Self:
+        """Return the component with the content of its file."""
+        if self.file is None or self.file not in texts:
+            return self
+        text = texts[self.file]
+        return with_fields(self, text=text, digest=sha256(text.encode()).hexdigest(), cache={})
+
+    def log(self, G: MatrixLieGroup) -> Log:
+        """Return the log in the file, or raise an `InputError` if it is no motion."""
+        if (G.name, "log") not in self.cache:
+            assert self.text is not None and self.file is not None
+            log = read_log(self.text, self.file, self.format, G, self.mapping or LogMapping())
+            log.require_usable()
+            self.cache[G.name, "log"] = log
+        return self.cache[G.name, "log"]
+
+    def check_file(self, problems: Problems, use: Callable[[], Any]) -> None:
+        """Note errors of the mapping, and of the file where `use` raises them."""
+        if self.mapping is not None:
+            self.mapping.check(problems.at(MAPPING))
+        if self.text is None or problems:
+            return  # a file that could not be read was noted before
+        with problems.catching("file"):
+            try:
+                use()
+            except MappingError as error:
+                problems.at(MAPPING, *error.path).add(str(error))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingInFile(InFile):
+    """A component that follows the recording in its file from the first row to the last."""
+
+    file: str = field()  # required, unlike in the base class
+
+    def recording(self, G: MatrixLieGroup) -> Recording:
+        """Return the motion in the file, body frame."""
+        if (G.name, "recording") not in self.cache:
+            self.cache[G.name, "recording"] = recording_of(self.log(G))
+        return self.cache[G.name, "recording"]
+
+    def with_recording(self, recording: Recording) -> Self:
+        """Return the component with a recording that was read before."""
+        return with_fields(self, cache={(recording.group.name, "recording"): recording})
+
+    def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
+        """Return the times of the first and the last row."""
+        times = self.recording(G).times
+        return float(times[0]), float(times[-1])
+
+    def gaps(self, G: MatrixLieGroup) -> list[tuple[float, float]]:
+        """Return the begin and the length of each gap, s."""
+        recording = self.recording(G)
+        return gaps_of(recording.times, recording.gaps)

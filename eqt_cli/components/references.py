@@ -1,0 +1,567 @@
+"""Desired trajectories: their base classes and the short kinds."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeVar
+
+import numpy as np
+
+from eqt_cli.base import units
+from eqt_cli.base.arrays import Array, stack
+from eqt_cli.base.errors import InputError, Problems
+from eqt_cli.base.expressions import Expression, formula
+from eqt_cli.base.option_types import VELOCITY, Positive, Real, Unit
+from eqt_cli.base.registry import Component, Registry
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.motions import (
+    Factor,
+    FlatOutput,
+    GivenOverTime,
+    Piece,
+    Pieces,
+    PlantModel,
+    eased,
+    motion_along,
+    screws,
+    spline,
+    through,
+)
+from eqt_cli.components.pose_notation import pose_from, vector
+from eqt_cli.components.recording import coordinate_names
+from eqt_cli.components.recording_check import RecordingInFile
+from eqt_cli.numbers.jets import Jet, series, value_and_derivative
+from eqt_cli.numbers.leaves import STRUCTURE
+
+# Base classes of references: a desired motion Q_d(t), V_d(t), V̇_d(t) and its force τ_d -----------
+
+
+T = TypeVar("T")
+
+
+class InExpressions:
+    """A component with an option that holds expressions in t, one per coordinate."""
+
+    expressed: ClassVar[str]
+    """The name of the option."""
+
+    @cached_property
+    def expressions(self) -> list[Expression]:
+        """The expressions, parsed."""
+        return [formula(entry) for entry in getattr(self, self.expressed)]
+
+    def at(self, t: Any) -> Array:
+        """Return the values of the expressions, ``(..., m)``."""
+        return stack([expression.evaluate({"t": t}) for expression in self.expressions])
+
+    def with_functions(self, new: Callable[[], Expression]) -> Self:
+        """Return the component with a new function of time for each of its expressions."""
+        other = copy(self)
+        vars(other)["expressions"] = [new() for _ in self.expressions]
+        return other
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which an expression changes its piece, and of short pulses."""
+        return instants_of(self.expressions, until)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note expressions that do not parse, and a wrong number of them."""
+        entries = getattr(self, self.expressed)
+        check_expressions(entries, G.dimension, G, problems.at(self.expressed))
+
+
+def check_expressions(
+    entries: Sequence[str | float], count: int, G: MatrixLieGroup, problems: Problems
+) -> None:
+    """Note expressions that do not parse, and a wrong number of them."""
+    if len(entries) != count:
+        problems.add(f"expected {count} expressions for {G.name}, got {len(entries)}")
+    for index, entry in enumerate(entries):
+        with problems.catching(index):
+            formula(entry)
+
+
+def check_rising(points: Sequence[Any], problems: Problems) -> None:
+    """Note fewer than two points, and those that are not in the order of time."""
+    if len(points) < 2:
+        problems.add(f"expected at least two points, got {len(points)}")
+    for index, (before, point) in enumerate(pairwise(points), 1):
+        if not point.t > before.t:
+            problems.at(index, "t").add(f"expected a time after {before.t:g} s, got {point.t:g} s")
+
+
+def instants_of(expressions: Iterable[Expression], until: float) -> Array:
+    """Return the sorted times at which expressions change their piece, and of short pulses."""
+    return np.array(sorted({t for each in expressions for t in each.instants(until)}))
+
+
+class Desired(NamedTuple):
+    """The desired state at one instant, and the force that drives it.
+
+    Attributes
+    ----------
+    Q : (..., d, d)
+        Q_d.
+    P, tau : (..., m)
+        P_d = 𝕀V_d and τ_d, body frame.
+    V, V_dot : (..., m)
+        V_d and V̇_d, where they are known without P_d and τ_d.
+    """
+
+    Q: Array
+    P: Array
+    tau: Array
+    V: Array | None = None
+    V_dot: Array | None = None
+
+
+@dataclass(frozen=True)
+class Reference(GivenOverTime, Component):
+    """A desired motion; by default one that a torque drives, from Q_d(0) and V_d(0).
+
+    A frozen dataclass whose fields are its options in a configuration, in addition to the initial
+    `pose` and `velocity` in `starts_from`.
+    """
+
+    keeps_velocity: ClassVar[bool] = False
+    """Whether V_d(t) = V_d(0) by construction."""
+    starts_from: ClassVar[tuple[str, ...]] = ("pose", "velocity")
+    """The initial values given in addition to the options; these states are integrated."""
+    smooth: ClassVar[bool] = False
+    """Whether it has a method ``series(G, t, order)``, as `path`: Q_d as a Taylor series."""
+
+    @abstractmethod
+    def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
+        """Return τ_d at time t, body frame, ``(..., m)``."""
+
+    def desired(
+        self, G: MatrixLieGroup, inertia: Inertia, t: Any, Qd: Array | None, Pd: Array | None
+    ) -> Desired:
+        """Return the desired state at time t.
+
+        Parameters
+        ----------
+        Qd, Pd
+            The integrated states; None where they are not integrated.
+        """
+        assert Qd is not None and Pd is not None
+        return Desired(Qd, Pd, self.driving_torque(G, inertia, t, Pd))
+
+    def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
+        """Return Q_d(0) and V_d(0) from the given `pose` and `velocity`."""
+        return pose, velocity
+
+    def flat_output(self, G: MatrixLieGroup, t: Any) -> FlatOutput | None:
+        """Return position and heading with their derivatives at time t; None if there are none."""
+        return None
+
+    def given_at(self, G: MatrixLieGroup) -> Array | None:
+        """Return the times of the poses that give it, by points or rows; None for other kinds."""
+        return None
+
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the reference with what it knows of the plant, after noting what does not fit."""
+        return self
+
+    @property
+    def known_forces(self) -> tuple[Any, ...]:
+        """The forces that act along the motion besides those of the actuators, as far as known."""
+        return ()
+
+    def with_functions(self, new: Callable[[], Expression]) -> Self:
+        """Return the reference with a new function of time for each of its expressions."""
+        return self
+
+    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
+        """Yield remarks for the user before a run."""
+        yield from ()
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note options that do not fit the group."""
+
+
+class MovingReference(Reference):
+    """A reference whose V_d and V̇_d are given, so that τ_d follows from them."""
+
+    def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
+        """Return τ_d = 𝕀V̇_d − ad*_{V_d} 𝕀V_d + 𝕀̇V_d, which gives V_d in the Lie-Poisson system."""
+        return self.desired(G, inertia, t, None, None).tau
+
+    def _driven(
+        self, G: MatrixLieGroup, inertia: Inertia, Q: Any, V: Array, acceleration: Array
+    ) -> Desired:
+        P = inertia.momentum(V)
+        tau = inertia.momentum(acceleration) + inertia.rate_force(V) - G.ad_star(V, P)
+        return Desired(Q, P, tau, V, acceleration)
+
+
+@dataclass(frozen=True)
+class ReferenceByRates(MovingReference):
+    """A reference whose velocity is given, and whose pose is integrated from Q_d(0)."""
+
+    starts_from: ClassVar[tuple[str, ...]] = ("pose",)
+
+    @abstractmethod
+    def velocity(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array]:
+        """Return V_d and V̇_d at time t, body frame, ``(..., m)`` each."""
+
+    def desired(
+        self, G: MatrixLieGroup, inertia: Inertia, t: Any, Qd: Array | None, Pd: Array | None
+    ) -> Desired:
+        """Return the velocity and the force at time t, with the integrated pose."""
+        return self._driven(G, inertia, Qd, *self.velocity(G, t))
+
+    def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
+        """Return the given Q_d(0), and the velocity at t = 0."""
+        return pose, self.velocity(G, 0.0)[0]
+
+
+@dataclass(frozen=True)
+class ClosedReference(MovingReference):
+    """A reference in closed form, which needs no integration and no state."""
+
+    starts_from: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        """Return Q_d ``(..., d, d)``, V_d and V̇_d ``(..., m)`` at time t, body frame."""
+
+    def desired(
+        self, G: MatrixLieGroup, inertia: Inertia, t: Any, Qd: Array | None, Pd: Array | None
+    ) -> Desired:
+        """Return the desired state of the motion at time t."""
+        return self._driven(G, inertia, *self.motion(G, t))
+
+    def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
+        """Return Q_d(0) and V_d(0) of the motion."""
+        Q, V, _ = self.motion(G, 0.0)
+        return Q, V
+
+    def prepared(self, G: MatrixLieGroup, make: Callable[[MatrixLieGroup], T], name: str = "") -> T:
+        """Return `make(G)`, which is computed once for each group and name."""
+        cache = vars(self).setdefault("_prepared", {})
+        if (G.name, name) not in cache:
+            cache[G.name, name] = make(G)
+        return cache[G.name, name]
+
+
+@dataclass(frozen=True)
+class PiecewiseReference(ClosedReference):
+    """A reference in closed form that consists of pieces between instants."""
+
+    @abstractmethod
+    def pieces(self, G: MatrixLieGroup) -> Pieces:
+        """Return all pieces."""
+
+    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        """Return the motion of the pieces at the times."""
+        return self.held(G, t).motion(G, t)
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which a piece begins."""
+        return self.prepared(G, self.pieces).starts
+
+    def held(self, G: MatrixLieGroup, t: Any) -> "InPiece":
+        """Return the piece at a time, or at each of some times."""
+        return InPiece(self, *self.prepared(G, self.pieces).at(t))
+
+
+@dataclass(frozen=True)
+class InPiece(ClosedReference):
+    """One piece of a motion as a reference, or an array of pieces for some times.
+
+    Attributes
+    ----------
+    whole
+        The reference with all pieces, which gives the structure.
+    since, numbers
+        As by `Pieces.at`.
+    """
+
+    whole: PiecewiseReference = field(metadata=STRUCTURE)
+    since: Array
+    numbers: Array
+
+    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        """Return the motion of the piece."""
+        return self.prepared(G, self._piece).motion(G, t)
+
+    def _piece(self, G: MatrixLieGroup) -> Piece:
+        return self.whole.prepared(G, self.whole.pieces).piece(self.since, self.numbers)
+
+
+references = Registry(
+    "reference",
+    "references",
+    Reference,
+    ("components.references", "components.waypoints", "components.flat"),
+)
+
+
+@dataclass(frozen=True)
+class ConstantReference(PiecewiseReference):
+    """A constant body velocity: Q_d(t) = Q_0 exp(t V_d). At V_d = 0 the pose stands still.
+
+    Attributes
+    ----------
+    pose
+        Q_0 = Q_d(0).
+    velocity
+        V_d, body frame: a number for all coordinates, or m numbers.
+    """
+
+    name: ClassVar[str] = "constant"
+    keeps_velocity: ClassVar[bool] = True
+
+    pose: Any = "identity"
+    velocity: Annotated[Real | list[Real], Unit(VELOCITY)] = 0.0
+
+    def pieces(self, G: MatrixLieGroup) -> Pieces:
+        """Return one piece of one factor with a(t) = t."""
+        pose = pose_from(self.pose, G, Problems())
+        if pose is None:
+            raise InputError(f"expected a pose of {G.name}, got {self.pose}")
+        V = vector(self.velocity, G.dimension, G)
+        return Pieces.of(G, np.zeros(1), pose[None], V[None, None], np.array([[[0.0, 1.0]]]))
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note an invalid pose or velocity."""
+        pose_from(self.pose, G, problems.at("pose"))
+        with problems.catching("velocity"):
+            vector(self.velocity, G.dimension, G)
+
+
+@dataclass(frozen=True)
+class LogReference(RecordingInFile, PiecewiseReference):
+    """A recorded motion: at every row the recorded pose and velocity, with their noise.
+
+    Between two rows, a cubic curve joins these poses and velocities. Without recorded velocities,
+    the motion is the spline of `waypoints`. It does not include the recorded wrench, which the law
+    `replay` applies. To track a recording, use `waypoints` with `smoothing`.
+    """
+
+    name: ClassVar[str] = "log"
+
+    def pieces(self, G: MatrixLieGroup) -> Pieces:
+        """Return a piece from each row to the next."""
+        log = self.recording(G)
+        if np.isnan(log.velocities).any():
+            return spline(G, log.times, log.poses)
+        return through(G, log.times, log.poses, log.velocities)
+
+    def given_at(self, G: MatrixLieGroup) -> Array:
+        """Return the times of the rows."""
+        return self.recording(G).times
+
+    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
+        """Yield the oddities of the file."""
+        yield from (f"{self.file}: {note}" for note in self.recording(G).notes)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note an invalid file or mapping."""
+        self.check_file(problems, lambda: self.prepared(G, self.pieces))
+
+
+# A reference that is a product of rotations and translations, each given by an expression ---------
+
+
+@dataclass(frozen=True)
+class PathFactor:
+    """One factor exp(a(t) ξ) of a path.
+
+    Attributes
+    ----------
+    axis
+        ξ: the name of a coordinate of the algebra, such as wz, or m numbers.
+    by
+        a(t), an expression in t, in rad or m; or with its unit, such as 30*t deg.
+    """
+
+    axis: str | list[Real]
+    by: str | float
+
+    @cached_property
+    def expression(self) -> Expression:
+        """The parsed expression of `by`, in rad and m."""
+        text, unit = self._written
+        size = "pi/180" if unit == "deg" else repr(units.factor(unit, units.base_of(unit)))
+        return formula(f"({text})*{size}" if unit else text)
+
+    @property
+    def _written(self) -> tuple[str | float, str]:
+        parts = units.split(self.by) if isinstance(self.by, str) else None
+        return parts or (self.by, "")
+
+    def vector(self, G: MatrixLieGroup) -> Array:
+        """Return ξ in coordinates, or raise an `InputError` if the group has no such axis."""
+        if isinstance(self.axis, list):
+            return vector(self.axis, G.dimension, G)
+        names = coordinate_names(G)
+        if self.axis not in names:
+            raise InputError(
+                f"expected {', '.join(names)} or a list of {G.dimension} numbers for {G.name}, "
+                f"got '{self.axis}'"
+            )
+        return np.eye(G.dimension)[names.index(self.axis)]
+
+    def require_unit(self, G: MatrixLieGroup) -> None:
+        """Raise an `InputError` for a unit that is not that of the axis."""
+        axis, unit = self.vector(G), self._written[1]
+        for part in G.parts:
+            own = part.error_unit
+            if unit and np.any(axis[part.axes]) and units.factor(unit, own) is None:
+                raise InputError(f"expected {units.offered(own)}, got '{self.by}'")
+
+
+@dataclass(frozen=True)
+class PathReference(ClosedReference):
+    """Q_d(t) = Q_0 exp(a_1(t) ξ_1) exp(a_2(t) ξ_2) …, rotations and translations in sequence.
+
+    Attributes
+    ----------
+    factors
+        The axes ξ_k, each constant in the frame moved by the factors before it, and the
+        displacements a_k(t) along them.
+    pose
+        Q_0.
+    """
+
+    name: ClassVar[str] = "path"
+    smooth: ClassVar[bool] = True
+
+    factors: list[PathFactor]
+    pose: Any = "identity"
+
+    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        """Return the product, its velocity and its acceleration."""
+        links, numbers, rates = self.prepared(G, self._constants)
+        factors = []
+        for each, of_each, rate in zip(self.factors, numbers, rates, strict=True):
+            angle = series(each.expression, {"t": t}, 2)
+            derivatives = stack([angle.derivative(k) for k in range(3)])
+            factors.append(Factor(of_each, derivatives[..., None] * rate))
+        return motion_along(G, links, factors)
+
+    def series(self, G: MatrixLieGroup, t: Any, order: int) -> Jet:
+        """Return Q_d as a series; a factor E has the rate ȧ E ξ^."""
+        links, numbers, rates = self.prepared(G, self._constants)
+        Q: Any = links[0]
+        for each, of_each, rate, link in zip(self.factors, numbers, rates, links[1:], strict=True):
+            angle: Any = stack([series(each.expression, {"t": t}, order)])
+            E: Any = Jet([G.exp_along(of_each, angle.value * rate)])
+            axis = G.hat(G.along(of_each, rate))
+            while E.order < order:
+                E = E.extended((angle.rate[..., None] * E @ axis).derivative(E.order))
+            Q = Q @ E @ link
+        return Q
+
+    def _constants(self, G: MatrixLieGroup) -> tuple[Array, Array, Array]:
+        pose = pose_from(self.pose, G, Problems())
+        assert pose is not None
+        return screws(G, pose, np.stack([factor.vector(G) for factor in self.factors]))
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which an expression changes its piece."""
+        return instants_of([factor.expression for factor in self.factors], until)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note an invalid pose, axis or expression, and missing factors."""
+        pose_from(self.pose, G, problems.at("pose"))
+        if not self.factors:
+            problems.at("factors").add(
+                "expected at least one factor, such as [{axis: wz, by: 0.1*t}]"
+            )
+        for index, factor in enumerate(self.factors):
+            here = problems.at("factors", index)
+            with here.catching("axis"):
+                factor.vector(G)
+            with here.catching("by"):
+                _ = factor.expression
+                if not here.at("axis"):
+                    factor.require_unit(G)
+
+
+@dataclass(frozen=True)
+class RatesReference(InExpressions, ReferenceByRates):
+    """A body velocity V_d(t), one expression per coordinate; the pose is integrated.
+
+    Attributes
+    ----------
+    rates
+        m expressions in t, body frame.
+    """
+
+    name: ClassVar[str] = "rates"
+    expressed: ClassVar[str] = "rates"
+
+    rates: list[str | float]
+
+    def velocity(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array]:
+        """V_d(t) and its exact derivative."""
+        pairs = [value_and_derivative(expression, {"t": t}) for expression in self.expressions]
+        values, rates = zip(*pairs, strict=True)
+        return stack(values), stack(rates)
+
+
+@dataclass(frozen=True)
+class SlewReference(PiecewiseReference):
+    """Rest to rest along the geodesic from · exp(a(t) log(from⁻¹ to)).
+
+    Attributes
+    ----------
+    to
+        The final pose.
+    duration
+        Duration, s.
+    from_
+        The initial pose.
+    start
+        Start time, s.
+    profile
+        a(t): ``quintic``, 10s³ − 15s⁴ + 6s⁵, which minimises the jerk; velocity and
+        acceleration are 0 at both ends.
+    """
+
+    name: ClassVar[str] = "slew"
+
+    to: Any
+    duration: Annotated[Positive, Unit("s")]
+    from_: Any = "identity"
+    start: Annotated[Real, Unit("s")] = 0.0
+    profile: Literal["quintic"] = "quintic"
+
+    def pieces(self, G: MatrixLieGroup) -> Pieces:
+        """Return three pieces: rest, the slew, and rest."""
+        start, end = (pose_from(pose, G, Problems()) for pose in (self.from_, self.to))
+        assert start is not None and end is not None
+        turn = G.log(G.inverse(start) @ end)
+        return eased(G, self.start, self.start + self.duration, start, turn)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note invalid poses."""
+        for option, pose in (("from", self.from_), ("to", self.to)):
+            pose_from(pose, G, problems.at(option))
+
+
+@dataclass(frozen=True)
+class TorqueReference(InExpressions, Reference):
+    """A torque τ_d(t), one expression per coordinate (the paper's §7).
+
+    Attributes
+    ----------
+    torque
+        m expressions in t, body frame: forces dual to the velocity coordinates.
+    """
+
+    name: ClassVar[str] = "torque"
+    expressed: ClassVar[str] = "torque"
+
+    torque: list[str | float]
+
+    def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
+        """τ_d(t)."""
+        return self.at(t)

@@ -1,0 +1,425 @@
+"""Sensors: errors of the measured pose and velocity, and when they are measured."""
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, less, where
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import MEASURED, CountOrTime, Offset, Positive, Real, Scale, Unit
+from eqt_cli.base.registry import Registry
+from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.components.vehicle_parts import (
+    ALWAYS,
+    Clock,
+    Numbers,
+    Sampling,
+    VehiclePart,
+    check_count,
+    check_numbers,
+    drawn,
+    mean_square,
+)
+
+# The base class of measurement errors; it knows no law or engine ----------------------------------
+
+
+@dataclass(frozen=True)
+class Sensor(VehiclePart):
+    """An error of a measured pose or velocity, at the instants at which it is measured.
+
+    Errors of a pose add up to n with Q_m = Q exp(n), errors of a velocity to b with V_m = V + b.
+    They depend on the run and on the instant. Entries of one part share `period`, `offset`, `delay`
+    and `dropout`, given at one of them.
+
+    A sensor of a velocity may have states that follow the motion. What it measures is their
+    `reading`, to which the errors of all sensors add.
+
+    Attributes
+    ----------
+    of
+        The part of the pose or velocity that is measured, as the group calls it; all of them if
+        left out.
+    period
+        Time between measurements, s, a whole number of ticks of `control`; the law reads the last
+        one. If left out, there is one at each instant of the law.
+    offset
+        Time of the first measurement after that of t = 0, s, a whole number of ticks.
+    delay
+        Number of control periods after which a measurement arrives, or a time such as 50 ms. The
+        first one, at t = 0, is there from the start.
+    dropout
+        The probability that a measurement never arrives; the first one always does.
+    """
+
+    of: str | None = field(default=None, kw_only=True)
+    period: Annotated[Positive | None, Scale("measurement period", "s")] = field(
+        default=None, kw_only=True
+    )
+    offset: Offset | None = field(default=None, kw_only=True)
+    delay: Annotated[CountOrTime | None, Scale("delay of the measurement in periods")] = field(
+        default=None, kw_only=True
+    )
+    dropout: Real | None = field(default=None, kw_only=True)
+
+    @abstractmethod
+    def errors(
+        self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
+    ) -> Array:
+        """Return the errors of `instants` measurements, ``(instants, n)``, n from `coordinates`.
+
+        Measurements are `period` seconds apart: the sensor's own period, or the control period. The
+        first errors do not depend on how many there are.
+        """
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """Return the number of states that follow the motion; a sensor of a pose has none."""
+        return 0
+
+    def started(self, V: Array) -> Array:
+        """Return the states at t = 0, from the measured coordinates of V, ``(..., n)``."""
+        return V
+
+    def state_rate(self, V: Array, x: Array) -> Array:
+        """Return the time derivative of the states x."""
+        return x
+
+    def reading(self, V: Array, x: Array) -> Array:
+        """Return the velocity as it is measured before errors, ``(..., n)``."""
+        return V
+
+    @property
+    def loses(self) -> bool:
+        """Whether measurements may be lost."""
+        return bool(self.dropout)
+
+    def lost(self, measurements: int, random: np.random.Generator) -> Array:
+        """Return which measurements are lost, ``(measurements,)`` booleans.
+
+        The first entries do not depend on how many there are. The first measurement always arrives,
+        whatever its entry.
+        """
+        return random.random(measurements) < (self.dropout or 0.0)
+
+    def axes(self, G: MatrixLieGroup) -> slice:
+        """Return the measured coordinates: those of the part, or all."""
+        return next((part.axes for part in G.parts if part.name == self.of), slice(None))
+
+    def coordinates(self, G: MatrixLieGroup) -> int:
+        """Return the number of measured coordinates."""
+        return len(range(G.dimension)[self.axes(G)])
+
+    def entries(self, value: float | list[float], G: MatrixLieGroup) -> Array:
+        """Return a number for each measured coordinate; one given number stands for all."""
+        return np.broadcast_to(np.asarray(value, dtype=float), self.coordinates(G))
+
+    def check_entries(
+        self, value: Numbers, G: MatrixLieGroup, problems: Problems, deviations: bool = False
+    ) -> None:
+        """Note invalid numbers, negative `deviations`, or a wrong number of coordinates."""
+        what = G.name if self.of is None else f"the {self.of} of {G.name}"
+        check_count(value, self.coordinates(G), what, problems, deviations)
+
+    def bias_deviation(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
+        """Return what an estimator may know of a bias; None for other errors.
+
+        It is the root mean square at t = 0, and the deviation of the drift after one second,
+        ``(n,)`` each.
+        """
+        return None
+
+    def white_deviation(self, G: MatrixLieGroup, period: float) -> Array | None:
+        """Return the standard deviation of white noise, ``(n,)``; None for correlated errors.
+
+        The numbers of the sensor must be drawn before.
+        """
+        return None
+
+
+sensors = Registry("sensor", "sensors", Sensor, ("components.sensors",))
+
+
+@dataclass(frozen=True)
+class Bias(Sensor):
+    """A constant offset plus a random walk.
+
+    Attributes
+    ----------
+    value
+        The offset at t = 0; one number for every coordinate, or a list.
+    walk
+        Standard deviation of the drift after one second; it grows with √t.
+    """
+
+    name: ClassVar[str] = "bias"
+    departs: ClassVar[str] = "measurements with bias"
+
+    value: Annotated[Numbers, Unit(MEASURED)] = 0.0
+    walk: Numbers = 0.0
+
+    def errors(
+        self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
+    ) -> Array:
+        """Return value + walk √period Σ N(0, 1)^n, with a step from each instant to the next."""
+        part = self.drawn(random)
+        steps = random.standard_normal((instants, self.coordinates(G)))
+        drift = np.cumsum(steps, axis=0) - steps[:1]
+        return self.entries(part.value, G) + self.entries(part.walk, G) * np.sqrt(period) * drift
+
+    def bias_deviation(self, G: MatrixLieGroup) -> tuple[Array, Array]:
+        """Return the root mean square of `value`, and `walk`, ``(n,)`` each."""
+        values = self.value if isinstance(self.value, list) else [self.value]
+        size = self.entries([mean_square(value) for value in values], G)
+        return np.sqrt(size), self.entries(drawn(self.walk, None), G)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note negative deviations of the walk, and a wrong length."""
+        self.check_entries(self.value, G, problems.at("value"))
+        self.check_entries(self.walk, G, problems.at("walk"), deviations=True)
+
+
+# A measured velocity that follows the true one with a first-order lag -----------------------------
+
+
+@dataclass(frozen=True)
+class SensorLag(Sensor):
+    """A lag of first order, as of a gyroscope: ẋ = (V − x) / T from x = V, and x is measured.
+
+    Attributes
+    ----------
+    time_constant
+        T, s; one number for every coordinate, or a list.
+    """
+
+    name: ClassVar[str] = "lag"
+    departs: ClassVar[str] = "measurements that lag"
+    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
+
+    time_constant: Annotated[Numbers, Scale("time constant", "s")]
+
+    def errors(
+        self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
+    ) -> Array:
+        """Return 0: the lag depends on the motion."""
+        return np.zeros((instants, self.coordinates(G)))
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """Return the number of states, one for each coordinate."""
+        return self.coordinates(G)
+
+    def state_rate(self, V: Array, x: Array) -> Array:
+        """Return (V − x) / T."""
+        return (V - x) / self.time_constant
+
+    def reading(self, V: Array, x: Array) -> Array:
+        """Return the state."""
+        return x
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note time constants that are not greater than 0, and a wrong length."""
+        here = problems.at("time_constant")
+        check_numbers(self.time_constant, here, positive=True)
+        if not here:
+            self.check_entries(self.time_constant, G, here)
+
+
+# White noise of a measurement ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Noise(Sensor):
+    """Independent normals at every measurement, along every coordinate.
+
+    Attributes
+    ----------
+    std
+        Standard deviation of one measurement, whatever the period; one number, or a list.
+    density
+        Instead: the deviation of one measurement times √period, so that a mean over a second has
+        the same deviation at any period.
+    """
+
+    name: ClassVar[str] = "noise"
+    departs: ClassVar[str] = "measurements with noise"
+
+    std: Annotated[Numbers | None, Unit(MEASURED)] = None
+    density: Numbers | None = None
+
+    def errors(
+        self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
+    ) -> Array:
+        """Return std · N(0, 1)^n, or density/√period · N(0, 1)^n."""
+        deviation = self.drawn(random).white_deviation(G, period)
+        return deviation * random.standard_normal((instants, self.coordinates(G)))
+
+    def white_deviation(self, G: MatrixLieGroup, period: float) -> Array:
+        """Return std, or density/√period."""
+        part: Any = self
+        if part.std is not None:
+            return self.entries(part.std, G)
+        return self.entries(part.density or 0.0, G) / np.sqrt(period)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note both or neither of std and density, negative deviations, and a wrong length."""
+        if (self.std is None) == (self.density is None):
+            got = "neither" if self.std is None else "both"
+            problems.add(f"expected std or density, got {got}")
+        for name, value in (("std", self.std), ("density", self.density)):
+            if value is not None:
+                self.check_entries(value, G, problems.at(name), deviations=True)
+
+
+# Measurement channels: when parts of pose and velocity are measured, and when that arrives --------
+#
+# A part without a clock of its own, a delay or a dropout is measured at the instants of the law. A
+# channel knows no law or engine.
+
+
+NOTHING, CHANNEL_MEASURED, FIRST = 0.0, 1.0, 2.0
+"""Events of a channel at a tick; the first measurement is there from the start."""
+
+TIMING = ("period", "offset", "delay", "dropout")
+"""Options that the entries of one part share."""
+
+
+class Errors(NamedTuple):
+    """Measurement errors at the ticks of a loop, with runs and instants along leading axes.
+
+    Attributes
+    ----------
+    pose : (..., d, d)
+        E with Q_m = Q E.
+    velocity : (..., m)
+        b with V_m = V + b.
+    arrived : (..., channels)
+        `NOTHING`, `MEASURED` or `FIRST` for each channel that holds.
+    bias : (..., m)
+        Part of b that is a bias, for an estimator to find; ``(0,)`` without an estimator.
+    """
+
+    pose: Array
+    velocity: Array
+    arrived: Array
+    bias: Array = np.empty(0)
+
+    def of(self, *places: Any) -> "Errors":
+        """Return the errors of some runs, or at some instants."""
+        return Errors(*(part[places] for part in self.of_runs))
+
+    @property
+    def of_runs(self) -> list[Array]:
+        """Arrays of many runs; an empty `bias` is left out."""
+        return [part for part in self if part.ndim > 1]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """The measurement of one part of the pose or velocity.
+
+    Attributes
+    ----------
+    signal
+        ``"pose"`` or ``"velocity"``.
+    shape
+        Shape of the block of a pose, or of the coordinates of a velocity.
+    clock
+        Ticks at which the part is measured.
+    delay
+        Number of ticks after which a measurement arrives.
+    loses
+        Sensor that says which measurements are lost; None where all arrive.
+    holds
+        Whether the law reads the last measurement that has arrived, and not a current one.
+    """
+
+    signal: str
+    part: Part
+    shape: tuple[int, ...]
+    clock: Clock = ALWAYS
+    delay: int = 0
+    loses: Sensor | None = None
+    holds: bool = False
+
+    @property
+    def every(self) -> int:
+        """Number of ticks between measurements."""
+        return self.clock.every
+
+    @property
+    def name(self) -> str:
+        """Name of the states: ``measured_pose_translation``."""
+        return f"measured_{self.signal}_{self.part.name}"
+
+    @property
+    def entries(self) -> Any:
+        """Index of the part in a pose, or in a velocity."""
+        return (..., *self.part.entries) if self.signal == "pose" else (..., self.part.axes)
+
+    @property
+    def size(self) -> int:
+        """Number of measured numbers."""
+        return int(np.prod(self.shape))
+
+    @property
+    def states(self) -> int:
+        """Number of states: measurements on their way, the first to arrive first."""
+        return (self.delay + 1) * self.size if self.holds else 0
+
+    def measured(self, value: Array, held: Array, arrived: Array) -> Array:
+        """Return the states after a tick at which the part of `value` may be measured."""
+        now = value[self.entries].reshape(*held.shape[:-1], self.size)
+        last = held[..., -self.size :]
+        fresh = less(0.5 * CHANNEL_MEASURED, arrived[..., None])
+        first = less(0.5 * (CHANNEL_MEASURED + FIRST), arrived[..., None])
+        waiting = [held[..., k : k + self.size] for k in range(self.size, self.states, self.size)]
+        kept = [where(first, now, entry) for entry in waiting]
+        return np.concatenate([*kept, where(fresh, now, last)], axis=-1)
+
+    def read(self, value: Array, held: Array) -> Array:
+        """Return the value with the part as it has arrived."""
+        values = value.copy()
+        values[self.entries] = held[..., : self.size].reshape(*held.shape[:-1], *self.shape)
+        return values
+
+    def arrivals(self, instants: int, random: np.random.Generator) -> Array:
+        """Return the events, ``(instants,)``; the first do not depend on how many there are."""
+        flags, due = np.full(instants, NOTHING), self.clock.is_due(np.arange(instants))
+        due[:1] = True
+        flags[due] = CHANNEL_MEASURED
+        if self.loses is not None:
+            flags[np.flatnonzero(due)[self.loses.lost(int(due.sum()), random)]] = NOTHING
+        flags[:1] = FIRST
+        return flags
+
+
+def channels(
+    G: MatrixLieGroup, signals: Mapping[str, tuple[Sensor, ...]], control: Sampling
+) -> Iterator[Channel]:
+    """Yield the channels of the parts of pose and velocity that have sensors, in order.
+
+    Parameters
+    ----------
+    signals
+        Sensors of the pose and of the velocity.
+    control
+        Tick of the loop and clock of the law.
+    """
+    for signal, sensors in signals.items():
+        for part in G.parts:
+            own = [sensor for sensor in sensors if sensor.of in (None, part.name)]
+            if not own:
+                continue
+            given: dict[str, Any] = dict.fromkeys(TIMING)
+            for sensor in own:
+                known = ((name, getattr(sensor, name)) for name in TIMING)
+                given |= {name: value for name, value in known if value is not None}
+            clock = control.clock_of(given["period"], given["offset"])
+            delay = control.ticks_of(given["delay"] or 0)
+            loses = next((sensor for sensor in own if sensor.loses), None)
+            holds = given["period"] is not None or not clock.acts_always
+            holds = holds or bool(delay) or loses is not None
+            block = G.identity[part.entries] if signal == "pose" else G.basis[part.axes, 0, 0]
+            yield Channel(signal, part, block.shape, clock, delay, loses, holds)

@@ -1,0 +1,436 @@
+"""Thrusters that together give the torque: their allocation, their limits, their lag."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, apply_matrix, clip, maximum, sqrt
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import Real, Scale, Unit
+from eqt_cli.components.actuators import Actuator, against, of_each
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
+from eqt_cli.components.vehicle_parts import Numbers, check_limits, check_numbers, drawn, lowest
+from eqt_cli.numbers.leaves import with_fields
+
+SPEEDS = ("low_speed", "high_speed")
+"""Limits of rotors."""
+
+SMALLEST = 1e-10
+"""Largest singular value of B, relative to the largest of all, that counts as 0."""
+
+
+@dataclass(frozen=True)
+class Thruster:
+    """One thruster of SE2 or SE3, in the body frame.
+
+    Attributes
+    ----------
+    at
+        Point at which the thrust acts, m.
+    along
+        The direction of its thrust; the length does not matter.
+    turns
+        The torque about `along` for each N of thrust, from the drag of its propeller, m; SE3 only.
+        With a `moment_constant` k_m, this torque is turns · k_m · speed²: 1, or −1 for a rotor that
+        spins counter-clockwise seen from where it pushes to.
+    name
+        What figures call it; `thruster 1`, … if left out.
+    """
+
+    # Not strict, for the reason given in `Distribution`.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    at: Annotated[list[Real], Unit("m")]
+    along: list[Real]
+    turns: Annotated[Real, Unit("m")] = 0.0
+    name: str = ""
+
+    def wrench(self, G: EuclideanGroup, ratio: float = 1.0) -> Array:
+        """Return torque and force of a unit thrust, ``(m,)``: ⟨f, V⟩ is the power at the point.
+
+        `ratio` is that of `turns`.
+        """
+        along = np.array(self.along, dtype=float)
+        along = along / np.linalg.norm(along)
+        point = np.append(np.array(self.at, dtype=float), 1.0)
+        wrench = np.einsum("a,iab,b->i", along, G.basis[:, : G.space], point)
+        if G.space == G.rotations:
+            wrench[: G.rotations] += ratio * self.turns * along
+        return wrench
+
+
+@dataclass(frozen=True)
+class Thrusters(Actuator):
+    """The torque B f of k thrusts f, which follow from the command: limited and lagging one by one.
+
+    Torque and command are in the body frame and in the order of the coordinates of the group, on
+    SE2 and SE3 the torque before the force. Without limits and lag, and with B of rank m, the
+    torque is the command. With a `thrust_constant`, the thrusters are rotors: the thrust is that
+    constant times the square of a speed, which has the limits and the lag, and which is at the
+    start of a run what the first command asks for.
+
+    Attributes
+    ----------
+    matrix
+        B, m rows of k numbers: what each N of thrust gives along each axis.
+    thrusters
+        Instead of `matrix`, on SE2 and SE3: place and direction of each thruster in the body frame,
+        `{at: [x, y, z], along: [x, y, z], turns: 0, name: left}`.
+    low, high
+        The least and the largest thrust of each, N, or lists of k; none if left out.
+    time_constant
+        T of a lag of first order, s, of each, or a list of k; none if left out.
+    thrust_constant
+        k_η of rotors, the thrust over the square of the speed, N s²/rad², of each, or a list of k.
+    moment_constant
+        k_m of rotors, the torque over the square of the speed, N m s²/rad², likewise.
+    low_speed, high_speed
+        The least and the largest speed of rotors, rad/s, instead of `low` and `high`.
+    weights
+        The thrusts have the least sum of weight · thrust²; a number each, or a list of k.
+    allocation
+        `pseudo_inverse`: thrusts B⁺ · command, each cut off at its limits. `bounded`: thrusts
+        within the limits whose torque is nearest to the command, by least squares over its m
+        numbers as they are; solved at control instants.
+    """
+
+    name: ClassVar[str] = "thrusters"
+    departs: ClassVar[str] = "thrusters"
+    positive: ClassVar[tuple[str, ...]] = (
+        "time_constant",
+        "weights",
+        "thrust_constant",
+        "moment_constant",
+    )
+
+    matrix: list[list[Real]] | None = None
+    thrusters: list[Thruster] | None = None
+    low: Annotated[Numbers | None, Unit("N")] = None
+    high: Annotated[Numbers | None, Unit("N")] = None
+    time_constant: Annotated[Numbers | None, Scale("time constant of the thrusters", "s")] = None
+    thrust_constant: Annotated[
+        Numbers | None, Scale("thrust constant of the rotors", "N s^2/rad^2")
+    ] = None
+    moment_constant: Annotated[
+        Numbers | None, Scale("moment constant of the rotors", "N m s^2/rad^2")
+    ] = None
+    low_speed: Annotated[Numbers | None, Unit("rad/s")] = None
+    high_speed: Annotated[Numbers | None, Unit("rad/s")] = None
+    weights: Numbers | None = None
+    allocation: Literal["pseudo_inverse", "bounded"] = "pseudo_inverse"
+    inverse: Any = field(default=None, init=False, repr=False)
+    scale: Any = field(default=None, init=False, repr=False)
+
+    @property
+    def limits(self) -> bool:
+        """Whether thrusts have limits."""
+        return self.low is not None or self.low_speed is not None
+
+    @property
+    def moves(self) -> bool:
+        """Whether thrusts lag."""
+        return self.time_constant is not None
+
+    @property
+    def runs(self) -> bool:
+        """Whether thrusters are rotors that lag."""
+        return self.moves and self.thrust_constant is not None
+
+    @property
+    def sampled(self) -> bool:
+        """Whether thrusts are solved for at control instants."""
+        return self.allocation == "bounded"
+
+    solves = sampled
+
+    @property
+    def acting_at_instants(self) -> str:
+        """The option, by which messages name the allocation."""
+        return "allocation: bounded"
+
+    @property
+    def linear_part(self) -> Actuator:
+        """The thrusters without limits: B of full rank then gives the command, up to the lag."""
+        if not self.limits:
+            return self
+        limits = dict.fromkeys(("low", "high", "low_speed", "high_speed", "scale"))
+        return with_fields(self, **limits, allocation="pseudo_inverse")
+
+    @cached_property
+    def count(self) -> int:
+        """Number k of thrusters."""
+        return len(self.thrusters or (self.matrix or [[]])[0])
+
+    @property
+    def thruster_names(self) -> tuple[str, ...]:
+        """Names of the thrusters: as given, or numbered from 1."""
+        names = [each.name for each in self.thrusters or ()] or [""] * self.count
+        return tuple(name or f"thruster {index}" for index, name in enumerate(names, 1))
+
+    @property
+    def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
+        """B⁺, ``(k, m)``, and the limits of the thrusts; None where they are solved for."""
+        low: Any = self.low
+        high: Any = self.high
+        return None if self.sampled else (self.inverse, low, high)
+
+    def columns(self, G: MatrixLieGroup) -> Array:
+        """Return B, ``(m, k)``."""
+        if self.matrix is not None:
+            return np.array(self.matrix, dtype=float)
+        assert isinstance(G, EuclideanGroup)
+        ratios = np.ones(self.count)
+        if self.moment_constant is not None:
+            k_m, k = drawn(self.moment_constant, None), drawn(self.thrust_constant, None)
+            ratios = ratios * np.array(k_m) / np.array(k)
+        places = zip(self.thrusters or (), ratios.tolist(), strict=True)
+        return np.stack([each.wrench(G, ratio) for each, ratio in places], axis=-1)
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return thrusters with B, its weighted pseudo-inverse, and an entry for each thruster."""
+        part = self.drawn(random)
+        B = part.columns(G)
+        names = "low", "high", "time_constant", "thrust_constant", *SPEEDS
+        each = of_each(part, names, self.count)
+        for name, speed in zip(("low", "high"), SPEEDS, strict=True):
+            if speed in each:
+                each[name] = each["thrust_constant"] * each.pop(speed) ** 2
+        scale = 1 / np.sqrt(np.ones(self.count) * np.array(part.weights or 1.0, dtype=float))
+        inverse = scale[:, None] * np.linalg.pinv(B * scale, rcond=SMALLEST)
+        none = dict.fromkeys(("weights", "moment_constant", *SPEEDS))
+        named = [Thruster([], [], name=name) for name in self.thruster_names]
+        kept = scale if self.sampled else None
+        return with_fields(
+            part, **each, **none, matrix=B, thrusters=named, inverse=inverse, scale=kept
+        )
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """Return the number of states: thrusts that are solved for, then thrusts that lag."""
+        return (self.sampled + self.moves) * self.count
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return B f."""
+        B: Any = self.matrix
+        return apply_matrix(B, self.thrust(G, command, x))
+
+    def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the thrusts: of the state of the lag, or the commanded thrusts."""
+        if not self.moves:
+            return self._commanded(command, x)
+        state: Any = x[..., -self.count :]
+        return state if self.thrust_constant is None else self.thrust_constant * state * state
+
+    def running(self, G: MatrixLieGroup, command: Array) -> Array:
+        """Return the states of rotors that have long had a command."""
+        thrusts = self.solution(G, command) if self.sampled else self._commanded(command, command)
+        return np.concatenate([thrusts] * self.sampled + [self._followed(thrusts)], axis=-1)
+
+    def _followed(self, thrusts: Array) -> Array:
+        """Return what the lag follows: the thrusts asked for, or their speeds."""
+        if self.thrust_constant is None:
+            return thrusts
+        return sqrt(maximum(thrusts, 0.0) / self.thrust_constant)
+
+    def _commanded(self, command: Array, x: Array) -> Array:
+        """Return the commanded thrusts, within the limits."""
+        if self.sampled:
+            return x[..., : self.count]
+        thrusts = apply_matrix(self.inverse, command)
+        return clip(thrusts, self.low, self.high) if self.limits else thrusts
+
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return (commanded − x) / T, and 0 for thrusts that are solved for at the next instant."""
+        thrusts = self._commanded(command, x)
+        rate: Array = (self._followed(thrusts) - x[..., -self.count :]) / self.time_constant
+        return np.concatenate([0.0 * thrusts, rate], axis=-1) if self.sampled else rate
+
+    def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
+        """Return the states with the thrusts that were solved for; thrusts that lag stay."""
+        if not self.sampled:
+            return x
+        return np.concatenate([command, x[..., self.count :]], axis=-1) if self.moves else command
+
+    def solution(self, G: MatrixLieGroup, command: Array) -> Array:
+        """Return thrusts within limits whose torque is nearest to the command, run by run."""
+        runs = command.shape[:-1]
+        axes = {"matrix": 2, "inverse": 2, "scale": 1, "low": 1, "high": 1}
+        numbers = [
+            np.broadcast_to(values, (*runs, *values.shape[-count:]))
+            for name, count in axes.items()
+            for values in [getattr(self, name)]
+        ]
+        thrusts = np.empty((*runs, self.count))
+        for run in np.ndindex(runs):
+            thrusts[run] = _nearest(command[run], *(each[run] for each in numbers))
+        return thrusts
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
+        """Return where a commanded thrust is beyond its limit, or at it where it is solved for."""
+        if not self.limits:
+            return None
+        if self.sampled:
+            thrusts = x[..., : self.count]
+            there = (thrusts <= self.low) | (thrusts >= self.high)
+        else:
+            thrusts = apply_matrix(self.inverse, command)
+            there = (thrusts < self.low) | (thrusts > self.high)
+        return np.array(there.any(axis=-1))
+
+    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
+        """Return thrusts and their limits; None if bounded, where other thrusts may do."""
+        if self.sampled:
+            return None
+        return against(apply_matrix(self.inverse, torque), self.low, self.high)
+
+    def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
+        """Yield a remark on the directions in which no thrust pushes."""
+        lost = unreachable(wanted @ self.columns(G))
+        if len(lost):
+            named = ", ".join(_in_words(row, G.axis_names) for row in lost @ wanted)
+            rank = f"rank {len(wanted) - len(lost)} of {len(wanted)}"
+            yield f"with {rank} cannot push along {named}; what a law asks for there is lost"
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note an invalid matrix or invalid places, and numbers that do not fit them."""
+        if (self.matrix is None) == (self.thrusters is None):
+            got = "neither" if self.matrix is None else "both"
+            problems.add(f"expected either matrix or thrusters, got {got}")
+        elif self.matrix is not None:
+            self._check_matrix(G, problems.at("matrix"))
+        else:
+            self._check_places(G, problems.at("thrusters"))
+        if problems:
+            return
+        self._check_rotors(problems)
+        for name in ("low", "high", *SPEEDS, *self.positive):
+            here, value = problems.at(name), getattr(self, name)
+            if value is not None:
+                check_numbers(value, here, name in self.positive)
+            if isinstance(value, list) and len(value) != self.count:
+                here.add(f"expected {self.count} entries, one for each thruster, got {len(value)}")
+        if not problems:
+            fast = any(getattr(self, name) is not None for name in SPEEDS)
+            low, high = names = SPEEDS if fast else ("low", "high")
+            check_limits(getattr(self, low), getattr(self, high), problems, names)
+        if self.sampled and not self.limits and not problems:
+            problems.at("allocation").add("bounded needs limits; give low and high")
+
+    def _check_rotors(self, problems: Problems) -> None:
+        """Note keys of rotors without a thrust constant, and rotors that could push backwards."""
+        if self.thrust_constant is None:
+            for name in ("moment_constant", *SPEEDS):
+                if getattr(self, name) is not None:
+                    problems.at(name).add("belongs to rotors; give thrust_constant, too")
+            return
+        if self.moment_constant is not None and self.matrix is not None:
+            problems.at("moment_constant").add(
+                "belongs to thrusters with places; a matrix has its torques in its rows"
+            )
+        if not self.limits and self.high is None and self.high_speed is None:
+            problems.add("rotors need limits; give low_speed and high_speed, or low and high")
+        for name in ("low", "low_speed", "high", "high_speed"):
+            value = getattr(self, name)
+            if value is not None and name.endswith("_speed") and self.low is not None:
+                problems.at(name).add("give limits of the speed or of the thrust, not of both")
+            for entry in value if isinstance(value, list) else [value]:
+                if name.startswith("low") and entry is not None and lowest(entry) < 0:
+                    problems.at(name).add(
+                        f"a rotor pushes one way; expected at least 0, got {lowest(entry):g}"
+                    )
+
+    def _check_matrix(self, G: MatrixLieGroup, problems: Problems) -> None:
+        rows, order = self.matrix or [], ", ".join(G.axis_names)
+        if len(rows) != G.dimension:
+            problems.add(
+                f"expected {G.dimension} rows for {G.name}, in the order {order}, got {len(rows)}"
+            )
+        for index, row in enumerate(rows):
+            if not row:
+                problems.at(index).add("expected a number or more, got none")
+            elif len(row) != len(rows[0] or row):
+                problems.at(index).add(
+                    f"expected {len(rows[0])} numbers, as in row 1, got {len(row)}"
+                )
+
+    def _check_places(self, G: MatrixLieGroup, problems: Problems) -> None:
+        if not rigid_motions(G):
+            problems.add(f"places of thrusters need group SE2 or SE3, got {G.name}; give matrix")
+            return
+        if not self.thrusters:
+            problems.add("expected one thruster or more, got none")
+        for index, each in enumerate(self.thrusters or ()):
+            here = problems.at(index)
+            for option, value in (("at", each.at), ("along", each.along)):
+                if len(value) != G.space:
+                    here.at(option).add(
+                        f"expected {G.space} numbers for {G.name}, got {len(value)}"
+                    )
+            if not any(each.along):
+                here.at("along").add("expected a direction, got a vector of zeros")
+            if each.turns and G.space != G.rotations:
+                here.at("turns").add(
+                    f"a torque about along has no part in the plane of {G.name}; remove this key"
+                )
+        names = self.thruster_names
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                first = names.index(name)
+                problems.at(index).at("name").add(
+                    f"expected a name of its own, got '{name}', which thrusters[{first}] has"
+                )
+
+
+def unreachable(B: Array) -> Array:
+    """Return the directions n with nᵀB = 0 as rows ``(m − rank, m)``, in few coordinates each."""
+    U, sizes, _ = np.linalg.svd(B)
+    rank = int((sizes > SMALLEST * max(sizes[0], np.finfo(float).tiny)).sum())
+    rows = U[:, rank:].T.copy()
+    done = 0
+    for column in range(rows.shape[1]):  # Gauss-Jordan, largest entries first
+        if done == len(rows):
+            break
+        best = done + int(np.argmax(np.abs(rows[done:, column])))
+        if abs(rows[best, column]) < np.sqrt(SMALLEST):
+            continue
+        rows[[done, best]] = rows[[best, done]]
+        rows[done] /= rows[done, column]
+        others = np.arange(len(rows)) != done
+        rows[others] -= np.outer(rows[others, column], rows[done])
+        done += 1
+    return np.where(np.abs(rows) < np.sqrt(SMALLEST), 0.0, rows)
+
+
+def _in_words(direction: Array, names: Sequence[str]) -> str:
+    """Return a direction in the names of the coordinates: ``vx``, ``ωy − 0.5 vx``.
+
+    Its first number that is not 0 is 1.
+    """
+    words = ""
+    for number, name in zip(direction.tolist(), names, strict=True):
+        if number:
+            sign = (" − " if number < 0 else " + ") if words else ""
+            size = "" if abs(abs(number) - 1) < SMALLEST else f"{abs(number):.3g} "
+            words += f"{sign}{size}{name}"
+    return words
+
+
+def _nearest(
+    command: Array, B: Array, inverse: Array, scale: Array, low: Array, high: Array
+) -> Array:
+    """Return the thrusts within limits whose torque is nearest to a command."""
+    if not np.isfinite(command).all():
+        return np.full(len(low), np.nan)
+    free: Array = inverse @ command
+    if (free >= low).all() and (free <= high).all():
+        return free
+    from scipy.optimize import lsq_linear  # slow to import
+
+    # An active set ends at the very optimum, but counts each change of the set as an iteration.
+    limits, most = (low / scale, high / scale), 100 * len(low)
+    solved = lsq_linear(B * scale, command, limits, method="bvls", tol=1e-14, max_iter=most)
+    at = solved.active_mask
+    return np.where(at < 0, low, np.where(at > 0, high, np.clip(scale * solved.x, low, high)))

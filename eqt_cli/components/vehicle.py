@@ -1,0 +1,600 @@
+"""The parts between a law and the motion: actuators, sensors, estimators, forces, plant."""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, less, stack, where
+from eqt_cli.components.actuators import Actuator
+from eqt_cli.components.estimators import Deviations, Estimator, Measurement, Schedule
+from eqt_cli.components.forces import Force
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.mechanics import Tracking
+from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
+from eqt_cli.components.sensors import Channel, Errors, Sensor, channels
+from eqt_cli.components.vehicle_parts import Clock, Sampling, TrueInertia
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+
+INERTIA = "plant.inertia"
+"""Key of the true inertia in a configuration."""
+
+FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
+"""Keys of the lists of forces and of actuators, and of the clock of the law."""
+
+POSE, VELOCITY = "sensors.pose", "sensors.velocity"
+"""Keys of the lists of measurement errors."""
+
+SENSOR = "sensor"
+"""Beginning of the names of the states of sensors that follow the motion."""
+
+ESTIMATOR = "estimator"
+"""Key of the estimator; the names of its states begin with it."""
+
+LOST = f"{ESTIMATOR}_lost"
+"""The state that says whether the covariance of an estimate is no longer definite."""
+
+COMMANDS, HELD, CLOCKS, TAKEN = "commands", "held", "clocks", "taken"
+"""States of a sampled loop: the commands on their way, the first to arrive first; the command
+that has arrived, as it leaves the actuators in front of the first with continuous states; the ticks
+until each part with a clock of its own acts again, where they are not 1; the input that such an
+actuator has taken, behind its name."""
+
+RandomOf = Callable[[str], np.random.Generator]
+"""Random generator of one run for the part at a place of the configuration."""
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """The parts of a vehicle; without any, the command is the torque and the model is exact.
+
+    As configured, its parts may have distributions for numbers. The vehicle of a run, from
+    `of_run`, has arrays.
+
+    Attributes
+    ----------
+    inertia
+        True inertia of the plant; None where the law's model is exact.
+    forces
+        Forces that act beside the actuators.
+    actuators
+        Actuators in the order in which a command passes them.
+    control
+        Tick of the loop and clock of the law; None where it acts continuously.
+    pose_sensors, velocity_sensors
+        Measurement errors of the signals, which add up.
+    moving_sensors
+        For the vehicle of a run, the sensors of the velocity with states that follow the motion.
+    estimator
+        Estimator from which the law reads pose and velocity; None where it reads measurements.
+    configured
+        For the vehicle of a run, the configured vehicle that it was made from.
+    """
+
+    inertia: TrueInertia | None = None
+    forces: tuple[Force, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
+    control: Sampling | None = field(default=None, metadata=STRUCTURE)
+    pose_sensors: tuple[Sensor, ...] = field(default=(), metadata=STRUCTURE)
+    velocity_sensors: tuple[Sensor, ...] = field(default=(), metadata=STRUCTURE)
+    moving_sensors: tuple[Sensor, ...] = field(default=(), kw_only=True)
+    estimator: Estimator | None = None
+    configured: Self | None = field(default=None, compare=False, repr=False, metadata=STRUCTURE)
+
+    # The parts and their numbers.
+
+    @cached_property
+    def parts(self) -> dict[str, Any]:
+        """All parts by their places in a configuration."""
+        lists: dict[str, tuple[Any, ...]] = {FORCES: self.forces, ACTUATORS: self.actuators}
+        lists |= {POSE: self.pose_sensors, VELOCITY: self.velocity_sensors}
+        listed = {f"{name}[{k}]": one for name, each in lists.items() for k, one in enumerate(each)}
+        alone = {ESTIMATOR: self.estimator, CONTROL: self.control}
+        by_place = {INERTIA: self.inertia, **listed, **alone}
+        return {place: part for place, part in by_place.items() if part is not None}
+
+    @property
+    def varies(self) -> bool:
+        """Whether the numbers of any part differ from run to run."""
+        parts = (self.configured or self).parts.values()
+        return any(part.varies for part in parts if part is not self.control)
+
+    def of_run(self, G: MatrixLieGroup, random_of: RandomOf | None = None) -> Self:
+        """Return the vehicle of one run; without generators, with the means."""
+        configured = self.configured or self
+        estimator = configured.estimator
+
+        def flying(place: str, part: Any = None) -> Any:
+            random = random_of(place) if random_of else None
+            return (part or configured.parts[place]).of_run(G, random)
+
+        if estimator is not None:
+            completed = estimator.completed(G, configured.deviations(G))
+            estimator = flying(ESTIMATOR, completed)
+
+        return dataclasses.replace(
+            self,
+            inertia=None if self.inertia is None else flying(INERTIA),
+            forces=tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces))),
+            actuators=tuple(flying(f"{ACTUATORS}[{k}]") for k in range(len(self.actuators))),
+            moving_sensors=tuple(
+                flying(f"{VELOCITY}[{k}]")
+                for k, sensor in enumerate(self.velocity_sensors)
+                if sensor.states(G)
+            ),
+            estimator=estimator,
+            configured=configured,
+        )
+
+    @property
+    def linear_part(self) -> Self:
+        """The vehicle without an estimator, and without limits, steps and dead zones."""
+        linear = tuple(
+            with_fields(part.linear_part, period=part.period, offset=part.offset)
+            for part in self.actuators
+        )
+        return dataclasses.replace(self, actuators=linear, estimator=None)
+
+    def pushes(self, G: MatrixLieGroup) -> Array | None:
+        """Return the forces of unit thrusts on a rigid body, ``(n, k)``; None without thrusters."""
+        for actuator in self.actuators:
+            if actuator.thruster_names and G.translation is not None:
+                return actuator.columns(G)[G.translation.axes]  # type: ignore[attr-defined]
+        return None
+
+    # Measurements.
+
+    @property
+    def measures(self) -> bool:
+        """Whether measurements have errors."""
+        return bool(self.pose_sensors or self.velocity_sensors)
+
+    def sensors(self) -> dict[str, Sensor]:
+        """Return all sensors by their places in a configuration."""
+        return {place: part for place, part in self.parts.items() if isinstance(part, Sensor)}
+
+    def started(self, G: MatrixLieGroup, V: Array) -> dict[str, Array]:
+        """Return the states of clocks, sensors and actuators at t = 0, where they are not 0."""
+        moving = enumerate(self.moving_sensors)
+        chain = self._chain()
+        started = {place: x for place, part in chain if (x := part.started(G)) is not None}
+        started |= {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
+        return {**started, CLOCKS: self.ticks_left(0)} if self.clocks else started
+
+    def read(
+        self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return the velocity that sensors measure before errors, and the rates of their states."""
+        rates = {}
+        for k, sensor in enumerate(self.moving_sensors):
+            axes, x = sensor.axes(G), states[f"{SENSOR}_{k}"]
+            part, V = V[..., axes], V.copy()
+            rates[f"{SENSOR}_{k}"] = sensor.state_rate(part, x)
+            V[..., axes] = sensor.reading(part, x)
+        return V, rates
+
+    def channels(self, G: MatrixLieGroup) -> list[Channel]:
+        """Return the parts of the measured pose and velocity that have sensors."""
+        if self.control is None:
+            return []
+        signals = {"pose": self.pose_sensors, "velocity": self.velocity_sensors}
+        return list(channels(G, signals, self.control))
+
+    def holding(self, G: MatrixLieGroup) -> list[Channel]:
+        """Return the channels whose last measurement is held for the law."""
+        return [channel for channel in self.channels(G) if channel.holds]
+
+    def drawings(self, G: MatrixLieGroup) -> Iterator[tuple[str, Sensor, Clock, Any, Any]]:
+        """Yield place, sensor, clock of the measurements, and axes, for each clock of a sensor.
+
+        The axes are given twice: in the group, and among the sensor's own coordinates.
+        """
+        for place, sensor in self.sensors().items():
+            signal, clocks = place.partition("[")[0], dict[Clock, list[int]]()
+            for channel in self.channels(G):
+                if f"sensors.{channel.signal}" == signal and sensor.of in (None, channel.part.name):
+                    axes = clocks.setdefault(channel.clock, [])
+                    axes += range(G.dimension)[channel.part.axes]
+            for clock, axes in clocks.items():
+                own = axes if sensor.of is None else slice(None)
+                yield place, sensor, clock, axes, own
+
+    def measurement_errors(self, G: MatrixLieGroup, instants: int, random_of: RandomOf) -> Errors:
+        """Return the measurement errors at the ticks of a run.
+
+        The numbers that a sensor draws for a part depend only on the index of the measurement.
+        """
+        n = {name: np.zeros((instants, G.dimension)) for name in (POSE, VELOCITY)}
+        bias = np.zeros((instants, 0 if self.estimator is None else G.dimension))
+        for place, sensor, clock, axes, own in self.drawings(G):
+            last, period = clock.numbers(instants), clock.every * self.tick
+            drawn = sensor.errors(G, int(last[-1]) + 1, period, random_of(place))
+            errors, signal = drawn[last][:, own], place.partition("[")[0]
+            n[signal][:, axes] += errors
+            if self.estimator and signal == VELOCITY and sensor.bias_deviation(G) is not None:
+                bias[:, axes] += errors
+        arrived = [
+            channel.arrivals(instants, random_of(f"{channel.name}.arrived"))
+            for channel in self.holding(G)
+        ]
+        flags = np.array(arrived).reshape(len(arrived), instants).T
+        return Errors(G.exp(n[POSE]), n[VELOCITY], flags, bias)
+
+    def after_measuring(
+        self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """Return the states of sensors and estimator after a tick with the true Q and V."""
+        read, holding = {}, self.holding(G)
+        Q_m, V_m = Q @ errors.pose, self.read(G, V, states)[0] + errors.velocity
+        for k, channel in enumerate(holding):
+            value, flags = Q_m if channel.signal == "pose" else V_m, errors.arrived[..., k]
+            read[channel.name] = channel.measured(value, states[channel.name], flags)
+        if self.estimator is None:
+            return read
+        schedule, own = self.schedule(G), estimator_states(states)
+        arrived = {channel.name: errors.arrived[..., k] for k, channel in enumerate(holding)}
+        fresh = [
+            where(less(0.5 * MEASURED, arrived[fix.name]), 1.0, 0.0) if fix.holds else 1.0
+            for fix in schedule.fixes
+        ]
+        now = stack([flag + 0.0 * V[..., 0] for flag in fresh])
+        measured = Measurement(*self.as_arrived(G, Q_m, V_m, read), now, Q, errors.bias)
+        after = self.estimator.after(schedule, measured, own)
+        return read | {f"{ESTIMATOR}_{name}": values for name, values in after.items()}
+
+    # Estimates.
+
+    def schedule(self, G: MatrixLieGroup) -> Schedule:
+        """Return the measurement schedule for an estimator."""
+        return Schedule(G, self.channels(G), self.tick)
+
+    def deviations(self, G: MatrixLieGroup) -> Deviations:
+        """Return the standard deviations of the errors that the sensors specify."""
+        squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY)}
+        bias = np.zeros((2, G.dimension))
+        for place, sensor, clock, axes, own in self.drawings(G):
+            white = sensor.drawn(None).white_deviation(G, clock.every * self.tick)
+            if white is not None:
+                squares[place.partition("[")[0]][axes] += white[own] ** 2
+            known = sensor.bias_deviation(G)
+            if known is not None and place.startswith(VELOCITY):
+                bias[:, axes] += np.array(known)[:, own] ** 2
+        deviations = [np.sqrt(squares[name]) for name in (POSE, VELOCITY)]
+        return Deviations(*deviations, *np.sqrt(bias))
+
+    def estimated(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Return Q̂ and V̂."""
+        own = estimator_states(states)
+        return G.unpack(own["pose"]), own["velocity"]
+
+    def as_arrived(
+        self, G: MatrixLieGroup, Q: Array, V: Array, states: Mapping[str, Array]
+    ) -> tuple[Array, Array]:
+        """Return pose and velocity, with the held measurements in place of the parts that hold."""
+        for channel in self.holding(G):
+            if channel.signal == "pose":
+                Q = channel.read(Q, states[channel.name])
+            else:
+                V = channel.read(V, states[channel.name])
+        return Q, V
+
+    # From the command to the force that changes the momentum.
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether the law's model is exact and its command the only force on the plant."""
+        return not self.parts
+
+    @property
+    def is_direct(self) -> bool:
+        """Whether forces are all that acts beside the command: it arrives, of the true state."""
+        arrives = all(a.thruster_names and not (a.limits or a.moves) for a in self.actuators)
+        other = self.inertia or self.control or self.measures or self.estimator
+        return arrives and not other
+
+    @property
+    def departures(self) -> str:
+        """Departures of the loop from the one of the theorems, in words; empty if ideal."""
+        return ", ".join(dict.fromkeys(part.departs for part in self.parts.values()))
+
+    @property
+    def estimates(self) -> bool:
+        """Whether the law reads pose and velocity from an estimator."""
+        return self.estimator is not None
+
+    @property
+    def knows_covariance(self) -> bool:
+        """Whether the estimator has a covariance."""
+        return self.estimator is not None and self.estimator.has_covariance
+
+    @property
+    def limits(self) -> bool:
+        """Whether any actuator can be at a limit."""
+        return any(actuator.limits for actuator in self.actuators)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the states of any actuator follow from the first command of a run."""
+        return any(actuator.runs for actuator in self.actuators)
+
+    @property
+    def thruster_names(self) -> tuple[str, ...]:
+        """Names of the thrusters, which belong to one actuator."""
+        return next((part.thruster_names for part in self.actuators if part.thruster_names), ())
+
+    @property
+    def wheels(self) -> tuple[str, Any] | None:
+        """The actuator with wheels, and the name of its states."""
+        return next(((place, part) for place, part in self._chain() if part.wheel_names), None)
+
+    @property
+    def momentum_limits(self) -> tuple[Array, Array] | None:
+        """Least and largest momentum of each wheel; None without limits."""
+        most = self.wheels and self.wheels[1].momentum
+        return None if most is None else (-most, most)
+
+    @property
+    def members(self) -> dict[str, tuple[str, ...]]:
+        """Names of thrusters and wheels, by the name of one."""
+        wheels = self.wheels
+        return {"thruster": self.thruster_names, "wheel": wheels[1].wheel_names if wheels else ()}
+
+    def wheel_states(
+        self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
+    ) -> tuple[Array, Array]:
+        """Return momenta and speeds of the wheels, ``(..., k)``; NaN for unknown speeds."""
+        if self.wheels is None:
+            return V[..., :0], V[..., :0]
+        place, wheels = self.wheels
+        x = states.get(place, V[..., :0])
+        h = wheels.momenta(x) + 0.0 * V[..., :1]
+        return h, h * np.nan if wheels.inertia is None else wheels.speeds(V, x)
+
+    def reactions(
+        self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
+    ) -> Iterator[tuple[str, Array, Array]]:
+        """Yield the names of states, forces that depend on the velocity, and rates beside them."""
+        for place, actuator in self._chain():
+            x = states.get(place, V[..., :0])
+            reaction = actuator.reaction(G, V, x)
+            if reaction is not None:
+                yield place, *reaction
+
+    @property
+    def thrust_limits(self) -> tuple[Array, Array] | None:
+        """Least and largest thrust of each thruster; None without limits."""
+        parts: tuple[Any, ...] = self.actuators  # an actuator with thrusters has limits for each
+        limited = (part for part in parts if part.thruster_names and part.limits)
+        return next(((part.low, part.high) for part in limited), None)
+
+    def torque_limits(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
+        """Return the least and the largest torque along each axis; None without such limits."""
+        ranges = [limits for part in self.actuators if (limits := part.torque_range(G)) is not None]
+        if not ranges:
+            return None
+        lows, highs = zip(*ranges, strict=True)
+        return np.max(lows, axis=0), np.min(highs, axis=0)
+
+    @property
+    def solves(self) -> int:
+        """Number of values that code outside the engines solves for at control instants."""
+        return sum(len(part.thruster_names) for part in self.actuators if part.solves)
+
+    @cached_property
+    def _at_instants(self) -> int:
+        """Number of actuators that act at ticks only: those before the first that `moves`."""
+        if self.control is None:
+            return 0
+        moving = (k for k, actuator in enumerate(self.actuators) if actuator.moves)
+        return next(moving, len(self.actuators))
+
+    def _held(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
+        """Return the held command, as it leaves the actuators that act at instants."""
+        return states[HELD] if self._at_instants else states[COMMANDS][..., : G.dimension]
+
+    def states(self, G: MatrixLieGroup) -> dict[str, int]:
+        """Return the number of states of each part besides the plant, by name."""
+        lengths = {place: count for place, part in self._chain() if (count := part.states(G))}
+        if self.control is None:
+            return lengths
+        held = {HELD: G.dimension} if self._at_instants else {}
+        moving = enumerate(self.moving_sensors)
+        measured = {f"{SENSOR}_{k}": sensor.states(G) for k, sensor in moving}
+        measured |= {channel.name: channel.states for channel in self.holding(G)}
+        commands = {COMMANDS: (self.control.delay + 1) * G.dimension}
+        if self.clocks:
+            held |= {f"{place}_{TAKEN}": G.dimension for place in self.clocks if place != CONTROL}
+            held[CLOCKS] = len(self.clocks)
+        return {**commands, **held, **lengths, **measured, **self.estimator_lengths(G)}
+
+    def running(self, G: MatrixLieGroup, command: Array) -> dict[str, Array]:
+        """Return the states at the start of a run that are not 0, if anything `runs`.
+
+        The first command has then been given before, too.
+        """
+        parts = self._chain()
+        running = {place: part.running(G, command) for place, part in parts if part.runs}
+        if self.control is None:
+            return running
+        before = np.concatenate([command] * (self.control.delay + 1), axis=-1)
+        held = {HELD: command} if self._at_instants else {}
+        taken = {f"{place}_{TAKEN}": command for place in self.clocks if place != CONTROL}
+        return {**running, COMMANDS: before, **held, **taken}
+
+    # Clocks of law and actuators.
+
+    @property
+    def tick(self) -> float:
+        """Time between two ticks, s."""
+        assert self.control is not None
+        return self.control.tick
+
+    @cached_property
+    def clocks(self) -> dict[str, Clock]:
+        """The clocks of law and actuators that do not act at every tick, by the names of states."""
+        if self.control is None:
+            return {}
+        clocks = {CONTROL: self.control.clock}
+        for place, actuator in self._chain():
+            if actuator.period is not None:
+                clocks[place] = self.control.clock_of(actuator.period, actuator.offset or 0.0)
+        return {place: clock for place, clock in clocks.items() if not clock.acts_always}
+
+    def ticks_left(self, tick: int) -> Array:
+        """Return the ticks from a tick until each of the `clocks` acts."""
+        ticks = [(clock.offset - tick) % clock.every for clock in self.clocks.values()]
+        return np.array(ticks, dtype=float)
+
+    def acts(self, states: Mapping[str, Array], place: str = CONTROL) -> Any:
+        """Return whether law or actuator acts at the tick of these states; None: at every one."""
+        if place not in self.clocks:
+            return None
+        k = list(self.clocks).index(place)
+        return less(states[CLOCKS][..., k : k + 1], 0.5)
+
+    def if_due(self, states: Mapping[str, Array], new: Array, old: Array, place: str) -> Array:
+        """Return new values of law or actuator at a tick at which it acts, else the old ones."""
+        due = self.acts(states, place)
+        return new if due is None else where(due, new, old)
+
+    def _next_ticks(self, left: Array) -> Array:
+        """Return the ticks that are left a tick later."""
+        every = np.array([float(clock.every) for clock in self.clocks.values()])
+        return where(less(left, 0.5), every + 0.0 * left, left) - 1.0
+
+    def estimator_lengths(self, G: MatrixLieGroup) -> dict[str, int]:
+        """Return the number of states of the estimator, which come last and are held, by name."""
+        if self.estimator is None or self.control is None:
+            return {}
+        own = self.estimator.states(self.schedule(G))
+        return {f"{ESTIMATOR}_{name}": count for name, count in own.items()}
+
+    def _chain(self, start: int = 0) -> Iterator[tuple[str, Actuator]]:
+        """Yield the actuators from index `start`, with the names of their states."""
+        for index, actuator in enumerate(self.actuators[start:], start):
+            yield f"{ACTUATORS}_{index}", actuator
+
+    def passed(
+        self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return the torque that a command leads to, and the rates of the states.
+
+        Returns
+        -------
+        torque : (..., m)
+            Output of the last actuator.
+        rates
+            Time derivatives of all states; 0 for those that are held.
+        """
+        rates = {place: 0.0 * values for place, values in states.items()}
+        if self.control is not None:
+            command = self._held(G, states)
+        for place, actuator in self._chain(self._at_instants):
+            x = states.get(place, command[..., :0])
+            command = states.get(f"{place}_{TAKEN}", command)
+            if place in states:
+                rates[place] = actuator.state_rate(G, command, x)
+            command = actuator.output(G, command, x)
+        return command, rates
+
+    def last_command(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
+        """Return the command of a sampled law at the last instant."""
+        return states[COMMANDS][..., -G.dimension :]
+
+    def after_instant(
+        self,
+        G: MatrixLieGroup,
+        torque: Array,
+        states: Mapping[str, Array],
+        solved: Array | None = None,
+    ) -> dict[str, Array]:
+        """Return the states after a tick, at which the law commands a torque if it acts.
+
+        Parameters
+        ----------
+        solved
+            The `solution`, where it is known.
+        """
+        before = states[COMMANDS]
+        torque = self.if_due(states, torque, before[..., -G.dimension :], CONTROL)
+        queue = np.concatenate([before[..., G.dimension :], torque], axis=-1)
+        changed, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
+        if self.clocks:
+            changed[CLOCKS] = self._next_ticks(states[CLOCKS])
+        # The first actuator that moves may also act at ticks.
+        for index, (place, actuator) in enumerate(self._chain()):
+            if index > self._at_instants:
+                break
+            x = states.get(place, command[..., :0])
+            period = self.tick
+            if place in self.clocks:
+                held = f"{place}_{TAKEN}"
+                command = changed[held] = self.if_due(states, command, states[held], place)
+                period = self.clocks[place].every * period
+            if place in states:
+                taken = command
+                if actuator.solves:
+                    taken = actuator.solution(G, command) if solved is None else solved
+                after = actuator.step(G, taken, x, period)
+                x = changed[place] = self.if_due(states, after, x, place)
+            if index < self._at_instants:
+                command = actuator.output(G, command, x)
+        return {**changed, HELD: command} if self._at_instants else changed
+
+    def solution(self, G: MatrixLieGroup, torque: Array, states: Mapping[str, Array]) -> Array:
+        """Return the solution of the actuator that `solves` at a control instant, ``(runs, n)``."""
+        after = self.after_instant(G, torque, states, np.zeros((len(torque), self.solves)))
+        inputs = self._inputs(G, torque, after)
+        return next(each.solution(G, command) for each, command, _ in inputs if each.solves)
+
+    def _inputs(
+        self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
+    ) -> Iterator[tuple[Actuator, Array, Array]]:
+        """Yield the actuators, each with the command that it gets and its states."""
+        if self.control is not None:
+            command = states[COMMANDS][..., : G.dimension]
+        for place, actuator in self._chain():
+            x = states.get(place, command[..., :0])
+            command = states.get(f"{place}_{TAKEN}", command)
+            yield actuator, command, x
+            command = actuator.output(G, command, x)
+
+    def thrust(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
+        """Return the thrust of each thruster, ``(..., k)``."""
+        for actuator, given, x in self._inputs(G, command, states):
+            if actuator.thruster_names:
+                return actuator.thrust(G, given, x)
+        return command[..., :0]
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
+        """Return where the input of any actuator exceeds its limit, ``(...)``."""
+        beyond = np.zeros(command.shape[:-1], dtype=bool)
+        for actuator, given, x in self._inputs(G, command, states):
+            here = actuator.at_limit(G, given, x)
+            beyond = beyond if here is None else beyond | here
+        return beyond
+
+    def acting(self, s: Tracking, torque: Array) -> Array:
+        """Return the force that would move the law's model as the true plant moves.
+
+        It is d/dt(𝕀V) − ad*_V 𝕀V with the model's 𝕀 and the true V̇; body frame, ``(..., m)``.
+        """
+        G = s.G
+        for force in self.forces:
+            torque = torque + force.in_body(G, s.t, s.Q, s.V)
+        if self.inertia is None:
+            return torque
+        true = self.inertia.at(s.inertia, s.t)
+        free = G.ad_star(s.V, true.momentum(s.V)) - true.rate_force(s.V)
+        V_dot = true.velocity(free + torque)
+        return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - G.ad_star(s.V, s.P)
+
+
+def estimator_states(states: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the states of the estimator, by its own names."""
+    start = f"{ESTIMATOR}_"
+    own = (name for name in states if name.startswith(start))
+    return {name.removeprefix(start): states[name] for name in own}

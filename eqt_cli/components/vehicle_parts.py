@@ -1,0 +1,516 @@
+"""What all parts of a vehicle share: options per axis, the true inertia, sampling."""
+
+import dataclasses
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias
+
+import numpy as np
+from pydantic import Tag
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import Real, has_unit, one_of, seconds
+from eqt_cli.base.registry import Component
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import Inertia, InertiaLaw
+from eqt_cli.components.pose_notation import GREATEST, square, vector
+from eqt_cli.numbers.leaves import with_fields
+
+# The base class of all parts of a vehicle, whose numbers may differ from run to run ---------------
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution from which each run draws a number."""
+
+    # Not strict: a strict model takes no mapping for a dataclass. Numbers are strict by themselves.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    @property
+    @abstractmethod
+    def mean(self) -> float:
+        """The mean, which stands for the number outside of runs."""
+
+    @property
+    @abstractmethod
+    def variance(self) -> float:
+        """The variance."""
+
+    @abstractmethod
+    def draw(self, random: np.random.Generator) -> float:
+        """Return the number of one run."""
+
+    @abstractmethod
+    def check(self, problems: Problems, positive: bool) -> None:
+        """Note what is wrong with the distribution; `positive` numbers must be greater than 0."""
+
+
+@dataclass(frozen=True)
+class Uniform(Distribution):
+    """A uniform distribution between two numbers.
+
+    Attributes
+    ----------
+    uniform
+        The least and the greatest.
+    """
+
+    uniform: list[Real]
+
+    @property
+    def mean(self) -> float:
+        """The mean of the two bounds."""
+        return (self.uniform[0] + self.uniform[1]) / 2
+
+    @property
+    def variance(self) -> float:
+        """The variance, (b − a)²/12 with the bounds a and b."""
+        return (self.uniform[1] - self.uniform[0]) ** 2 / 12
+
+    def draw(self, random: np.random.Generator) -> float:
+        """Return a number in the half-open interval."""
+        return float(random.uniform(self.uniform[0], self.uniform[1]))
+
+    def check(self, problems: Problems, positive: bool) -> None:
+        """Note anything but two numbers in order."""
+        problems = problems.at("uniform")
+        if len(self.uniform) != 2:
+            got = f"got {len(self.uniform)}"
+            problems.add(f"expected two numbers, the lowest and the highest, {got}")
+        elif self.uniform[0] > self.uniform[1]:
+            low, high = self.uniform
+            problems.add(f"expected the smaller number first, got [{low:g}, {high:g}]")
+        elif positive:
+            _check_positive("numbers", self.uniform, problems)
+
+
+@dataclass(frozen=True)
+class Normal(Distribution):
+    """A normal distribution, truncated to numbers greater than 0 where these are required.
+
+    Attributes
+    ----------
+    normal
+        Mean and standard deviation.
+    """
+
+    normal: list[Real]
+
+    @property
+    def mean(self) -> float:
+        """The first of the two numbers."""
+        return self.normal[0]
+
+    @property
+    def variance(self) -> float:
+        """The square of the second number."""
+        return self.normal[1] ** 2
+
+    def draw(self, random: np.random.Generator) -> float:
+        """Return one number, of either sign."""
+        return float(random.normal(self.normal[0], self.normal[1]))
+
+    def check(self, problems: Problems, positive: bool) -> None:
+        """Note anything but a mean and a standard deviation that is not negative."""
+        problems = problems.at("normal")
+        if len(self.normal) != 2:
+            got = f"got {len(self.normal)}"
+            problems.add(f"expected two numbers, the mean and the standard deviation, {got}")
+        elif self.normal[1] < 0:
+            problems.add(f"expected a standard deviation of at least 0, got {self.normal[1]:g}")
+        elif positive:
+            _check_positive("a mean", self.normal[:1], problems)
+
+
+def _kind(value: Any) -> str | None:
+    if isinstance(value, dict | Distribution):
+        keys = value if isinstance(value, dict) else vars(value)
+        return next((name for name in ("uniform", "normal") if name in keys), None)
+    return None if isinstance(value, bool | list) else "number"
+
+
+def _rank(value: Any) -> str | None:
+    if not isinstance(value, list):
+        return "one"
+    return "matrix" if any(isinstance(row, list) for row in value) else "list"
+
+
+if TYPE_CHECKING:  # The parts that `of_run` returns have arrays in their place.
+    Number: TypeAlias = Any
+    NumberOrExpression: TypeAlias = Any
+    Numbers: TypeAlias = Any
+    Matrix: TypeAlias = Any
+else:
+    _Drawn = Annotated[Uniform, Tag("uniform")] | Annotated[Normal, Tag("normal")]
+
+    Number = Annotated[
+        Annotated[Real, Tag("number")] | _Drawn,
+        one_of(_kind, "a number, {uniform: [least, greatest]} or {normal: [mean, std]}"),
+    ]
+    """A number, or a distribution from which every run draws its own."""
+
+    NumberOrExpression = Annotated[
+        Annotated[Real, Tag("number")] | Annotated[str, Tag("expression")] | _Drawn,
+        one_of(
+            lambda value: (
+                "expression" if isinstance(value, str) and not has_unit(value) else _kind(value)
+            ),
+            "a number, an expression in t, {uniform: [least, greatest]} or {normal: [mean, std]}",
+        ),
+    ]
+    """A number, a distribution, or an expression in t."""
+
+    Numbers = Annotated[
+        Annotated[Number, Tag("one")] | Annotated[list[Number], Tag("list")],
+        one_of(
+            lambda value: None if _rank(value) == "matrix" else _rank(value),
+            "a number or a list of numbers",
+        ),
+    ]
+    """A number, or one for each of the coordinates."""
+
+    Matrix = Annotated[
+        Annotated[Number, Tag("one")]
+        | Annotated[list[Number], Tag("list")]
+        | Annotated[list[list[Number]], Tag("matrix")],
+        one_of(_rank, "a number, a list (the diagonal) or a list of rows"),
+    ]
+    """A number (times the identity), a list (a diagonal) or a list of rows."""
+
+
+def is_drawn(value: Any) -> bool:
+    """Return whether a value is a distribution, or a list that contains one."""
+    if isinstance(value, list):
+        return any(map(is_drawn, value))
+    return isinstance(value, Distribution)
+
+
+def drawn(value: Any, random: np.random.Generator | None, positive: bool = False) -> Any:
+    """Return a value with a number drawn from each distribution; without a generator, its mean."""
+    if isinstance(value, list):
+        return [drawn(entry, random, positive) for entry in value]
+    if not isinstance(value, Distribution):
+        return value
+    if random is None:
+        return value.mean
+    number = value.draw(random)
+    while positive and number <= 0:  # the mean is greater, so this ends soon
+        number = value.draw(random)
+    return number
+
+
+def mean_square(value: float | Distribution) -> float:
+    """Return the mean of the square of a number."""
+    if isinstance(value, Distribution):
+        return value.mean**2 + value.variance
+    return float(value) ** 2
+
+
+def lowest(value: float | Distribution) -> float:
+    """Return a number, the lower bound of a uniform distribution, or the mean of a normal one."""
+    return value.uniform[0] if isinstance(value, Uniform) else float(drawn(value, None))
+
+
+LEAST = 1e-15
+"""Least of numbers that must be positive, in SI units; no lag or limit of a vehicle is below."""
+
+
+def check_numbers(value: Any, problems: Problems, positive: bool = False) -> None:
+    """Note invalid distributions, and numbers that are not positive where they must be."""
+    if isinstance(value, list):
+        for index, entry in enumerate(value):
+            check_numbers(entry, problems.at(index), positive)
+    elif isinstance(value, Distribution):
+        value.check(problems, positive)
+    elif positive:
+        _check_positive("a number", [value], problems)
+
+
+def _check_positive(expected: str, values: list[float], problems: Problems) -> None:
+    for value in values:
+        if value <= 0:
+            problems.add(f"expected {expected} greater than 0, got {value:g}")
+        elif not LEAST <= value <= GREATEST:
+            problems.add(f"expected {expected} from {LEAST:g} to {GREATEST:g}, got {value:g}")
+
+
+def check_limits(
+    low: Any, high: Any, problems: Problems, names: tuple[str, str] = ("low", "high")
+) -> None:
+    """Note a limit without the other one, and a lower limit not below the upper, by the means."""
+    for name, value, other in zip(names, (low, high), (high, low), strict=True):
+        if value is None and other is not None:
+            problems.at(name).add(f"missing; give both limits, {names[0]} and {names[1]}")
+        elif value is not None:
+            check_numbers(value, problems.at(name))
+    if problems or low is None:
+        return
+    lows, highs = (value if isinstance(value, list) else [value] for value in (low, high))
+    count = max(len(lows), len(highs))
+    pairs = zip(lows * (count // len(lows)), highs * (count // len(highs)), strict=False)
+    for index, (least, most) in enumerate((drawn(a, None), drawn(b, None)) for a, b in pairs):
+        if least >= most:
+            here = problems.at(names[0], index) if len(lows) > 1 else problems.at(names[0])
+            here.add(f"expected a number less than {names[1]}, {most:g}, got {least:g}")
+
+
+@dataclass(frozen=True)
+class VehiclePart(Component):
+    """A part of a vehicle: a frozen dataclass whose fields are its options in a configuration.
+
+    A simulation uses the part that `of_run` returns, in which every number is an array: of one run,
+    of many along a leading axis, or of symbols.
+    """
+
+    vectors: ClassVar[tuple[str, ...]] = ()
+    """Options with a number for each coordinate; one number stands for all."""
+    matrices: ClassVar[tuple[str, ...]] = ()
+    """Options that are matrices; a number stands for a multiple of I, a list for a diagonal."""
+    departs: ClassVar[str]
+    """How the part takes the loop away from the one that theorems are about, in a few words."""
+    positive: ClassVar[tuple[str, ...]] = ()
+    """Options whose numbers must be greater than 0."""
+
+    @property
+    def varies(self) -> bool:
+        """Whether the numbers of the part differ from run to run."""
+        return any(is_drawn(getattr(self, field.name)) for field in dataclasses.fields(self))
+
+    def drawn(self, random: np.random.Generator | None) -> Self:
+        """Return the part with a number for each distribution; without a generator, its mean."""
+        options = {
+            field.name: drawn(getattr(self, field.name), random, field.name in self.positive)
+            for field in dataclasses.fields(self)
+        }
+        return with_fields(self, **options)
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the part of one run; without a generator, with the means.
+
+        `vectors` have m entries, `matrices` are m × m. Any other number is an array ``(1,)``, any
+        other list of numbers an array.
+        """
+        part = self.drawn(random)
+        arrays = {
+            field.name: self._as_array(field.name, getattr(part, field.name), G)
+            for field in dataclasses.fields(part)
+            if not field.metadata.get("is_structure")
+        }
+        return with_fields(part, **arrays)
+
+    def _as_array(self, name: str, value: Any, G: MatrixLieGroup) -> Any:
+        if value is None:
+            return None
+        if name in self.vectors:
+            return vector(value, G.dimension, G)
+        if name in self.matrices:
+            return square(value, G.dimension, G)
+        entries = value if isinstance(value, list) else [value]
+        kinds = (int, float) if isinstance(value, list) else float
+        if entries and all(isinstance(each, kinds) for each in entries):
+            return np.array(entries, dtype=float)
+        return value
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note invalid numbers, and a number of entries that does not fit the coordinates."""
+        m = G.dimension
+        for names, shaped in ((self.vectors, vector), (self.matrices, square)):
+            for name in names:
+                here, value = problems.at(name), getattr(self, name)
+                if value is None:
+                    continue
+                check_numbers(value, here, name in self.positive)
+                if not here:
+                    with here.catching():
+                        shaped(drawn(value, None), m, G)
+
+
+def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> None:
+    """Note negative standard deviations, or a wrong number of them."""
+    check_count(value, G.dimension, G.name, problems, deviations=True)
+
+
+def check_count(value: Numbers, count: int, of: str, problems: Problems, deviations: bool) -> None:
+    """Note invalid distributions, negative `deviations`, or a number of entries other than `count`.
+
+    `of` says in messages what the entries belong to.
+    """
+    check_numbers(value, problems)
+    for entry in value if isinstance(value, list) else [value]:
+        if deviations and not problems and lowest(entry) < 0:
+            problems.add(f"expected a standard deviation of at least 0, got {lowest(entry):g}")
+    if isinstance(value, list) and len(value) != count:
+        problems.add(f"expected {count} entries for {of}, got {len(value)}")
+
+
+# The true inertia of the plant, where it differs from the model of the law ------------------------
+
+
+class TrueInertia(ABC):
+    """The inertia tensor of the plant, with numbers that may differ from run to run."""
+
+    departs: ClassVar[str] = "inertia not as believed"
+
+    @property
+    def varies(self) -> bool:
+        """Whether the numbers differ from run to run."""
+        return any(map(is_drawn, vars(self).values()))
+
+    @abstractmethod
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the inertia of one run, with arrays; without a generator, with the means."""
+
+    @abstractmethod
+    def at(self, model: Inertia, t: Any) -> Inertia:
+        """Return the true tensor at time t, where `model` is the tensor of the law."""
+
+
+@dataclass(frozen=True)
+class RelativeInertia(TrueInertia):
+    """The inertia (1 + r) 𝕀, with the 𝕀 of the law.
+
+    Attributes
+    ----------
+    relative
+        r.
+    """
+
+    relative: Number
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the inertia with an r for which 1 + r is greater than 0."""
+        relative = drawn(self.relative, random)
+        while 1.0 + relative <= 0:
+            relative = drawn(self.relative, random)
+        return replace(self, relative=np.array([relative]))
+
+    def at(self, model: Inertia, t: Any) -> Inertia:
+        """Return the model times 1 + r."""
+        factor = 1.0 + self.relative[..., None]
+        change = None if model.change is None else model.change * factor
+        return Inertia(model.matrix * factor, model.inverse / factor, change)
+
+
+@dataclass(frozen=True)
+class ConstantInertia(TrueInertia):
+    """A constant inertia tensor.
+
+    Attributes
+    ----------
+    matrix
+        A number, a list (the diagonal) or a list of rows.
+    """
+
+    matrix: Matrix
+    inverse: Any = field(default=None, init=False, repr=False)
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the inertia with matrix and inverse; draws that are not definite are repeated."""
+        matrix = square(drawn(self.matrix, random), G.dimension, G)
+        while random is not None and np.linalg.eigvalsh(matrix).min() <= 0:
+            matrix = square(drawn(self.matrix, random), G.dimension, G)
+        return with_fields(self, matrix=matrix, inverse=np.linalg.inv(matrix))
+
+    def at(self, model: Inertia, t: Any) -> Inertia:
+        """Return the constant tensor."""
+        return Inertia(self.matrix, self.inverse)
+
+
+@dataclass(frozen=True)
+class VaryingInertia(TrueInertia):
+    """An inertia tensor that is a function of time.
+
+    Attributes
+    ----------
+    law
+        The tensor as a function of time.
+    """
+
+    law: InertiaLaw
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return the inertia itself: nothing of it is drawn."""
+        return self
+
+    def at(self, model: Inertia, t: Any) -> Inertia:
+        """Return the tensor at time t."""
+        return self.law.at(t)
+
+
+# The clocks of a sampled loop: when law, sensors and actuators act, and when a command arrives ----
+
+
+class Clock(NamedTuple):
+    """The ticks at which a part acts, in which `every` is the step and `offset` the first one.
+
+    Attributes
+    ----------
+    every
+        Number of ticks between two of its instants.
+    offset
+        Number of the first tick, less than `every`.
+    """
+
+    every: int = 1
+    offset: int = 0
+
+    @property
+    def acts_always(self) -> bool:
+        """Whether the part acts at every tick."""
+        return self == (1, 0)
+
+    def is_due(self, tick: Any) -> Any:
+        """Return whether the part acts at a tick, or at each of an array of ticks."""
+        return (tick - self.offset) % self.every == 0
+
+    def numbers(self, ticks: int) -> Array:
+        """Return the number of the last measurement at each of so many ticks, from 0.
+
+        The first is of t = 0, whatever the offset.
+        """
+        return (np.arange(ticks) - self.offset) // self.every + (self.offset > 0)
+
+
+ALWAYS = Clock()
+"""The clock of a part that acts at every tick."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """The tick of a loop, and the clock of its law, whose command is held from instant to instant.
+
+    Attributes
+    ----------
+    period
+        Control period: the time between two instants of the law, s.
+    delay
+        Number of ticks after which a command arrives; until the first one does, 0 is held.
+    clock
+        Clock of the law.
+    """
+
+    period: float
+    delay: int = 0
+    clock: Clock = ALWAYS
+
+    departs = "sampled control"
+
+    @property
+    def tick(self) -> float:
+        """Time between two ticks, s."""
+        return self.period / self.clock.every
+
+    def clock_of(self, period: float | None, offset: float | None) -> Clock:
+        """Return the clock of a part with a period and an offset, s; that of the law for None."""
+        if period is None:
+            every, first = self.clock
+        else:
+            every, first = round(period / self.tick), 0
+        return Clock(every, first if offset is None else round(offset / self.tick))
+
+    def ticks_of(self, delay: int | str) -> int:
+        """Return the ticks of a delay: a whole number of control periods, or a time as text."""
+        if isinstance(delay, int):
+            return delay * self.clock.every
+        return round(seconds(delay) / self.tick)

@@ -1,0 +1,350 @@
+"""Reaction wheels, each with an axis and a momentum of its own."""
+
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, absolute, apply_matrix, clip, less, tanh, where
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import Angle, Positive, Real, Unit
+from eqt_cli.components.actuators import Actuator, of_each
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.vehicle_parts import Numbers, check_numbers
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+
+CREEP = 1.0
+"""Scale, rad/s, on which Coulomb friction changes its sign, by a hyperbolic tangent."""
+
+NEAR = 1e-9
+"""Relative distance from a limit within which a wheel is at it."""
+
+FLAT = 1e-9
+"""Volume of three unit axes below which they lie in one plane."""
+
+OF_EACH = ("limit", "momentum", "inertia", "speed", "start")
+"""Options with a number for each wheel."""
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Friction of each wheel, against its speed relative to the body.
+
+    Attributes
+    ----------
+    viscous
+        Torque over speed, N m s (per rad).
+    coulomb
+        Torque of dry friction, N m.
+    """
+
+    # Not strict, for the reason given in `Distribution`.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    viscous: Annotated[Real, Unit("N m s")] = 0.0
+    coulomb: Annotated[Real, Unit("N m")] = 0.0
+
+
+@dataclass(frozen=True)
+class Bias:
+    """Momenta to which torques without effect on the body bring the wheels.
+
+    Attributes
+    ----------
+    momentum
+        Momentum of each wheel, N m s; its part that adds up to 0 counts.
+    time_constant
+        Time after which 1/e of the difference is left, s.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    momentum: Annotated[list[Real], Unit("N m s")]
+    time_constant: Annotated[Positive, Unit("s")]
+
+
+@dataclass(frozen=True)
+class Wheels(Actuator):
+    """The torque A u of k wheels with momenta h, ḣ = −u; on groups with the turns of SO3.
+
+    A has the unit axes as columns. The total momentum of body and wheels is R(𝕁ω + A h): 𝕁 is the
+    inertia without the spin of the wheels, and h_i the absolute momentum of wheel i about its axis.
+    The body feels A u, the friction of the wheels, and (A h) × ω. The last two are not part of the
+    stored torque. With a momentum limit, the torques are set at the ticks, so that no momentum is
+    beyond it at the next one.
+
+    Attributes
+    ----------
+    axes
+        The axis of each wheel in the body frame; the length does not matter.
+    pyramid
+        Instead of `axes`: the angle of four axes from z; from above, at 45°, 135°, 225° and 315°
+        from x.
+    limit
+        The largest torque of each, N m, or a list of k.
+    momentum
+        The largest momentum of each, N m s, or a list of k.
+    inertia
+        J_w of each about its axis, kg m²; gives speeds h_i/J_w − a_iᵀω relative to the body.
+    speed
+        Instead of `momentum`: the largest |h_i|/J_w, rad/s.
+    start
+        Momentum of each at t = 0, N m s; 0 if left out.
+    friction
+        `{viscous: …, coulomb: …}` of each wheel; needs `inertia`.
+    allocation
+        `pseudo_inverse`: the torques of least sum of squares. `min_max`: those of which the largest
+        is least.
+    bias
+        `{momentum: […], time_constant: …}`: momenta to which wheels are brought, without an effect
+        on the body, to keep them away from speed 0.
+    """
+
+    name: ClassVar[str] = "wheels"
+    departs: ClassVar[str] = "reaction wheels"
+
+    axes: list[list[Real]] | None = None
+    pyramid: Angle | None = None
+    limit: Annotated[Numbers | None, Unit("N m")] = None
+    momentum: Annotated[Numbers | None, Unit("N m s")] = None
+    inertia: Annotated[Numbers | None, Unit("kg m^2")] = None
+    speed: Annotated[Numbers | None, Unit("rad/s")] = None
+    start: Annotated[Numbers | None, Unit("N m s")] = None
+    friction: Friction | None = None
+    allocation: Literal["pseudo_inverse", "min_max"] = "pseudo_inverse"
+    bias: Bias | None = None
+    moves: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
+    matrix: Any = field(default=None, init=False, repr=False)
+    inverse: Any = field(default=None, init=False, repr=False)
+    faces: Any = field(default=(), init=False, repr=False)
+    rubbing: Any = field(default=None, init=False, repr=False)
+    pulled: Any = field(default=None, init=False, repr=False)
+
+    @property
+    def limits(self) -> bool:
+        """Whether torques or momenta have limits."""
+        return self.limit is not None or self.sampled
+
+    @property
+    def sampled(self) -> bool:
+        """Whether momenta have limits."""
+        return self.momentum is not None or self.speed is not None
+
+    @property
+    def linear_part(self) -> Actuator:
+        """The wheels with the momenta of the start, and without limits and friction."""
+        if not self.moves:
+            return self
+        none = dict.fromkeys(("limit", "momentum", "speed", "bias", "pulled"))
+        return with_fields(self, **none, allocation="pseudo_inverse", moves=False)
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """Names of the wheels, numbered from 1."""
+        return tuple(f"wheel {k + 1}" for k in range(self.count))
+
+    @property
+    def count(self) -> int:
+        """Number k of wheels."""
+        if self.matrix is not None:
+            return int(self.matrix.shape[-1])
+        return 4 if self.axes is None else len(self.axes)
+
+    def unit_axes(self) -> Array:
+        """Return the unit axes as columns, ``(3, k)``."""
+        if self.axes is not None:
+            A = np.array(self.axes, dtype=float).T
+            return A / np.linalg.norm(A, axis=0)
+        assert self.pyramid is not None
+        turns, z = np.pi / 4 + np.pi / 2 * np.arange(4), np.full(4, np.cos(self.pyramid))
+        return np.stack([np.sin(self.pyramid) * f(turns) for f in (np.cos, np.sin)] + [z])
+
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Return wheels with A, the allocation, and a number for each wheel."""
+        part, turns, unit = self.drawn(random), _turns(G), self.unit_axes()
+        A = np.zeros((G.dimension, self.count))
+        A[turns] = unit
+        each = of_each(part, OF_EACH, self.count)
+        if "speed" in each:
+            each["momentum"] = each["inertia"] * each.pop("speed")
+        inverse, each["start"] = np.linalg.pinv(A), each.get("start", np.zeros(self.count))
+        if self.friction is not None:
+            each["rubbing"] = np.array([self.friction.viscous, self.friction.coulomb])
+        if self.bias is not None:
+            null = np.eye(self.count) - inverse @ A
+            each["pulled"] = np.concatenate(
+                [null / self.bias.time_constant, np.array([self.bias.momentum])]
+            )
+        faces = tuple(_faces(A, turns)) if self.allocation == "min_max" else ()
+        none = dict.fromkeys(("axes", "pyramid", "speed", "friction", "bias"))
+        fields = {**none, "matrix": A, "inverse": inverse, "faces": faces, **each}
+        return with_fields(part, **fields)
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """Return the number of states: torques that are set at ticks, and momenta."""
+        return (self.sampled + 1) * self.count * self.moves
+
+    def started(self, G: MatrixLieGroup) -> Array:
+        """Return the states at t = 0."""
+        start: Any = self.start
+        return np.concatenate([0.0 * start, start], axis=-1) if self.sampled else start
+
+    def momenta(self, x: Array) -> Array:
+        """Return h from the states."""
+        start: Any = self.start
+        return x[..., -self.count :] if self.moves else start
+
+    def speeds(self, V: Array, x: Array) -> Array:
+        """Return the speeds relative to the body."""
+        A: Any = self.matrix
+        speeds: Array = self.momenta(x) / self.inertia - apply_matrix(A.swapaxes(-1, -2), V)
+        return speeds
+
+    @property
+    def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
+        """B⁺, ``(k, m)``, and the limits, but behind a bias; None for `min_max`."""
+        if self.faces:
+            return None
+        if self.limit is None or self.pulled is not None:
+            return self.inverse, None, None
+        return self.inverse, -self.limit, self.limit
+
+    def allocated(self, command: Array) -> Array:
+        """Return torques u with A u = command."""
+        if not self.faces:
+            return apply_matrix(self.inverse, command)
+        # Each pair of wheels spans a face of the torques that are possible (Markley et al. 2010).
+        torques, most = apply_matrix(self.faces[0][..., 1:, :], command), 0.0 * command[..., :1]
+        for face in self.faces:
+            size = absolute(apply_matrix(face[..., :1, :], command))
+            larger = less(most, size)
+            torques = where(larger, apply_matrix(face[..., 1:, :], command), torques)
+            most = where(larger, size, most)
+        return torques
+
+    def _commanded(self, command: Array, x: Array) -> Array:
+        """Return the torques for a command, without limits."""
+        u = self.allocated(command)
+        if self.pulled is not None:
+            null, target = self.pulled[..., :-1, :], self.pulled[..., -1, :]
+            u = u + apply_matrix(null, self.momenta(x) - target)
+        return u
+
+    def _limited(self, command: Array, x: Array) -> Array:
+        """Return the torques for a command, within the limit of torques."""
+        u = self._commanded(command, x)
+        return u if self.limit is None else clip(u, -self.limit, self.limit)
+
+    def torques(self, command: Array, x: Array) -> Array:
+        """Return u, the torque of each wheel on the body."""
+        return x[..., : self.count] if self.sampled else self._limited(command, x)
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return A u."""
+        A: Any = self.matrix
+        return apply_matrix(A, self.torques(command, x))
+
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return ḣ = −u, without friction."""
+        u = self.torques(command, x)
+        return np.concatenate([0.0 * u, -u], axis=-1) if self.sampled else -u
+
+    def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array]:
+        """Return (A h) × ω with the friction on the body, and the rates that friction causes."""
+        A: Any = self.matrix
+        force, rate = G.ad_star(V, apply_matrix(A, self.momenta(x))), 0.0 * x
+        if self.rubbing is None or not self.moves:
+            return force, rate
+        speed = self.speeds(V, x)
+        rubbing = self.rubbing[..., :1] * speed + self.rubbing[..., 1:] * tanh(speed / CREEP)
+        rate = np.concatenate([rate[..., : -self.count], -rubbing], axis=-1)
+        return force + apply_matrix(A, rubbing), rate
+
+    def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
+        """Return the states with the torques until the next tick, if momenta have limits."""
+        if not self.sampled:
+            return x
+        h, most = self.momenta(x), self.momentum
+        u = clip(self._limited(command, x), (h - most) / period, (h + most) / period)
+        return np.concatenate([u, h], axis=-1)
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
+        """Return where a torque is beyond its limit, or a momentum at its own."""
+        there: Any = np.zeros(command.shape[:-1], dtype=bool)
+        pairs = (self.limit, self._commanded(command, x)), (self.momentum, self.momenta(x))
+        for limit, values in pairs:
+            if limit is not None:
+                there = there | (np.abs(values) >= limit * (1 - NEAR)).any(axis=-1)
+        return np.array(there)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note groups without wheels, axes that leave a direction out, and missing numbers."""
+        if _turns(G) is None:
+            problems.add(f"wheels need a body that turns about three axes, got group {G.name}")
+        if (self.axes is None) == (self.pyramid is None):
+            got = "neither" if self.axes is None else "both"
+            problems.add(f"expected either axes or pyramid, got {got}")
+        for index, axis in enumerate(self.axes or ()):
+            if len(axis) != 3 or not any(axis):
+                problems.at("axes", index).add(f"expected three numbers, not all 0, got {axis}")
+        if not problems:
+            self._check_numbers(problems)
+
+    def _check_numbers(self, problems: Problems) -> None:
+        threes = map(list, combinations(range(self.count), 3))
+        volumes = [abs(np.linalg.det(self.unit_axes()[:, three])) for three in threes]
+        if max(volumes, default=0.0) < FLAT:
+            problems.at("axes" if self.axes else "pyramid").add(
+                "no torque about one direction; add a wheel out of the plane of the others"
+            )
+        elif self.allocation == "min_max" and min(volumes) < FLAT:
+            problems.at("allocation").add(
+                "min_max needs axes of which no three lie in a plane; use pseudo_inverse"
+            )
+        self._check_others(problems)
+        for name in OF_EACH:
+            here, value = problems.at(name), getattr(self, name)
+            if value is not None:
+                check_numbers(value, here, positive=name != "start")
+            if isinstance(value, list) and len(value) != self.count:
+                here.add(f"expected {self.count} entries, one for each wheel, got {len(value)}")
+
+    def _check_others(self, problems: Problems) -> None:
+        if self.speed is not None and self.momentum is not None:
+            problems.at("speed").add("give momentum or speed, not both")
+        for name in ("speed", "friction"):
+            if getattr(self, name) is not None and self.inertia is None:
+                problems.at(name).add("needs inertia; give the inertia of a wheel about its axis")
+        if self.bias is not None and len(self.bias.momentum) != self.count:
+            got = len(self.bias.momentum)
+            problems.at("bias", "momentum").add(
+                f"expected {self.count} entries, one for each wheel, got {got}"
+            )
+        if self.bias is not None and self.count == 3:
+            problems.at("bias").add("three wheels have no torques without effect; remove this key")
+
+
+def _turns(G: MatrixLieGroup) -> Any:
+    """Return the coordinates of the turns in space; None where a group has none."""
+    axes = (part.axes for part in G.parts if part.turns)
+    return next((each for each in axes if len(range(G.dimension)[each]) == 3), None)
+
+
+def _faces(A: Array, turns: Any) -> list[Array]:
+    """Return c and M of each pair of wheels, ``(1 + k, m)``, with the rows c, M.
+
+    Where |c·τ| is the largest of all pairs, M τ is the allocation of which the largest torque is
+    least: all other wheels give ± c·τ, and the pair gives the rest.
+    """
+    faces = []
+    for pair in map(list, combinations(range(A.shape[1]), 2)):
+        normal = np.zeros(len(A))
+        normal[turns] = np.cross(*A[turns][:, pair].T)
+        along = normal @ A
+        along[pair] = 0.0
+        c, M = normal / np.abs(along).sum(), np.zeros(A.T.shape)
+        M += np.outer(np.sign(along), c)
+        M[pair] = np.linalg.pinv(A[:, pair]) @ (np.eye(len(A)) - A @ M)
+        faces.append(np.concatenate([c[None], M]))
+    return faces

@@ -1,0 +1,320 @@
+"""The sections `plant`, `actuators`, `control`, `sensors` and `estimator`: the vehicle."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, TypeVar
+
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import (
+    Written,
+    as_section,
+    check_period,
+    common_divisor,
+    component,
+    has_unit,
+    number_of,
+    seconds,
+)
+from eqt_cli.base.registry import Registry
+from eqt_cli.components.actuators import Actuator, actuators
+from eqt_cli.components.estimators import Estimator, estimators
+from eqt_cli.components.forces import Force, forces
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.sensors import TIMING, Sensor, sensors
+from eqt_cli.components.vehicle import ACTUATORS, CONTROL, Vehicle
+from eqt_cli.components.vehicle_parts import (
+    Clock,
+    ConstantInertia,
+    RelativeInertia,
+    Sampling,
+    TrueInertia,
+    VaryingInertia,
+    check_numbers,
+    drawn,
+)
+from eqt_cli.config.schema import (
+    Config,
+    ControlSection,
+    FactoredInertiaSection,
+    PlantSection,
+    PrescribedInertiaSection,
+    RelativeInertiaSection,
+    SensorsSection,
+)
+from eqt_cli.config.sections import inertia_from
+
+
+def check_sensors(sensors: Mapping[int, Sensor], G: MatrixLieGroup, problems: Problems) -> None:
+    """Note unknown parts, impossible timing, and entries that contradict each other.
+
+    Parameters
+    ----------
+    sensors
+        Sensors of the pose or of the velocity, by the numbers of their entries.
+    """
+    known = [part.name for part in G.parts]
+    for index, sensor in sensors.items():
+        here = problems.at(index)
+        if sensor.of is not None and sensor.of not in known:
+            parts = ", ".join(known)
+            here.at("of").add(f"{G.name} has no part '{sensor.of}'; choose one of {parts}")
+        if sensor.dropout is not None and not 0 <= sensor.dropout < 1:
+            here.at("dropout").add(
+                f"expected a probability of at least 0 and less than 1, got {sensor.dropout:g}"
+            )
+    for part in known:
+        _check_agreement(sensors, part, problems)
+
+
+def _check_agreement(sensors: Mapping[int, Sensor], part: str, problems: Problems) -> None:
+    """Note timing in which two entries of one part differ."""
+    for name in TIMING:
+        first: tuple[int, Any] | None = None
+        for index, sensor in sensors.items():
+            value = getattr(sensor, name)
+            if value is None or sensor.of not in (None, part):
+                continue
+            if first is None:
+                first = index, value
+            elif first[1] != value:
+                problems.at(index, name).add(
+                    f"entries of one part share their {name}: {problems.at(first[0]).path} gives "
+                    f"{first[1]:g} for the {part}, and this entry {value:g}; give it at one of them"
+                )
+
+
+def check_estimator(
+    vehicle: Vehicle, G: MatrixLieGroup, without_clock: bool, problems: Problems
+) -> None:
+    """Note an estimator without a clock or without fixes, and what is wrong with it for them."""
+    here, estimator = problems.at("estimator"), vehicle.estimator
+    assert estimator is not None
+    if without_clock:
+        here.add("acts at control instants; set control.period")
+    if not vehicle.pose_sensors and not problems.at("sensors"):
+        here.add(
+            "nothing measures the pose, so that its error grows without bound; add an entry to "
+            "sensors.pose"
+        )
+    if vehicle.control is None or problems.at("sensors") or problems.at("control") or here:
+        return
+    estimator.check_sensors(vehicle.schedule(G), vehicle.deviations(G), here)
+
+
+T = TypeVar("T")
+
+MOST_INSTANTS = 1_000_000
+"""Largest number of control instants of a run."""
+
+SECTIONS = ("model", "plant", "actuators", "control", "sensors", "estimator")
+"""Sections that describe the vehicle between the laws and the motion."""
+
+
+def decides_parts(key: str, values: Iterable[Any], vehicle: Vehicle) -> bool:
+    """Whether values of a key in these sections can change the parts or the number of states.
+
+    Plain numbers do not, with some exceptions. Each tick of a delay adds a waiting command or
+    measurement, and without a dropout, a sensor need not hold measurements. Other times of clocks
+    change the tick, but for periods that are whole numbers of control periods.
+    """
+    given = list(values)
+    if not all(isinstance(value, int | float) or has_unit(value) for value in given):
+        return True
+    section, _, option = key.partition(".")
+    name, control = option.rpartition(".")[2], vehicle.control
+    if section.partition("[")[0] not in (CONTROL, "sensors", ACTUATORS) or control is None:
+        return False
+    if name == "period":
+        if section == CONTROL:
+            parts: Any = *vehicle.actuators, *vehicle.sensors().values()
+            return any(part.period is not None for part in parts)
+        times = (number_of(Written(value, ["s"])) if has_unit(value) else value for value in given)
+        return not math.isclose(common_divisor([control.period, *times]), control.period)
+    return name in (*TIMING, "tick")
+
+
+def vehicle_from(
+    sections: dict[str, Any], G: MatrixLieGroup, horizon: float, problems: Problems
+) -> Vehicle:
+    """Return the vehicle of the sections; problems are noted."""
+    plant = sections["plant"] or PlantSection()
+    at_plant = problems.at("plant")
+    inertia = None
+    if plant.inertia is not None:
+        inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
+    clock, measured = sections["control"], sections["sensors"] or SensorsSection()
+    at_sensors, at_actuators = problems.at("sensors"), problems.at("actuators")
+    known, at_forces = sections["model"] and sections["model"].forces, at_plant.at("forces")
+    forces_given = plant.forces
+    if forces_given is None and isinstance(known, list):
+        forces_given, at_forces = known, problems.at("model", "forces")
+    acting = _parts(actuators, sections["actuators"], G, at_actuators)
+    sensing = {
+        name: _parts(sensors, getattr(measured, name), G, at_sensors.at(name))
+        for name in ("pose", "velocity")
+    }
+    entries: list[Entry] = [(at_actuators.at(k), part) for k, part in acting.items()]
+    for name, errors in sensing.items():
+        entries += [(at_sensors.at(name, k), part) for k, part in errors.items()]
+    vehicle = Vehicle(
+        inertia,
+        tuple(_parts(forces, forces_given, G, at_forces).values()),
+        tuple(acting.values()),
+        None if clock is None else _sampling(clock, entries, horizon, problems.at("control")),
+        tuple(sensing["pose"].values()),
+        tuple(sensing["velocity"].values()),
+        _estimator(sections["estimator"], G, problems.at("estimator")),
+    )
+    without_clock = clock is None and not problems.at("control")
+    if vehicle.measures and without_clock:
+        at_sensors.add("act at control instants; set control.period")
+    _check_order(acting, without_clock, at_actuators)
+    for index, sensor in sensing["pose"].items():
+        if sensor.states(G):
+            at_sensors.at("pose", index).add(
+                f"{sensor.name} measures velocities; move it to sensors.velocity"
+            )
+    for name, parts in sensing.items():
+        check_sensors(parts, G, at_sensors.at(name))
+    if vehicle.estimator is not None:
+        check_estimator(vehicle, G, without_clock, problems)
+    if any(problems.at(name) for name in SECTIONS):
+        return Vehicle()
+    return vehicle.of_run(G)
+
+
+Entry = tuple[Problems, Sensor | Actuator]
+"""A sensor or an actuator, with its place."""
+
+
+def _sampling(
+    control: ControlSection, entries: Iterable[Entry], horizon: float, problems: Problems
+) -> Sampling:
+    """Return tick and clock of the law; times that are no whole numbers of ticks are noted."""
+    times = list(_times(control, entries, problems))
+    tick = control.tick or common_divisor([control.period, *(time for _, time, _ in times)])
+    every = check_period(control.period, tick, problems.at("period"), "ticks")
+    for here, time, below in times:
+        if not 0 <= time < below:
+            here.add(f"expected at least 0 s and less than the period, {below:g} s, got {time:g} s")
+        elif time:
+            check_period(time, tick, here, "ticks")
+    if not problems and horizon / tick > MOST_INSTANTS:
+        key, what = ("period", "control instants") if every == 1 else ("tick", "ticks")
+        problems.at(key).add(
+            f"expected at least {horizon / MOST_INSTANTS:g} s, which makes {MOST_INSTANTS:,} "
+            f"{what} in {horizon:g} s, got {tick:g}"
+        )
+    sampling = Sampling(control.period, 0, Clock(every or 1))
+    if problems:
+        return sampling
+    clock = sampling.clock_of(None, control.offset)
+    return Sampling(control.period, sampling.ticks_of(control.delay), clock)
+
+
+def _times(
+    control: ControlSection, entries: Iterable[Entry], problems: Problems
+) -> Iterator[tuple[Problems, float, float]]:
+    """Yield the times of all clocks with their places, and what they must be less than, s."""
+    yield problems.at("offset"), control.offset, control.period
+    late: list[tuple[Problems, int | str]] = [(problems.at("delay"), control.delay)]
+    for here, part in entries:
+        if part.period is not None:
+            yield here.at("period"), part.period, math.inf
+        if part.offset is not None:
+            yield here.at("offset"), part.offset, part.period or control.period
+        if isinstance(part, Sensor):
+            late.append((here.at("delay"), part.delay or 0))
+    for here, delay in late:
+        if isinstance(delay, str):
+            yield here, seconds(delay), math.inf
+
+
+def known_forces(
+    sections: dict[str, Any], vehicle: Vehicle, G: MatrixLieGroup, problems: Problems
+) -> tuple[Force, ...]:
+    """Return the forces that laws with a model know, with their mean numbers."""
+    known = sections["model"] and sections["model"].forces
+    if known == "plant":
+        return vehicle.forces
+    here = problems.at("model", "forces")
+    return tuple(part.of_run(G, None) for part in _parts(forces, known, G, here).values())
+
+
+def _estimator(section: Any, G: MatrixLieGroup, problems: Problems) -> Estimator | None:
+    return None if section is None else component(estimators, section, problems, group=G)
+
+
+def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
+    """Return the sections with all defaults; missing sections stay missing."""
+    vehicle = vehicle.configured or vehicle
+    dumped = config.model_dump(include=set(SECTIONS), exclude_none=True, warnings="none")
+    acting = [as_section(force) for force in vehicle.forces]
+    for name in ("plant", "model"):  # without forces of the plant, those of the model act
+        if dumped.get(name, {}).get("forces") and acting:
+            dumped[name]["forces"] = acting if isinstance(dumped[name]["forces"], list) else "plant"
+            break
+    if vehicle.actuators:
+        dumped["actuators"] = [as_section(actuator) for actuator in vehicle.actuators]
+    by_signal = ("pose", vehicle.pose_sensors), ("velocity", vehicle.velocity_sensors)
+    for name, own in by_signal:
+        if own:
+            dumped["sensors"][name] = [as_section(sensor) for sensor in own]
+    if vehicle.estimator is not None:
+        dumped["estimator"] = as_section(vehicle.estimator)
+    return dumped
+
+
+def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: Problems) -> None:
+    """Note actuators that act at control instants without a clock or without a held command."""
+    moving, driven, steered = "", False, False
+    for index, actuator in parts.items():
+        sampled = actuator.sampled or actuator.period is not None
+        if sampled and without_clock:
+            problems.at(index).add(
+                f"{actuator.acting_at_instants} acts at control instants; set control.period"
+            )
+        elif sampled and moving:
+            problems.at(index).add(
+                f"{actuator.acting_at_instants} acts on a held command; put it before {moving}"
+            )
+        elif actuator.offset is not None and actuator.period is None:
+            problems.at(index, "offset").add("belongs to a period; give period, too")
+        if steered:
+            problems.at(index).add("acts behind the wheels, whose torque is final; put it before")
+        steered = steered or bool(actuator.wheel_names)
+        if actuator.thruster_names and driven:
+            problems.at(index).add(
+                "a vehicle has one entry with thrusters; put all of them in the first one"
+            )
+        driven = driven or bool(actuator.thruster_names)
+        moving = actuator.name if actuator.moves else moving
+
+
+def _parts(
+    registry: Registry[T], entries: list[Any] | None, G: MatrixLieGroup, problems: Problems
+) -> dict[int, T]:
+    """Return the valid parts by the number of their entry."""
+    parts = {
+        index: component(registry, entry, problems.at(index), group=G)
+        for index, entry in enumerate(entries or ())
+    }
+    return {index: part for index, part in parts.items() if part is not None}
+
+
+def _inertia(
+    section: Any, G: MatrixLieGroup, horizon: float, problems: Problems
+) -> TrueInertia | None:
+    if isinstance(section, FactoredInertiaSection | PrescribedInertiaSection):
+        law = inertia_from(section, G, horizon, problems)
+        return None if law is None else VaryingInertia(law)
+    if isinstance(section, RelativeInertiaSection):
+        value, here = section.relative, problems.at("relative")
+        check_numbers(value, here)
+        if not here and drawn(value, None) <= -1:
+            here.add(f"expected a number greater than -1, got {drawn(value, None):g}")
+        return RelativeInertia(value)
+    check_numbers(section, problems)
+    if problems or inertia_from(drawn(section, None), G, horizon, problems) is None:
+        return None
+    return ConstantInertia(section)

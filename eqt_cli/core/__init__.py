@@ -1,1 +1,0 @@
-"""Foundations of all layers: errors, the component registry, array functions, expressions."""

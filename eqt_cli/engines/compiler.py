@@ -1,0 +1,718 @@
+"""Compiles C on this machine in contained processes, and keeps what was compiled."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import hashlib
+import json
+import os
+import platform
+import re
+import shlex
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+
+from eqt_cli.base.errors import EqtWarning, Remedy, TraceError
+from eqt_cli.base.files import NO_SPACE, open_regular, replace_file
+from eqt_cli.base.reporting import reporter, subject
+
+# Runs a program with limits, in an empty folder; it ends with this process, however that ends -----
+#
+# A compiler reads text that somebody wrote, and what it makes is code: neither may take all memory,
+# fill the disk, or go on for ever.
+
+
+WINDOWS = os.name == "nt"
+if not WINDOWS:
+    import resource
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a program and each that it starts may take.
+
+    Attributes
+    ----------
+    seconds
+        Time by the clock, s, of all together, and of the processor, s, of each.
+    memory
+        Address space, bytes. The largest traced law took gcc 0.4 GB, and clang of ziglang 1.1 GB.
+    file
+        Largest file that is written, bytes; also what is written to stdout, and to stderr.
+    """
+
+    seconds: float
+    memory: int = 4 * 2**30
+    file: int = 2**28
+
+
+_GUARD = """
+import ctypes, os, resource, signal, sys
+def end(*_):
+    os.killpg(0, signal.SIGKILL)
+parent, seconds, memory, file = map(int, sys.argv[1:5])
+signal.signal(signal.SIGTERM, end)
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(1, signal.SIGTERM, 0, 0, 0)  # when the parent ends
+if os.getppid() != parent:
+    end()
+for kind, most in (("CPU", seconds), ("AS", memory), ("FSIZE", file), ("CORE", 0)):
+    number = getattr(resource, "RLIMIT_" + kind)
+    soft, hard = (least if least >= 0 else most for least in resource.getrlimit(number))
+    try:
+        resource.setrlimit(number, (min(soft, hard, most),) * 2)
+    except (OSError, ValueError):
+        pass  # macOS has no limit of the address space
+try:
+    child = os.posix_spawnp(sys.argv[5], sys.argv[5:], os.environ,
+                            setsigdef=[signal.SIGPIPE, signal.SIGXFSZ, signal.SIGTERM])
+except OSError as error:
+    sys.exit("cannot be started: " + error.strerror)
+code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+if code < 0:
+    signal.signal(-code, signal.SIG_DFL) if -code not in (signal.SIGKILL, signal.SIGSTOP) else None
+    os.kill(os.getpid(), -code)
+sys.exit(code)
+"""
+"""The program between this process and the other one. It takes the limits, which the other one and
+all that it starts inherit, and ends them all when this process has ended."""
+
+
+def run_contained(
+    command: Sequence[str], given: bytes, limits: Limits, folder: Path | None = None
+) -> subprocess.CompletedProcess[bytes]:
+    """Run a command without shell or terminal; whatever it has started ends with it.
+
+    Parameters
+    ----------
+    given
+        What it reads from stdin.
+    folder
+        Its current folder. Default: an empty one.
+
+    Raises
+    ------
+    OSError
+        If it cannot be started.
+    subprocess.TimeoutExpired
+        If it takes longer; with what it has written so far.
+    """
+    with (
+        temporary_folder() as empty,
+        tempfile.TemporaryFile() as stdin,
+        tempfile.TemporaryFile() as out,
+        tempfile.TemporaryFile() as err,
+    ):
+        stdin.write(given)
+        stdin.seek(0)
+        words = list(command)
+        if not WINDOWS:
+            numbers = os.getpid(), max(1, round(limits.seconds)), limits.memory, limits.file
+            words = [sys.executable, "-I", "-S", "-c", _GUARD, *map(str, numbers), *command]
+        process = subprocess.Popen(
+            words, stdin=stdin, stdout=out, stderr=err, cwd=folder or empty, start_new_session=True
+        )
+        late = False
+        try:
+            process.wait(timeout=limits.seconds)
+        except subprocess.TimeoutExpired:
+            late = True
+        finally:
+            _end(process)
+            process.wait()
+        said = []
+        for stream in (out, err):
+            stream.seek(0)
+            said.append(stream.read(limits.file))
+    if late:
+        raise subprocess.TimeoutExpired(command, limits.seconds, *said)
+    return subprocess.CompletedProcess(command, process.returncode, *said)
+
+
+def no_space(said: bytes, limits: Limits) -> int | None:
+    """Return the error number of a full disk or of the user's limit of file size, if it is that."""
+    own = -1 if WINDOWS else resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    if 0 <= own < limits.file and re.search(rb"File size limit exceeded|File too large", said):
+        return errno.EFBIG
+    return errno.ENOSPC if b"No space left on device" in said else None
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a process, and all others of its group."""
+    with suppress(OSError):
+        if WINDOWS:
+            process.kill()
+        else:
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Make a folder of this user that is removed after the block.
+
+    Raises
+    ------
+    TraceError
+        If there is no place for it.
+    """
+    try:
+        # A loaded library cannot be removed on Windows.
+        folder = tempfile.TemporaryDirectory(prefix="eqt-", ignore_cleanup_errors=True)
+    except OSError as error:
+        raise TraceError(
+            f"a law cannot be compiled: there is no folder for temporary files: {error.strerror}",
+            Remedy("set the variable TMPDIR to a folder that you can write to"),
+        ) from error
+    with folder:
+        yield Path(folder.name)
+
+
+# The cache of compiled laws of a user: files in a folder that nobody else can write to ------------
+#
+# They are loaded as code. A file has the digest of its content in its name, so that a damaged one
+# is not used.
+
+
+MOST_BYTES = 2**28
+"""Largest file of a law, bytes."""
+
+KEPT = 200
+"""Most files, of some 50 kB each; the least recently used are removed."""
+
+
+@dataclass(frozen=True)
+class Cache:
+    """The files of a folder, each under a key."""
+
+    folder: Path
+
+    def find(self, key: str, ending: str) -> bytes | None:
+        """Return an intact file of this key, if there is one; anything else is removed.
+
+        What is returned is what was checked: nobody reads the file a second time.
+        """
+        for path in self.folder.glob(f"{_short(key)}-*{ending}"):
+            with suppress(OSError):
+                content = _own_content(path)
+                if content is not None and path.name == _name(key, content, ending):
+                    return content
+                path.unlink()
+        return None
+
+    def keep(self, key: str, ending: str, content: bytes) -> None:
+        """Keep a file; the least recently used others are removed.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+        """
+        path = self.folder / _name(key, content, ending)
+        replace_file(path, content)
+        path.chmod(0o600)  # whatever the umask lets others write to
+        self._forget_the_oldest()
+
+    def _forget_the_oldest(self) -> None:
+        """Remove the least recently used files, including unfinished ones of killed processes."""
+        used = []
+        for path in self.folder.iterdir():
+            with suppress(OSError):  # another process has removed it
+                used.append((path.lstat().st_mtime, path))
+        for _, path in sorted(used)[:-KEPT]:
+            with suppress(OSError):
+                path.unlink()
+
+
+def _own_content(path: Path) -> bytes | None:
+    """Return the content of a file that only this user can write to, and mark it as used."""
+    with suppress(OSError), open_regular(path, follow=False) as stream:
+        found = os.fstat(stream.fileno())
+        if (os.name == "nt" or _is_private(found)) and found.st_size <= MOST_BYTES:
+            os.utime(path)
+            return stream.read(MOST_BYTES)
+    return None
+
+
+def own_cache() -> Cache | None:
+    """Return the cache of this user; None if there is none that only the user can write to."""
+    with suppress(OSError, RuntimeError):  # RuntimeError: there is no home
+        folder = caches_of_user() / "eqt" / "native"
+        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if os.name == "nt":
+            return Cache(folder)
+        found, place = folder.lstat(), folder.resolve()
+        if stat.S_ISDIR(found.st_mode) and _is_private(found):
+            unsafe = next((each for each in place.parents if not _is_safe(each.stat())), None)
+            if unsafe is None:
+                return Cache(place)
+            _tell(unsafe)
+    return None
+
+
+@lru_cache(maxsize=8)
+def _tell(folder: Path) -> None:
+    reporter().remark(
+        EqtWarning(
+            f"compiled laws are not kept: other users can replace what is in {folder}",
+            Remedy("remove their permission to write to it, or set XDG_CACHE_HOME to another one"),
+        )
+    )
+
+
+def caches_of_user() -> Path:
+    """Return the folder of the user's caches."""
+    if os.name == "nt":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    chosen = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return chosen if chosen.is_absolute() else Path.home() / ".cache"
+
+
+def _is_private(found: os.stat_result) -> bool:
+    """Return whether it is this user's, and no one else can write to it."""
+    return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _is_safe(found: os.stat_result) -> bool:
+    """Return whether nobody but this user and the system can replace what is in a folder.
+
+    As ssh asks of the folders above a key. With its sticky bit, as /tmp, a folder lets others
+    replace only what is theirs.
+    """
+    shared = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return found.st_uid in (0, os.getuid()) and (not shared or bool(found.st_mode & stat.S_ISVTX))
+
+
+def digest(text: str) -> str:
+    """Return the key of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _short(key: str) -> str:
+    return key[:32]
+
+
+def _name(key: str, content: bytes, ending: str) -> str:
+    return f"{_short(key)}-{hashlib.sha256(content).hexdigest()}{ending}"
+
+
+# The C compiler of this machine, and the libraries that it builds from laws -----------------------
+#
+# No shell is used, and of the user's text only numbers, and own C code, are in a source.
+
+
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+"""No compiler may change a rounding with these. The last two concern errno and signals only."""
+
+LIBRARY = (*FLAGS, "-w", "-shared", *(() if WINDOWS else ("-fPIC",)))
+ENDING = ".dll" if WINDOWS else ".so"
+MATHEMATICS = () if WINDOWS else ("-lm",)
+OWN_MACHINE = "-march=native"
+
+SECONDS = 600.0
+"""Time limit of a compiler, s."""
+
+PREPROCESSOR = Limits(seconds=10.0, memory=2**30, file=16 * 2**20)
+"""Limits of a compiler that only reads a user's files; math.h and its like take 0.1 s and 1 MB."""
+
+TOLD_LINES = 5
+"""Most lines of a compiler's messages that are shown."""
+
+FEATURES = {
+    "__AVX512F__": "AVX-512",
+    "__AVX2__": "AVX2",
+    "__AVX__": "AVX",
+    "__FMA__": "FMA",
+    "__ARM_NEON": "NEON",
+    "__ARM_FEATURE_SVE": "SVE",
+    "__riscv_v": "V",
+}
+"""Instruction sets of processors that matter for speed, by the macro that shows them."""
+
+INEXACT = {
+    "__FAST_MATH__": "1",
+    "__FINITE_MATH_ONLY__": "1",
+    "__RECIPROCAL_MATH__": "1",
+    "__ASSOCIATIVE_MATH__": "1",
+    "__NO_SIGNED_ZEROS__": "1",
+    "__FLT_EVAL_METHOD__": "2",
+}
+"""Macros, and their values, of compilers that do not round as IEEE 754 requires."""
+
+CHOOSE = Remedy("set the variable CC to a C compiler, or remove it")
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C compiler of this machine.
+
+    Attributes
+    ----------
+    command
+        The command that calls it.
+    flags
+        Flags beyond those of every compiler.
+    version
+        Its version as it reports it: ``gcc 12.2.0``.
+    features
+        Instruction sets of the processor for which it compiles.
+    identity
+        Digest of all its predefined macros, which describe it and the processor.
+    """
+
+    command: tuple[str, ...]
+    flags: tuple[str, ...]
+    version: str
+    features: tuple[str, ...]
+    identity: str
+
+    @property
+    def words(self) -> str:
+        """The command and its flags, as typed in a shell."""
+        return shlex.join([*self.command, *LIBRARY, *self.flags])
+
+    @property
+    def lanes(self) -> int:
+        """The number of runs side by side, which fill a vector.
+
+        More would be split, which gcc does badly: on AVX2, 8 lanes take 1.5 times as long for a
+        sine as 4.
+        """
+        return 8 if "AVX-512" in self.features else 4 if "AVX" in self.features else 2
+
+    @property
+    def described(self) -> str:
+        """Version, command and processor in a line."""
+        known = f"; {', '.join(self.features)}" if self.features else ""
+        return f"{self.version}: {self.words}{known}"
+
+
+# The compiler of this machine ---------------------------------------------------------------------
+
+
+def commands() -> list[tuple[str, ...]]:
+    """Return the commands of the C compilers of this machine, the best first.
+
+    The variable CC has precedence; else cc, clang, gcc, and the clang of the package ziglang.
+    """
+    if chosen := _words(os.environ.get("CC", "")):
+        return [chosen]
+    return _installed(os.environ.get("PATH", ""))
+
+
+@lru_cache(maxsize=1)
+def _installed(folders: str) -> list[tuple[str, ...]]:
+    """Look for compilers in the folders of a PATH once: every point of a sweep asks for them."""
+    names = ("cc", "clang", "gcc")
+    found = [(path,) for name in names if (path := shutil.which(name, path=folders))]
+    zig = [(sys.executable, "-m", "ziglang", "cc")] if find_spec("ziglang") else []
+    # Others on Windows may be for another system than Python's.
+    return [*zig, *found] if WINDOWS else [*found, *zig]
+
+
+def _words(called: str) -> tuple[str, ...]:
+    try:
+        words = shlex.split(called, posix=not WINDOWS)
+    except ValueError as error:
+        said = str(error).rstrip(".").lower()
+        raise TraceError(f"the variable CC is no command: {called}: {said}", CHOOSE) from error
+    return tuple(word.strip('"') for word in words) if WINDOWS else tuple(words)
+
+
+def missing() -> str | None:
+    """Return how to get a compiler; None if there is one."""
+    if os.environ.get("CC", "").strip() or commands():
+        return None
+    return (
+        "engine native needs a C compiler: install gcc or clang, or 'pip install ziglang' (extra "
+        f"native), a clang in a wheel (this is {platform.system()} on {platform.machine()}); or "
+        "use engine solve_ivp"
+    )
+
+
+_lock = threading.Lock()
+
+
+def compiler() -> Compiler:
+    """Return the first compiler of this machine that works.
+
+    Raises
+    ------
+    TraceError
+        If there is none.
+    """
+    with _lock:
+        return _first(tuple(commands()))
+
+
+@lru_cache(maxsize=8)
+def _first(called: tuple[tuple[str, ...], ...]) -> Compiler:
+    errors: list[TraceError] = []
+    for command in called:
+        try:
+            return _described(command)
+        except TraceError as error:
+            errors.append(error)
+    raise errors[0] if errors else TraceError(missing() or "there is no C compiler")
+
+
+def _asked(command: tuple[str, ...]) -> Compiler:
+    """Return the compiler of a command, as described by the macros that it defines."""
+    said = ""
+    for flags in ((OWN_MACHINE,), ()):
+        answer = run([*command, *flags, "-dM", "-E", "-x", "c", "-"])
+        if answer.returncode == 0 and "#define" in answer.stdout:
+            return _read(command, flags, answer.stdout)
+        said = answer.stderr or answer.stdout
+    raise TraceError(
+        f"the C compiler {shlex.join(command)} does not work", CHOOSE, lines=_told(said)
+    )
+
+
+def _read(command: tuple[str, ...], flags: tuple[str, ...], told: str) -> Compiler:
+    macros = dict(re.findall(r"^#define (\w+) (.*)$", told, re.MULTILINE))
+    if wrong := [name for name, value in INEXACT.items() if macros.get(name) == value]:
+        raise TraceError(
+            f"the C compiler {shlex.join(command)} does not round as IEEE 754 says "
+            f"({wrong[0]} is {macros[wrong[0]]})",
+            Remedy("remove options such as -ffast-math from the variable CC"),
+        )
+    name = "clang" if "__clang__" in macros else "gcc" if "__GNUC__" in macros else "C compiler"
+    said = (macros.get("__clang_version__") or macros.get("__VERSION__", "")).strip('"').split()
+    return Compiler(
+        command,
+        flags,
+        " ".join([name, *said[:1]]),
+        tuple(words for macro, words in FEATURES.items() if macro in macros),
+        digest(told),
+    )
+
+
+# To query a compiler takes 50 to 200 ms, longer than to load a library from the cache.
+
+
+def _described(command: tuple[str, ...]) -> Compiler:
+    """Return the compiler of a command: cached, on a processor like this, or as it says itself."""
+    cache, key = own_cache(), _state(command)
+    if cache is None or key is None:
+        return _asked(command)
+    with suppress(OSError, ValueError, TypeError):
+        if found := cache.find(key, ".json"):
+            entries = json.loads(found)
+            tuples = {name: tuple(entries[name]) for name in ("command", "flags", "features")}
+            return Compiler(**{**entries, **tuples})
+    asked = _asked(command)
+    with suppress(OSError):
+        cache.keep(key, ".json", json.dumps(asdict(asked)).encode())
+    return asked
+
+
+def _state(command: tuple[str, ...]) -> str | None:
+    """Return a digest that changes with compiler and processor; None if the latter is unknown."""
+    processor = _processor()
+    if not processor:
+        return None
+    files = [
+        (str(path), found.st_mtime_ns, found.st_size)
+        for path in _files(command)
+        for found in [path.stat()]
+    ]
+    return digest(repr((command, files, processor)))
+
+
+def _files(command: Sequence[str]) -> Iterator[Path]:
+    """Yield the files that a command names, links followed."""
+    for word in command:
+        if path := shutil.which(word):
+            yield Path(path).resolve()
+        elif word == "ziglang" and (package := find_spec(word)) and package.origin:
+            yield from sorted(Path(package.origin).parent.glob("zig*"))
+
+
+def _processor() -> list[str]:
+    """Return Linux's description of the first processor, without varying numbers; else nothing."""
+    varies = ("processor", "cpu MHz", "bogomips", "BogoMIPS", "core id", "apicid", "initial apicid")
+    try:
+        with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as stream:
+            text = stream.read(2**14).split("\n\n")[0]
+    except OSError:
+        return []
+    return [line for line in text.splitlines() if line.partition("\t")[0].strip() not in varies]
+
+
+# Libraries ----------------------------------------------------------------------------------------
+
+
+def library(source: str) -> ctypes.CDLL:
+    """Return the library of a C source, compiled or from the cache.
+
+    Raises
+    ------
+    TraceError
+        If there is no compiler, or it fails.
+    """
+    by = compiler()
+    with _lock:  # a thread waits while another one compiles the same source
+        return _library(source, by)[0]
+
+
+def content(source: str) -> bytes:
+    """Return the file of the same library; raises as `library` does."""
+    by = compiler()
+    with _lock:
+        return _library(source, by)[1]
+
+
+@lru_cache(maxsize=64)
+def _library(source: str, by: Compiler) -> tuple[ctypes.CDLL, bytes]:
+    cache, key = own_cache(), digest("\0".join([source, by.words, by.identity]))
+    if cache is not None and (found := cache.find(key, ENDING)):
+        with suppress(OSError):
+            return _loaded(found), found
+    with reporter().busy(f"compiling {subject()}"):
+        made = _compiled(source, by, "-shared")
+    try:
+        loaded = _loaded(made)
+    except OSError as error:
+        raise TraceError(
+            f"what the C compiler {shlex.join(by.command)} makes cannot be loaded",
+            Remedy("set the variable CC to a compiler for this machine, or use engine solve_ivp"),
+            lines=_told(str(error)),
+        ) from error
+    if cache is not None:
+        with suppress(OSError):
+            cache.keep(key, ENDING, made)
+    return loaded, made
+
+
+def _loaded(made: bytes) -> ctypes.CDLL:
+    with as_file(made) as path:
+        return ctypes.CDLL(str(path))
+
+
+@contextmanager
+def as_file(made: bytes) -> Iterator[Path]:
+    """Give a library a name, under which this process and others of the user can load it.
+
+    No one can change it between its check and its use: on Linux it is in memory only.
+    """
+    with temporary_folder() as folder:
+        path = folder / f"law{ENDING}"
+        if sys.platform != "linux":
+            path.write_bytes(made)
+            yield path
+            return
+        with os.fdopen(os.memfd_create("eqt"), "wb") as memory:
+            memory.write(made)
+            memory.flush()
+            path.symlink_to(f"/proc/{os.getpid()}/fd/{memory.fileno()}")
+            yield path
+
+
+def _compiled(source: str, by: Compiler, kind: str) -> bytes:
+    """Return the library (``-shared``) or the object file (``-c``) of a source."""
+    flags = [kind if flag == "-shared" else flag for flag in (*LIBRARY, *by.flags)]
+    linked = MATHEMATICS if kind == "-shared" else ()
+    with temporary_folder() as folder:
+        made = folder / f"law{ENDING}"
+        answer = run([*by.command, *flags, "-o", str(made), "-x", "c", "-", *linked], source)
+        if answer.returncode or not made.exists():
+            raise TraceError(
+                f"the C compiler {shlex.join(by.command)} cannot compile a law",
+                Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
+                lines=_told(answer.stderr or answer.stdout),
+            )
+        return made.read_bytes()
+
+
+def object_file(source: str) -> bytes:
+    """Return what the compiler makes of a C source before it is linked.
+
+    Raises
+    ------
+    TraceError
+        If there is no compiler, or it fails.
+    """
+    return _compiled(source, compiler(), "-c")
+
+
+def preprocessed(source: str = "", file: Path | None = None) -> str:
+    """Return a C source after its preprocessor, with the markers of lines.
+
+    Parameters
+    ----------
+    file
+        The source, in place of a text. Its folder is the first in which included files are looked
+        for.
+
+    Raises
+    ------
+    TraceError
+        If there is no compiler, or it fails.
+    """
+    by = compiler()
+    command = [*by.command, *FLAGS, *by.flags, "-w", "-E", "-x", "c", str(file or "-")]
+    answer = run(command, source, PREPROCESSOR)
+    if answer.returncode:
+        raise TraceError(
+            f"the preprocessor of {shlex.join(by.command)} fails",
+            lines=_told(answer.stderr) or [f"it ended with {answer.returncode}"],
+        )
+    return answer.stdout
+
+
+def run(
+    command: Sequence[str], text: str = "", limits: Limits | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a command within limits, in an empty folder; text in, text out.
+
+    Raises
+    ------
+    TraceError
+        If it cannot be started, or takes too long.
+    """
+    limits = limits or Limits(SECONDS)
+    try:
+        if not shutil.which(command[0]):
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
+        done = run_contained(command, text.encode(), limits)
+        if done.returncode and (full := no_space(done.stderr, limits)):
+            raise OSError(full, os.strerror(full))
+    except OSError as error:
+        if error.errno in NO_SPACE:
+            raise TraceError(
+                f"a law cannot be compiled: a temporary file in {tempfile.gettempdir()} cannot be "
+                f"written: {str(error.strerror).lower()}",
+                Remedy(
+                    "free some space there, raise the largest file size (`ulimit -f`), or set the "
+                    "variable TMPDIR to another folder"
+                ),
+            ) from error
+        said = f"the C compiler {command[0]} cannot be started: {error.strerror}"
+        raise TraceError(said, CHOOSE) from error
+    except subprocess.TimeoutExpired:
+        raise TraceError(
+            f"the C compiler {command[0]} did not end within {limits.seconds:g} s: "
+            f"{shlex.join(command)}",
+            Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
+        ) from None
+    out, err = (told.decode("utf-8", "replace") for told in (done.stdout, done.stderr))
+    return subprocess.CompletedProcess(command, done.returncode, out, err)
+
+
+def _told(text: str) -> list[str]:
+    """Return the lines with errors in a compiler's messages, else the last lines."""
+    lines = text.strip().splitlines()
+    return [line for line in lines if "error" in line][:TOLD_LINES] or lines[-TOLD_LINES:]

@@ -1,0 +1,712 @@
+"""Engines, the initial value problems they solve, and the walk through the horizon."""
+
+from __future__ import annotations
+
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.registry import Component, Registry
+from eqt_cli.components.sensors import Errors
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.numbers.leaves import leaves, with_leaves
+from eqt_cli.numbers.running import SampledRuns
+
+# The input and output of an engine; it knows no group and no controller ---------------------------
+
+
+ROUNDING = 1e-12
+"""Relative difference of times that are meant to be equal, such as 3·0.1 and 0.3."""
+
+
+class Status(IntEnum):
+    """Outcome of a run; only 0 is success."""
+
+    OK = 0
+    SOLVER_FAILED = 1
+    NON_FINITE = 2
+    STEP_LIMIT = 3
+    ACCURACY = 4
+    WORKER_LOST = 5
+    ESTIMATE_LOST = 6
+    DIVERGED = 7
+
+
+@dataclass(frozen=True)
+class Span:
+    """The time from one instant at which the vector field changes to the next.
+
+    Attributes
+    ----------
+    start, stop
+        Its ends, s.
+    within
+        Both ends, s; if the field changes at an end, the nearest time inside the span.
+    grid
+        Both ends, and the sample times between them.
+    first
+        Index of the first sample time of this span after `start`.
+    later
+        Number of its samples after `start`; their times are ``grid[1 : 1 + later]``.
+    sampled_start
+        Whether `start` is a sample time, too.
+    tick
+        Number k of the tick of a sampled loop at `start`; None if there is none.
+    """
+
+    start: float
+    stop: float
+    within: tuple[float, float]
+    grid: Array
+    first: int
+    later: int
+    sampled_start: bool
+    tick: int | None = None
+
+    def inside(self, t: float) -> float:
+        """Return t; at an end where the field changes, the nearest time inside the span."""
+        return min(max(t, self.within[0]), self.within[1])
+
+    def until(self, t: float) -> Span:
+        """Return the span cut at its last sample that is not after t."""
+        known = int(np.searchsorted(self.grid[1 : 1 + self.later], t, side="right"))
+        stop, within = float(self.grid[known]), (self.within[0], float(self.grid[known]))
+        return replace(self, stop=stop, within=within, grid=self.grid[: 1 + known], later=known)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Many runs of one closed loop, from their own initial states, on a common time grid.
+
+    Attributes
+    ----------
+    loop
+        The structure, with the numbers that all runs share.
+    states : (runs, n)
+        Initial flat states.
+    times : (samples,)
+        Sample times of the solution, s; the first is the initial time.
+    varying
+        Leaves of the loop that differ from run to run, by path, ``(runs, …)``.
+    errors
+        Sensor errors at every control instant, ``(runs, instants, …)``; None if the law is given
+        the true state.
+    """
+
+    loop: ClosedLoop
+    states: Array
+    times: Array
+    varying: Mapping[str, Array] = field(default_factory=dict)
+    errors: Errors | None = None
+
+    @property
+    def runs(self) -> int:
+        """The number of runs."""
+        return len(self.states)
+
+    @cached_property
+    def spans(self) -> list[Span]:
+        """The horizon, cut at the instants that are known in advance, and at control instants."""
+        start, stop = float(self.times[0]), float(self.times[-1])
+        instants = self.loop.instants(stop)
+        ticks = self._control_instants(start, stop)
+        within_it = instants[(start < instants) & (instants < stop)]  # of perhaps a long recording
+        known = _nearest(within_it, np.array([*self.times, *ticks]))
+        inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
+        ends = np.array([start, *inner, stop])
+        # A sample at an instant belongs to the span after it; the last one to the last span.
+        first = np.append(np.searchsorted(self.times, ends[:-1]), len(self.times))
+        spans = []
+        for index, (one, other) in enumerate(pairwise(ends.tolist())):
+            inside = self.times[first[index] : first[index + 1]]
+            later = inside[inside > one]
+            grid = np.concatenate([[one], later, [other] if other not in later[-1:] else []])
+            within = (
+                one if one == start else float(np.nextafter(one, other)),
+                other if other == stop else float(np.nextafter(other, one)),
+            )
+            at, sampled = int(first[index + 1]) - len(later), len(later) < len(inside)
+            spans.append(Span(one, other, within, grid, at, len(later), sampled, ticks.get(one)))
+        return spans
+
+    @property
+    def control_instants(self) -> int:
+        """The number of ticks, at which law, sensors and actuators may act."""
+        return len(self._control_instants(float(self.times[0]), float(self.times[-1])))
+
+    def _control_instants(self, start: float, stop: float) -> dict[float, int]:
+        """Return the ticks t = k·tick, from the start to before the end, with their k."""
+        control = self.loop.vehicle.control
+        if control is None:
+            return {}
+        numbers = np.arange(np.ceil(start / control.tick), np.ceil(stop / control.tick) + 1)
+        times = _nearest(numbers * control.tick, self.times)
+        ticks = zip(times.tolist(), numbers.astype(int).tolist(), strict=True)
+        return {t: k for t, k in ticks if start <= t < stop}
+
+    def select(self, runs: slice | Array) -> Problem:
+        """Return the problem for some of its runs."""
+        varying = {name: values[runs] for name, values in self.varying.items()}
+        errors = None if self.errors is None else self.errors.of(runs)
+        return Problem(self.loop, self.states[runs], self.times, varying, errors)
+
+    def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
+        """Return the sensor errors at a control instant, in these runs."""
+        return None if self.errors is None else self.errors.of(runs, tick)
+
+    @staticmethod
+    def joined(problems: Sequence[Problem]) -> Problem:
+        """Join the runs of several problems, whose loops have the same structure and times."""
+        first = problems[0]
+        parameters = [
+            {
+                name: problem.varying.get(name, np.broadcast_to(shared, (runs, *shared.shape)))
+                for name, shared in leaves(problem.loop).items()
+            }
+            for problem in problems
+            for runs in [problem.runs]
+        ]
+        varying = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
+        states = np.concatenate([problem.states for problem in problems])
+        known = [problem.errors for problem in problems if problem.errors is not None]
+        errors = Errors(*map(np.concatenate, zip(*known, strict=True))) if known else None
+        return Problem(first.loop, states, first.times, varying, errors)
+
+    def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:
+        """Return the loop with its varying leaves along a leading run axis.
+
+        `extra_axes` axes are inserted after it, for states ``(runs, samples, n)``.
+        """
+        if not self.varying:
+            return self.loop
+        expanded = {
+            name: values.reshape(self.runs, *(1,) * extra_axes, *values.shape[1:])
+            for name, values in self.varying.items()
+        }
+        return with_leaves(self.loop, expanded)
+
+
+def _nearest(instants: Array, times: Array) -> Array:
+    """Return the instants, replacing those that equal one of `times` but for rounding by it."""
+    if not len(instants):
+        return instants
+    ordered = np.sort(times)
+    above = np.clip(np.searchsorted(ordered, instants), 1, len(ordered) - 1)
+    low, high = ordered[above - 1], ordered[above]
+    nearest = np.where(instants - low < high - instants, low, high)
+    near = np.abs(nearest - instants) <= ROUNDING * np.maximum(1.0, np.abs(instants))
+    return np.where(near, nearest, instants)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The results of all runs of a problem.
+
+    Attributes
+    ----------
+    states : (runs, samples, n)
+        Flat states at the sample times; NaN from where a run failed.
+    status : (runs,)
+        `Status` of each run.
+    steps : (runs,)
+        Work, as the engine counts it.
+    messages
+        Why a run failed; empty if it did not.
+    """
+
+    states: Array
+    status: Array
+    steps: Array
+    messages: list[str]
+
+    @staticmethod
+    def empty(problem: Problem) -> Solution:
+        """Return a solution to be filled in; its memory is first touched then."""
+        runs, n = problem.states.shape
+        states = np.empty((runs, len(problem.times), n))
+        steps = np.zeros(runs, dtype=np.int64)
+        return Solution(states, np.zeros(runs, dtype=np.int32), steps, [""] * runs)
+
+
+Progress = Callable[[float], None]
+"""A callback with the number of runs done since its last call, in fractions of a run."""
+
+
+# The base class of integrators, and their walk through the spans of a problem, group by group -----
+#
+# The walk evaluates sampled laws, fills in the samples, and records runs that fail.
+# It knows no engine.
+
+
+NO_LONGER_FINITE = "the state or its derivative is no longer finite"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """The reason why a run ends before its horizon.
+
+    Attributes
+    ----------
+    t
+        Its time, s; NaN if only the last sample before it is known.
+    """
+
+    status: Status = Status.NON_FINITE
+    reason: str = NO_LONGER_FINITE
+    t: float = np.nan
+
+
+@dataclass(frozen=True)
+class SpanResult:
+    """The results of some runs in a span.
+
+    Attributes
+    ----------
+    states : (runs, n)
+        States at its stop. A run whose state is not finite there has failed.
+    samples : (runs, later, n)
+        States at its sample times after its start; NaN from where a run failed.
+    steps : (runs,)
+        Work, as the engine counts it.
+    failed
+        The runs that end, by their index here, and why; None for a run that others may have
+        stopped. It is integrated once more, alone.
+    """
+
+    states: Array
+    samples: Array
+    steps: Array | int
+    failed: Mapping[int, Failure | None] = field(default_factory=dict)
+
+
+class Integrator(ABC):
+    """Integrates runs of a problem from span to span; it may keep data, such as step sizes.
+
+    The walk calls `begin` for some runs, and then in every span `hold`, `at_instant` where a
+    sampled law is evaluated at its start, and `advance`.
+
+    Attributes
+    ----------
+    problem
+        All runs.
+    runs : (runs,)
+        The current runs.
+    loop
+        Their closed loop, with their own parameters.
+    vector_field
+        Time derivatives of states ``(runs, n)`` at a time t of the current span.
+    samples : (runs, samples, n) or None
+        The samples of the current runs, to be filled in, if these runs are neighbours.
+    reached
+        May be called with a time that the runs have reached, to show progress.
+    """
+
+    runs: Array
+    loop: ClosedLoop
+    vector_field: Callable[[float, Array], Array]
+    samples: Array | None
+    reached: Callable[[float], None]
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+
+    def begin(self, runs: Array) -> None:
+        """Begin these runs, at their initial states."""
+        self.loop = self.problem.select(runs).batched_loop()
+
+    def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
+        """Return the states after a control instant, with these measurement errors."""
+        return self.loop.after_instant(t, states, errors)
+
+    def hold(self, span: Span) -> None:
+        """Set the numbers that the loop holds in a span."""
+        loop = self.loop.holding(span.start)
+        self.vector_field = lambda t, states: loop.vector_field(span.inside(t), states)
+
+    def room(self, span: Span) -> Array:
+        """Return an array for the samples of a span; what is written there need not be copied."""
+        if self.samples is None:
+            return np.empty((len(self.runs), span.later, self.problem.loop.moving_length))
+        return self.samples[:, span.first : span.first + span.later]
+
+    @abstractmethod
+    def advance(self, span: Span, states: Array) -> SpanResult:
+        """Integrate from the states at the start of a span, ``(runs, n)``, to its stop.
+
+        Steps are chosen by the tolerance: no step ends at a sample for its sake. A run does not
+        depend on its neighbours.
+        """
+
+
+INDEFINITE = (
+    Status.ESTIMATE_LOST,
+    "the covariance of the estimate is no longer positive definite; give the estimator larger "
+    "deviations, or measurements more often",
+)
+"""Status and reason of a run whose covariance is no longer positive definite."""
+
+MOST_TURNS = 100.0
+"""Turns of a body within a control period beyond which no law can act on it."""
+
+GROWN = 100.0
+"""How many times as fast it must turn as it did at the start, and as the reference does."""
+
+SUSPECT = 200
+"""Steps in a control period beyond which it is asked how fast a body turns."""
+
+DIVERGED = (
+    Status.DIVERGED,
+    f"the body turns more than {MOST_TURNS:g} times within a control period, so the loop diverges; "
+    "shorten control.period, or lower the gains",
+)
+"""Status and reason of such a run, whose steps would become as many as its turns."""
+
+REPORTED = 0.02
+"""Smallest fraction of the horizon between two reports of progress."""
+
+REPORT_EVERY = 0.2
+"""Longest time between two reports of progress while a vector field is evaluated in Python, s."""
+
+
+def walked(
+    integrator: Integrator, groups: Sequence[Array], progress: Progress, threads: int
+) -> Solution:
+    """Return the solution of all groups of runs, by at most this number of threads."""
+    solution = Solution.empty(integrator.problem)
+    left, lock = iter(groups), threading.Lock()
+
+    def report(runs: float) -> None:
+        with lock:
+            progress(runs)
+
+    def work() -> None:
+        mine = copy(integrator)  # for this thread
+        with np.errstate(all="ignore"):  # a state that is not finite ends its run
+            while True:
+                with lock:
+                    runs = next(left, None)
+                if runs is None:
+                    return
+                _walk(mine, solution, runs, report)
+
+    threads = min(threads, len(groups))
+    if threads == 1:
+        work()
+        return solution
+    with ThreadPoolExecutor(threads) as pool:
+        futures = [pool.submit(work) for _ in range(threads)]
+        try:
+            for future in futures:
+                future.result()
+        except BaseException:
+            with lock:
+                list(left)  # no further group is begun; current ones end
+            raise
+    return solution
+
+
+def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Progress) -> None:
+    """Fill in the solution of a group of runs."""
+    problem, going = integrator.problem, np.ones(len(runs), dtype=bool)
+    failed: dict[int, tuple[Span, Failure | None]] = {}
+    steps: Any = 0
+    states, solution.steps[runs] = problem.states[runs], 0
+    neighbours = slice(int(runs[0]), int(runs[0]) + len(runs))
+    together = bool((np.diff(runs) == 1).all())
+    room = together and problem.loop.moving_length == states.shape[1]
+    integrator.runs, integrator.samples = runs, solution.states[neighbours] if room else None
+    integrator.reached = reached = _Reached(problem, len(runs), progress)
+    integrator.begin(runs)
+    for span in problem.spans:
+        integrator.hold(span)
+        states, ending = _at_instant(integrator, span, states, steps)
+        if span.sampled_start:
+            solution.states[runs, span.first - 1] = states
+        if ending:
+            failed = {place: (span, why) for place, why in ending.items()} | failed
+            going[list(ending)] = False
+            states = np.where(going[:, None], states, problem.states[runs])  # where steps are long
+        result = _advanced(integrator, span, states, solution.states)
+        states, steps = result.states, result.steps
+        solution.steps[runs] += np.where(going, result.steps, 0) if failed else result.steps
+        ended: dict[int, Failure | None] = dict(result.failed)
+        if not np.isfinite(states).all():
+            lost = np.flatnonzero(~np.isfinite(states).all(axis=1)).tolist()
+            ended = {**dict.fromkeys(lost, Failure()), **ended}
+        for place, failure in ended.items():
+            failed.setdefault(place, (span, failure))
+            going[place] = False
+        if len(failed) == len(runs):
+            break
+        reached(span.stop)
+    for place, (span, failure) in failed.items():
+        if failure is None and len(runs) > 1:
+            _walk(integrator, solution, runs[[place]], lambda runs: progress(0.0))
+        else:
+            _note(solution, problem, runs[place], span, failure or Failure())
+    reached.finish()
+
+
+def _at_instant(
+    integrator: Integrator, span: Span, states: Array, steps: Any
+) -> tuple[Array, dict[int, Failure]]:
+    """Return the states after a control instant, if a span begins with one, and what ends there.
+
+    Parameters
+    ----------
+    steps
+        Those of the last control period.
+    """
+    if span.tick is None:
+        return states, {}
+    problem = integrator.problem
+    errors = problem.errors_at(span.tick, integrator.runs)
+    states, lost = integrator.at_instant(span.start, states, errors), {}
+    if np.max(steps) > SUSPECT:
+        lost = dict.fromkeys(np.flatnonzero(_diverged(integrator, span, states)).tolist(), DIVERGED)
+    lost |= dict.fromkeys(np.flatnonzero(problem.loop.estimate_lost(states)).tolist(), INDEFINITE)
+    return states, {place: Failure(*why, span.start) for place, why in lost.items()}
+
+
+def _diverged(integrator: Integrator, span: Span, states: Array) -> Array:
+    """Return which of the current runs turn too fast for their law, at a control instant."""
+    problem = integrator.problem.select(integrator.runs)
+    loop = problem.batched_loop()
+    now = loop.tracking(span.start, states)
+    start = loop.tracking(float(problem.times[0]), problem.states)
+    turning = np.zeros(loop.group.dimension)
+    for part in loop.group.parts:
+        turning[part.axes] = part.turns
+    rate, first, desired = (norm(turning * V) for V in (now.V, start.V, now.Vd))
+    assert loop.vehicle.control is not None
+    turns = loop.vehicle.control.period * rate / (2 * np.pi)
+    return (turns > MOST_TURNS) & (rate > GROWN * np.maximum(first, desired))
+
+
+def _advanced(integrator: Integrator, span: Span, states: Array, kept: Array) -> SpanResult:
+    """Advance some runs through a span and store the samples; return whole states."""
+    moving = integrator.problem.loop.moving_length
+    later = slice(span.first, span.first + span.later)
+    result, runs = integrator.advance(span, states[:, :moving]), integrator.runs
+    if span.later and result.samples.base is not kept:
+        kept[runs, later, :moving] = result.samples
+    if moving == states.shape[1]:
+        return result
+    kept[runs, later, moving:] = states[:, None, moving:]
+    return replace(result, states=np.concatenate([result.states, states[:, moving:]], axis=1))
+
+
+def _note(solution: Solution, problem: Problem, run: int, span: Span, failure: Failure) -> None:
+    """Note how a run has failed in a span, and erase its later samples."""
+    states = solution.states[run]
+    states[span.first + span.later :] = np.nan
+    states[problem.times > failure.t] = np.nan
+    lost = np.logical_or.accumulate(~np.isfinite(states).all(axis=1))
+    states[lost] = np.nan
+    at = f"t = {failure.t:.6g} s"
+    if np.isnan(failure.t):
+        known = problem.times[~lost]
+        at = f"after t = {known[-1] if len(known) else problem.times[0]:.6g} s"
+    law = problem.loop.controller if failure.status is Status.NON_FINITE else None
+    reason = "; ".join(filter(None, [failure.reason, law.undefined if law else ""]))
+    solution.status[run] = failure.status
+    solution.messages[run] = f"{at}: {reason}"
+
+
+class _Reached:
+    """Reports the progress of some runs by the time they have reached."""
+
+    def __init__(self, problem: Problem, runs: int, progress: Progress) -> None:
+        self._start, self._end = problem.times[[0, -1]].tolist()
+        self._runs, self._progress = runs, progress
+        self._reported, self._due = 0.0, time.monotonic() + REPORT_EVERY
+
+    def __call__(self, t: float) -> None:
+        fraction = (t - self._start) / (self._end - self._start)
+        if fraction - self._reported > REPORTED or time.monotonic() > self._due:
+            self._report(max(fraction, self._reported))
+
+    def finish(self) -> None:
+        if self._reported < 1.0:
+            self._report(1.0)
+
+    def _report(self, fraction: float) -> None:
+        self._progress((fraction - self._reported) * self._runs)
+        self._reported, self._due = fraction, time.monotonic() + REPORT_EVERY
+
+
+# The base class of engines: each integrates runs through a span; the walk is shared ---------------
+
+
+REHEARSED = 1e-9
+"""Fraction of the horizon that a rehearsal covers: one step or two of an engine."""
+
+SampledFunction = Callable[..., dict[str, Array]]
+"""A function of a loop, a time and rows of numbers, the first a flat state, to arrays by name.
+
+It is written in operations that laws may use; equal functions give the same arrays.
+"""
+
+Reduction = Callable[[SampledRuns, Mapping[str, Any]], Mapping[str, Any]]
+"""A function of a run's samples and the arrays of a `SampledFunction` to numbers by name.
+
+Equal reductions give the same numbers.
+"""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A solution, with numbers and arrays that follow from it.
+
+    Attributes
+    ----------
+    solution
+        The solution; its states may be left out if they are not asked for.
+    numbers : (runs,) each
+        Numbers of each run, by name.
+    arrays : (runs, samples, …) each
+        Requested arrays, by name.
+    """
+
+    solution: Solution
+    numbers: dict[str, Array]
+    arrays: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Engine(Component):
+    """An integrator: a frozen dataclass whose fields are its keys in `solver`."""
+
+    estimates_errors: ClassVar[bool] = False
+    """Whether a second, tighter solve is cheap enough to estimate every run's error by default."""
+    threads: ClassVar[bool] = False
+    """Whether it computes outside Python, so that threads of one process use several cores."""
+    as_fast_in_threads: ClassVar[int] = 1
+    """Largest number of threads as fast as that many processes, which take a second to start."""
+    calls_laws: ClassVar[bool] = True
+    """Whether it calls a law as Python, at any time, rather than compile it."""
+    part_runs: ClassVar[int] = 50
+    """Approximate number of runs in a part: enough to outweigh a file, few enough to lose."""
+    counted: ClassVar[str] = "steps"
+    """The unit of work that its solutions count."""
+    rtol: float
+    """The accuracy that the results are judged by."""
+
+    @classmethod
+    def unavailable(cls) -> str | None:
+        """Return why it cannot be used on this machine, and the remedy; None if it can."""
+        return None
+
+    @abstractmethod
+    def integrator(self, problem: Problem) -> Integrator:
+        """Return the integrator of a problem's runs, span by span."""
+
+    @final
+    def solve(
+        self, problem: Problem, workers: int = 1, progress: Progress = lambda runs: None
+    ) -> Solution:
+        """Integrate every run; a run that fails gets a status and harms no other.
+
+        `workers` bounds the threads of an engine that can use several; it never changes a result.
+        `progress` is called with the number of further runs done, in fractions. What it raises ends
+        the solve.
+        """
+        threads = workers if self.threads else 1
+        groups = self.groups(problem, threads)
+        return walked(self.integrator(problem), groups, progress, threads)
+
+    def groups(self, problem: Problem, threads: int) -> list[Array]:
+        """Return the groups of runs integrated at a time; they never change a result."""
+        return [np.arange(problem.runs)]
+
+    def rehearse(self, problem: Problem) -> None:
+        """Raise what `solve` would raise at its start, at little cost; no result is kept."""
+        start, stop = problem.times[[0, -1]]
+        little = np.array([start, start + REHEARSED * (stop - start)])
+        self.solve(replace(problem, times=little))
+
+    def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
+        """Return the runs best solved and evaluated together; they never change a result."""
+        return [np.arange(problem.runs)]
+
+    def evaluate(
+        self, function: SampledFunction, problem: Problem, *rows: Array
+    ) -> dict[str, Array]:
+        """Evaluate a function of loop, time and rows of numbers, at every sample of every run.
+
+        Parameters
+        ----------
+        rows : (runs, samples, n) each
+            Flat states, and further rows that the function takes; (samples, n) if runs share them.
+
+        Returns
+        -------
+        dict
+            Arrays by name, ``(runs, samples, …)`` each.
+        """
+        return function(problem.batched_loop(extra_axes=1), problem.times, *rows)
+
+    def measured(
+        self,
+        function: SampledFunction,
+        reduction: Reduction,
+        problem: Problem,
+        rows: Sequence[Array],
+        kept: Sequence[str] | None,
+        workers: int = 1,
+        progress: Progress = lambda runs: None,
+    ) -> Measured:
+        """Solve, and compute numbers of each run from arrays at every sample.
+
+        Parameters
+        ----------
+        rows : (runs, samples, n) or (samples, n) each
+            Rows that the function takes after the states.
+        kept
+            The arrays to return; None for all of them, and the states.
+        """
+        solution = self.solve(problem, workers, progress)
+        with np.errstate(all="ignore"):  # runs that failed are NaN, or large
+            found = self.evaluate(function, problem, solution.states, *rows)
+            numbers = dict(reduction(SampledRuns(problem.times), found))
+        return Measured(solution, numbers, found)
+
+    def work_for_stability(self, rates: Array, duration: float) -> float:
+        """Return the work, as `counted`, at which no decaying error grows; 0 if there is no limit.
+
+        Parameters
+        ----------
+        rates : (instants, n)
+            The eigenvalues of the linearised loop at instants spread over the duration, 1/s.
+        """
+        return 0.0
+
+    @abstractmethod
+    def tightened(self, factor: float) -> Engine:
+        """Return the engine with its tolerances multiplied by `factor` < 1."""
+
+    def provenance(self) -> dict[str, str]:
+        """Return the tools of this machine that it uses, by name; no result depends on them."""
+        return {}
+
+    def runs_at_once(self, most: int) -> int:
+        """Return the number of runs for one `solve`, near `most`; it must not change results."""
+        return max(1, most)
+
+    def check(self, problems: Problems) -> None:
+        """Note problems of its options."""
+
+
+engines = Registry("engine", "engines", Engine, ("engines.solve_ivp", "engines.native"))

@@ -1,0 +1,362 @@
+"""The C source of an integrator, and the compiled library that Python calls."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import accumulate
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.engines import compiler
+from eqt_cli.numbers.program import (
+    FUNCTIONS_HEADER,
+    LANES_HEADER,
+    Constant,
+    Input,
+    Operation,
+    Output,
+    Program,
+    c_function,
+    fused,
+)
+
+# The C source of a closed loop: emitted programs, and templates that integrate and evaluate them --
+#
+# It contains no text of a configuration but numbers; all names are eqt's.
+
+
+ADVANCE, STORE, MEASURE, EVALUATE = "advance.h", "store.h", "measure.h", "evaluate.h"
+METHOD, ROWS = "dop853.h", "rows.h"
+DEVICE, KERNEL = "opencl.h", "kernel.h"
+_TEMPLATES = Path(__file__).parent / "c"
+
+
+def integration_source(field: Program, lanes: int, at_samples: SampleProgram | None = None) -> str:
+    """Return the C source of ``eqt_advance``, for a program of ``derivative``.
+
+    Parameters
+    ----------
+    lanes
+        Number of runs side by side; it changes no bit of a result.
+    at_samples
+        Program that looks at each sample; without it, states are stored.
+    """
+    kept, comparisons = with_kept_comparisons(field)
+    lengths = dict(kept.inputs)
+    sizes = {
+        "EQT_STATES": lengths["state"],
+        "EQT_PARAMETERS": lengths["parameters"],
+        "EQT_HELD": lengths["held"],
+        "EQT_COMPARISONS": comparisons,
+        "EQT_MEMORY": 0 if at_samples is None else at_samples.memory,
+    }
+    every = set(range(lengths["state"]))
+    emitted = [
+        _defined(sizes),
+        _flags("eqt_all", every, lengths["state"]),
+        _flags("eqt_seen", every if at_samples is None else at_samples.states, lengths["state"]),
+        f"static {c_function(fused(kept), 'eqt_field')}",
+    ]
+    names = [METHOD, ADVANCE, STORE]
+    if at_samples is not None:
+        emitted.append(_measuring(at_samples))
+        names = [ROWS, METHOD, ADVANCE, MEASURE]
+    return "\n".join([_head(lanes), *emitted, *map(_text, names)])
+
+
+def kernel_source(field: Program, at_samples: SampleProgram | None = None) -> str:
+    """Return the OpenCL C source of ``eqt_runs``, which integrates one run a work item."""
+    return "\n".join([_text(DEVICE), integration_source(field, 1, at_samples), _text(KERNEL)])
+
+
+class SampleProgram(NamedTuple):
+    """A program that measures each sample of a run.
+
+    Attributes
+    ----------
+    program
+        Its outputs are ``memory`` and ``kept``, its inputs ``state`` followed by further rows,
+        ``time``, ``parameters``, ``held``, ``columns`` and ``memory``.
+    stretches
+        The lengths of the inputs besides the state: rows, time, held numbers and columns.
+    """
+
+    program: Program
+    stretches: tuple[int, ...]
+
+    @property
+    def memory(self) -> int:
+        """The number of entries that it keeps from sample to sample."""
+        return dict(self.program.inputs)["memory"]
+
+    @property
+    def states(self) -> set[int]:
+        """The places in ``state`` that it reads."""
+        inputs = (value for value in self.program.values if isinstance(value, Input))
+        return {value.number for value in inputs if value.group == "state"}
+
+    @property
+    def kept(self) -> int:
+        """The number of entries that it keeps of each sample."""
+        return len(self.program.outputs[1].entries)
+
+
+def _measuring(at_samples: SampleProgram) -> str:
+    lengths = dict(at_samples.program.inputs)
+    behind_state = accumulate(lengths[name] for name in ("state", "time", "held"))
+    places = dict(zip(("time", "held", "columns"), behind_state, strict=True))
+    given = {"state": "(in)", "parameters": "(parameters)", "memory": "(memory)"}
+    given |= {name: f"(in) + {place}" for name, place in places.items()}
+    sizes = {
+        "EQT_SOURCES": len(at_samples.stretches),
+        "EQT_ROWS": sum(at_samples.stretches),
+        "EQT_KEPT": at_samples.kept,
+    }
+    called = ", ".join(
+        [*(given[name] for name, _ in at_samples.program.inputs), "(after)", "(kept)"]
+    )
+    stretches = ", ".join(map(str, at_samples.stretches))
+    return (
+        f"{_defined(sizes)}"
+        f"static EQT_CONSTANT const int64_t eqt_lengths[] = {{{stretches}}};\n"
+        f"#define EQT_MEASURE(in, parameters, memory, after, kept) eqt_look_at({called})\n"
+        f"static {c_function(at_samples.program, 'eqt_look_at')}"
+    )
+
+
+def evaluation_source(program: Program, stretches: Sequence[int], lanes: int) -> str:
+    """Return the C source of ``eqt_evaluate``, for a program.
+
+    Parameters
+    ----------
+    stretches
+        The lengths of the stretches into which its inputs are cut, in their order.
+    """
+    # The names of arrays are not always names in C.
+    outputs = [each._replace(name=f"array{k}") for k, each in enumerate(program.outputs)]
+    named = replace(program, outputs=tuple(outputs))
+    found = [len(output.entries) for output in program.outputs]
+    starts = [0, *accumulate(length for _, length in program.inputs)]
+    places = [0, *accumulate(found)]
+    given = [f"(in) + {start}" for start in starts[:-1]]
+    given += [f"(out) + {place}" for place in places[:-1]]
+    defined = (
+        f"#define EQT_SOURCES {len(stretches)}\n#define EQT_INPUTS {starts[-1]}\n"
+        f"#define EQT_ARRAYS {len(found)}\n#define EQT_OUTPUTS {places[-1]}\n"
+        f"static const int64_t eqt_lengths[] = {{{', '.join(map(str, stretches))}}};\n"
+        f"static const int64_t eqt_found_lengths[] = {{{', '.join(map(str, found))}}};\n"
+        f"#define EQT_CALL(in, out) eqt_program({', '.join(given)})\n"
+    )
+    emitted = f"static {c_function(named, 'eqt_program')}"
+    return "\n".join([_head(lanes), defined, emitted, _text(ROWS), _text(EVALUATE)])
+
+
+def with_kept_comparisons(program: Program) -> tuple[Program, int]:
+    """Return the program with the sides of its comparisons as inputs, and their number.
+
+    Every ``a < b`` is replaced by ``sides[j] < 0``. The outputs ``left`` and ``right`` are the a
+    and b of each. Comparisons between forms of one smooth function are unchanged.
+    """
+    values: list[Input | Constant | Operation] = []
+    places: list[int] = []
+    compared: list[tuple[int, int]] = []
+    zero = -1
+    for value in program.values:
+        if isinstance(value, Operation):
+            value = value.moved(places)
+            if value.name == "less":
+                if zero < 0:
+                    zero = len(values)
+                    values.append(Constant(0.0))
+                values.append(Input("sides", len(compared)))
+                compared.append((value.operands[0], value.operands[1]))
+                value = Operation("less", (len(values) - 1, zero))
+        places.append(len(values))
+        values.append(value)
+    outputs = [each.moved(places) for each in program.outputs]
+    for side, name in enumerate(("left", "right")):
+        outputs.append(Output(name, (len(compared),), tuple(pair[side] for pair in compared)))
+    inputs = (*program.inputs, ("sides", len(compared)))
+    return Program(inputs, tuple(values), tuple(outputs)), len(compared)
+
+
+def _defined(sizes: Mapping[str, int]) -> str:
+    return "".join(f"#define {name} {size}\n" for name, size in sizes.items())
+
+
+def _flags(name: str, chosen: Set[int], length: int) -> str:
+    flags = ", ".join(str(int(place in chosen)) for place in range(length))
+    return f"static EQT_CONSTANT const char {name}[] = {{{flags}}};\n"
+
+
+def _head(lanes: int) -> str:
+    texts = [path.read_text(encoding="utf-8") for path in (LANES_HEADER, FUNCTIONS_HEADER)]
+    return "\n".join([f"#define EQT_LANES {lanes}", *texts])
+
+
+def _text(name: str) -> str:
+    return (_TEMPLATES / name).read_text(encoding="utf-8")
+
+
+# Python's calls of compiled loops: arrays in, arrays out, through ctypes --------------------------
+#
+# A call releases the interpreter's lock, so that threads integrate side by side.
+
+
+THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING = range(5)
+"""Outcomes of a run, as in advance.h."""
+
+Advance = Callable[..., None]
+"""Integrates runs through a span, given `Measuring` and the members of ``eqt_span``."""
+
+Evaluation = Callable[[int, int, Sequence["Rows"]], dict[str, Array]]
+"""Gives a program's arrays, ``(runs, samples, …)`` each, by name.
+
+It takes the numbers of runs and of samples, and the program's inputs, a stretch after the other.
+"""
+
+_INTEGERS = ("runs", "later", "most_steps", "to_next_run")
+SPAN_NUMBERS = ("start", "stop", "first_inside", "last_inside", "rtol", "atol")
+_ARRAYS = ("grid", "held", "parameters", "states", "samples", "steps", "counts", "ends", "times")
+
+
+class _Span(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in _INTEGERS),
+        *((name, ctypes.c_double) for name in SPAN_NUMBERS),
+        *((name, ctypes.c_void_p) for name in _ARRAYS),
+        ("measuring", ctypes.c_void_p),
+    ]
+
+
+class _Source(ctypes.Structure):
+    _fields_ = [
+        ("from", ctypes.c_void_p),
+        ("to_next_run", ctypes.c_int64),
+        ("to_next_sample", ctypes.c_int64),
+    ]
+
+
+class _Evaluations(ctypes.Structure):
+    _fields_ = [
+        ("runs", ctypes.c_int64),
+        ("samples", ctypes.c_int64),
+        ("sources", ctypes.POINTER(_Source)),
+        ("found", ctypes.POINTER(ctypes.c_void_p)),
+    ]
+
+
+class _Measuring(ctypes.Structure):
+    _fields_ = [
+        ("sources", ctypes.POINTER(_Source)),
+        *((name, ctypes.c_void_p) for name in ("starts", "memory", "kept")),
+    ]
+
+
+@lru_cache(maxsize=32)
+def integration(field: Program, at_samples: SampleProgram | None = None) -> Advance:
+    """Return ``eqt_advance`` of a field, which takes the members of ``eqt_span``.
+
+    Arrays are C-contiguous.
+    """
+    text = integration_source(field, compiler.compiler().lanes, at_samples)
+    function = compiler.library(text).eqt_advance
+
+    def advance(measuring: Measuring | None, **values: Any) -> None:
+        measured = None if measuring is None else measuring.as_c()  # it must live during the call
+        span = _Span(
+            measuring=None if measured is None else ctypes.addressof(measured),
+            **{name: values[name] for name in (*_INTEGERS, *SPAN_NUMBERS)},
+            **{name: values[name].ctypes.data for name in _ARRAYS},
+        )
+        function(ctypes.byref(span))
+
+    return advance
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Numbers that a program takes, and along which axes they vary.
+
+    Attributes
+    ----------
+    values
+        ``(n,)``, preceded by the axes, runs and samples, along which they vary.
+    by_run, by_sample
+        Whether they vary along this axis.
+    """
+
+    values: Array
+    by_run: bool = False
+    by_sample: bool = False
+
+    @property
+    def length(self) -> int:
+        """The length n of a row."""
+        return int(self.values.shape[-1])
+
+    def of(self, runs: slice) -> Rows:
+        """Return the rows of some runs."""
+        return Rows(self.values[runs], True, self.by_sample) if self.by_run else self
+
+
+@dataclass(frozen=True)
+class Measuring:
+    """The data of a program that looks at runs sample by sample.
+
+    Attributes
+    ----------
+    rows
+        Its inputs besides the states, one stretch after the other.
+    starts
+        Its memory before the first sample.
+    memory : (runs, memory)
+        Its memory after the last sample, to be filled in.
+    kept : (runs, samples, kept)
+        Numbers that it keeps of each sample, to be filled in.
+    """
+
+    rows: Sequence[Rows]
+    starts: Array
+    memory: Array
+    kept: Array
+
+    def as_c(self) -> _Measuring:
+        """Return it as measure.h takes it, valid as long as this object lives."""
+        samples = self.kept.shape[1]
+        sources = _sources(self.rows, [rows.values for rows in self.rows], samples)
+        places = (each.ctypes.data for each in (self.starts, self.memory, self.kept))
+        return _Measuring(sources, *places)
+
+
+def _sources(given: Sequence[Rows], arrays: Sequence[Array], samples: int) -> Any:
+    """Return where the numbers of some rows lie in memory."""
+    found = (_Source * len(given))()
+    for place, (rows, array) in enumerate(zip(given, arrays, strict=True)):
+        along = rows.length if rows.by_sample else 0
+        per_run = (samples if rows.by_sample else 1) * rows.length if rows.by_run else 0
+        found[place] = _Source(array.ctypes.data, per_run, along)
+    return found
+
+
+@lru_cache(maxsize=64)
+def evaluation(program: Program, stretches: tuple[int, ...]) -> Evaluation:
+    """Compile a program whose inputs are cut into stretches of these lengths."""
+    text = evaluation_source(program, stretches, compiler.compiler().lanes)
+    function = compiler.library(text).eqt_evaluate
+
+    def evaluated(runs: int, samples: int, given: Sequence[Rows]) -> dict[str, Array]:
+        arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in given]
+        sources = _sources(given, arrays, samples)
+        found = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
+        places = (ctypes.c_void_p * len(found))(*(array.ctypes.data for array in found.values()))
+        function(ctypes.byref(_Evaluations(runs, samples, sources, places)))
+        return found
+
+    return evaluated

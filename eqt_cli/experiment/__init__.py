@@ -1,1 +1,0 @@
-"""Builds experiments, and studies of many experiments, from the sections of a configuration."""

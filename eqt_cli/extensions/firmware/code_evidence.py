@@ -1,0 +1,830 @@
+"""States at which code is judged, and the terms in which it differs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, apply_matrix
+from eqt_cli.components.cascade import Cascade
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.laws import Controller, Family, Frame
+from eqt_cli.components.mechanics import Gains, LawInput
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.numbers.leaves import with_fields
+
+# The states at which code is judged: drawn from strata, and searched for where code decides -------
+#
+# The search starts where a comparison in the code had one outcome, follows the slope of left −
+# right to the other one, and draws more states there.
+
+
+STATES = 600
+"""Number of states with a normal pose error and normal velocities."""
+
+STRATUM = 150
+"""Number of states of each further kind."""
+
+SIZES = -3.0, 2.0
+"""Exponents of 10 between which velocities, accelerations, pose errors and memories are scaled."""
+
+NEAREST = -8.0
+"""Exponent of 10 of the least distance to a half turn, to the start and to the horizon."""
+
+LATEST = 4.0
+"""Exponent of 10 of the latest time, in horizons."""
+
+FARTHEST = 12.0
+"""Exponent of 10 of the largest heading, rad."""
+
+RARE = 20
+"""Number of states that are wanted with each outcome of a decision."""
+
+STARTS, STEPS = 12, 15
+"""Numbers of states from which the other outcome is searched, and of steps from each."""
+
+SHORT = 1e-6
+"""Step of the differences that give the slope of a comparison."""
+
+LENGTHS = (0.3, 1.0, 1.0 + 1e-9, 1.01, 1.5, 4.0)
+"""Lengths that are tried, in those of a step that makes a linear comparison equal."""
+
+
+class States(NamedTuple):
+    """Inputs of a law, and its memory; a row for each state."""
+
+    inputs: LawInput
+    memory: dict[str, Array]
+
+    @property
+    def rows(self) -> int:
+        """The number of states."""
+        return len(self.inputs.velocity)
+
+    @property
+    def parts(self) -> list[Array]:
+        """The parts of the inputs that there are, and of the memory."""
+        inputs = [np.asarray(part) for part in self.inputs if part is not None]
+        return [*inputs, *self.memory.values()]
+
+    def with_parts(self, parts: Iterable[Array]) -> States:
+        """Return states with other parts, in the order of `parts`."""
+        others = iter(parts)
+        inputs = self.inputs.each(lambda _: next(others))
+        return States(inputs, dict(zip(self.memory, others, strict=True)))
+
+    def of(self, where: Any) -> States:
+        """Return some of the states."""
+        return self.with_parts(part[where] for part in self.parts)
+
+    def not_finite(self) -> States:
+        """Return the first state with NaN, and with infinity, in every part in turn."""
+        rows = [(k, bad) for k in range(len(self.parts)) for bad in (np.nan, np.inf)]
+        parts = [np.repeat(part[:1].astype(float), len(rows), axis=0) for part in self.parts]
+        for row, (k, bad) in enumerate(rows):
+            parts[k][row] = bad
+        return self.with_parts(parts)
+
+    @classmethod
+    def joined(cls, several: Sequence[States]) -> States:
+        """Return the states of several."""
+        parts = zip(*(states.parts for states in several), strict=True)
+        return several[0].with_parts(map(np.concatenate, parts))
+
+
+def drawn_states(loop: ClosedLoop, horizon: float, random: np.random.Generator) -> States:
+    """Draw states and memory, with a moving reference.
+
+    The first `STATES` are normal. Of the others, `STRATUM` each have velocities and accelerations
+    of any size, pose errors of any size, a pose error near a half turn, a memory of any size, no
+    error or no motion, and times next to the start, next to the horizon, or late. Times are within
+    the horizon for an inertia that is prescribed over time.
+    """
+    G, m, formula = loop.group, loop.group.dimension, loop.controller.formula
+    flat = loop.reference.flat_output(G, 0.0) if loop.controller.reads_flat_output else None
+    moves = 0.0 if formula is not None and formula.tasks == ("stabilise",) else 1.0
+
+    def power(low: float, high: float, shape: tuple[int, ...] = (STRATUM, 1)) -> Array:
+        return 10.0 ** random.uniform(low, high, shape)
+
+    def normal(count: int) -> States:
+        Q, Qd = G.exp(random.standard_normal((2, count, m)))
+        V, Vd, Vd_dot = random.standard_normal((3, count, m))
+        t = random.uniform(0.0, horizon, count)
+        lengths = loop.controller.memory(G).items()
+        memory = {name: random.standard_normal((count, length)) for name, length in lengths}
+        shapes = {} if flat is None else flat._asdict()
+        output = {
+            name: random.standard_normal((count, *part.shape))
+            for name, part in shapes.items()
+            if part is not None
+        }
+        return States(LawInput(t, Q, V, Qd, moves * Vd, moves * Vd_dot, **output), memory)
+
+    def changed(**parts: Any) -> States:
+        states = normal(STRATUM)
+        parts = {name: change(getattr(states.inputs, name)) for name, change in parts.items()}
+        return states._replace(inputs=states.inputs._replace(**parts))
+
+    def wrong_by(x: Array) -> States:
+        states = normal(STRATUM)
+        pose = states.inputs.desired_pose @ G.exp(x)
+        return states._replace(inputs=states.inputs._replace(pose=pose))
+
+    def still(x: Array) -> Array:
+        return np.where(random.random((len(x), *[1] * (x.ndim - 1))) < 0.5, 0.0, x)
+
+    def resized(x: Array) -> Array:
+        return power(*SIZES, (STRATUM, *[1] * (x.ndim - 1))) * x
+
+    x = random.standard_normal((STRATUM, m))
+    turned = np.pi * (1 - power(NEAREST, 0.0)) / np.linalg.norm(x, axis=-1, keepdims=True)
+    of_motion = ["velocity", "desired_velocity", "desired_acceleration"]
+    of_motion += [] if flat is None else ["position"]
+    large = normal(STRATUM)
+    parts = [
+        normal(STATES),
+        changed(**dict.fromkeys(of_motion, resized)),
+        wrong_by(power(NEAREST, 1.0) * x),
+        wrong_by(turned * x),
+        wrong_by(0.0 * x),
+        changed(**dict.fromkeys(of_motion, still)),
+        large._replace(memory={name: resized(values) for name, values in large.memory.items()}),
+    ]
+    if flat is not None and flat.heading is not None:  # whose sine is computed in other ways
+        far = np.where(np.arange(3) == 0, power(0.0, FARTHEST), 1.0)
+        parts.append(changed(heading=lambda psi: far * psi))
+    if isinstance(loop.inertia, Inertia):
+        near = horizon * power(NEAREST, 0.0, (STRATUM,))
+        parts += [
+            changed(t=lambda t: np.where(t < horizon / 2, near, horizon - near)),
+            changed(t=lambda t: horizon * power(0.0, LATEST, t.shape)),
+        ]
+    return States.joined(parts)
+
+
+class Watched(NamedTuple):
+    """What code does at states.
+
+    Attributes
+    ----------
+    torque : (states, m)
+        Its torque.
+    outcomes : (states, decisions)
+        1: the decision was true; 2: false; 3: both; 0: not reached.
+    apart : (states, decisions)
+        Left − right of a comparison, where that was nearest to 0.
+    """
+
+    torque: Array
+    outcomes: Array
+    apart: Array
+
+
+Watch = Callable[[States], Watched]
+
+
+@dataclass(frozen=True)
+class OutcomeSearch:
+    """Searches states with an outcome of a decision that no state has had.
+
+    Attributes
+    ----------
+    watch
+        Evaluates the code.
+    """
+
+    loop: ClosedLoop
+    watch: Watch
+    random: np.random.Generator
+
+    def more(self, states: States, decision: int, outcome: int) -> States:
+        """Return up to `RARE` states with an outcome of a decision; none if none is found."""
+        seen = self.watch(states)
+        there = np.flatnonzero(seen.outcomes[:, decision] & outcome)
+        rare = states.of(there) if len(there) else self._crossed(states, seen, decision, outcome)
+        for _ in range(3):
+            if not 0 < rare.rows < RARE:
+                break
+            again = rare.of(self.random.integers(rare.rows, size=4 * RARE))
+            near = self._moved(again, self._any_steps(again))
+            is_there = self.watch(near).outcomes[:, decision] & outcome
+            rare = States.joined([rare, near.of(np.flatnonzero(is_there))])
+        return rare.of(slice(RARE))
+
+    def _crossed(self, states: States, seen: Watched, decision: int, outcome: int) -> States:
+        """Follow the slope of a comparison until it has the other outcome."""
+        reached = np.flatnonzero(seen.outcomes[:, decision])
+        nearest = reached[np.argsort(np.abs(seen.apart[reached, decision]), kind="stable")]
+        others = self.random.permutation(reached)
+        x = states.of(np.unique([*nearest[:STARTS], *others[:STARTS]]))
+        for _ in range(STEPS):
+            here = self.watch(x).apart[:, decision]
+            k = self._axes(x)
+            around = self._moved(_repeated(x, k), np.tile(SHORT * np.eye(k), (x.rows, 1)))
+            seen = self.watch(around)
+            beside = np.where(seen.outcomes[:, decision] > 0, seen.apart[:, decision], np.nan)
+            slope = np.nan_to_num((beside.reshape(-1, k) - here[:, None]) / SHORT)
+            square = (slope * slope).sum(axis=-1, keepdims=True)
+            newton = -here[:, None] * slope / np.where(square > 0, square, 1.0)
+            straight = [length * newton for length in LENGTHS]
+            steps = np.stack([*straight, *(self._any_steps(x) for _ in range(3))], axis=1)
+            count = steps.shape[1]
+            tried = self._moved(_repeated(x, count), steps.reshape(-1, k))
+            seen = self.watch(tried)
+            outcomes = seen.outcomes[:, decision]
+            if (outcomes & outcome).any():
+                return tried.of(np.flatnonzero(outcomes & outcome))
+            far = np.where(outcomes > 0, np.abs(seen.apart[:, decision]), np.inf)
+            best = far.reshape(-1, count).argmin(axis=1) + count * np.arange(x.rows)
+            better = far[best] < np.abs(here)
+            x = States.joined([x.of(~better), tried.of(best[better])])
+        return x.of(slice(0))
+
+    def _axes(self, states: States) -> int:
+        return 1 + 5 * self.loop.group.dimension + sum(part[0].size for part in states.parts[6:])
+
+    def _any_steps(self, states: States) -> Array:
+        """Return steps of any size in any direction, some along one axis."""
+        shape = states.rows, self._axes(states)
+        steps = self.random.standard_normal(shape)
+        steps *= 10.0 ** self.random.uniform(-9, 0, (shape[0], 1))
+        one = self.random.integers(shape[1], size=(shape[0], 1)) == np.arange(shape[1])
+        return np.where((self.random.random((shape[0], 1)) < 0.5) & ~one, 0.0, steps)
+
+    def _moved(self, states: States, by: Array) -> States:
+        """Return states moved by steps of t, Q, V, Q_d, V_d, V̇_d and the memory."""
+        G, (t, Q, V, Qd, Vd, Vd_dot, *more) = self.loop.group, states.parts
+        lengths = [1, *[G.dimension] * 5, *(part[0].size for part in more)]
+        dt, q, v, qd, vd, vd_dot, *moves = np.split(by, np.cumsum(lengths)[:-1], axis=-1)
+        moved = [part + dz.reshape(part.shape) for part, dz in zip(more, moves, strict=True)]
+        if not isinstance(self.loop.inertia, Inertia):
+            dt = 0 * dt
+        turned, desired = Q @ G.exp(_short(q)), Qd @ G.exp(_short(qd))
+        rest = [turned, V + v, desired, Vd + vd, Vd_dot + vd_dot, *moved]
+        return states.with_parts([t + dt[:, 0], *rest])
+
+
+def _repeated(states: States, times: int) -> States:
+    return states.of(np.repeat(np.arange(states.rows), times))
+
+
+def _short(steps: Array) -> Array:
+    """Return the steps of a pose, at most 1 long."""
+    return steps / np.maximum(1.0, np.linalg.norm(steps, axis=-1, keepdims=True))
+
+
+# Explains the torque of code in C by the parts of a law -------------------------------------------
+#
+# No formula of a law is written here. A part is the difference between two evaluations of the law:
+# with and without a gain, an acceleration or a weight of the family. If the torque in C differs
+# from the law, least squares over these parts explain the difference. Of a cascade, the push is
+# explained first, and then the torque as that of the attitude law, whose V_d and V̇_d are Ω_c and
+# Ω̇_c.
+
+
+EXPLAINED = {"double": 1e-9, "float": 1e-4}
+"""Largest unexplained share of the torque in a complete explanation."""
+
+CHANGED = {"double": 1e-7, "float": 1e-3}
+"""Least difference of a coefficient that counts as changed."""
+
+ENOUGH = 60
+"""Number of states used; each gives an equation per torque entry, for about a dozen unknowns."""
+
+ASSUMED = 1.5
+"""Cost of an assumed mistake, in units of a changed coefficient."""
+
+VANISHES = 1e-12
+"""Size relative to the torque below which a part is 0 on this group or with these gains."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A law and the states at which its torque is computed.
+
+    Attributes
+    ----------
+    loop
+        The loop, with the law as a formula.
+    inputs, memory
+        Inputs and memory of the law, one row per state.
+    """
+
+    loop: ClosedLoop
+    inputs: LawInput
+    memory: Mapping[str, Array]
+
+    def torque(
+        self,
+        *,
+        law: Controller | None = None,
+        inputs: LawInput | None = None,
+        K: float = 1.0,
+        K_d: float = 1.0,
+        memory: Mapping[str, Array] | None = None,
+    ) -> Array:
+        """Return the torque of this or another law with scaled gains, ``(rows, m)``."""
+        loop, inputs, law = self.loop, inputs or self.inputs, law or self.loop.controller
+        gains = Gains(K * loop.gains.K, K_d * loop.gains.K_d)
+        given, names = self.memory if memory is None else memory, law.memory(loop.group)
+        kept = {name: z for name, z in given.items() if name in names}
+        s = inputs.tracking(loop.group, loop.inertia, gains, kept)
+        with np.errstate(all="ignore"):
+            torque, _ = law.answer(s, loop.period)
+        return torque + 0.0 * inputs.velocity
+
+    def of(self, where: Array) -> Question:
+        """Return the question at some of the states."""
+        inputs = self.inputs.each(lambda part: np.asarray(part)[where])
+        return Question(self.loop, inputs, {name: z[where] for name, z in self.memory.items()})
+
+    @property
+    def forgetful(self) -> dict[str, Array]:
+        """The memory set to 0."""
+        return {name: 0 * values for name, values in self.memory.items()}
+
+    @cached_property
+    def frame(self) -> Frame:
+        """Frame of the errors of the law."""
+        return getattr(self.loop.controller, "error", "body")
+
+
+# The parts ----------------------------------------------------------------------------------------
+
+OTHERS = "all other parts of the law"
+SYMMETRIC = "symmetric part of the pose error"
+NOT_SKEW = " (the difference of Q_d⁻¹Q to its transpose is missing, or is of other matrices)"
+
+
+LawParts = tuple[dict[str, Array], dict[str, float]]
+"""The torques of the parts of a law by name, ``(rows, m)`` each, and their coefficients in it."""
+
+
+def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[LawParts]:
+    """Return the parts of a law for both ways to split the terms quadratic in velocities.
+
+    Parameters
+    ----------
+    pose, rest
+        Inputs of the stiffness, and of all other parts.
+    """
+    own = _own_parts(question, pose, rest)
+    whole = own["stiffness"] + question.torque(inputs=rest, K=0.0)
+    return [_fitted(whole, own, moving) for moving in _quadratic(question, rest)]
+
+
+def _own_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str, Array]:
+    """Return the parts due to gains, desired acceleration and memory."""
+    ask = question.torque
+    still = rest.zeroed("desired_velocity", "desired_acceleration")
+    stiffness = ask(inputs=pose) - ask(inputs=pose, K=0.0)
+    damping = ask(inputs=rest) - ask(inputs=rest, K_d=0.0)
+    own_damping = ask(inputs=still) - ask(inputs=still, K_d=0.0)
+    unpushed = rest.zeroed("desired_acceleration")
+    parts = {
+        "stiffness": stiffness,
+        "damping": own_damping,
+        "damping of the desired velocity": damping - own_damping,
+        "desired acceleration": ask(inputs=rest) - ask(inputs=unpushed),
+    }
+    for name in question.memory:
+        without = dict(question.memory) | {name: 0 * question.memory[name]}
+        parts[name] = ask(inputs=rest) - ask(inputs=rest, memory=without)
+    return parts
+
+
+def _quadratic(question: Question, inputs: LawInput) -> list[dict[str, Array]]:
+    """Return two splits of the terms quadratic in velocities, from the weights of the family."""
+    unpushed = inputs.zeroed("desired_acceleration")
+    nothing = question.forgetful
+
+    def family(at: LawInput, **weights: float) -> Array:
+        weighted = {"gyroscopic": 0.0, "transport": 0.0, **weights}
+        law = Family(**weighted, error=question.frame)  # type: ignore[arg-type]  # floats only
+        return question.torque(law=law, inputs=at, K=0.0, K_d=0.0, memory=nothing)
+
+    def weighed(name: str, at: LawInput = unpushed) -> Array:
+        return family(at, **{name: 1.0}) - family(at)
+
+    of_reference = weighed("quadratic", unpushed.zeroed("velocity"))
+    of_body = weighed("quadratic", unpushed.zeroed("desired_velocity"))
+    g, c, n, q = map(weighed, ("gyroscopic", "transport", "connection", "quadratic"))
+    return [
+        {
+            "gyroscopic": of_body,
+            "transport": n,
+            "gyroscopic of the desired velocity": of_reference,
+            "gyroscopic, body with desired velocity": g + of_reference,
+            "gyroscopic, desired velocity with body": c + of_reference,
+        },
+        {
+            "gyroscopic (weight g)": g,
+            "transport (weight c)": c,
+            "connection (weight n)": n,
+            "quadratic (weight q)": q,
+            "driving torque": of_reference,
+        },
+    ]
+
+
+def _fitted(torque: Array, own: dict[str, Array], moving: dict[str, Array]) -> LawParts:
+    """Find the coefficients of the parts in a law; the remainder becomes a part of its own."""
+    scale = np.abs(torque).max()
+    columns = {
+        name: column
+        for name, column in (own | moving).items()
+        if np.abs(column).max() > VANISHES * scale
+    }
+    expected = dict.fromkeys(own.keys() & columns.keys(), 1.0)
+    rest = torque - sum((columns[name] for name in own if name in columns), 0 * torque)
+    fitted = _least_squares({name: columns[name] for name in moving if name in columns}, rest)
+    # Coefficients are multiples of one half, or weights that the user set.
+    expected |= {name: _rounded(value) for name, value in fitted.items()}
+    for name in [name for name in fitted if expected[name] < 0]:  # reported as "1.00 of 1"
+        columns[name], expected[name] = -columns[name], -expected[name]
+    left = rest - sum((expected[n] * columns[n] for n in fitted), 0 * torque)
+    if np.abs(left).max() > EXPLAINED["double"] * scale:
+        columns[OTHERS], expected[OTHERS] = left, 1.0
+    return columns, expected
+
+
+def _rounded(value: float) -> float:
+    nearest = round(value * 2) / 2
+    return nearest if abs(value - nearest) < CHANGED["double"] else value
+
+
+def _least_squares(columns: Mapping[str, Array], torque: Array) -> dict[str, float]:
+    """Return the least-squares coefficients of the columns with the smallest norm."""
+    if not columns:
+        return {}
+    matrix = np.stack([column.ravel() for column in columns.values()], axis=1)
+    sizes = np.linalg.norm(matrix, axis=0)
+    shares = np.linalg.lstsq(matrix / sizes, torque.ravel(), rcond=1e-10)[0] / sizes
+    return dict(zip(columns, shares.tolist(), strict=True))
+
+
+# Explanation of code ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class TorqueExplanation:
+    """A torque in C as a sum of the parts of a law.
+
+    Attributes
+    ----------
+    assumed
+        Assumed mistake of the code in words; "" if none is assumed.
+    coefficients
+        Coefficient of each part in the code, and in the law.
+    left
+        Unexplained share of the torque.
+    real
+        ``double`` or ``float``.
+    """
+
+    assumed: str
+    coefficients: dict[str, tuple[float, float]]
+    left: float
+    real: str
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether only rounding is left unexplained."""
+        return self.left <= EXPLAINED[self.real]
+
+    @property
+    def changed(self) -> dict[str, tuple[float, float]]:
+        """Parts whose coefficients in the code and in the law differ."""
+        return {
+            name: (fitted, expected)
+            for name, (fitted, expected) in self.coefficients.items()
+            if abs(fitted - expected) > CHANGED[self.real] * max(1.0, abs(expected))
+        }
+
+    @property
+    def cost(self) -> float:
+        """Cost of the explanation; the smaller, the simpler."""
+        return len(self.changed) + (ASSUMED if self.assumed else 0.0)
+
+    @property
+    def words(self) -> str:
+        """Description of the differences, and of what is equal."""
+        if not self.is_complete:
+            share = f"{100 * self.left:.2g} % of the torque"
+            return f"no sum of the law's parts in any frame: {share} is none of them"
+        sentences = [self.assumed] if self.assumed else []
+        zero = CHANGED[self.real] * 10
+        lacking = {name: pair for name, pair in self.changed.items() if abs(pair[0]) <= zero}
+        other = {name: pair for name, pair in self.changed.items() if name not in lacking}
+        if lacking:
+            words = ", ".join(_coefficient(n, *pair) for n, pair in lacking.items())
+            sentences.append(f"lacks {words}")
+        for name, (fitted, expected) in other.items():
+            hint = NOT_SKEW if name == SYMMETRIC else _sign(fitted, expected)
+            sentences.append(f"has {_coefficient(name, fitted, expected)}{hint}")
+        same = [n for n, (_, e) in self.coefficients.items() if n not in self.changed and e]
+        if same and (lacking or other):
+            sentences.append(f"the same as in the law: {', '.join(same)}")
+        return "; ".join(sentences)
+
+
+def _coefficient(name: str, share: float, expected: float) -> str:
+    close = abs(share - expected) < 0.005
+    one = f"{share:.6g}" if close else f"{share:.2f}".replace("-0.00", "0.00")
+    return f"{name}: coefficient {one} of {expected:g}"
+
+
+def _sign(share: float, expected: float) -> str:
+    wrong = expected and abs(share + expected) < 0.005 * abs(expected)
+    return " (the sign is wrong)" if wrong else ""
+
+
+def explained(question: Question, torque: Array, real: str) -> TorqueExplanation:
+    """Return the complete explanation of a torque in C with the smallest cost.
+
+    If none is complete, return the one that leaves the smallest share unexplained.
+    """
+    finite = np.isfinite(torque).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
+    usable = np.flatnonzero(finite)[:ENOUGH]
+    few = question.of(usable)
+    explanations: list[TorqueExplanation] = []
+    for words, changed, pose, rest in assumptions(few):
+        for parts in parts_of(changed, pose, rest):
+            explanations.append(_explanation(changed, parts, torque[usable], words, real))
+        best = min((each.cost for each in explanations if each.is_complete), default=np.inf)
+        if best <= ASSUMED:  # any other explanation assumes more
+            break
+    complete = [each for each in explanations if each.is_complete]
+    if complete:
+        return min(complete, key=lambda each: each.cost)
+    # An assumed mistake must at least halve what is left.
+    return min(explanations, key=lambda each: each.left * (2.0 if each.assumed else 1.0))
+
+
+def _explanation(
+    question: Question, parts: LawParts, torque: Array, assumed: str, real: str
+) -> TorqueExplanation:
+    columns, expected = parts
+    symmetric = _symmetric(question)
+    if np.abs(symmetric).max() > EXPLAINED["double"] * np.abs(torque).max():
+        columns, expected = columns | {SYMMETRIC: symmetric}, expected | {SYMMETRIC: 0.0}
+    return in_parts((columns, expected), torque, real, assumed)
+
+
+def in_parts(parts: LawParts, torque: Array, real: str, assumed: str = "") -> TorqueExplanation:
+    """Return a torque in C as a sum of parts, by least squares."""
+    columns, expected = parts
+    law = sum((expected[n] * column for n, column in columns.items()), 0 * torque)
+    difference = torque - law
+    more = _least_squares(columns, difference)
+    left = difference - sum((more[n] * column for n, column in columns.items()), 0 * torque)
+    scale = np.sqrt((torque**2).mean()) or 1.0
+    return TorqueExplanation(
+        assumed,
+        {name: (expected[name] + more[name], expected[name]) for name in columns},
+        float(np.sqrt((left**2).mean()) / scale),
+        real,
+    )
+
+
+def _symmetric(question: Question) -> Array:
+    """Return the stiffness torque of the symmetric part of the pose error.
+
+    It appears if the code forgets to subtract the transpose, or subtracts that of a wrong matrix.
+    """
+    G, inputs = question.loop.group, question.inputs
+    error = G.inverse(inputs.desired_pose) @ inputs.pose
+    basis = np.stack([G.hat(row) for row in np.eye(G.dimension)])
+    rotates = np.array([np.allclose(B, -B.T) for B in basis])
+    even = (error + error.swapaxes(-1, -2)) / 2
+    entries = np.einsum("kij,nij->nk", np.abs(basis), even) / 2 * rotates
+    stiffness = inputs.tracking(G, question.loop.inertia, question.loop.gains, {}).stiffness
+    return -apply_matrix(stiffness, entries)
+
+
+def sum_of(columns: Mapping[str, Array], torque: Array, bound: float) -> str:
+    """Describe a vector as a sum of columns with coefficients."""
+    shares = _least_squares(columns, torque)
+    left = torque - sum((shares[name] * column for name, column in columns.items()), 0 * torque)
+    if np.abs(left).max() > bound:
+        return "otherwise than by any sum of its parts"
+    return "by " + ", ".join(
+        f"{name}: coefficient {share:.2f} of 1".replace("-0.00", "0.00")
+        for name, share in shares.items()
+    )
+
+
+# Typical mistakes: frames, transposes, axes, units, options ---------------------------------------
+
+
+Assumption = tuple[str, Question, LawInput, LawInput]
+"""A mistake in words, "" for none; the law that the code then follows, the inputs of its stiffness,
+and the inputs of all other parts."""
+
+
+def assumptions(question: Question) -> Iterator[Assumption]:
+    """Yield no mistake first, and then the known mistakes in code of a law."""
+    inputs = question.inputs
+    yield "", question, inputs, inputs
+    yield from _of_frames(question)
+    for words, each in _everywhere(question).items():
+        yield words, question, each, each
+    for words, changed in _other_laws(question):
+        yield words, changed, inputs, inputs
+
+
+def _of_frames(question: Question) -> Iterator[Assumption]:
+    """Yield pose errors in the other frame, and desired velocities in a wrong frame or axis."""
+    G, inputs = question.loop.group, question.inputs
+    Q, Qd = inputs.pose, inputs.desired_pose
+    Q_L = G.inverse(Qd) @ Q
+    if question.frame == "body":
+        exchanged, named = inputs._replace(pose=Qd @ Q @ G.inverse(Qd)), "Q Q_d⁻¹ for Q_d⁻¹Q"
+        carrying = {
+            "V_d is not carried to the body frame": Q_L,
+            "V_d is carried the wrong way, by Q_d⁻¹Q for Q⁻¹Q_d": Q_L @ Q_L,
+        }
+    else:
+        exchanged, named = inputs._replace(pose=G.inverse(Qd) @ Q @ Qd), "Q_d⁻¹Q for Q Q_d⁻¹"
+        carrying = {"V_d is carried to the body frame": G.inverse(Q_L)}
+    frames = f"the frames are exchanged: the pose error is in the other frame, {named}"
+    variants = {"": inputs} | {w: _carried(question, inputs, by) for w, by in carrying.items()}
+    yield f"{frames}, wherever it occurs", question, exchanged, exchanged
+    for words, rest in variants.items():
+        yield f"{frames}; {words}" if words else frames, question, exchanged, rest
+        if words:
+            yield words, question, inputs, rest
+    for axis, kept in enumerate(np.eye(G.dimension) if G.dimension > 1 else ()):
+        read = inputs._replace(
+            desired_velocity=kept * inputs.desired_velocity,
+            desired_acceleration=kept * inputs.desired_acceleration,
+        )
+        alone = f"V_d is read on axis {axis + 1} only"
+        yield alone, question, inputs, read
+        for words, by in carrying.items():
+            yield f"{alone}; {words}", question, inputs, _carried(question, read, by)
+
+
+def _carried(question: Question, inputs: LawInput, by: Array) -> LawInput:
+    """Return the inputs with desired velocity and acceleration in another frame."""
+    G = question.loop.group
+    return inputs._replace(
+        desired_velocity=G.Ad(by, inputs.desired_velocity),
+        desired_acceleration=G.Ad(by, inputs.desired_acceleration),
+    )
+
+
+def _everywhere(question: Question) -> dict[str, LawInput]:
+    """Return the inputs with a value that the code reads wrongly everywhere."""
+    G, inputs = question.loop.group, question.inputs
+    Q, Qd, V = inputs.pose, inputs.desired_pose, inputs.velocity
+    turned, desired = G.inverse(Q), G.inverse(Qd)
+    return {
+        "the pose is transposed": inputs._replace(pose=turned),
+        "the desired pose is transposed": inputs._replace(desired_pose=desired),
+        "both poses are transposed": inputs._replace(pose=turned, desired_pose=desired),
+        "the pose and the desired pose are exchanged": inputs._replace(pose=Qd, desired_pose=Q),
+        "V is carried to the spatial frame": inputs._replace(velocity=G.Ad(Q, V)),
+        "V is carried from the spatial frame": inputs._replace(velocity=G.Ad(turned, V)),
+        "V is converted to degrees": inputs._replace(velocity=np.degrees(V)),
+        "V is converted from degrees": inputs._replace(velocity=np.radians(V)),
+    }
+
+
+def _other_laws(question: Question) -> Iterator[tuple[str, Question]]:
+    """Yield the law with transposed gains, another frame, a missing option or later memory."""
+    loop, law = question.loop, question.loop.controller
+    for name, key in {"K": "kp", "K_d": "kd"}.items():
+        tensor = getattr(loop.gains, name)
+        turned = tensor.swapaxes(-1, -2)
+        if np.any(turned != tensor):
+            gains = replace(loop.gains, **{name: turned})
+            yield f"{key} is transposed", _with(question, gains=gains)
+    if isinstance(law, Family):
+        frame: Frame = "body" if law.error == "spatial" else "spatial"
+        weights = law.gyroscopic, law.transport, law.connection
+        other = Family(*weights, error=frame, quadratic=law.quadratic)
+        words = f"the frames are exchanged: all errors are in the {frame} frame"
+        yield words, _with(question, controller=other)
+    for each in fields(law):  # optional ones, such as the bound of an integral
+        if each.init and each.default is None and getattr(law, each.name) is not None:
+            without = replace(law, **{each.name: None})
+            yield f"the option {each.name} is missing", _with(question, controller=without)
+    if question.memory and loop.period:
+        s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
+        rates = law.memory_rate(s)
+        later = {name: z + loop.period * rates[name] for name, z in question.memory.items()}
+        words = "memory goes on before it is used, and not after"
+        yield words, replace(question, memory=later)
+
+
+def _with(question: Question, **changes: Any) -> Question:
+    return replace(question, loop=replace(question.loop, **changes))
+
+
+RATES = {
+    "none": "Ω_c and Ω̇_c are 0",
+    "heading": "Ω_c and Ω̇_c are those of the heading",
+    "reference": "Ω_c and Ω̇_c are those of the reference",
+}
+"""What code often has in place of the rates of the commanded attitude."""
+
+NAMES = {"desired velocity": "Ω_c", "desired acceleration": "Ω̇_c"}
+"""What the attitude law reads, by its names in a cascade."""
+
+KNOWN = "known forces, such as gravity"
+
+
+def explained_cascade(question: Question, wrench: Array, real: str) -> str:
+    """Describe how the wrench of code differs from that of a cascade."""
+    finite = np.isfinite(wrench).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
+    usable = np.flatnonzero(finite)[:ENOUGH]
+    few, wrench = question.of(usable), wrench[usable]
+    push = _of_push(few, wrench, real)
+    shares = {name: share for name, (share, _) in push.coefficients.items()}
+    said, near = push.words, CHANGED[real]
+    others = [share for name, share in shares.items() if name != KNOWN]
+    if said and push.is_complete and np.ptp(others) < near < abs(others[0] - 1.0):
+        said = f"mass: coefficient {others[0]:.2f} of 1"
+        if KNOWN in shares and abs(shares[KNOWN] - others[0]) > near:
+            said += f", and of {KNOWN}: {shares[KNOWN]:.2f}"
+    words = [f"push: {said}"] if said else []
+    changed = _with_force(few, shares, near) if push.is_complete else None
+    if changed is None:
+        return "; ".join([*words, "the torque was not compared"])
+    candidates = []
+    for assumed, each in _with_rates(changed):
+        one = explained(*_of_attitude(each, wrench), real)
+        cost = one.cost + (ASSUMED if assumed else 0.0) if one.is_complete else np.inf
+        candidates.append((cost, [assumed, one.words]))
+    of_torque = "; ".join(filter(None, min(candidates, key=lambda each: each[0])[1]))
+    for name, symbol in NAMES.items():
+        of_torque = of_torque.replace(name, symbol)
+    return "; ".join([*words, *([f"torque: {of_torque}"] if of_torque else [])])
+
+
+def _cascade(question: Question) -> Cascade:
+    law = question.loop.controller
+    assert isinstance(law, Cascade)
+    return law
+
+
+def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
+    """Return the push as a sum of the parts of F·b."""
+    law, moves = _cascade(question), question.loop.group.parts[1].axes
+    without = {KNOWN: with_fields(law, known=())}
+    own, gains = law.position, {"position error": "kx", "velocity error": "kv", "integral": "ki"}
+    if own.limit is None:
+        for name, key in gains.items():
+            if getattr(own, key) is not None:
+                without[name] = with_fields(law, position=with_fields(own, **{key: 0.0}))
+    else:
+        still = with_fields(own, kx=0.0, kv=0.0, ki=None)
+        without["position feedback"] = with_fields(law, position=still)
+    whole = question.torque()[:, moves]
+    columns = {name: whole - question.torque(law=each)[:, moves] for name, each in without.items()}
+    columns["desired acceleration"] = whole - sum(columns.values())
+    least = VANISHES * np.abs(whole).max()
+    columns = {name: column for name, column in columns.items() if np.abs(column).max() > least}
+    return in_parts((columns, dict.fromkeys(columns, 1.0)), wrench[:, moves], real)
+
+
+def _with_force(question: Question, shares: dict[str, float], near: float) -> Question | None:
+    """Return the law with the F of code: another mass, or no known forces; None for any other."""
+    known, others = shares.get(KNOWN), [x for name, x in shares.items() if name != KNOWN]
+    if np.ptp(others) > near:
+        return None
+    mass, loop = others[0], question.loop
+    if known is None or abs(known - mass) < near:  # F has the same direction
+        return question
+    if abs(known) < near:
+        return _with(question, controller=with_fields(loop.controller, known=()))
+    if abs(known - 1.0) > near or not isinstance(loop.inertia, Inertia):
+        return None
+    scale = np.ones(loop.group.dimension)
+    scale[loop.group.parts[1].axes] = mass
+    inertia = Inertia(loop.inertia.matrix * scale, loop.inertia.inverse / scale)
+    return _with(question, inertia=inertia)
+
+
+def _with_rates(question: Question) -> Iterator[tuple[str, Question]]:
+    """Yield the law, and laws with other rates of the commanded attitude, in words."""
+    law = _cascade(question)
+    yield "", question
+    for rates, words in RATES.items():
+        if rates != law.rates and (rates != "heading" or question.inputs.heading is not None):
+            yield words, _with(question, controller=with_fields(law, rates=rates))
+
+
+def _of_attitude(question: Question, wrench: Array) -> tuple[Question, Array]:
+    """Return the attitude law with what it reads, and the torque that is to be its own."""
+    loop, law = question.loop, _cascade(question)
+    s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
+    read, turns = law.commanded(s).tracking, loop.group.parts[0].axes
+    known = law.torque(s)[:, turns] - law.inner.torque(read)
+    return Question(loop.inside, LawInput.of(read), read.memory), wrench[:, turns] - known

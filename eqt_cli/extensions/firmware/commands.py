@@ -1,0 +1,80 @@
+"""`eqt export`: control laws as C, for a vehicle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.cli import completion, options
+from eqt_cli.cli.output import print_found, table
+
+if TYPE_CHECKING:
+    from eqt_cli.api import ExportedFiles
+
+REALS = ("double", "float")
+
+
+def export(
+    target: Annotated[
+        Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
+    ],
+    controller: Annotated[list[str] | None, options.option("--controller")] = None,
+    real: Annotated[
+        str, options.option("--real", autocompletion=completion.words(*REALS))
+    ] = "double",
+    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
+    reference: Annotated[bool, options.option("--reference")] = False,
+    set_: options.Set = None,
+    point: options.Point = None,
+    workers: options.Workers = None,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Write control laws as C: header, source, a program that checks them, and a README.
+
+    The header says how far rounding can move the torque. It replaces only what eqt has exported.
+
+    Options
+    -------
+    What to show
+        --controller LABEL  Law to export. Repeatable. Default: all.
+    Output
+        --real NAME  Type of all numbers: double or float.
+        --reference  Also export the reference, which must be in closed form.
+    Result
+        --out DIR  Folder to write. Default: exported/NAME.
+    """
+    from eqt_cli import api
+
+    if real not in REALS:
+        raise EqtError(f"--real: expected double or float, got '{real}'")
+    source = options.source_of(target, set_)
+    exported = api.export(
+        options.study_at(source, point, trust_plugins=trust_plugins, doing="exported without"),
+        out,
+        controllers=controller or (),
+        real="float" if real == "float" else "double",
+        reference=reference,
+        workers=workers or options.cores(),
+    )
+    _report(exported, json=json)
+
+
+def _report(exported: ExportedFiles, *, json: bool) -> None:
+    from eqt_cli.analysis.notation import significant
+
+    header = ["law", "file", "operations", "largest error", "apart", "flash", "stack"]
+    rows = []
+    for law in exported.laws:
+        cost = [f"{law[name]}" if law[name] is not None else "-" for name in ("flash", "stack")]
+        bound = law["bound"]
+        assert isinstance(bound, list)
+        largest = significant(max(bound), 2) if bound else "-"
+        told = [law["label"], f"{law['name']}.c", law["operations"], largest, law["singular"]]
+        rows.append([*map(str, told), *cost])
+    document = {"folder": str(exported.folder), "files": exported.files, "laws": exported.laws}
+    print_found(document, table(header, rows), f"\nexported  {exported.folder}", json=json)

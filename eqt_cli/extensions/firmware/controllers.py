@@ -1,0 +1,371 @@
+"""A law that runs a C function of the user: read, compiled and tried out before any run."""
+
+import dataclasses
+import os
+import re
+from collections.abc import Hashable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path, PurePath
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from eqt_cli.analysis.certificates import Row
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import InputError, Problems, Remedy, TraceError
+from eqt_cli.base.option_types import Real, component, shown
+from eqt_cli.components.cascade import check_flat_output
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.laws import Controller, RunsCode, controllers
+from eqt_cli.components.matrix_groups import rigid_motions
+from eqt_cli.components.mechanics import Gains, LawInput, Tracking
+from eqt_cli.components.motions import ORDER, PlantModel
+from eqt_cli.config.source import ConfigSource, trusted_text
+from eqt_cli.extensions.firmware.own_code import OwnCode, compiled, gathered, is_gathered, try_out
+from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
+
+# A law that runs a C function of the user ---------------------------------------------------------
+
+
+TORQUE = "_torque"
+"""Suffix of the function's name."""
+
+
+@dataclass(frozen=True)
+class Code(Controller):
+    """A C function of your own, called at control instants, or by solve_ivp at any time.
+
+    The file defines the types ``X_input``, ``X_numbers`` and ``X_memory`` and the function
+    ``X_torque`` as `eqt export` writes them. If it defines ``X_start``, eqt calls that at the start
+    of a run; otherwise the memory starts at 0. Numbers that are not given are those of
+    ``X_defaults`` if the file defines it, otherwise 0. A field ``period`` is set to the period of
+    control.
+
+    It claims nothing unless `as` names a law. Then it claims what that law claims, and `eqt verify`
+    compares the two.
+
+    Attributes
+    ----------
+    file
+        The C file, relative to the configuration; files that it includes in quotes belong to it.
+    function
+        Its function, ``X_torque``. Default: the name of the file gives X.
+    as_
+        The law that it claims to implement: a kind, or a mapping with `kind` and options.
+    numbers
+        Values of fields of ``X_numbers``: a number, or a list.
+    memory_
+        The fields of ``X_memory``, all of them.
+    real
+        The type of its numbers.
+    """
+
+    name: ClassVar[str] = "code"
+    tasks: ClassVar[tuple[str, ...]] = ()
+
+    file: str
+    function: str | None = None
+    as_: str | dict[str, Any] | None = None
+    numbers: dict[str, Real | list[Real]] = field(default_factory=dict)
+    memory_: list[str] = field(default_factory=list)
+    real: Literal["double", "float"] = "double"
+    values: Any = field(init=False, repr=False)
+    claimed: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
+    called: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
+
+    def __post_init__(self) -> None:
+        numbers = [value if isinstance(value, list) else [value] for value in self.numbers.values()]
+        object.__setattr__(self, "values", np.array([x for row in numbers for x in row]))
+
+    @property
+    def structure(self) -> Hashable:
+        """All but the numbers."""
+        return type(self), self.code, repr(self.claimed), self.called
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note invalid C names, and errors of the law that it claims to be."""
+        for name in self.numbers:
+            _check_name(name, problems.at("numbers", name))
+        for index, name in enumerate(self.memory_):
+            _check_name(name, problems.at("memory", index))
+        if len(set(self.memory_)) < len(self.memory_):
+            problems.at("memory").add(f"expected different names, got {shown(self.memory_)}")
+        if self.function is not None:
+            at_function = problems.at("function")
+            _check_name(self.function, at_function)
+            if not self.function.endswith(TORQUE):
+                at_function.add(f"expected a name X{TORQUE}, got {shown(self.function)}")
+        elif not is_name(self.prefix):
+            problems.at("file").add(
+                f"{self.file} gives no name in C; name the function with the key `function`"
+            )
+        if self.as_ is not None:
+            from eqt_cli.components.laws import controllers  # the registry imports this file
+
+            claimed = component(controllers, self.as_, problems.at("as"), group=G)
+            if claimed is not None and claimed.code is not None:
+                problems.at("as").add("expected a law of eqt or of a plugin, got code")
+            object.__setattr__(self, "claimed", claimed)
+
+    # The code.
+
+    @property
+    def prefix(self) -> str:
+        """X of ``X_torque``."""
+        return PurePath(self.file).stem if self.function is None else self.function[: -len(TORQUE)]
+
+    @property
+    def code(self) -> RunsCode:
+        """The function, and its numbers and memory."""
+        counts = ((n, len(v) if isinstance(v, list) else 1) for n, v in self.numbers.items())
+        return RunsCode(self.file, self.prefix, tuple(counts), tuple(self.memory_), self.real)
+
+    def loaded(
+        self, source: ConfigSource, trusted: bool, G: MatrixLieGroup, problems: Problems
+    ) -> tuple[Self | None, dict[str, str]]:
+        """Return the law with the compiled function, which was tried out, and the text of its file.
+
+        None after a problem.
+        """
+        if problems:
+            return None, {}
+        with problems.catching("file"):
+            text = code_text(source, self.file, trusted)
+        if problems:
+            return None, {}
+        with problems.catching():
+            space = G.space if rigid_motions(G) else 0
+            code = OwnCode(
+                text=text, entries=G.size**2, axes=G.dimension, space=space, **asdict(self.code)
+            )
+            function = compiled(code)
+            if code not in _tried:
+                numbers = leaves(self).get("values", np.empty(0))
+                try_out(function, numbers, PERIOD, first_inputs(G).rows(code.inputs))
+                _tried.add(code)
+            return self.calling(function, G), {self.file: text}
+        return None, {self.file: text}
+
+    def calling(self, function: Any, G: MatrixLieGroup) -> Self:
+        """Return the law with the compiled function.
+
+        Raises
+        ------
+        InputError
+            If its memory has another size than that of the law that it claims to be.
+        """
+        # The function's name must not depend on the file's name, which a result changes.
+        copy = dataclasses.replace(self, function=self.prefix + TORQUE)
+        object.__setattr__(copy, "claimed", self.claimed)
+        object.__setattr__(copy, "called", function)
+        length, claimed = sum(function.lengths.values()), self.claimed
+        expected = sum(claimed.memory(G).values()) if claimed else length
+        if length != expected:
+            raise InputError(
+                f"{self.prefix}_memory in {self.file} has {length} numbers that are named in "
+                f"`memory`, and {claimed.name} keeps {expected}: "
+                f"{', '.join(f'{name} ({n})' for name, n in claimed.memory(G).items()) or 'none'}"
+            )
+        return copy
+
+    @property
+    def formula(self) -> Controller | None:
+        """The law that it claims to be."""
+        return self.claimed
+
+    def torque(self, s: Tracking) -> Array:
+        """Return the torque of one call of the function."""
+        return self.answer(s, 0.0)[0]
+
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
+        """Call the function once per run; the function updates the memory."""
+        inputs, numbers, memory = self._rows(s)
+        torque, updated = self.called.torque(numbers, float(period), memory, inputs)
+        return torque.reshape(s.P.shape), self._named(updated, s)
+
+    @property
+    def decisions(self) -> tuple[Any, ...] | None:
+        """The decisions in the code; None where the compiler cannot watch them."""
+        return self.called.code.decisions[1] if self.called.watching else None
+
+    def watched(self, s: Tracking, period: float) -> tuple[Array, Array, Array]:
+        """Return the torque, and of each decision its outcome and how far that was away."""
+        inputs, numbers, memory = self._rows(s)
+        outcomes: tuple[Array, Array, Array]
+        outcomes = self.called.watching.outcomes(numbers, float(period), memory, inputs)
+        return outcomes
+
+    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+        """Return the memory that ``X_start`` sets, if there is one, otherwise 0."""
+        inputs, numbers, _ = self._rows(s)
+        return self._named(self.called.started(numbers, 0.0, inputs), s)
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the memory of the law that it claims to be, or the fields by their names."""
+        lengths: Mapping[str, int] = self.claimed.memory(G) if self.claimed else {}
+        return lengths or dict(self.called.lengths)
+
+    def _rows(self, s: Tracking) -> tuple[Array, Array, Array]:
+        """Return inputs, numbers and memory, with a row for each run and sample."""
+        batch = s.P.shape[:-1]
+        inputs = LawInput.of(s).rows(self.called.code.inputs)
+        if inputs.dtype == object:
+            raise TraceError(
+                f"{self.file} is code, which is called and not compiled into the loop",
+                Remedy("set control.period, or use engine solve_ivp"),
+            )
+        # There is no memory before a run begins.
+        memory = [s.memory.get(name, np.zeros(n)) for name, n in self.memory(s.G).items()]
+        numbers, values = (
+            np.concatenate([np.broadcast_to(p, (*batch, p.shape[-1])) for p in group], axis=-1)
+            for group in ([np.asarray(self.values)], [np.empty(0), *memory])
+        )
+        return inputs, numbers.reshape(len(inputs), -1), values.reshape(len(inputs), -1)
+
+    def _named(self, memory: Array, s: Tracking) -> dict[str, Array]:
+        """Return the memory of all runs by the names of its parts."""
+        lengths = self.memory(s.G)
+        parts = np.split(memory, np.cumsum(list(lengths.values()))[:-1], axis=-1) if lengths else []
+        batch = s.P.shape[:-1]
+        return {name: part.reshape(*batch, -1) for name, part in zip(lengths, parts, strict=True)}
+
+    # The claims.
+
+    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
+        """Return the law that it claims to be with the options that follow its gains."""
+        if self.claimed is None:
+            return {}
+        return {"claimed": self.claimed.with_defaults(G, gains, self.as_)}
+
+    @property
+    def reads_flat_output(self) -> bool:  # type: ignore[override]  # a constant of all other laws
+        """Whether the input of the function has the position and its derivatives."""
+        return "position" in self.called.code.inputs
+
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with what the law that it claims to be knows of the plant."""
+        law, read, flat = self.claimed, self.called.code.inputs, plant.flat
+        here = problems.at("file")
+        if law is not None and law.reads_flat_output and not self.reads_flat_output:
+            here.add(
+                f"{self.prefix}_input has no field position, which {law.name} reads; `eqt export` "
+                "writes its fields"
+            )
+        elif self.reads_flat_output and (law is None or not law.reads_flat_output):
+            check_flat_output(plant, problems)
+        if flat is not None and flat.heading is None and "heading" in read:
+            here.add(
+                f"{self.prefix}_input has a field heading, and the reference gives none; remove "
+                "the field"
+            )
+        if law is None or problems:
+            return self
+        return with_fields(self, claimed=law.knowing(G, plant, problems))
+
+    def judged(
+        self, label: str, loop: Any, horizon: float, random: Any, flown: Any
+    ) -> Iterator[Row]:
+        """Compare the code with the law that it claims to be."""
+        from eqt_cli.extensions.firmware.code_rows import code_rows  # which only `eqt verify` needs
+
+        yield from code_rows(label, loop, horizon, random, flown)
+
+    @property
+    def theorem(self) -> str:  # type: ignore[override]  # a constant of all other laws
+        """As for the law that it claims to be."""
+        return self.claimed.theorem if self.claimed else ""
+
+
+def _of_claimed(name: str) -> property:
+    def get(law: Any) -> Any:
+        return getattr(law.claimed or super(Code, law), name)
+
+    return property(get, doc="As for the law that it claims to be.")
+
+
+for _name in (
+    *("energy", "matched", "claims_decrease", "claims", "feedforward_torque", "lyapunov"),
+    *("velocity_error", "dissipation", "memory_rate", "memory_gradient", "gains_group", "inside"),
+    *("commands_attitude", "attitude_error", "direction", "cycle", "undefined"),
+    *("reads_gains", "inside_reads_gains"),
+):
+    setattr(Code, _name, _of_claimed(_name))
+
+
+def _check_name(name: str, problems: Problems) -> None:
+    if not is_name(name):
+        problems.add(f"expected a name in C, got {shown(name)}")
+
+
+def is_name(text: str) -> bool:
+    """Whether a text can be a name in C."""
+    return re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", text) is not None
+
+
+# Reads, compiles and tries out laws in user code before any run -----------------------------------
+
+
+TRIED = 8
+"""Number of random states at which a function is tried out, besides rest and half turns."""
+
+PERIOD = 0.01
+"""Control period for trying out a function, s."""
+
+
+_tried: set[object] = set()
+"""Code that was already tried out successfully, whatever its numbers."""
+
+
+def with_code(source: ConfigSource, file: Path, claimed: str | None) -> ConfigSource:
+    """Return the configuration with a C file as its only controller.
+
+    An existing entry of `controllers` for this file keeps its numbers.
+
+    Parameters
+    ----------
+    claimed
+        The law that the code claims to be: a kind, or the label of an entry, with its options and
+        gains; None to keep the statement of the entry, if any.
+    """
+    name = os.path.relpath(file, source.folder)
+    listed = source.data.get("controllers")
+    entries = [e for e in listed if isinstance(e, dict)] if isinstance(listed, list) else []
+    known = [e for e in entries if os.path.normpath(str(e.get("file"))) == name]
+    code = next(kind.name for kind in controllers.all() if kind.code is not Controller.code)
+    entry = {**(known[0] if known else {"kind": code, "file": name, "label": file.stem})}
+    if claimed is not None:
+        meant = next((e for e in entries if claimed in (e.get("label"), e.get("kind"))), {})
+        own = {key: value for key, value in meant.items() if key not in ("label", "gains")}
+        entry |= {"as": own or claimed} | {k: v for k, v in meant.items() if k == "gains"}
+    given = source.overrides | {("controllers",): "--code"}
+    return replace(source, data=source.data | {"controllers": [entry]}, overrides=given)
+
+
+def first_inputs(G: MatrixLieGroup) -> LawInput:
+    """Return inputs at random states, at rest without error, and at half turns about every axis."""
+    random, m = np.random.default_rng(0), G.dimension
+    n = G.space if rigid_motions(G) else 0
+
+    def drawn(*shape: int) -> Array:
+        rows = np.zeros((TRIED + 1 + m, *shape))
+        rows[:TRIED] = random.standard_normal((TRIED, *shape))
+        return rows
+
+    x, xd, V, Vd, Vd_dot, psi = map(drawn, (m, m, m, m, m, 3))
+    x[TRIED + 1 :] = np.pi * np.eye(m)
+    t = np.repeat([0.5, 0.0], [TRIED, 1 + m])
+    return LawInput(t, G.exp(x), V, G.exp(xd), Vd, Vd_dot, drawn(ORDER + 1, n), psi)
+
+
+def code_text(source: ConfigSource, name: str, trusted: bool) -> str:
+    """Return the text of a C file, with the files beside it that its preprocessor reads.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or preprocessed, or may not be executed.
+    """
+    text = trusted_text(source, name, trusted, "C file")
+    if source.stored_plugins is not None or is_gathered(text):
+        return text
+    return gathered(source.folder / name)

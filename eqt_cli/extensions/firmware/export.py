@@ -1,0 +1,626 @@
+"""Exports laws as C: headers, sources, checks and the README."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import shutil
+import struct
+import sys
+import tempfile
+import textwrap
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from eqt_cli.analysis.certificates import tally
+from eqt_cli.analysis.verification import identities_of
+from eqt_cli.api.loading import Configuration, experiment_at
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, printable
+from eqt_cli.base.files import check_targets, replace_file, write_all
+from eqt_cli.base.registry import meanings
+from eqt_cli.base.version import __version__
+from eqt_cli.config.source import loop_in_words
+from eqt_cli.config.study import Study
+from eqt_cli.engines.compiler import run
+from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
+from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic
+from eqt_cli.loop.law_program import MEMORY, NUMBER, PERIOD, TOLD, TORQUE, Entry, name_of_number
+from eqt_cli.numbers.program import Program, c_function, evaluated, headers, needed
+
+# The files of an exported law: its header, its source, and the program that checks them -----------
+
+
+WIDTH = 100
+
+
+@cache
+def _environment() -> Environment:
+    """Return the environment of the templates, in which ``${…}`` is a value."""
+    made = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        undefined=StrictUndefined,
+        variable_start_string="${",
+        variable_end_string="}",
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    functions: list[Callable[..., str | list[str]]] = [
+        *(above, apart_in_words, bounds_in_words, braced, comment, declared, default, emitted),
+        *(indented, markdown, meaning, measurements, row, wrapped),
+    ]
+    made.globals |= {each.__name__: each for each in functions}
+    made.globals |= {"version": __version__, "tolerance": TOLERANCE, "told_meanings": TOLD_MEANINGS}
+    return made
+
+
+def filled(template: str, **values: object) -> str:
+    """Return a template with values for its names."""
+    return _environment().get_template(template).render(values)
+
+
+def of_law(template: str, law: ExportedLaw, **values: object) -> str:
+    """Return a template about a law."""
+    size = law.program.torque.size
+    return filled(template, law=law, label=law.name, real=law.by.name, m=size, **values)
+
+
+def number(value: float, by: Arithmetic) -> str:
+    """Return the shortest text that a compiler reads as exactly this number."""
+    if by.name == "double":
+        return repr(float(value))
+    text = str(np.float32(value))
+    return f"{text if '.' in text or 'e' in text else text + '.0'}f"
+
+
+def braced(values: Iterable[float], by: Arithmetic) -> str:
+    """Return an array in C."""
+    return f"{{{', '.join(number(value, by) for value in values)}}}"
+
+
+def initialiser(values: Array, entry: Entry, by: Arithmetic) -> str:
+    """Return the values of an entry in C: a number, or an array row by row."""
+    flat = values.ravel()
+    return braced(flat, by) if entry.shape else number(flat[0], by)
+
+
+def wrapped(text: str, indent: str, first: str = "") -> str:
+    """Return text broken into lines at spaces."""
+    return textwrap.fill(
+        text,
+        WIDTH,
+        initial_indent=first or indent,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def indented(text: str) -> str:
+    """Return a text for a comment that has three spaces before it."""
+    return wrapped(text, " " * 3).lstrip()
+
+
+def comment(text: str) -> str:
+    """Return a text for a comment, without marks that begin or end one."""
+    return printable(text).replace("*/", "* /").replace("/*", "/ *").replace("\\", "\\ ")
+
+
+def markdown(text: str) -> str:
+    """Return a text for Markdown, without marks that format it, link or begin HTML."""
+    return re.sub(r"[\\`*_\[\]<>&|~$#!]", r"\\\g<0>", printable(text))
+
+
+def declared(fields: Sequence[tuple[str, str, str]]) -> str:
+    """Return the fields of a structure, given by type, declaration and meaning."""
+    lines = []
+    width = max(len(f"{kind} {name};") for kind, name, _ in fields)
+    for kind, name, meaning in fields:
+        text = f"    {f'{kind} {name};':{width}} /* {comment(meaning)} */"
+        lines.append(
+            wrapped(text.strip(), " " * (8 + width), "    ") if len(text) > WIDTH else text
+        )
+    return "\n".join(lines)
+
+
+def above(value: float) -> str:
+    """Return a bound in two digits, rounded up."""
+    if not value > 0 or not math.isfinite(value):
+        return f"{value:g}"
+    scale = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return f"{math.ceil(value / scale) * scale:.2g}"
+
+
+def row(values: Array) -> str:
+    """Return doubles as an array in C on one line."""
+    return braced(values, DOUBLE)
+
+
+EXAMPLES = 32
+"""Number of states in the program that checks a law, evenly spread."""
+
+WORST = 4
+"""Number of further states: the largest bounds away from singularities; and as many near them."""
+
+PRELUDE = """\
+typedef __UINT32_TYPE__ eqt_uint32;
+typedef __UINT64_TYPE__ eqt_uint64;
+
+#define EQT_INLINE static inline
+#define EQT_RARE static
+"""
+
+TOLD_MEANINGS = {
+    "t": "time",
+    "pose": "Q, the pose as it was measured",
+    "velocity": "V, the body velocity as it was measured",
+    "desired_pose": "Q_d",
+    "desired_velocity": "V_d",
+    "desired_acceleration": "the rate of V_d",
+    "position": "p_d and its first four derivatives, in space",
+    "heading": "the heading and its first two derivatives",
+}
+
+NUMBER_MEANINGS = {
+    "inertia": "the inertia tensor: momentum P = inertia V",
+    "inertia_inverse": "its inverse: change both together",
+    "kp": "gains.kp, the weight K of the navigation function",
+    "kd": "gains.kd, the Rayleigh tensor: damping force per velocity",
+}
+
+
+def files(law: ExportedLaw) -> dict[str, str]:
+    """Return the text of each file, by name."""
+    return {
+        f"{law.name}.h": header(law),
+        f"{law.name}.c": source(law),
+        f"{law.name}{CHECK}.c": check(law),
+    }
+
+
+def header(law: ExportedLaw) -> str:
+    """Return the header: types and functions, with the bounds of the errors."""
+    program = law.program
+    states = [
+        _field(law.by, each, f"the state {each.source} of the law") for each in program.memory
+    ]
+    return of_law(
+        "law.h",
+        law,
+        input=[_field(law.by, each, TOLD_MEANINGS[each.name]) for each in program.told],
+        numbers=[_field(law.by, each, meaning(law, each)) for each in program.numbers],
+        memory=states or [(law.by.name, "unused", "the law has no memory")],
+        **_filter_fields(law),
+    )
+
+
+def _filter_fields(law: ExportedLaw) -> dict[str, list[tuple[str, str, str]]]:
+    """Return the fields of the structures of the filter; empty without a filter."""
+    if (law_filter := law.filter) is None:
+        return {}
+
+    def listed(
+        entries: Sequence[Entry], said: Callable[[Entry], str]
+    ) -> list[tuple[str, str, str]]:
+        return [(law.by.name, f"{each.name}[{each.size}]", said(each)) for each in entries]
+
+    program = law_filter.program
+    return {
+        "measured": listed(
+            program.measured, lambda each: "; ".join(filter(None, (each.unit, each.source)))
+        ),
+        "options": listed(program.numbers, lambda each: law_filter.meaning(each.name)),
+        "states": listed(program.states, lambda each: each.name.replace("_", " ")),
+    }
+
+
+def bounds_in_words(law: ExportedLaw) -> str:
+    """Return the bound of each torque and its unit: ``x 1.2e-15, y …; N m``."""
+    pairs = zip(law.loop.group.axis_names, law.torque_bound, strict=True)
+    listed = ", ".join(f"{axis} {above(bound)}" for axis, bound in pairs)
+    return f"{listed}; {law.program.torque.unit}"
+
+
+def apart_in_words(law: ExportedLaw) -> str:
+    """Return a sentence on the bounds near singularities."""
+    count = int(np.count_nonzero(law.singular))
+    if not count:
+        return (
+            "No state is near a singularity, such as a half turn, where a divisor or a choice "
+            "loses more than ten bits."
+        )
+    worst = float(law.singular_bound.max())
+    bound = f"the bound is up to {above(worst)}" if np.isfinite(worst) else "there is no bound"
+    return (
+        f"{count} of the states are counted apart: they are near a singularity, such as a half "
+        f"turn, where a divisor or a choice loses more than ten bits; there {bound}."
+    )
+
+
+def meaning(law: ExportedLaw, entry: Entry) -> str:
+    """Return the meaning of a number."""
+    if entry.source == PERIOD:
+        return "by which the memory goes on" if law.program.memory else "not used: no memory"
+    name = name_of_number(entry.source)
+    last = name.rpartition(".")[2]
+    said = NUMBER_MEANINGS.get(name) or meanings(type(law.owner(entry))).get(last, "")
+    return f"fixed by the law; leave it. {said}".strip() if entry.name in law.fixed else said
+
+
+def _field(by: Arithmetic, entry: Entry, said: str) -> tuple[str, str, str]:
+    size = f"[{entry.size}]" if entry.shape else ""
+    unit = "; ".join(part for part in (entry.unit, said) if part)
+    return by.name, f"{entry.name}{size}", unit
+
+
+# The source ---------------------------------------------------------------------------------------
+
+
+def source(law: ExportedLaw) -> str:
+    """Return the source: the functions of the law."""
+    program, name = law.program, law.name
+    step, start = emitted(program.step, f"{name}_step"), ""
+    starting = ["(void)numbers;", "(void)input;", "memory->unused = 0;"]
+    stepping = [call(law, program.step, f"{name}_step", ["torque"]), "(void)memory;"]
+    if program.start:
+        start = f"\nstatic {emitted(program.start, f'{name}_initial')}"
+        own = [f"next.{entry.name}" for entry in program.memory]
+        declare, keep = f"{name}_memory next;", "*memory = next;"
+        starting = [declare, call(law, program.start, f"{name}_initial", own), keep]
+        stepping = [declare, call(law, program.step, f"{name}_step", ["torque", *own]), keep]
+    body = partial(
+        of_law, "law.c", law, step=step, start=start, starting=starting, stepping=stepping
+    )
+    functions = needed(PRELUDE + body(functions=""), headers(law.by.name))
+    prelude = PRELUDE if re.search(r"eqt_uint|EQT_INLINE|EQT_RARE", functions) else ""
+    if "eqt_uint" not in functions:
+        prelude = "\n".join(line for line in prelude.splitlines() if "typedef" not in line).lstrip()
+    return body(functions=f"{prelude}\n{functions}".strip() + "\n")
+
+
+def emitted(program: Program, name: str) -> str:
+    """Return a program in C, its parameters on several lines."""
+    head, brace, body = c_function(program, name).partition("\n{")
+    return wrapped(head, " " * 8).lstrip() + brace + body
+
+
+def call(law: ExportedLaw, program: Program, name: str, outputs: Sequence[str]) -> str:
+    """Return a C statement that calls a program with the arguments of the enclosing function."""
+    entries = {
+        prefix + entry.name: f"{'' if entry.shape else '&'}{of}->{entry.name}"
+        for prefix, of, all_entries in (
+            (TOLD, "input", law.program.told),
+            (NUMBER, "numbers", law.program.numbers),
+            (MEMORY, "memory", law.program.memory),
+        )
+        for entry in all_entries
+    }
+    given = [entries[group] for group, _ in program.inputs]
+    return wrapped(f"{name}({', '.join([*given, *outputs])});", " " * 12).lstrip()
+
+
+def default(law: ExportedLaw, entry: Entry) -> str:
+    """Return the default of a number as an initialiser."""
+    text = initialiser(law.numbers[entry.name], entry, law.by)
+    return wrapped(f".{entry.name} = {text}", " " * 8, "    ")
+
+
+def measurements(law: ExportedLaw) -> list[str]:
+    """Return what the filter measures at each instant of its check, as initialisers."""
+    assert law.filter is not None
+    measured = law.filter.measured
+    parts = [measured[each.name] for each in law.filter.program.measured]
+    rows = zip(*parts, strict=True)
+    return [f"{{{', '.join(braced(part, law.by) for part in each)}}}" for each in rows]
+
+
+# The check ----------------------------------------------------------------------------------------
+
+
+def check(law: ExportedLaw) -> str:
+    """Return the program that compares the source with exact numbers."""
+    program, chosen = law.program, examples(law)
+    states = law.states.at(chosen)
+    bounds = law.bounded(program.step, states)
+    memory = [bounds[MEMORY + entry.name] for entry in program.memory]
+    lines = []
+    for k in range(len(chosen)):
+        state = {name: values[k] for name, values in states.items()}
+        exact = evaluated(program.step, {**state, **law.flat_numbers})
+        after = [float(x) for entry in program.memory for x in exact[MEMORY + entry.name]]
+        after_bound = [x for each in memory for x in _stored(each.errors[k], each.values[k])]
+        fields = [initialiser(state[TOLD + each.name], each, law.by) for each in program.told]
+        own = [braced(state[MEMORY + each.name], law.by) for each in program.memory]
+        torque = row(np.array([float(x) for x in exact[TORQUE]]))
+        parts = [
+            f"{{{', '.join(fields)}}}",
+            f"{{{', '.join(own) or '0'}}}",
+            torque,
+            row(_stored(bounds[TORQUE].errors[k], bounds[TORQUE].values[k])),
+            row(np.array([*after, 0.0])),
+            row(np.array([*after_bound, 0.0])),
+            str(int(law.singular[chosen[k]])),
+        ]
+        lines.append(",\n".join(wrapped(part, " " * 9, " " * 8) for part in parts))
+    started, start_bound = _started(law, {name: values[0] for name, values in states.items()})
+    return of_law(
+        "check.c",
+        law,
+        examples=lines,
+        start=row(np.array([*started, 0.0])),
+        start_bound=row(np.array([*_stored(start_bound, started), 0.0])),
+    )
+
+
+def examples(law: ExportedLaw) -> Array:
+    """Return the indices of the states that the check uses, in order."""
+    bounds = law.judged[TORQUE].errors.max(axis=1)
+    known = np.isfinite(bounds) & np.isfinite(law.judged[TORQUE].values).all(axis=1)
+    far, near = np.flatnonzero(known & ~law.singular), np.flatnonzero(known & law.singular)
+    worst = far[np.argsort(bounds[far], kind="stable")[-WORST:]]
+    return np.unique([*_spread(far, EXAMPLES), *worst, *_spread(near, WORST)]).astype(int)
+
+
+def _spread(places: Array, count: int) -> Array:
+    """Return `count` places, or all if fewer, evenly spread from the first to the last."""
+    if not len(places):
+        return places
+    return places[np.unique(np.linspace(0, len(places) - 1, count).round().astype(int))]
+
+
+def _started(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
+    """Return the memory at the start in exact numbers, and the bounds of its errors."""
+    program = law.program
+    if program.start is None:
+        return np.empty(0), np.empty(0)
+    bounds = law.bounded(program.start, state)
+    exact = evaluated(program.start, {**state, **law.flat_numbers})
+    names = [MEMORY + entry.name for entry in program.memory]
+    return (
+        np.array([float(x) for name in names for x in exact[name]]),
+        np.concatenate([bounds[name].errors[0] for name in names]),
+    )
+
+
+def _stored(bounds: Array, values: Array) -> Array:
+    """Return bounds that include the rounding of the exact numbers when stored as doubles."""
+    return np.nextafter(bounds + DOUBLE.unit * np.abs(values), np.inf)
+
+
+# The README of a folder with exported laws, and their size: bytes of flash, and of stack ----------
+
+
+FLAGS = (
+    "-std=c99 -O2 -ffp-contract=off -fno-math-errno -ffreestanding -Wframe-larger-than=1"
+).split()
+
+TARGET = "thumb-freestanding-eabihf"
+CORE = ("-mcpu=cortex_m4+vfp4d16sp",)
+"""Options of the compiler in the package ziglang for a Cortex-M4 with hardware floats."""
+
+GCC = "arm-none-eabi-gcc"
+GCC_CORE = "-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard".split()
+
+MISSING = (
+    "not measured: no compiler for Cortex-M4 was found (arm-none-eabi-gcc, or pip install ziglang)"
+)
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """The cost of a law on a Cortex-M4.
+
+    Attributes
+    ----------
+    flash
+        Bytes of code and constants.
+    stack
+        Bytes of LABEL_torque with all it calls, except what a compiler adds for doubles.
+    compiler
+        Compiler that was used.
+    """
+
+    flash: int
+    stack: int
+    compiler: str
+
+
+def compiler() -> list[str] | None:
+    """Return the command of a compiler for Cortex-M4 on this machine; None if there is none."""
+    if path := shutil.which(GCC):
+        return [path, *GCC_CORE]
+    if find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc", "-target", TARGET, *CORE]
+    return None
+
+
+def measured(name: str, files: Mapping[str, str]) -> Footprint | None:
+    """Return the cost of an exported law on a Cortex-M4; None where it cannot be measured."""
+    command = compiler()
+    if command is None:
+        return None
+    with tempfile.TemporaryDirectory(prefix="eqt-") as folder:
+        for file in (f"{name}.h", f"{name}.c"):
+            replace_file(Path(folder, file), files[file].encode())
+        made = Path(folder, f"{name}.o")
+        try:
+            answer = run([*command, *FLAGS, "-c", str(Path(folder, f"{name}.c")), "-o", str(made)])
+        except EqtError:
+            return None
+        if answer.returncode or not made.exists():
+            return None
+        called = "gcc" if command[0].endswith(GCC) else "clang"
+        return Footprint(_flash(made.read_bytes()), _stack(answer.stderr), called)
+
+
+def _stack(warnings: str) -> int:
+    """Return the sum of the frames of all functions, from the warnings of a compiler.
+
+    It bounds the stack, since any function may call another.
+    """
+    frames = re.findall(r"frame size(?: of)? \(?(\d+)\)? ", warnings)
+    return sum(map(int, frames))
+
+
+def _flash(content: bytes) -> int:
+    """Return the bytes of the sections of a 32-bit object file that are kept in flash."""
+    [start] = struct.unpack_from("<I", content, 32)
+    size, count = struct.unpack_from("<HH", content, 46)
+    loaded = 0
+    for index in range(count):
+        _, kind, flags, _, _, length = struct.unpack_from("<6I", content, start + index * size)
+        if kind == 1 and flags & 2:  # has contents, and is part of the image
+            loaded += length
+    return int(loaded)
+
+
+NAME = "README.md"
+
+
+def readme(laws: Sequence[ExportedLaw], costs: Mapping[str, Footprint | None]) -> str:
+    """Return the text of the README of the laws of an experiment."""
+    experiment = laws[0].experiment
+    rows = identities_of(experiment)
+    return filled(
+        NAME,
+        experiment=experiment,
+        laws=laws,
+        first=laws[0].name,
+        real=laws[0].by.name,
+        loop=loop_in_words(experiment.resolved),
+        # Labels that are no names in C.
+        spelled=[f'"{markdown(x.label)}" is `{x.name}`' for x in laws if x.label != x.name],
+        costs=costs,
+        known=next((cost for cost in costs.values() if cost), None),
+        missing=MISSING,
+        claim=_claim,
+        tally=lambda law: tally([row for row in rows if row.controller == law.label]),
+    )
+
+
+def _claim(law: ExportedLaw) -> str:
+    """Say what the law claims of its L."""
+    controller = law.loop.controller
+    claim = controller.claims(law.loop.group, law.loop.gains)
+    return {
+        True: f"L = {controller.energy} falls along every motion of the ideal loop, in "
+        f"continuous time ({controller.theorem})",
+        False: f"L = {controller.energy} is not claimed to fall",
+        None: "nothing is claimed",
+    }[claim]
+
+
+# Exports laws as C files into a folder ------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ExportedFiles:
+    """The files of an export.
+
+    Attributes
+    ----------
+    folder
+        Output folder.
+    files
+        Names of the files.
+    laws
+        A record for each law: ``label``, ``name``, ``real``, number of ``operations``, number of
+        checked ``states``, error ``bound`` of each torque, number of ``singular`` states and the
+        ``singular_bound`` of each torque there, and bytes of ``flash`` and ``stack`` on a
+        Cortex-M4, which are None if no compiler was found.
+    """
+
+    folder: Path
+    files: list[str]
+    laws: list[dict[str, object]]
+
+
+def export(
+    target: Study | Configuration,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    controllers: str | Sequence[str] = (),
+    real: Literal["double", "float"] = "double",
+    reference: bool = False,
+    point: int | None = None,
+    trust_plugins: bool = False,
+    workers: int = 1,
+) -> ExportedFiles:
+    """Export control laws as C code for a vehicle: header, source, a test program and a README.
+
+    Parameters
+    ----------
+    target
+        A `Study` from `load_experiment`, or a configuration as `load_experiment` takes it.
+    out
+        Output folder. Default: ``exported/NAME``.
+    controllers
+        Labels of the laws; all if empty.
+    real
+        Type of all numbers in C.
+    reference
+        Whether to export the reference too, which must be in closed form.
+    point
+        Point of a sweep, counted from 0. Default: the first.
+    trust_plugins
+        Whether to execute plugin sources that are stored in a result file.
+    workers
+        Number of cores for the runs that provide states for the checks.
+
+    Returns
+    -------
+    ExportedFiles
+        The written files, with operation counts, error bounds and sizes.
+
+    Raises
+    ------
+    EqtError
+        If a law cannot be written as C, or the folder is not writable.
+
+    Examples
+    --------
+    >>> found = eqt_cli.export("configs/paper.yaml", "flight", controllers="eqt", real="float")
+    >>> found.files
+    ['eqt.h', 'eqt.c', 'eqt_check.c', 'README.md']
+    """
+    if real not in ARITHMETICS:
+        raise EqtError(f"real: expected {' or '.join(ARITHMETICS)}, got {real!r}")
+    experiment = experiment_at(target, point, trust_plugins=trust_plugins)
+    folder = Path(out) if out is not None else Path("exported", experiment.name)
+    check_targets([folder / NAME], folder)  # fails before the work, not after it
+    labels = [controllers] if isinstance(controllers, str) else controllers
+    laws = exported(experiment, labels, ARITHMETICS[real], reference=reference, workers=workers)
+    texts: dict[str, str] = {}
+    costs: dict[str, Footprint | None] = {}
+    for law in laws:
+        own = files(law)
+        costs[law.label] = measured(law.name, own)
+        texts |= own
+    texts[NAME] = readme(laws, costs)
+    write_all({folder / name: text.encode() for name, text in texts.items()}, folder)
+    return ExportedFiles(folder, list(texts), [_record(law, costs) for law in laws])
+
+
+def _record(law: ExportedLaw, costs: Mapping[str, Footprint | None]) -> dict[str, object]:
+    cost = costs[law.label]
+    return {
+        "label": law.label,
+        "name": law.name,
+        "real": law.by.name,
+        "operations": law.program.step.operations,
+        "states": law.states.count,
+        "bound": law.torque_bound.tolist(),
+        "singular": int(np.count_nonzero(law.singular)),
+        "singular_bound": law.singular_bound.tolist(),
+        "flash": cost.flash if cost else None,
+        "stack": cost.stack if cost else None,
+    }

@@ -1,0 +1,644 @@
+"""Laws, references and filters as programs for export."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.errors import EqtError, EqtWarning, Remedy, suggestion
+from eqt_cli.base.registry import description, meanings
+from eqt_cli.base.reporting import reporter
+from eqt_cli.components.estimators import Estimator, Measurement
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.initial_states import Stream, generator, generator_at
+from eqt_cli.components.mechanics import LawInput
+from eqt_cli.components.references import ClosedReference, references
+from eqt_cli.components.sensors import CHANNEL_MEASURED as ARRIVED
+from eqt_cli.components.sensors import Errors
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.study import Study
+from eqt_cli.engines.native import compiled_if_faster
+from eqt_cli.engines.traced_loop import law_of
+from eqt_cli.extensions.firmware.program_error import FLOAT, Arithmetic, BoundedOutput, bounded
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.law_program import (
+    CONTROLLER,
+    MEMORY,
+    NUMBER,
+    PERIOD,
+    TOLD,
+    TORQUE,
+    Entry,
+    LawProgram,
+    by_part,
+    sizes,
+)
+from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
+from eqt_cli.numbers.program import Program, distinct
+from eqt_cli.numbers.symbols import traced
+from eqt_cli.runs.batches import batches
+
+# The filter of an exported law: its program, and instants at which it is checked ------------------
+#
+# An estimator by itself is a program from measurements and its states to a law's input. Its states
+# are those that a law needs: neither those that only judge the estimate, nor the initial error of a
+# simulated run, are part of it.
+
+
+MEASURED, STATE = "measured_", "state_"
+POSE, VELOCITY = "pose", "velocity"
+
+QUALITY = ("error", "innovations", "last_innovation")
+"""States that judge an estimate and that it does not need."""
+
+
+@dataclass(frozen=True)
+class EstimatorProgram:
+    """An estimator on a group, with its inputs and outputs.
+
+    Attributes
+    ----------
+    estimator
+        The estimator as it flies; it starts at the first fix.
+    measured
+        Measured ``pose`` and ``velocity``, and ``arrived``, 1 for each part of the pose that has a
+        new measurement.
+    numbers
+        Its options.
+    states
+        Its states, all 0 before the first call.
+    step
+        Program of ``pose``, ``velocity`` and the states after an instant; it takes the ``period``
+        as well.
+    """
+
+    estimator: Estimator
+    measured: tuple[Entry, ...]
+    numbers: tuple[Entry, ...]
+    states: tuple[Entry, ...]
+    step: Program
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """The options, by name."""
+        return leaves(self.estimator)
+
+
+def estimator_program(loop: ClosedLoop) -> EstimatorProgram:
+    """Return the program of a loop's estimator; its measurements arrive without delay."""
+    G, vehicle = loop.group, loop.vehicle
+    assert vehicle.estimator is not None
+    estimator, schedule = with_fields(vehicle.estimator, initial_error=None), vehicle.schedule(G)
+    d, m, fixes = G.size, G.dimension, [channel.part.name for channel in schedule.fixes]
+    measured = (
+        Entry(POSE, (d, d), "Q as it is measured", by_part(G, "pose_unit")),
+        Entry(VELOCITY, (m,), "V as it is measured", by_part(G, "velocity_unit")),
+        Entry("arrived", (len(fixes),), f"1 where a part of Q is new: {', '.join(fixes)}"),
+    )
+    numbers = tuple(Entry(path, value.shape, path) for path, value in leaves(estimator).items())
+    lengths = estimator.states(schedule)
+    states = tuple(
+        Entry(name, (length,), name) for name, length in lengths.items() if name not in QUALITY
+    )
+
+    def step(given: Mapping[str, Array]) -> Mapping[str, Array]:
+        def one(prefix: str, entry: Entry) -> Array:
+            return given[prefix + entry.name].reshape(1, *entry.shape)
+
+        now: Any = replace(schedule, period=given[NUMBER + PERIOD][0])
+        own = with_leaves(estimator, {each.source: one(NUMBER, each) for each in numbers})
+        Q, V, fresh = (one(MEASURED, each) for each in measured)
+        Q = G.unpack(G.pack(Q))
+        kept = {name: np.zeros((1, lengths[name])) for name in QUALITY if name in lengths}
+        kept |= {each.name: one(STATE, each) for each in states}
+        after = own.after(now, Measurement(Q, V, fresh, Q, 0.0 * V), kept)
+        estimate = {POSE: G.unpack(after["pose"])[0], VELOCITY: after["velocity"][0]}
+        return estimate | {STATE + each.name: after[each.name][0] for each in states}
+
+    groups = sizes({MEASURED: measured, NUMBER: numbers, STATE: states}) | {NUMBER + PERIOD: 1}
+    return EstimatorProgram(estimator, measured, numbers, states, traced(step, groups))
+
+
+INSTANTS = 40
+"""Number of instants at which the filter is checked."""
+
+TOLERANCE = {"double": 1e-9, "float": 1e-2}
+"""Largest difference by rounding between the filter and eqt's over these instants, in the units of
+the pose and of the velocity."""
+
+
+@dataclass(frozen=True)
+class ExportedFilter:
+    """The filter of a loop, to be written as C.
+
+    Attributes
+    ----------
+    program
+        The filter as a program.
+    measured : (instants, n)
+        Measurements at the instants of the check, by name.
+    estimates : (instants, n)
+        Estimates of eqt there: pose and velocity.
+    """
+
+    program: EstimatorProgram
+    measured: dict[str, Array]
+    estimates: Array
+
+    @property
+    def kind(self) -> str:
+        """Name of the filter in a configuration."""
+        return self.program.estimator.name
+
+    @property
+    def about(self) -> str:
+        """Description of the filter in a sentence."""
+        return description(type(self.program.estimator))
+
+    def meaning(self, option: str) -> str:
+        """Return the meaning of an option."""
+        return meanings(type(self.program.estimator)).get(option, "")
+
+    def arguments(self) -> list[str]:
+        """Return the arguments of the emitted function, in the order of the program."""
+        entries = {MEASURED + each.name: f"measured->{each.name}" for each in self.program.measured}
+        entries |= {NUMBER + each.name: f"options->{each.name}" for each in self.program.numbers}
+        entries |= {STATE + each.name: f"filter->{each.name}" for each in self.program.states}
+        entries[NUMBER + PERIOD] = f"&numbers->{PERIOD}"
+        given = [entries[group] for group, _ in self.program.step.inputs]
+        estimate = [f"input->{POSE}", f"input->{VELOCITY}"]
+        return [*given, *estimate, *(f"next.{each.name}" for each in self.program.states)]
+
+
+def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter | None:
+    """Return the filter of a loop; None where the law reads measurements.
+
+    Raises
+    ------
+    EqtError
+        If measurements arrive late.
+    """
+    vehicle, G = loop.vehicle, loop.group
+    if vehicle.estimator is None:
+        return None
+    if vehicle.clocks:
+        reporter().remark(
+            EqtWarning(
+                f"{label}: the filter acts every {vehicle.tick:g} s, other parts at instants of "
+                "their own; only the law is written as C, which reads pose and velocity"
+            )
+        )
+        return None
+    if vehicle.schedule(G).depth:
+        raise EqtError(
+            f"{label}: a filter whose measurements arrive late is not written as C",
+            Remedy("remove `delay` from the sensors, or the key estimator"),
+        )
+    return ExportedFilter(estimator_program(loop), *_flown(loop, seed))
+
+
+def _flown(loop: ClosedLoop, seed: int) -> tuple[dict[str, Array], Array]:
+    """Return measurements of a motion with constant velocity, and the estimates of eqt."""
+    G, flying = loop.group, loop.vehicle
+    flying = replace(flying, estimator=with_fields(flying.estimator, initial_error=None))
+    random_of = partial(generator_at, seed, Stream.VEHICLE, 0)
+    errors = flying.measurement_errors(G, INSTANTS, random_of)
+    V = 0.3 * random_of("the motion of an exported filter").standard_normal(G.dimension)
+    states = {name: np.zeros(count) for name, count in flying.states(G).items()}
+    flown: dict[str, list[Array]] = {"pose": [], "velocity": [], "arrived": []}
+    estimates, holding = [], [channel.name for channel in flying.holding(G)]
+    for k in range(INSTANTS):
+        at = Errors(*(part[k] for part in errors))
+        Q = G.exp(k * flying.tick * V)
+        states = states | flying.after_measuring(G, Q, V, at, states)
+        Q_m, V_m = flying.as_arrived(G, Q @ at.pose, V + at.velocity, states)
+        new = dict(zip(holding, 1.0 * (at.arrived >= ARRIVED), strict=True))
+        fresh = np.array([new.get(fix.name, 1.0) for fix in flying.schedule(G).fixes])
+        for name, values in zip(flown, (Q_m, V_m, fresh), strict=True):
+            flown[name].append(values.ravel())
+        Q_hat, V_hat = flying.estimated(G, states)
+        estimates.append(np.concatenate([Q_hat.ravel(), V_hat]))
+    return {name: np.array(rows) for name, rows in flown.items()}, np.array(estimates)
+
+
+# A law to export: its program, numbers and error bounds, and the states at which it is checked ----
+#
+# A reference in closed form is exported, too: from a time, and the piece it is in, to a motion.
+
+
+@dataclass(frozen=True)
+class ReferenceProgram:
+    """The motion of a reference as a program.
+
+    Attributes
+    ----------
+    motion
+        What the law is told of it from ``t`` and the numbers ``held`` in a piece.
+    starts : (pieces,)
+        Times at which the pieces begin, s; empty for a single piece.
+    held : (pieces, n)
+        Numbers of each piece.
+    """
+
+    motion: Program
+    starts: Array
+    held: Array
+
+
+def _closed() -> str:
+    """Return the names of the references in closed form, for a message."""
+    names = [each.name for each in references.all() if issubclass(each, ClosedReference)]
+    return f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
+    """Return the program of the reference of a loop, for its law.
+
+    Raises
+    ------
+    EqtError
+        If the reference is integrated, or uses operations that programs do not have.
+    """
+    G, reference = loop.group, loop.reference
+    if not isinstance(reference, ClosedReference):
+        both = "velocity" in reference.starts_from
+        parts = "Q_d and V_d follow" if both else "Q_d follows"
+        raise EqtError(
+            f"--reference: the reference '{reference.name}' is integrated: its {parts} from a "
+            f"differential equation, and no formula gives {'them' if both else 'it'} at a time. "
+            f"Integrate it on the vehicle, or use a reference in closed form: {_closed()}"
+        )
+    starts = reference.instants(G, 0.0) if loop.holds else np.empty(0)
+    at = starts if len(starts) else np.zeros(1)
+    moving = reference.held(G, at)
+    numbers = {} if moving is None else leaves(moving)
+    rows = [values.reshape(len(at), -1) for values in numbers.values()]
+    held = np.concatenate([np.empty((len(at), 0)), *rows], axis=1)
+
+    def motion(given: Mapping[str, Array]) -> Mapping[str, Array]:
+        parts = np.split(given["held"], np.cumsum([row.shape[1] for row in rows]))
+        own = {
+            name: part.reshape(values.shape[1:])
+            for (name, values), part in zip(numbers.items(), parts, strict=False)
+        }
+        here: Any = reference if moving is None else with_leaves(moving, own)
+        t, names = given["t"][0], [entry.source for entry in law.told]
+        moves = [name for name in LawInput._fields if name.startswith("desired_")]
+        motion = dict(zip(moves, here.motion(G, t), strict=True))
+        flat = here.flat_output(G, t) if loop.controller.reads_flat_output else None
+        motion |= {} if flat is None else flat._asdict()
+        return {name: motion[name] for name in names if name in motion}
+
+    try:
+        program = traced(motion, {"t": 1, "held": held.shape[1]})
+    except Exception as error:
+        raise EqtError(
+            f"--reference: the reference '{reference.name}' cannot be written as C: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    return ReferenceProgram(program, starts, held)
+
+
+RUNS = 20
+"""Number of runs of a law that are integrated, unless there are fewer."""
+
+RANDOM = 1000
+"""Number of random states beside the states of the runs."""
+
+HALF_TURNS = 100
+"""Number of random states 1e-2 to 1e-16 rad from a half turn, where a group has such."""
+
+
+@dataclass(frozen=True)
+class CheckedStates:
+    """The inputs and the memory of a law at many states.
+
+    Attributes
+    ----------
+    inputs
+        ``(states, length)`` for each group of inputs that varies.
+    runs
+        Number of runs.
+    along
+        Number of states from runs; the others are random.
+    """
+
+    inputs: Mapping[str, Array]
+    runs: int
+    along: int
+
+    @property
+    def count(self) -> int:
+        """Number of states."""
+        return len(next(iter(self.inputs.values())))
+
+    def at(self, states: Array | slice) -> dict[str, Array]:
+        """Return the inputs at some states."""
+        return {name: values[states] for name, values in self.inputs.items()}
+
+
+def states_of(
+    experiment: Experiment, label: str, law: LawProgram, workers: int = 1
+) -> CheckedStates:
+    """Return the states of a law in the first runs of an experiment, and random ones of that size.
+
+    Raises
+    ------
+    EqtError
+        If all of these runs fail.
+    """
+    few = experiment.of_runs(RUNS)
+    ensemble = few.config.ensemble
+    [batch] = batches(Study(None, few), label, np.arange(ensemble.runs))
+    solution = compiled_if_faster(batch.engine, batch.problem).solve(batch.problem, workers)
+    good = np.flatnonzero(solution.status == 0)
+    if not len(good):
+        raise EqtError(
+            f"{label}: all of the first {ensemble.runs} runs fail, so that there is no state to "
+            f"check the exported law at: {solution.messages[0]}"
+        )
+    problem = batch.problem.select(good)
+    loop, states = problem.batched_loop(extra_axes=1), solution.states[good]
+    with np.errstate(all="ignore"):
+        inputs_of, memory = loop.told(problem.times, states), loop.memory(states)
+    inputs_of = inputs_of._replace(t=np.broadcast_to(problem.times, states.shape[:2]))
+    given = _rows(law, inputs_of, memory, states.shape[:2])
+    random = generator(ensemble.seed, Stream.EXPORTED_STATES, list(few.loops).index(label))
+    count = len(next(iter(given.values())))
+    drawn = _random(given, loop.group, random)
+    inputs = {name: np.concatenate([values, drawn[name]]) for name, values in given.items()}
+    return CheckedStates(inputs, len(good), count)
+
+
+def _rows(
+    law: LawProgram, inputs: LawInput, memory: Mapping[str, Array], batch: tuple[int, ...]
+) -> dict[str, Array]:
+    columns = {
+        TOLD + entry.name: np.broadcast_to(getattr(inputs, entry.source), (*batch, *entry.shape))
+        for entry in law.told
+    }
+    columns |= {MEMORY + entry.name: memory[entry.source] for entry in law.memory}
+    rows = {name: np.array(values).reshape(np.prod(batch), -1) for name, values in columns.items()}
+    finite = np.logical_and.reduce([np.isfinite(values).all(axis=1) for values in rows.values()])
+    return {name: values[finite] for name, values in rows.items()}
+
+
+def _random(
+    given: Mapping[str, Array], G: MatrixLieGroup, random: np.random.Generator
+) -> dict[str, Array]:
+    """Return states with any error of the pose, and all else as large as in the runs."""
+    chosen = random.integers(0, len(given[f"{TOLD}t"]), RANDOM)
+    errors = random.standard_normal((RANDOM, G.dimension))
+    for part in G.parts:
+        if part.turns:
+            turn = errors[:HALF_TURNS, part.axes]
+            angle = np.pi - 10.0 ** random.uniform(-16, -2, (HALF_TURNS, 1))
+            errors[:HALF_TURNS, part.axes] = turn * angle / norm(turn)[:, None]
+    error = G.exp(errors)
+    drawn = {}
+    for name, values in given.items():
+        if name in (f"{TOLD}t", f"{TOLD}desired_pose"):
+            drawn[name] = values[chosen]
+        elif name == f"{TOLD}pose":
+            about = f"{TOLD}desired_pose" if f"{TOLD}desired_pose" in given else name
+            desired = given[about][chosen].reshape(-1, G.size, G.size)
+            drawn[name] = (desired @ error).reshape(RANDOM, -1)
+        else:
+            size = np.abs(values).max(axis=0)
+            drawn[name] = size * random.uniform(-1, 1, (RANDOM, len(size)))
+    return drawn
+
+
+CHECK = "_check"
+"""After the name of a law: its program that checks it."""
+
+
+class Limit(NamedTuple):
+    """A limit of thrusts or of torques of wheels, which holds where a number is beyond it."""
+
+    name: str
+    sign: str
+    numbers: Array | None
+
+
+class Allocation(NamedTuple):
+    """The allocation of a torque to thrusters or wheels by a matrix.
+
+    Attributes
+    ----------
+    what
+        Its outputs, in words.
+    inverse : (k, m)
+        B⁺.
+    limits
+        Limits behind it; empty if none are part of it.
+    rounding, carried
+        Bounds of what rounding, and the bound of the torque, move the outputs by; the first for a
+        torque whose largest number is 1.
+    """
+
+    what: str
+    inverse: Array
+    limits: list[Limit]
+    rounding: float
+    carried: float
+
+
+@dataclass(frozen=True)
+class ExportedLaw:
+    """A law of an experiment, to be written as C.
+
+    Attributes
+    ----------
+    label, name
+        Name of the law in the experiment, and in C.
+    by
+        Arithmetic in which the law is computed.
+    reference
+        Program of the reference; None where it is not exported.
+    filter
+        Filter whose estimate the law reads; None where it reads measurements.
+    """
+
+    experiment: Experiment
+    label: str
+    name: str
+    by: Arithmetic
+    program: LawProgram
+    states: CheckedStates
+    reference: ReferenceProgram | None
+    filter: ExportedFilter | None
+
+    @property
+    def title(self) -> str:
+        """Display name of the law."""
+        return self.experiment.titles[self.label]
+
+    @property
+    def about(self) -> str:
+        """Description of the law in sentences."""
+        return description(type(self.loop.controller))
+
+    @property
+    def loop(self) -> ClosedLoop:
+        """Closed loop of the law."""
+        return self.experiment.loops[self.label]
+
+    @cached_property
+    def numbers(self) -> dict[str, Array]:
+        """Numbers of the experiment, by name."""
+        return self.program.values(self.loop)
+
+    @cached_property
+    def fixed(self) -> frozenset[str]:
+        """Names of the numbers that are no options: the law fixes them."""
+        own = [each for each in self.program.numbers if each.source.startswith(CONTROLLER)]
+        return frozenset(
+            each.name
+            for each in own
+            for field in fields(self.owner(each))
+            if field.name == each.source.rpartition(".")[2] and not field.init
+        )
+
+    def owner(self, number: Entry) -> Any:
+        """Return the part of the loop that has a number: the law, or a part of it."""
+        part: Any = self.loop
+        for name in re.findall(r"\w+", number.source)[:-1]:
+            part = part[int(name)] if name.isdigit() else getattr(part, name)
+        return part
+
+    def bounded(self, program: Program, states: Mapping[str, Array]) -> dict[str, BoundedOutput]:
+        """Return the output of a program of the law at some states, with bounds of its errors.
+
+        In float, the inputs and the numbers of the law are rounded too.
+        """
+        inputs = {**states, **self.flat_numbers}
+        errors = None
+        if self.by is FLOAT:
+            errors = {name: np.abs(self.by.rounded(x) - x) for name, x in inputs.items()}
+        return bounded(program, inputs, self.by, errors)
+
+    @cached_property
+    def flat_numbers(self) -> dict[str, Array]:
+        """`numbers` as inputs of the programs of the law."""
+        return {NUMBER + name: values.reshape(-1) for name, values in self.numbers.items()}
+
+    @cached_property
+    def judged(self) -> dict[str, BoundedOutput]:
+        """Output of the law and bounds of its errors at all its states."""
+        return self.bounded(self.program.step, self.states.inputs)
+
+    @property
+    def singular(self) -> Array:
+        """Mask of the states near a singularity, ``(states,)``."""
+        singular = np.zeros(self.states.count, dtype=bool)
+        for each in self.judged.values():
+            singular |= each.singular
+        return singular
+
+    @cached_property
+    def allocation(self) -> Allocation | None:
+        """The allocation behind the law, where it is a fixed matrix; else None."""
+        for actuator in self.loop.vehicle.actuators:
+            if (matrices := actuator.allocation_matrix) is not None:
+                inverse, low, high = matrices
+                what = "thrusts, N," if actuator.thruster_names else "torques of the wheels, N m,"
+                pairs = ("low", "<", low), ("high", ">", high)
+                limits = [Limit(*each) for each in pairs if each[-1] is not None]
+                # Each number is rounded, multiplied and added up: m + 1 errors of relative size u.
+                size, u = np.abs(inverse), (inverse.shape[1] + 1) * self.by.unit
+                rounding = u / (1 - u) * size.sum(axis=1).max()
+                carried = (1 + 2 * u) * (size @ self.torque_bound).max()
+                return Allocation(what, inverse, limits, float(rounding), float(carried))
+        return None
+
+    @cached_property
+    def torque_bound(self) -> Array:
+        """Largest bound of each torque away from singularities, ``(m,)``."""
+        return self._largest(~self.singular)
+
+    @cached_property
+    def singular_bound(self) -> Array:
+        """Largest bound of each torque near singularities, ``(m,)``; empty without such states."""
+        return self._largest(self.singular)
+
+    def _largest(self, states: Array) -> Array:
+        errors = self.judged[TORQUE].errors[states]
+        return errors.max(axis=0) if len(errors) else np.empty(0)
+
+
+def exported(
+    experiment: Experiment,
+    labels: Sequence[str],
+    by: Arithmetic,
+    *,
+    reference: bool = False,
+    workers: int = 1,
+) -> list[ExportedLaw]:
+    """Return laws of an experiment, to be written as C, in its order.
+
+    Parameters
+    ----------
+    labels
+        Labels of the laws; all if empty.
+    reference
+        Whether to export the reference too.
+
+    Raises
+    ------
+    EqtError
+        If there is no such law, one cannot be traced or has memory without a period, the reference
+        is integrated, or measurements for an estimator arrive late.
+    """
+    for label in labels:
+        if label not in experiment.loops:
+            raise EqtError(
+                f"controller {label!r} is not in this experiment; expected "
+                f"{', '.join(experiment.loops)}{suggestion(label, experiment.loops)}"
+            )
+    names = dict(
+        zip(experiment.loops, distinct(experiment.loops, endings=("", CHECK)), strict=True)
+    )
+    wanted = [label for label in experiment.loops if not labels or label in labels]
+    programs = {label: _program(experiment, label) for label in wanted}
+    return [
+        ExportedLaw(
+            experiment,
+            label,
+            names[label],
+            by,
+            program,
+            states_of(experiment, label, program, workers),
+            reference_program(experiment.loops[label], program) if reference else None,
+            exported_filter(experiment.loops[label], label, experiment.config.ensemble.seed),
+        )
+        for label, program in programs.items()
+    ]
+
+
+def _program(experiment: Experiment, label: str) -> LawProgram:
+    loop = experiment.loops[label]
+    if code := loop.controller.code:
+        raise EqtError(
+            f"{label}: the law is in C already, in {code.file}",
+            Remedy("leave it out, or export the law that it claims to be"),
+        )
+    program = law_of(loop)
+    if not {entry.source for entry in program.numbers[:-1]} <= leaves(loop).keys():
+        raise EqtError(
+            f"{label}: the numbers of {loop.controller.name} change at instants of the run, and "
+            "C code has one set of them",
+            Remedy("export another law, or lqr for a reference that does not change its loop"),
+        )
+    if program.memory and loop.vehicle.control is None:
+        states = ", ".join(entry.source for entry in program.memory)
+        raise EqtError(
+            f"{label}: the law has memory ({states}), which goes on by one period; the "
+            "configuration has no period",
+            Remedy("set control.period to the period of your vehicle in s"),
+        )
+    return program

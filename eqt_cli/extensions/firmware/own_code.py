@@ -1,0 +1,654 @@
+"""C code of the user: its files, its types, its calls."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from itertools import islice
+from pathlib import Path, PurePath, PurePosixPath
+from struct import iter_unpack, unpack_from
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import InputError, Remedy, TraceError, printable, suggestion
+from eqt_cli.base.files import TEXT_BYTES, text_of
+from eqt_cli.components.laws import RunsCode
+from eqt_cli.components.mechanics import LawInput
+from eqt_cli.components.motions import ORDER
+from eqt_cli.engines import compiler
+from eqt_cli.engines.compiler import Limits, temporary_folder
+from eqt_cli.extensions.firmware.decisions import Decision, watched
+
+# A user's C file with the files beside it that its preprocessor reads, as one text ----------------
+#
+# They are kept as one text, in which every file stands as it was written. What is compiled is what
+# the preprocessor makes of that text, and of the headers of the system.
+
+
+_HEAD = re.compile(r"/\* eqt: (\d+) characters of (.+) \*/\n")
+_MARKER = re.compile(r'^# \d+ "((?:[^"\\\n]|\\.)*)"([ \d]*)$', re.MULTILINE)
+_BEGINS, _OF_SYSTEM = "1", "3"
+"""Flags of a marker: here a file begins; it is a header of the compiler or the system."""
+
+
+def gathered(file: Path) -> str:
+    """Return the text of a C file, and of all others beside it that its preprocessor reads.
+
+    Raises
+    ------
+    InputError
+        If one of them is not in the folder of the file, or cannot be read.
+    """
+    folder = Path(os.path.abspath(file)).parent  # noqa: PTH100  # as the compiler does with ".."
+    told = _preprocessed(folder, file.name, file.name)
+    texts: dict[str, str] = {}
+    for name in dict.fromkeys([file.name, *_included(told, folder, file.name)]):
+        texts[name] = text_of(folder / name, "it is included", InputError, limit=TEXT_BYTES)
+        if (total := sum(map(len, texts.values()))) > TEXT_BYTES:
+            raise InputError(
+                f"{file.name} and what it includes: expected at most {TEXT_BYTES:,} characters, "
+                f"got {total:,}"
+            )
+    return "".join(
+        f"/* eqt: {len(text)} characters of {name} */\n{text}\n" for name, text in texts.items()
+    )
+
+
+def is_gathered(text: str) -> bool:
+    """Return whether a text is one that `gathered` returned."""
+    return _HEAD.match(text) is not None
+
+
+def files_in(text: str, file: str) -> Mapping[str, str]:
+    """Return the files of a text by their names, the first one first.
+
+    Parameters
+    ----------
+    file
+        Name of the text, for messages; and of its only file, if it is not one of `gathered`.
+
+    Raises
+    ------
+    InputError
+        If it is not as `gathered` writes it, or a name leads out of its folder.
+    """
+    if not is_gathered(text):
+        return {PurePath(file).name: text}
+    found, at = {}, 0
+    while at < len(text):
+        head = _HEAD.match(text, at)
+        name = PurePosixPath(head[2]) if head else PurePosixPath("..")
+        if not head or name.is_absolute() or ".." in name.parts or "\\" in head[2]:
+            raise InputError(f"{file}: is not as eqt keeps C files: at character {at:,}")
+        found[head[2]] = text[head.end() : head.end() + int(head[1])]
+        at = head.end() + int(head[1]) + 1
+    return found
+
+
+def preprocessed(text: str, file: str) -> str:
+    """Return what the preprocessor makes of a text of `gathered`, with markers of the lines.
+
+    Raises
+    ------
+    InputError
+        If it fails, or reads a file that is not in the text.
+    """
+    texts = files_in(text, file)
+    first = next(iter(texts))
+    with temporary_folder() as folder:
+        for name, content in texts.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(content, encoding="utf-8")
+        told = _preprocessed(folder, first, file)
+        if missing := {*_included(told, folder, file)} - {*texts}:
+            raise InputError(f"{file} includes {min(missing)}, which eqt has not kept")
+    return told.replace(f'"{folder}{os.sep}', '"')
+
+
+def _preprocessed(folder: Path, name: str, file: str) -> str:
+    if compiler.missing():
+        raise InputError(
+            f"{file} is C, and this machine has no C compiler; install gcc or clang, or "
+            "'pip install ziglang' (extra native), a clang in a wheel"
+        )
+    try:
+        return compiler.preprocessed(file=folder / name)
+    except TraceError as error:
+        told = "; ".join(line.strip() for line in error.lines) or str(error.args[0])
+        raise InputError(
+            f"{file} cannot be compiled: {printable(told.replace(f'{folder}{os.sep}', ''))}",
+            Remedy("compile it with your own compiler to see all of it"),
+        ) from error
+
+
+def _included(told: str, folder: Path, file: str) -> Iterator[str]:
+    """Yield the names of the files in a folder that were read; the system's headers are left out.
+
+    Raises
+    ------
+    InputError
+        If another file was read, or a name cannot be kept.
+    """
+    for marker in _MARKER.finditer(told):
+        path, flags = re.sub(r"\\(.)", r"\1", marker[1]), marker[2].split()
+        if _BEGINS not in flags or path.startswith("<"):
+            continue
+        name = PurePath(os.path.normpath(folder / path))
+        if name.is_relative_to(folder):
+            inner = name.relative_to(folder).as_posix()
+            if not inner.isprintable() or "*/" in inner:
+                raise InputError(f"{file} includes {printable(inner)}: rename this file")
+            yield inner
+        elif _OF_SYSTEM not in flags:
+            raise InputError(
+                f"{file} includes {printable(path)}, which is not in its folder; a result keeps "
+                "what is in this folder and below; copy the file there"
+            )
+
+
+# Python's calls of a user's own C function, and what the function keeps from call to call ---------
+#
+# The user's text is compiled as it is; eqt adds only names that were found in it, and numbers.
+
+
+UNTYPED, OBJECT, COMMON, THREADS = 0, 1, 5, 6
+"""Types of an ELF symbol that are variables; one of an assembler has none."""
+
+IN_COMMON, RESERVED, WRITE = 0xFFF2, 0xFF00, 1
+"""Numbers of sections with a meaning of their own, and the flag of a section that is writable."""
+
+SYMBOLS = 2
+"""Type of the ELF section that lists all symbols."""
+
+SECONDS = 60.0
+"""Time limit of `nm`, s."""
+
+
+WITHOUT_STATE = set("memcmp memcpy memmove memset sincos sincosf _GLOBAL_OFFSET_TABLE_".split())
+"""Names that compilers call of their own accord, beside those with two underscores."""
+
+
+ERRNO = {"__errno_location", "__error", "_errno"}
+"""What returns the address of errno."""
+
+
+def kept(made: bytes) -> tuple[list[str], list[str]] | None:
+    """Return the variables of an object file that can be written, and the functions it calls.
+
+    Functions that keep no state are left out: those of math.h, and those of compilers. An ELF file
+    is read here; of another one, the program `nm` tells, if there is one. None if neither can be
+    done.
+    """
+    if made.startswith(b"\x7fELF\x02\x01"):  # 64 bits, the least byte first
+        found: list[tuple[str, bool]] | None = list(_of_elf(made))
+    else:
+        nm = shutil.which("nm") or shutil.which("llvm-nm")
+        found = None if nm is None else _told(nm, made)
+    if found is None:
+        return None
+    names = [sorted({_plain(name) for name, own in found if own is kind}) for kind in (True, False)]
+    return names[0], [name for name in names[1] if not _keeps_nothing(name)]
+
+
+def _keeps_nothing(name: str) -> bool:
+    if name in ERRNO:
+        return False
+    return name.startswith("__") or name in WITHOUT_STATE or name in _mathematical()
+
+
+@lru_cache(maxsize=1)
+def _mathematical() -> set[str]:
+    return set(re.findall(r"(\w+) *\(", compiler.preprocessed("#include <math.h>\n")))
+
+
+def _of_elf(made: bytes) -> Iterator[tuple[str, bool]]:
+    """Yield the names of variables (True), and of what the file does not define (False)."""
+    (table,) = unpack_from("<Q", made, 40)
+    size, count, _ = unpack_from("<3H", made, 58)
+    # name, type, flags, address, offset, size, link, info, alignment, size of an entry
+    sections = [unpack_from("<2I4Q2I2Q", made, table + k * size) for k in range(count)]
+    at = sections[unpack_from("<H", made, 62)[0]][4]
+    names = [_text(made, at + section[0]) for section in sections]
+    for section in (each for each in sections if each[1] == SYMBOLS):
+        offset, length, text = section[4], section[5], sections[section[6]][4]
+        for name, info, _, where, _, _ in iter_unpack("<I2BH2Q", made[offset : offset + length]):
+            if info & 15 not in (UNTYPED, OBJECT, COMMON, THREADS) or not name:
+                continue
+            if where == 0:
+                yield _text(made, text + name), False
+            elif where == IN_COMMON or (
+                0 < where < RESERVED
+                and sections[where][2] & WRITE
+                and not names[where].startswith(".data.rel.ro")
+            ):
+                yield _text(made, text + name), True
+
+
+def _text(made: bytes, at: int) -> str:
+    return made[at : made.index(b"\0", at)].decode(errors="replace")
+
+
+def _told(nm: str, made: bytes) -> list[tuple[str, bool]] | None:
+    with temporary_folder() as folder:
+        path = folder / "law.o"
+        path.write_bytes(made)
+        answer = compiler.run_contained([nm, str(path)], b"", Limits(SECONDS))
+    if answer.returncode:
+        return None
+    told = answer.stdout.decode("utf-8", "replace")
+    found = re.findall(r"^[0-9a-fA-F]* *([bBdDCU]) (\S+)$", told, re.MULTILINE)
+    return [(name.removeprefix("_"), kind != "U") for kind, name in found]
+
+
+def _plain(name: str) -> str:
+    """Return a name as it is in C: gcc writes ``count.0``, and clang ``law.count``."""
+    parts = [part for part in name.split(".") if part and not part.isdigit()]
+    return parts[-1] if parts else name
+
+
+SHIM = Path(__file__).parent / "own_code.h"
+
+REALS = {"double": 8, "float": 4}
+"""The types of numbers, and their sizes in bytes."""
+
+POSITION = "position"
+"""The field of the flat output, which only laws have that read it."""
+
+_COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class OwnCode(RunsCode):
+    """A user's text in C and the names that it has to define.
+
+    Attributes
+    ----------
+    text
+        The text, with the files beside it that it includes, as `c_files.gathered` writes them.
+    entries, axes
+        The number of entries of a pose, and of a velocity.
+    space
+        The number of coordinates of a position; 0 on groups other than SE2 and SE3.
+    """
+
+    text: str = field(repr=False)
+    entries: int
+    axes: int
+    space: int = 0
+
+    @cached_property
+    def inputs(self) -> dict[str, int]:
+        """The fields of ``X_input`` with their lengths, in the order of `LawInput`.
+
+        A text with a field ``position`` names all of its fields; any other one has those of a law
+        that reads none.
+        """
+        q, m, n = self.entries, self.axes, self.space
+        lengths = (1, q, m, q, m, m, (ORDER + 1) * n, 3)
+        found = dict(zip(LawInput._fields, lengths, strict=True))
+        known = self.fields(f"{self.prefix}_input") or ()
+        flat = n and POSITION in known
+        read = known if flat else LawInput._fields[:6]
+        return {name: length for name, length in found.items() if name in read}
+
+    @property
+    def function(self) -> str:
+        """The name of the function."""
+        return f"{self.prefix}_torque"
+
+    @cached_property
+    def preprocessed(self) -> str:
+        """What the preprocessor makes of the text, with markers of the lines.
+
+        Raises
+        ------
+        InputError
+            If it fails.
+        """
+        return preprocessed(self.text, self.file)
+
+    @cached_property
+    def _plain(self) -> str:
+        """What is compiled of the text, without strings."""
+        return _COMMENT.sub(" ", self.preprocessed)
+
+    def defines(self, function: str) -> bool:
+        """Return whether the text has the body of a function."""
+        return re.search(rf"\b{function}\s*\([^;{{}}]*\)\s*\{{", self._plain) is not None
+
+    def fields(self, name: str) -> list[str] | None:
+        """Return the fields of ``typedef struct {…} name``; None if it is written otherwise."""
+        found = re.search(rf"\bstruct\s*\w*\s*\{{([^{{}}]*)\}}\s*{name}\s*;", self._plain)
+        if found is None:
+            return None
+        return re.findall(r"([A-Za-z_]\w*)\s*(?:\[[^\]]*\]\s*)*(?=[,;])", found[1])
+
+    @property
+    def starts(self) -> bool:
+        """Whether the text has a function that sets the memory at the start of a run."""
+        return self.defines(f"{self.prefix}_start")
+
+    @property
+    def has_period(self) -> bool:
+        """Whether the numbers include the control period, which eqt then sets."""
+        given = {name for name, _ in self.numbers}
+        return "period" not in given and "period" in (self.fields(f"{self.prefix}_numbers") or ())
+
+    def check(self) -> None:
+        """Raise an `InputError` where a name is not in the text."""
+        if not self.defines(self.function):
+            others = re.findall(r"\b(\w+_torque)\s*\([^;{}]*\)\s*\{", self._plain)
+            names = ", ".join(dict.fromkeys(others))
+            there = f"it defines {names}" if names else "it defines no function X_torque"
+            raise InputError(
+                f"{self.file} does not define the function {self.function}; {there}; name the "
+                "function with the key `function`"
+            )
+        needed = {"numbers": dict(self.numbers), "memory": self.memory, "input": self.inputs}
+        for key, fields in needed.items():
+            known = self.fields(struct := f"{self.prefix}_{key}")
+            if known is None:
+                continue
+            for name in (each for each in fields if each not in known):
+                hint = suggestion(name, known) or f"; it has {', '.join(known) or 'none'}"
+                raise InputError(f"{key}: {struct} in {self.file} has no field {name}{hint}")
+
+    @property
+    def source(self) -> str:
+        """The source to compile: the preprocessed text, and eqt's calls of it."""
+        return f"{self.preprocessed}\n{self._calls}"
+
+    @property
+    def _calls(self) -> str:
+        X, numbers = self.prefix, [name for name, _ in self.numbers]
+        has_defaults = re.search(rf"\b{X}_defaults\s*=", self._plain)
+
+        def sizes(kind: str, fields: Iterable[str]) -> str:
+            return "".join(f"(long)sizeof(((EQT_{kind}_TYPE *)0)->{name}), " for name in fields)
+
+        definitions = {
+            "EQT_NUMBER_TYPE": f"{X}_numbers",
+            "EQT_MEMORY_TYPE": f"{X}_memory",
+            "EQT_INPUT_TYPE": f"{X}_input",
+            "EQT_TORQUE": self.function,
+            "EQT_CODE_REAL": self.real,
+            "EQT_CODE_AXES": str(self.axes),
+            "EQT_DEFAULT_NUMBERS": f"{X}_defaults" if has_defaults else "{0}",
+            "EQT_SET_INPUT": "".join(f"EQT_IN(input.{name}, inputs); " for name in self.inputs),
+            "EQT_LIST_INPUT": sizes("INPUT", self.inputs),
+            "EQT_SET_NUMBERS": "".join(f"EQT_IN(numbers.{name}, given); " for name in numbers),
+            "EQT_READ_MEMORY": "".join(f"EQT_IN(memory.{name}, kept); " for name in self.memory),
+            "EQT_WRITE_MEMORY": "".join(
+                f"EQT_OUT(remembered, memory.{name}); " for name in self.memory
+            ),
+            "EQT_LIST_NUMBERS": sizes("NUMBER", numbers),
+            "EQT_LIST_MEMORY": sizes("MEMORY", self.memory),
+        }
+        if self.starts:
+            definitions["EQT_CODE_START"] = f"{X}_start"
+        if self.has_period:
+            definitions["EQT_SET_PERIOD"] = "1"
+        defined = "".join(f"#define {name} {text}\n" for name, text in definitions.items())
+        return f"{defined}\n{SHIM.read_text(encoding='utf-8')}"
+
+    @cached_property
+    def decisions(self) -> tuple[str, tuple[Decision, ...]]:
+        """The source that also keeps the outcomes of its decisions, and these.
+
+        Raises
+        ------
+        TraceError
+            If the preprocessor fails.
+        """
+        marked = f'{self.preprocessed}\n#line 1 "eqt"\n#define EQT_DECISIONS eqt_decisions\n'
+        files = set(files_in(self.text, self.file))
+        text, found = watched(compiler.preprocessed(marked + self._calls), files)
+        return f"enum {{ eqt_decisions = {len(found)} }};\n{text}", found
+
+
+@dataclass(frozen=True)
+class CodeFunction:
+    """A user's compiled function.
+
+    Attributes
+    ----------
+    code
+        Its source.
+    lengths
+        The length of each part of the memory, by name.
+    fills
+        Whether what is not named of the memory is not 0 before a call.
+    """
+
+    code: OwnCode
+    lengths: dict[str, int] = field(compare=False)
+    library: Any = field(repr=False, compare=False)
+    fills: bool = False
+
+    def started(self, numbers: Array, period: float, inputs: Array) -> Array:
+        """Return the memory at the start of runs with these inputs, ``(runs, …)``."""
+        memory = np.zeros((len(inputs), sum(self.lengths.values())))
+        return self._called(1, numbers, period, memory, inputs)[1]
+
+    def torque(
+        self, numbers: Array, period: float, memory: Array, inputs: Array
+    ) -> tuple[Array, Array]:
+        """Return the torques of runs, and their memory a period later, ``(runs, …)`` each."""
+        return self._called(0, numbers, period, memory, inputs)
+
+    @cached_property
+    def watching(self) -> CodeFunction | None:
+        """The function that also keeps its outcomes; None if it cannot be compiled like that."""
+        with suppress(TraceError):
+            return CodeFunction(self.code, self.lengths, compiler.library(self.code.decisions[0]))
+        return None
+
+    def outcomes(
+        self, numbers: Array, period: float, memory: Array, inputs: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return the torques of runs, the outcomes of the decisions, and how far these are away.
+
+        Returns
+        -------
+        torques
+            As of `torque`.
+        outcomes : (runs, decisions)
+            1: it was true; 2: it was false; 3: both; 0: it was not reached.
+        apart : (runs, decisions)
+            Left − right of a comparison, where that was nearest to 0.
+        """
+        shape = len(inputs), len(self.code.decisions[1])
+        found = np.zeros(shape, dtype=np.uint8), np.zeros(shape)
+        if self.code.starts:
+            self._called(1, numbers, period, np.zeros_like(memory), inputs, *found)
+        torques, _ = self._called(0, numbers, period, memory, inputs, *found)
+        return torques, *found
+
+    @cached_property
+    def own_state(self) -> tuple[list[str], list[str]] | None:
+        """Its variables that a call can leave changed, and the functions that may keep a state.
+
+        None where they cannot be read.
+        """
+        return kept(compiler.object_file(self.code.source))
+
+    def _called(
+        self,
+        begins: int,
+        numbers: Array,
+        period: float,
+        memory: Array,
+        inputs: Array,
+        *outcomes: Array,
+    ) -> tuple[Array, Array]:
+        runs = len(inputs)
+        given = np.ascontiguousarray(numbers, dtype=float)
+        kept = np.array(memory, dtype=float, order="C")
+        rows = np.ascontiguousarray(inputs, dtype=float)
+        torques = np.empty((runs, self.code.axes))
+        assert rows.shape == (runs, sum(self.code.inputs.values()))
+        arrays = (given, kept, rows, torques, *outcomes)
+        addresses = [ctypes.c_void_p(a.ctypes.data) for a in arrays] + [None] * (6 - len(arrays))
+        self.library.eqt_code(
+            ctypes.c_long(runs),
+            ctypes.c_int(begins + 2 * self.fills),
+            ctypes.c_double(period),
+            *addresses,
+        )
+        return torques, kept
+
+
+@lru_cache(maxsize=64)
+def compiled(code: OwnCode) -> CodeFunction:
+    """Compile a user's function; the last ones are kept.
+
+    Raises
+    ------
+    InputError
+        If its names, types or sizes are not the expected ones, or it cannot be compiled.
+    """
+    code.check()
+    try:
+        library = compiler.library(code.source)
+    except TraceError as error:
+        said = "; ".join(line.strip() for line in error.lines)
+        raise InputError(
+            f"{code.file} cannot be compiled: {said or error.args[0]}",
+            Remedy("compile it with your own compiler to see all of it"),
+        ) from error
+    count = 2 + len(code.inputs) + len(code.numbers) + len(code.memory)
+    sizes = list((ctypes.c_long * count).in_dll(library, "eqt_code_sizes"))
+    return CodeFunction(code, _checked(code, sizes), library)
+
+
+def _checked(code: OwnCode, sizes: Sequence[int]) -> dict[str, int]:
+    """Check all sizes, and return the length of each part of the memory."""
+    X, size = code.prefix, REALS[code.real]
+    t, *parts = sizes[: len(code.inputs)]
+    sizes = sizes[len(code.inputs) :]
+    if t != size:
+        other = next((name for name, length in REALS.items() if length == t), f"{t} bytes")
+        raise InputError(
+            f"real: the numbers of {X}_input in {code.file} are {other}, not {code.real}; set "
+            f"`real: {other}`"
+        )
+    for (name, length), found in zip([*code.inputs.items()][1:], parts, strict=True):
+        if found != length * size:
+            raise InputError(
+                f"{X}_input in {code.file} has {found // size} numbers in {name}; expected {length}"
+            )
+    if not sizes[0]:
+        raise InputError(
+            f"{code.function} in {code.file} has other arguments; expected void {code.function}"
+            f"(const {X}_numbers *, {X}_memory *, const {X}_input *, {code.real} *)"
+        )
+    whole, rest = sizes[1], sizes[2:]
+    for (name, given), found in zip(code.numbers, rest, strict=False):
+        if found != given * size:
+            raise InputError(
+                f"numbers.{name}: {X}_numbers in {code.file} has {found // size} of it, got {given}"
+            )
+    kept = dict(
+        zip(code.memory, (found // size for found in rest[len(code.numbers) :]), strict=True)
+    )
+    total = sum(kept.values())
+    if whole != total * size and (kept or whole > size):
+        named = ", ".join(f"{name} ({length})" for name, length in kept.items()) or "none"
+        raise InputError(
+            f"memory: {X}_memory in {code.file} has {whole // size} numbers, and the fields that "
+            f"are named have {total}: {named}; name all of its fields"
+        )
+    return kept
+
+
+# The first calls, in a process that may crash or never end ----------------------------------------
+
+
+TRIAL_SECONDS = 10.0
+"""Time limit of the process, s; a healthy function needs a thousandth of it."""
+
+MOST_WRITTEN = 2**20
+"""Largest file that it writes, bytes."""
+
+_CHILD = """
+import ctypes, struct, sys
+library = ctypes.CDLL(sys.argv[1])
+runs, numbers, memory, row, axes, period = struct.unpack("5qd", sys.stdin.buffer.read(48))
+def doubles(count):
+    return (ctypes.c_double * max(count, 1)).from_buffer_copy(
+        sys.stdin.buffer.read(8 * count).ljust(8, b"0"))
+given, kept = doubles(numbers), doubles(memory)
+torque = (ctypes.c_double * axes)()
+for run in range(runs):
+    inputs = doubles(row)
+    for begins in (1, 0):
+        sys.stdout.buffer.write(bytes([begins]))
+        sys.stdout.buffer.flush()
+        library.eqt_code(ctypes.c_long(1), ctypes.c_int(begins), ctypes.c_double(period),
+                         given, kept, inputs, torque, None, None)
+sys.stdout.buffer.write(b"done")
+"""
+"""The program of the process. It writes a byte before every call: 1 for the start, 0 for the
+torque."""
+
+
+def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array) -> None:
+    """Call a function at some inputs, one after the other.
+
+    Raises
+    ------
+    InputError
+        If it crashes, or does not end; it names the function and the input.
+    """
+    memory = sum(function.lengths.values())
+    sent = struct.pack(
+        "5qd", len(inputs), numbers.size, memory, *inputs.shape[1:], function.code.axes, period
+    )
+    sent += np.ascontiguousarray(numbers, dtype=float).tobytes() + bytes(8 * memory)
+    sent += np.ascontiguousarray(inputs, dtype=float).tobytes()
+    with compiler.as_file(compiler.content(function.code.source)) as library:
+        command = [sys.executable, "-I", "-S", "-c", _CHILD, str(library)]
+        limits = Limits(TRIAL_SECONDS, file=MOST_WRITTEN)
+        try:
+            done = compiler.run_contained(command, sent, limits, Path(os.curdir))
+            told, how = done.stdout, _ended(done.returncode)
+        except subprocess.TimeoutExpired as late:
+            told, how = late.stdout or b"", f"did not return within {TRIAL_SECONDS:g} s"
+    if told.endswith(b"done"):
+        return
+    if not told:
+        raise InputError(f"{function.code.file} cannot be tried out: the process {how}")
+    begins, run = told[-1], (len(told) - 1) // 2
+    called = f"{function.code.prefix}_start" if begins else function.code.function
+    raise InputError(
+        f"{called} in {function.code.file} {how} at {described(function, inputs[run])}; call it "
+        "with this input in a debugger"
+    )
+
+
+def _ended(code: int) -> str:
+    with suppress(ValueError):
+        return f"crashed ({signal.Signals(-code).name})"
+    return f"ended the process with code {code}"
+
+
+def described(function: CodeFunction, row: Array) -> str:
+    """Return an input in words, with numbers that can be copied."""
+    words, numbers = [], iter(row)
+    for name, length in function.code.inputs.items():
+        listed = ", ".join(f"{x:.9g}" for x in islice(numbers, length))
+        words.append(f"{name} = {listed}" if length == 1 else f"{name} = {{{listed}}}")
+    return ", ".join(words)

@@ -1,0 +1,6 @@
+from eqt_cli.extensions.recordings.api import check_log as check_log
+from eqt_cli.extensions.recordings.api import compare_measured as compare_measured
+from eqt_cli.extensions.recordings.api import fit as fit
+from eqt_cli.extensions.recordings.api import replay as replay
+
+RECORDINGS: dict[str, str]

@@ -1,0 +1,388 @@
+"""Reads and checks recordings, replays and fits a plant, compares a recording with runs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from eqt_cli.analysis.law_search import without_search
+from eqt_cli.api.loading import Configuration, ResultPath, path_from, source_from
+from eqt_cli.base.errors import EqtError, Problems
+from eqt_cli.base.files import text_of
+from eqt_cli.base.option_types import validated
+from eqt_cli.components.groups import MatrixLieGroup, group_named
+from eqt_cli.components.log_table import (
+    LogMapping,
+    MappingError,
+    TrajectoryFormat,
+    literal,
+    recording_text,
+)
+from eqt_cli.components.recording_check import Recording, read_recording
+from eqt_cli.config import yaml_source
+from eqt_cli.config.build import build
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.extensions.recordings import plant_fit
+from eqt_cli.extensions.recordings.check import LogCheck, check_text
+from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
+from eqt_cli.extensions.recordings.plant_fit import PlantFit, check_folder, write_fitted
+from eqt_cli.extensions.recordings.prediction import Growth, Hold, Replay, Windows, driven, growth
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.results.result import open_result
+
+# Reads and checks recordings ----------------------------------------------------------------------
+
+
+LOG_BYTES = 400_000_000
+"""Largest size of a recording, bytes: a million rows of 20 numbers."""
+
+
+def check_log(
+    path: str | os.PathLike[str],
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    *,
+    format: str = "csv",
+    group: str | None = None,
+) -> LogCheck:
+    r"""Read a recording and report its columns, units, times and irregularities.
+
+    Parameters
+    ----------
+    path
+        The recording; a file name that ends in ``.ulg`` is a PX4 flight log.
+    mapping
+        Information that the file does not contain (columns, units, frames, times), as a YAML file
+        or a mapping with the keys of ``reference.mapping``.
+    format
+        ``csv`` with a header that names the columns, ``tum`` or ``euroc``.
+    group
+        Group of the poses. Default: the group that fits the columns.
+
+    Returns
+    -------
+    LogCheck
+        The report. Its ``problems`` are empty if the recording can be used as waypoints.
+
+    Raises
+    ------
+    EqtError
+        If the file does not exist or holds no poses.
+    ConfigError
+        If the mapping is wrong or does not fit the file, with the place of each problem.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> rows = "stamp,yaw (deg),pitch,roll\n0,0,0,0\n10,1,0,0\n20,2,0,0\n"
+    >>> _ = Path("flight.csv").write_text(rows)
+    >>> found = eqt_cli.check_log("flight.csv", {"columns": {"t": "stamp"}, "units": {"t": "ms"}})
+    >>> found.group, found.rate, found.notes
+    ('SO3', 100.0, [])
+    """
+    G = None if group is None else group_named(group)
+    with _read(path, mapping, format) as given:
+        return check_text(*given, G)
+
+
+def read_measured(
+    path: str | os.PathLike[str],
+    G: MatrixLieGroup,
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    format: str = "csv",
+) -> Recording:
+    """Read a recording as a motion on a group; arguments and errors as for `check_log`."""
+    with _read(path, mapping, format) as (text, name, kind, columns):
+        return read_recording(text, name, kind, G, columns)
+
+
+@contextmanager
+def _read(
+    path: str | os.PathLike[str],
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
+    format: str,
+) -> Iterator[tuple[str, str, TrajectoryFormat, LogMapping]]:
+    """Yield text, name, format and mapping; note a problem of the mapping at its place."""
+    kind, file = literal(TrajectoryFormat, "format", format), path_from("path", path)
+    parsed, problems = _mapping(mapping)
+    problems.raise_if_any()
+    smaller = "cut it into parts, leave out columns, or keep every tenth row"
+    text = recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
+    try:
+        yield text, str(file), kind, parsed
+    except MappingError as error:
+        problems.at(*error.path).add(str(error))
+        problems.raise_if_any()
+        raise
+
+
+def _mapping(
+    given: str | os.PathLike[str] | Mapping[str, Any] | None,
+) -> tuple[LogMapping, Problems]:
+    """Parse a mapping; return it with its problems."""
+    if given is None:
+        return LogMapping(), Problems()
+    if isinstance(given, Mapping):
+        source = yaml_source.load(yaml_source.flow(given), "mapping")
+    else:
+        path = path_from("mapping", given, "a path or a mapping")
+        source = yaml_source.load(text_of(path, "check the path"), str(path))
+    problems = Problems(source.key_place)
+    parsed = validated(LogMapping, source.data, problems)
+    if parsed is not None:
+        parsed.check(problems)
+    return parsed or LogMapping(), problems
+
+
+# Compares a model driven by a recorded wrench with the recording, and fits the model --------------
+
+
+WINDOWS, OF_FIT = 10, 20
+"""Length of a recording divided by the default length of a window, for `replay` and for `fit`."""
+
+MOST_WINDOWS = 50
+"""Default largest number of predicted windows."""
+
+
+def replay(
+    config: Configuration | ConfigSource,
+    measured: str | os.PathLike[str],
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    *,
+    format: str = "csv",
+    hold: str = "zero",
+    delay: float = 0.0,
+    horizon: float | None = None,
+    windows: int = MOST_WINDOWS,
+    out: str | os.PathLike[str] | None = None,
+    trust_plugins: bool = False,
+) -> Growth:
+    """Predict a recording from many of its rows, and measure the growth of the error.
+
+    The plant of a configuration starts in the recorded states, and the recorded wrench drives it.
+    Control laws, control clock and sensors of the configuration are not used.
+
+    Parameters
+    ----------
+    config
+        A configuration as for `load_experiment`. Its group, inertia, plant, actuators and solver
+        are used.
+    measured
+        The recording, with poses, wrenches and possibly velocities.
+    mapping, format
+        As for `check_log`.
+    hold
+        Wrench between two rows: ``zero`` holds the first one, ``linear`` interpolates.
+    delay
+        The time by which the wrench was recorded late, s: at t acts the recorded wrench of
+        t + delay. The plant is moved in time for it, with whatever else depends on time.
+    horizon
+        Longest prediction, s. Default: a tenth of the recording.
+    windows
+        Largest number of start rows, which are spread over the recording.
+    out
+        Output folder for the figure ``replay`` as PDF, SVG and PNG. Default: no figure.
+    trust_plugins
+        Whether to execute plugin sources that are stored in a result.
+
+    Returns
+    -------
+    Growth
+        The error of each part at up to ten horizons: median, quantiles, and the error due to noise.
+
+    Raises
+    ------
+    ConfigError
+        With all problems of the configuration or of the mapping.
+    EqtError
+        If the recording has no wrench or no section of this length without a gap, or if a part of
+        the plant has a state that recordings do not contain.
+
+    Examples
+    --------
+    The recording of a wheel of 2 kg m² under 1 N m. The model has 0.4 kg m²:
+
+    >>> import numpy as np
+    >>> t = np.linspace(0, 4, 41)
+    >>> rows = np.stack([t, t**2 / 4, t / 2, 0 * t + 1], axis=1)
+    >>> np.savetxt("wheel.csv", rows, delimiter=",", header="t,angle,wz,tz", comments="")
+    >>> found = eqt_cli.replay("configs/so2.yaml", "wheel.csv", horizon=1.0)
+    >>> float(found.median[0, -1].round(6))  # ½ (1/0.4 − 1/2) rad/s² · (1 s)²
+    1.0
+    """
+    base, cut, plant = _opened(
+        config, measured, mapping, format, hold, horizon, WINDOWS, trust_plugins
+    )
+    if windows < 1:
+        raise EqtError(f"windows: expected 1 or more, got {windows}")
+    found = growth(plant(base), base.engine, cut, windows, delay)
+    found = replace(found, notes=(*found.notes, *_notes(base, cut)))
+    if out is not None:
+        from eqt_cli.extensions.recordings.figures import save_growth  # slow to import
+
+        save_growth(found, Path(out))
+    return found
+
+
+def fit(
+    config: Configuration | ConfigSource,
+    measured: str | os.PathLike[str],
+    over: Sequence[str],
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    *,
+    format: str = "csv",
+    hold: str = "zero",
+    delay: float = 0.0,
+    horizon: float | None = None,
+    out: str | os.PathLike[str] | None = None,
+    trust_plugins: bool = False,
+) -> PlantFit:
+    """Fit numbers of a plant so that it predicts a recording best.
+
+    The fit minimises the sum of the squared errors of replayed windows, each divided by the noise
+    of the recording. The fitted configuration is written as ``fitted.yaml``.
+
+    Parameters
+    ----------
+    config, measured, mapping, format, hold, delay, trust_plugins
+        As for `replay`. The search starts at the numbers of the configuration.
+    over
+        Keys of numbers in `inertia`, `plant` and `actuators`; ``linear[0:3]`` is one number for
+        three entries. ``delay`` finds the delay of the wrench, from the one that is given.
+    horizon
+        Length of a window, s. Default: a twentieth of the recording.
+    out
+        Output folder. Default: ``results/<name>-fitted``.
+
+    Returns
+    -------
+    PlantFit
+        The numbers with their intervals, and the errors before and after the fit.
+
+    Raises
+    ------
+    ConfigError, EqtError
+        As for `replay`. Also if a key is not a number of the plant, or the recording does not
+        determine it.
+
+    Examples
+    --------
+    The recording of a wheel of 2 kg m² under 1 N m. The search starts at 0.4 kg m²:
+
+    >>> import numpy as np
+    >>> t = np.linspace(0, 4, 41)
+    >>> rows = np.stack([t, t**2 / 4, t / 2, 0 * t + 1], axis=1)
+    >>> np.savetxt("wheel.csv", rows, delimiter=",", header="t,angle,wz,tz", comments="")
+    >>> found = eqt_cli.fit("configs/so2.yaml", "wheel.csv", ["inertia"], horizon=0.5)
+    >>> round(found.numbers[0].value, 4)
+    2.0
+    """
+    base, cut, plant = _opened(
+        config, measured, mapping, format, hold, horizon, OF_FIT, trust_plugins
+    )
+    folder = Path("results") / f"{base.name}-fitted" if out is None else Path(out)
+    check_folder(folder)
+    found = plant_fit.fit(base, over, cut, plant, delay)
+    written = write_fitted(found, folder)
+    return replace(found, config=written, notes=(*found.notes, *_notes(base, cut)))
+
+
+def _opened(
+    config: Configuration | ConfigSource,
+    measured: str | os.PathLike[str],
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
+    format: str,
+    hold: str,
+    horizon: float | None,
+    parts: int,
+    trust_plugins: bool,
+) -> tuple[Experiment, Windows, Callable[[Experiment], ClosedLoop]]:
+    """Return the experiment, the windows of the recording, and a function that drives its plant."""
+    source = config if isinstance(config, ConfigSource) else source_from(config, {})
+    data = without_search(source.data)
+    base = build(replace(source, data=data), trust_plugins=trust_plugins)
+    recording = read_measured(measured, base.group, mapping, format)
+    recording.require_wrenches()
+    if horizon is None:
+        horizon = float(recording.times[-1] - recording.times[0]) / parts
+    if not horizon > 0:
+        raise EqtError(f"horizon: expected a time greater than 0 s, got {horizon:g}")
+    law = Replay(file=recording.name, hold=literal(Hold, "hold", hold)).with_recording(recording)
+    return base, Windows(recording, horizon), lambda one: driven(one, law)
+
+
+def _notes(base: Experiment, windows: Windows) -> Iterator[str]:
+    yield from (f"{windows.recording.name}: {note}." for note in windows.recording.notes)
+    if left := [name for name in ("control", "sensors") if name in base.resolved]:
+        yield (
+            f"{' and '.join(left)} of the configuration are left out: the recorded wrench acts "
+            "when it was recorded."
+        )
+
+
+# A recording beside the runs of a result ----------------------------------------------------------
+
+
+def compare_measured(
+    result: ResultPath,
+    measured: str | os.PathLike[str],
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    *,
+    format: str = "csv",
+    run: int = 0,
+    controllers: Sequence[str] = (),
+    point: int | None = None,
+    units: Sequence[str] = (),
+) -> list[Explanation]:
+    """Compute how much of a measured tracking error the runs of a result explain.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    measured, mapping, format
+        A recording, as for `check_log`. Without ``time.offset`` in the mapping, its clock is
+        aligned with that of the runs.
+    run
+        Number of the run, counted from 0.
+    controllers
+        Labels of the controllers to compare with; all if empty.
+    point
+        Point of a sweep, counted from 0.
+    units
+        Units of quantities, as for `compare`.
+
+    Returns
+    -------
+    list of Explanation
+        The explained shares of the error, for each controller.
+
+    Raises
+    ------
+    EqtError
+        If the run or a controller does not exist, or the recording does not fit the run.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> with eqt_cli.open_results("results/paper", "arrays") as result:
+    ...     poses = result.trajectory("pose", 0)[0].reshape(-1, 9)
+    ...     rows = np.c_[result.times + 0.25, poses]
+    >>> header = "t,Q11,Q12,Q13,Q21,Q22,Q23,Q31,Q32,Q33"
+    >>> np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="")
+    >>> late = {"time": {"offset": -0.25}}
+    >>> found = eqt_cli.compare_measured("results/paper", "flight.csv", late)
+    >>> found[0].rows == len(rows), round(found[0].shares[0].explained, 6)
+    (True, 1.0)
+    """
+    with open_result(path_from("result", result), point) as opened:
+        if opened.group is None:
+            raise opened.error(f"is on group '{opened.group_name}' of a plugin, which is not known")
+        recording = read_measured(measured, opened.group, mapping, format)
+        chosen = [opened.position_of(name) for name in controllers]
+        shown_in = opened.in_units(units).shown_in
+        return [explained(one, shown_in) for one in measured_runs(opened, recording, chosen, run)]

@@ -1,0 +1,224 @@
+"""`eqt replay`, `eqt fit` and `eqt log`: recordings."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.cli import completion, options, output
+from eqt_cli.cli.options import Command, Group, example
+from eqt_cli.cli.output import laid_out, print_found, say
+
+if TYPE_CHECKING:
+    from eqt_cli.extensions.recordings.check import LogCheck
+    from eqt_cli.extensions.recordings.plant_fit import PlantFit
+    from eqt_cli.extensions.recordings.prediction import Growth
+
+Measured = Annotated[Path, options.option("--measured")]
+Hold = Annotated[str, options.option("--hold", autocompletion=completion.words("zero", "linear"))]
+Delay = Annotated[float, options.option("--delay")]
+
+
+def replay(
+    config: options.Config,
+    measured: Measured,
+    mapping: options.Mapping = None,
+    log_format: options.LogFormat = "csv",
+    hold: Hold = "zero",
+    delay: Delay = 0.0,
+    horizon: Annotated[float | None, options.option("--horizon")] = None,
+    windows: Annotated[int, options.option("--windows", min=1)] = 50,
+    set_: options.Set = None,
+    engine: options.Engine = None,
+    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Drive the plant with a recorded wrench and print how the error grows with the horizon.
+
+    Each window starts at a recorded state. The control laws of the configuration are not used.
+
+    Options
+    -------
+    Experiment
+        --measured FILE  Recording with poses and wrenches.
+        --hold NAME  The wrench between two rows: zero holds the earlier one, as an autopilot
+            does; linear interpolates.
+        --delay S  Time by which the wrench was recorded late, s.
+        --horizon S  Length of a window, s. Default: a tenth of the recording.
+        --windows N  Largest number of windows.
+    Result
+        --out DIR  Folder for the figure replay.
+    """
+    from eqt_cli import api
+    from eqt_cli.extensions.recordings.prediction import growth_table
+
+    growth = api.replay(
+        options.source_of(config, set_, engine),
+        measured,
+        mapping,
+        format=log_format,
+        hold=hold,
+        delay=delay,
+        horizon=horizon,
+        windows=windows,
+        out=out,
+        trust_plugins=trust_plugins,
+    )
+    print_found(_plain(growth), laid_out(growth_table(growth)), json=json)
+    if out is not None:
+        say(f"figure in {out}")
+
+
+def fit(
+    config: options.Config,
+    measured: Measured,
+    over: Annotated[str, options.option("--over")],
+    mapping: options.Mapping = None,
+    log_format: options.LogFormat = "csv",
+    hold: Hold = "zero",
+    delay: Delay = 0.0,
+    horizon: Annotated[float | None, options.option("--horizon")] = None,
+    set_: options.Set = None,
+    engine: options.Engine = None,
+    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Fit numbers of the plant to a recording, with 95 % intervals.
+
+    The configuration with the fitted numbers is written to results/NAME-fitted/fitted.yaml.
+
+    Options
+    -------
+    Experiment
+        --measured FILE  Recording with poses and wrenches.
+        --hold NAME  The wrench between two rows: zero holds the earlier one, as an autopilot
+            does; linear interpolates.
+        --delay S  Time by which the wrench was recorded late, s.
+        --over KEYS  Numbers of the plant to find, separated by commas, such as
+            plant.inertia.relative,plant.forces[0].linear; delay is that of the wrench.
+        --horizon S  Length of a window, s. Default: a twentieth of the recording.
+    Result
+        --out DIR  Folder for fitted.yaml.
+    """
+    from eqt_cli import api
+    from eqt_cli.extensions.recordings.plant_fit import fit_tables
+
+    if "=" in over:
+        key = over.partition("=")[0].strip()
+        raise EqtError(f"--over: expected keys without values, such as '{key}', got '{over}'")
+    fitted = api.fit(
+        options.source_of(config, set_, engine),
+        measured,
+        [key.strip() for key in over.split(",") if key.strip()],
+        mapping,
+        format=log_format,
+        hold=hold,
+        delay=delay,
+        horizon=horizon,
+        out=out,
+        trust_plugins=trust_plugins,
+    )
+    numbers, residuals = map(laid_out, fit_tables(fitted))
+    print_found(_plain(fitted), numbers, "", residuals, "", str(fitted.config), json=json)
+
+
+def _plain(findings: Growth | PlantFit) -> dict[str, Any]:
+    """Return the findings in types that JSON can hold."""
+    values = {each.name: getattr(findings, each.name) for each in fields(findings)}
+    return {name: _entry(value) for name, value in values.items() if name != "source"}
+
+
+def _entry(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [vars(each) if hasattr(each, "__dict__") else each for each in value]
+    return str(value) if isinstance(value, Path) else getattr(value, "tolist", lambda: value)()
+
+
+# `eqt log` ----------------------------------------------------------------------------------------
+
+
+MOST_GAPS = 5
+"""Maximum number of gaps that are listed; further gaps are counted."""
+
+log_app = typer.Typer(
+    cls=Group,
+    help="Look at recordings of a motion.",
+    epilog=example("eqt log", "check flown.csv"),
+    no_args_is_help=True,
+)
+
+
+@log_app.callback()
+def log() -> None:
+    """Look at recordings of a motion."""
+
+
+@log_app.command("check", cls=Command, epilog=example("eqt log check", "flown.csv"))
+def check_log(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Recording: CSV, TUM, EuRoC or PX4 (.ulg).")
+    ],
+    mapping: Annotated[Path | None, options.option("--mapping")] = None,
+    format_: Annotated[
+        str, options.option("--format", autocompletion=completion.words("csv", "tum", "euroc"))
+    ] = "csv",
+    group: Annotated[str | None, options.option("--group")] = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Say what a recording holds; exit 2 if it cannot be used.
+
+    It names each column and what it is taken for, the units, the rate, the gaps, and what does not
+    fit together.
+
+    Options
+    -------
+    Experiment
+        --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
+        --format NAME  csv, tum or euroc. Default: csv.
+        --group NAME  Group of the poses. Default: what fits the columns.
+    """
+    from eqt_cli import api
+
+    checked = api.check_log(file, mapping, format=format_, group=group)
+    if json:
+        output.print_json(asdict(checked))
+    else:
+        _print_log(checked)
+    if checked.problems:
+        raise typer.Exit(2)
+
+
+def _print_log(checked: LogCheck) -> None:
+    rows = [
+        [one.heading, one.name or "-", one.use, f"{one.unit}{' (assumed)' * one.assumed}" or "-"]
+        for one in checked.columns
+    ]
+    output.print_text(output.table(["column", "name", "use", "unit"], rows), "")
+    lines = [
+        f"poses     {checked.group}, format {checked.format}",
+        f"rows      {checked.rows}, from {checked.begin:.9g} to {checked.end:.9g} s",
+        f"rate      {checked.rate:.4g} Hz",
+        f"gaps      {_gaps(checked)}",
+    ]
+    if checked.norms:
+        lines.append("norms     {:.6g} to {:.6g} of quaternions".format(*checked.norms))
+    output.print_text("\n".join(lines))
+    output.print_text(*(f"note      {note}" for note in checked.notes))
+    for problem in checked.problems:
+        output.complain(problem)
+
+
+def _gaps(checked: LogCheck) -> str:
+    listed = [f"{length:.4g} s after {begin:.6g} s" for begin, length in checked.gaps[:MOST_GAPS]]
+    more = len(checked.gaps) - len(listed)
+    also = f", and {more} more" if more else ""
+    return f"{len(checked.gaps)}: {', '.join(listed)}{also}" if listed else "none"

@@ -1,0 +1,245 @@
+"""Figures of recordings: a recording beside a run, and how an error grows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, Remedy
+from eqt_cli.base.files import write_all
+from eqt_cli.base.option_types import CountOrNone
+from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.components.recording_check import Recording
+from eqt_cli.extensions.recordings.measured import measured_runs
+from eqt_cli.extensions.recordings.prediction import Growth
+from eqt_cli.figures import layout
+from eqt_cli.figures.curves import band_look
+from eqt_cli.figures.figure import Extras, Panelled, Timed
+from eqt_cli.figures.labels import axis_labels, in_words, part_curves, part_name
+from eqt_cli.figures.layout import EMPTY, add_legend, add_title, name_scale, sheet
+from eqt_cli.figures.render import FORMATS, encode
+from eqt_cli.figures.shown import Chosen, error_of, positions
+from eqt_cli.figures.style import (
+    WIDTHS,
+    Width,
+    colours_of_style,
+    house_style,
+    ink,
+    line_style,
+    mixed,
+)
+from eqt_cli.results.result import Result
+
+# Figure of a recording beside a run: pose, error, velocity and wrench over time -------------------
+
+
+_MEASURED: dict[str, Any] = {"linewidth": 2.4, "zorder": 1.5, "solid_capstyle": "butt"}
+_SIMULATED = 0.8
+"""Line width of the run, pt; the wider recording is visible on both sides."""
+_PALE = 0.35
+"""Share of the colour in a measured curve."""
+
+
+class ShownMeasured:
+    """A recording and a simulated run over the same time.
+
+    Parameters
+    ----------
+    result, measured
+        The open result, and a recording on its group.
+    figure, chosen
+        See `ShownControllers`; the first controller if none is chosen.
+    run
+        Number of the run.
+
+    Attributes
+    ----------
+    pair
+        The run and the recording.
+    group
+        The group G.
+
+    Raises
+    ------
+    EqtError
+        If there is no recording, run or controller, or the recording does not fit the run.
+    """
+
+    def __init__(
+        self, result: Result, measured: Recording | None, figure: str, chosen: Chosen, run: int
+    ) -> None:
+        if measured is None:
+            text = f"figure '{figure}' shows a recording beside a run, and none is given"
+            raise EqtError(text, Remedy("give one with {}", "measured"))
+        (places,) = positions([result], figure, chosen.controllers)
+        if chosen.controllers and len(places) > 1:
+            raise error_of(result, figure, f"shows one controller, got {len(places)}")
+        (self.pair,) = measured_runs(result, measured, places[:1], run, f"figure '{figure}'")
+        self.unit, self._time = result.units("time"), chosen.time
+        self.group = self.pair.recording.group
+        self._error = partial(error_of, result, figure)
+
+    @property
+    def curves(self) -> list[tuple[str, tuple[Array, Array], tuple[Array, Array]]]:
+        """Rows of panels: a name, then times and values of the recording and of the run.
+
+        The values are poses, or coordinates of errors, velocities and wrenches.
+        """
+        pair, seen = self.pair, self.pair.recording
+        here, wanted = pair.simulated.states, pair.reference.states
+        G, t = self.group, pair.simulated.times
+        errors = pair.errors
+        error = G.log(G.inverse(wanted.pose) @ here.pose)
+        rows = [
+            ("pose", (seen.times, seen.poses), (t, here.pose)),
+            ("error", (seen.times, errors[0].measured), (t, error)),
+            ("difference", (seen.times, errors[0].difference), (t, 0 * error)),
+            ("velocity", (seen.times, seen.velocities), (t, here.velocity)),
+            ("wrench", (seen.times, seen.wrenches), (t, here.wrench)),
+        ]
+        rows = [row for row in rows if not np.isnan(row[1][1]).all()]
+        seen_at = self._time.samples(seen.times, self._error)
+        run_at = self._time.samples(t, self._error)
+
+        def part(of: tuple[Array, Array], at: Array) -> tuple[Array, Array]:
+            return of[0][at], of[1][at]
+
+        return [(name, part(model, seen_at), part(run, run_at)) for name, model, run in rows]
+
+    def notes(self) -> list[str]:
+        """Return notes on what is shown, how it was aligned, and what was not measured."""
+        pair = self.pair
+        return [
+            f"Lines: {pair.title}, run {pair.run}. Tints: {pair.notes[0]}.",
+            *(f"{note}." for note in pair.notes[1:]),
+        ]
+
+
+@dataclass(frozen=True)
+class MeasuredFigure(Panelled, Timed[ShownMeasured]):
+    """A recording beside a run: pose, error, difference, velocity, wrench; a column per part.
+
+    It shows one controller: the first, unless another is chosen. The error is log Q_d⁻¹Q, from the
+    reference in the body frame, and the difference is that of the recording from the run. The clock
+    of the recording is aligned with that of the run, and its gaps stay empty.
+
+    Attributes
+    ----------
+    run
+        Number of the run.
+    degrees
+        Angles and rates of rotations in degrees.
+    """
+
+    name: ClassVar[str] = "measured"
+    shows_recording: ClassVar[bool] = True
+
+    run: CountOrNone = 0
+    degrees: bool = False
+
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownMeasured:
+        """Return the run of one controller, aligned in time with the recording."""
+        shown = self._only(results, "result")
+        return ShownMeasured(shown, extras.measured, self.name, self.chosen, self.run)
+
+    def compose(self, shown: ShownMeasured, width: Width) -> Drawing:
+        """Draw a row for each quantity; the coordinates of a part share a panel."""
+        parts = shown.group.parts
+        wanted = self.picked([name for name, *_ in shown.curves])
+        curves = [row for row in shown.curves if row[0] in wanted]
+        places = [
+            [f"{name} {part.name}" if _told(part, seen) else EMPTY for part in parts]
+            for name, (_, seen), _ in curves
+        ]
+        times = curves[0][2][0]
+        drawing, panels = sheet(width, places, (float(times[0]), float(times[-1])), shown.unit)
+        for row, (name, measured, (t, run)) in zip(places, curves, strict=True):
+            for panel, part in ((p, of) for p, of in zip(row, parts, strict=True) if p != EMPTY):
+                axes = panels[panel]
+                values, label = part_curves(shown.group, part, name, run, degrees=self.degrees)
+                if name != "difference":
+                    self._draw(axes, "simulated", shown.group, part, (t, values))
+                near = np.stack([np.interp(measured[0], t, one) for one in values.T], axis=-1)
+                seen, _ = part_curves(
+                    shown.group, part, name, measured[1], degrees=self.degrees, near=near
+                )
+                gaps = shown.pair.recording.gaps + 1
+                behind = np.insert(measured[0], gaps, np.nan), np.insert(seen, gaps, np.nan, axis=0)
+                kind = name if name == "difference" else "measured"
+                self._draw(axes, kind, shown.group, part, behind)
+                name_scale(axes, label)
+        for panel, part in zip(places[0], parts, strict=True) if len(parts) > 1 else ():
+            if panel != EMPTY:
+                add_title(panels[panel], part_name(part.name), WIDTHS[width] / len(parts))
+        names = axis_labels(shown.group)
+        lines = [Line2D([], [], **_thin(k)) for k in range(len(names))]
+        grey = Line2D([], [], color=mixed(ink(), ink(0), _PALE), **_MEASURED)
+        add_legend(drawing, [*lines, grey], [*names, "measured"])
+        return drawing
+
+    def _draw(
+        self, axes: Axes, kind: str, G: MatrixLieGroup, part: Part, curve: tuple[Array, Array]
+    ) -> None:
+        for k, axis in enumerate(G.axis_names[part.axes]):
+            style = _thin(k)
+            if kind == "measured":
+                # Dashes keep apart tints of a colour that the style gives to two coordinates.
+                dashes = style["linestyle"] if k >= colours_of_style() else "-"
+                tint = mixed(style["color"], ink(0), _PALE)
+                style = {"color": tint, "linestyle": dashes, **_MEASURED}
+            axes.plot(curve[0], curve[1][:, k], label=f"{kind} {axis}", **style)
+
+
+def _told(part: Part, values: Array) -> bool:
+    """Whether any coordinate of a part was measured, of poses or of coordinates."""
+    of_part = values[:, part.axes] if values.ndim == 2 else values[(..., *part.entries)]
+    return not np.isnan(of_part).all()
+
+
+def _thin(k: int) -> dict[str, Any]:
+    return {"linewidth": _SIMULATED, **line_style(k)}
+
+
+NAME = "replay"
+
+
+def save_growth(growth: Growth, folder: Path) -> list[Path]:
+    """Draw and write the figure: rms, quantiles and noise, a panel for each part.
+
+    Raises
+    ------
+    EqtError
+        If a file cannot be written.
+    """
+    t = growth.horizons
+    with house_style():
+        drawing, panels = layout.sheet(
+            "column", layout.rows_of(growth.parts, 1), (float(t[0]), float(t[-1])), "s"
+        )
+        for k, (part, unit) in enumerate(zip(growth.parts, growth.units, strict=True)):
+            axes = panels[part]
+            look = line_style(0)
+            (rms,) = axes.plot(t, growth.rms[k], **look)
+            band = axes.fill_between(t, growth.low[k], growth.high[k], **band_look(look["color"]))
+            (noise,) = axes.plot(t, growth.noise[k], color=ink(), linestyle=(0, (1.2, 1)))
+            axes.set_ylim(bottom=0.0)
+            layout.name_scale(axes, in_words(part, unit))
+        layout.add_legend(drawing, [rms, band, noise], ["rms", "10 % to 90 %", "noise alone, rms"])
+        layout.add_letters(drawing)
+        panels[growth.parts[-1]].set_xlabel(in_words("horizon", "s"))
+        layout.add_remarks(drawing, [f"Errors of {growth.windows} windows of {growth.name}."])
+        layout.freeze(drawing)
+    title = f"{growth.name}: {NAME}"
+    files = {
+        folder / f"{NAME}.{format}": encode(drawing, format, title, "Errors of a prediction")
+        for format in FORMATS
+    }
+    write_all(files, folder)
+    return list(files)

@@ -1,0 +1,561 @@
+"""Runs as moving pictures: the scene, and a GIF of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import Image
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.reporting import reporter, step
+from eqt_cli.base.version import __version__
+from eqt_cli.components.groups import Part, group_named
+from eqt_cli.config.source import source_of
+from eqt_cli.figures.cells import scale_norm
+from eqt_cli.figures.figure import ShownRuns
+from eqt_cli.figures.labels import quantity, signal_label
+from eqt_cli.figures.layout import freeze, name_scale
+from eqt_cli.figures.shown import Chosen, Ensemble
+from eqt_cli.figures.style import house_style, ink, line_style
+from eqt_cli.results.result import Result
+
+# The motion of one run, and its scene for both the GIF and the page; it draws nothing -------------
+#
+# Bodies with coloured axes, the ghost of the target, trails, a ground grid and an inertial frame,
+# seen by a camera that follows body and target.
+
+
+MOST_CONTROLLERS = 6
+"""Most bodies that are shown side by side."""
+
+
+class BodyPath(NamedTuple):
+    """Orientation and position over time.
+
+    Attributes
+    ----------
+    rotation : (..., samples, 3, 3)
+        Body to inertial frame; a planar motion turns about z; identity without rotations.
+    position : (..., samples, 3)
+        Inertial frame, m; zero on a group without translations.
+    """
+
+    rotation: Array
+    position: Array
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One run of some controllers.
+
+    Attributes
+    ----------
+    run
+        Number of the run.
+    times : (samples,)
+        Sample times, s.
+    ensembles
+        The controllers, in the order of curves and bodies.
+    body, reference
+        Courses of the bodies, with a leading controller axis, and of the reference.
+    has_translation
+        Whether bodies move as well as turn.
+    thrusts : (controllers, samples, thrusters, 2, 3)
+        A line from each thruster along its thrust, in the body frame; the largest coordinate of a
+        place and the largest thrust are 1.
+    norms : dict of str to (controllers, samples)
+        Norms of pose error and torque by name, per part where rotation and translation have
+        different units.
+    """
+
+    run: int
+    times: Array
+    ensembles: Sequence[Ensemble]
+    body: BodyPath
+    reference: BodyPath
+    has_translation: bool
+    thrusts: Array
+    norms: dict[str, Array]
+
+    @property
+    def extent(self) -> float:
+        """Largest distance of a position from the midpoint of all, m; 0 where nothing moves."""
+        middle = (self.places.min(axis=0) + self.places.max(axis=0)) / 2
+        return float(np.linalg.norm(self.places - middle, axis=-1).max())
+
+    @property
+    def places(self) -> Array:
+        """All positions of bodies and reference, ``(places, 3)``, m."""
+        bodies = self.body.position.reshape(-1, 3)
+        places = np.concatenate([bodies, self.reference.position])
+        return places[np.isfinite(places).all(axis=-1)]
+
+
+def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion:
+    """Return the motion of one run of a result.
+
+    Parameters
+    ----------
+    run
+        Number of the run, as in the coordinate ``run``.
+    controllers
+        Labels of the controllers; the first `MOST_CONTROLLERS` if empty.
+
+    Raises
+    ------
+    EqtError
+        If the run is not stored, there is no such controller, or the group is not known here or
+        moves no body.
+    """
+    with house_style():
+        source = ShownRuns([results], "animation", Chosen(controllers))
+    ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
+    shown = [ensemble.controller for ensemble in ensembles]
+    parts = group_named(results.group_name).parts
+    turning = next((part for part in parts if part.turns), None)
+    moving = next((part for part in parts if part.pose_unit == "m"), None)
+    if turning is None and moving is None:
+        raise results.error(
+            f"a pose of {results.group_name} is neither a rotation nor a place in metres, so no "
+            "body can be shown; `eqt plot --figure runs` draws its runs"
+        )
+    ends = [f"_{part.name}" for part in (turning, moving) if part is not None]
+    ends = [end for end in ends if results.has(f"pose_error{end}")] or [""]
+    norms = [norm + end for norm in ("pose_error", "torque_norm") for end in ends]
+    return Motion(
+        run=run,
+        times=results.times,
+        ensembles=ensembles,
+        body=_course(results.trajectory("pose", run)[shown], turning, moving),
+        reference=_course(results["desired_pose"], turning, moving),
+        has_translation=moving is not None,
+        thrusts=_thrusts(results, run, shown),
+        norms={name: results.trajectory(name, run)[shown] for name in norms},
+    )
+
+
+def _thrusts(results: Result, run: int, shown: list[int]) -> Array:
+    actuators = source_of(results).data["actuators"] if results.has("thrust") else ()
+    rows = [each["thrusters"] for each in actuators if each.get("thrusters")]
+    if not rows:
+        return np.empty((len(shown), len(results.times), 0, 2, 3))
+    thrust = results.trajectory("thrust", run)[shown][..., None]
+    at, along = (np.array([[*each[key], 0.0][:3] for each in rows[0]]) for key in ("at", "along"))
+    at, thrust = (each / (np.nanmax(np.abs(each)) or 1.0) for each in (at, thrust))
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    return np.stack(np.broadcast_arrays(at, at + thrust * along), axis=-2)
+
+
+def _course(poses: Array, turning: Part | None, moving: Part | None) -> BodyPath:
+    rotation = np.broadcast_to(np.eye(3), (*poses.shape[:-2], 3, 3)).copy()
+    position = np.zeros((*poses.shape[:-2], 3))
+    if turning is not None:
+        block = poses[(..., *turning.entries)]
+        size = block.shape[-1]
+        rotation[..., :size, :size] = block
+    if moving is not None:
+        column = poses[(..., *moving.entries)][..., 0]
+        position[..., : column.shape[-1]] = column[..., :3]
+    return BodyPath(rotation, position)
+
+
+AXES = {"x": "#c1272d", "y": "#2e8b57", "z": "#1f5fbf"}
+"""Axes of the body with their colours."""
+
+INERTIAL = "XYZ"
+"""Names of the inertial axes."""
+
+TRAIL = 4.0
+"""Duration of the trail of a body, s."""
+
+_CLOSE, _AROUND = 1.75, 0.75
+"""Reach of a camera: in lengths of a body's axes where body and target agree; and what is added, as
+a share of the distance between them."""
+_CALM = 1.0
+"""Window over which the camera's distance and place are averaged, s."""
+_BELOW = 1.5
+"""Depth of the ground below the lowest position, in lengths of an axis."""
+_SIGHTS = 3.0
+"""Extent of the grid beyond all positions, in largest reaches of the camera."""
+_MOST_LINES = 60
+"""Most lines of the grid in each direction, approximately."""
+
+HALF_SIZES = (0.62, 0.36, 0.13)
+"""Half sizes of the block that stands for the body, in lengths of its axes."""
+
+ELEVATION, AZIMUTH = np.deg2rad(22.0), np.deg2rad(35.0)
+
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * HALF_SIZES
+"""Corners of the block in its own frame, ``(8, 3)``."""
+FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+"""Corners of each face of the block, as indices into `CORNERS`, in order around the face."""
+
+_NORMALS = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
+_LIGHT = np.array([0.35, 0.25, 0.9]) / np.linalg.norm([0.35, 0.25, 0.9])
+
+
+def camera() -> Array:
+    """Return the camera's axes as rows: right, up, and towards the eye, ``(3, 3)``."""
+    level = np.array([np.cos(AZIMUTH), np.sin(AZIMUTH), 0.0])
+    towards = np.cos(ELEVATION) * level + [0.0, 0.0, np.sin(ELEVATION)]
+    right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
+    return np.stack([right, np.cross(towards, right), towards])
+
+
+def tips(rotation: Array, position: Array, length: float) -> Array:
+    """Return the tips of the axes of a frame in the plane of the picture, ``(3, 2)``."""
+    return flat(position + length * rotation.T)
+
+
+def flat(position: Array) -> Array:
+    """Project positions onto the plane of the picture, ``(..., 2)``."""
+    return (position @ camera().T)[..., :2]
+
+
+def block(rotation: Array, position: Array, length: float) -> list[tuple[Array, float]]:
+    """Return the visible faces; a block is convex, so they do not hide each other.
+
+    Each has its corners in the plane of the picture, ``(4, 2)``, m, and its brightness from 0, in
+    the shade, to 1.
+    """
+    placed = position + length * CORNERS @ rotation.T
+    seen = []
+    for face, normal in zip(FACES, _NORMALS, strict=True):
+        turned = rotation @ normal
+        if turned @ camera()[2] > 0:
+            seen.append((flat(placed[list(face)]), float((1 + turned @ _LIGHT) / 2)))
+    return seen
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Run in space, seen from a direction that a viewer may change.
+
+    Attributes
+    ----------
+    motion
+        Motion of bodies and reference.
+    columns
+        Number of bodies side by side.
+    length
+        Length of a body's axes, m.
+    centre : (controllers, samples, 3)
+        Point that each camera looks at, m: the midpoint of body and target.
+    reach : (samples,)
+        Distance that all cameras see from there, m.
+    ground : (lines, 2, 3)
+        Ends of the lines of the grid, m.
+    trails : (controllers, samples, 3)
+        Points that leave the trails, m: positions of the bodies, or the tips of their x axes where
+        they only turn.
+    """
+
+    motion: Motion
+    columns: int
+    length: float
+    centre: Array
+    reach: Array
+    ground: Array
+    trails: Array
+
+    def trail(self, index: int, sample: int) -> Array:
+        """Return the trail of a body at a sample, ``(any, 3)``, m."""
+        first = int(np.searchsorted(self.motion.times, self.motion.times[sample] - TRAIL))
+        return np.asarray(self.trails[index, first : sample + 1])
+
+
+def scene_of(motion: Motion) -> Scene:
+    """Return the scene of a motion, the same for every file format."""
+    body, target = motion.body.position, motion.reference.position
+    apart = np.linalg.norm(body - target, axis=-1)
+    apart = np.where(np.isfinite(apart), apart, 0.0).max(axis=0)
+    length = _length(motion, apart)
+    middle = (np.where(np.isfinite(body), body, target) + target) / 2
+    steps = max(1, round(_CALM / max(float(np.mean(np.diff(motion.times))), 1e-9)))
+    centre = np.stack([_calm(each, steps) for each in middle])
+    reach = _CLOSE * length + _AROUND * _calm(apart[:, None], steps)[:, 0]
+    return Scene(
+        motion=motion,
+        columns=int(np.ceil(np.sqrt(len(motion.ensembles)))),
+        length=length,
+        centre=centre,
+        reach=reach,
+        ground=_grid(motion, length, float(reach.max())),
+        trails=body if motion.has_translation else body + motion.body.rotation[..., 0] * length,
+    )
+
+
+def _length(motion: Motion, apart: Array) -> float:
+    """Return a length of axes visible beside the paths and the distances to the target, m."""
+    if not motion.has_translation:
+        return 1.0
+    return float(max(0.3 * apart.max(), 0.12 * motion.extent)) or 1.0
+
+
+def _calm(values: Array, steps: int) -> Array:
+    """Return the running mean over `steps` samples, ``(samples, k)``."""
+    before, after = (steps - 1) // 2, steps // 2
+    padded = np.pad(values, ((before, after), (0, 0)), mode="edge")
+    sums = np.cumsum(np.insert(padded, 0, 0.0, axis=0), axis=0)
+    return np.asarray((sums[steps:] - sums[:-steps]) / steps)
+
+
+def _grid(motion: Motion, length: float, reach: float) -> Array:
+    """Return grid lines at round distances on the ground, below all bodies, ``(lines, 2, 3)``."""
+    places = motion.places if motion.has_translation else np.zeros((1, 3))
+    low, high = places.min(axis=0) - _SIGHTS * reach, places.max(axis=0) + _SIGHTS * reach
+    height = places[:, 2].min() - _BELOW * length
+    size = max(length, float((high - low)[:2].max()) / _MOST_LINES)
+    step = 10.0 ** np.floor(np.log10(size))
+    step *= next(k for k in (1, 2, 5, 10) if k * step >= size * (1 - 1e-9))
+    marks = [step * np.arange(np.floor(low[k] / step), np.ceil(high[k] / step) + 1) for k in (0, 1)]
+    (x, y), ends = marks, [(each[0], each[-1]) for each in marks]
+    along = [[(a, ends[1][0], height), (a, ends[1][1], height)] for a in x]
+    across = [[(ends[0][0], b, height), (ends[0][1], b, height)] for b in y]
+    return np.array(along + across)
+
+
+# Animation of a run (GIF): bodies against the reference, and growing error and torque curves ------
+
+
+DOTS_PER_INCH = 130
+"""Resolution at which the smallest type, of 6.7 pt, is 12 pixels high."""
+COLOURS = 160
+"""Size of the palette that all pictures share, so that nothing flickers."""
+
+_PAPER = 245
+_PAUSE = 1500
+"""Additional duration of the last picture, ms."""
+
+_WIDTH, _BODIES, _LOWEST, _PANEL = 6.1, 3.7, 2.2, 0.7
+"""Widths of the picture and of its bodies, and least heights of it and of a panel, in."""
+_GROUND, _GHOST = 0.16, 0.45
+"""Shares of ink of the grid and of the target."""
+
+
+def gif(
+    results: Result,
+    run: int,
+    controllers: Sequence[str] = (),
+    *,
+    seconds: float = 8.0,
+    rate: float = 12.5,
+) -> bytes:
+    """Return a run as an animated GIF that repeats for ever.
+
+    Parameters
+    ----------
+    run, controllers
+        See `motion`.
+    seconds
+        Duration of the animation, s, whatever the length of the run.
+    rate
+        Pictures per second; GIF rounds their duration to hundredths of a second.
+
+    Raises
+    ------
+    EqtError
+        If the run cannot be shown; see `motion`.
+    """
+    shown = motion(results, run, controllers)
+    count = max(2, round(seconds * rate))
+    samples = np.linspace(0, len(shown.times) - 1, count).round().astype(int)
+    with house_style(), step("pictures drawn", count):
+        stage = _Stage(scene_of(shown), float(np.ptp(shown.times)) / (count / rate))
+        pictures = []
+        for sample in samples:
+            pictures.append(stage.picture(int(sample)))
+            reporter().advance(1)
+    return _encoded(pictures, 1000 / rate)
+
+
+def _encoded(pictures: Sequence[Image.Image], milliseconds: float) -> bytes:
+    """Encode all pictures with the palette of the middle one."""
+    palette = pictures[len(pictures) // 2].quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
+    colours = np.array(palette.getpalette()).reshape(-1, 3)
+    colours[colours.min(axis=1) >= _PAPER] = 255  # make the paper exactly white
+    palette.putpalette(colours.ravel().tolist())
+    reduced = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    each = max(20, 10 * round(milliseconds / 10))
+    buffer = BytesIO()
+    reduced[0].save(
+        buffer,
+        format="GIF",
+        save_all=True,
+        append_images=reduced[1:],
+        duration=[each] * (len(reduced) - 1) + [each + _PAUSE],
+        loop=0,
+        optimize=True,
+        comment=f"eqt {__version__}".encode(),
+    )
+    return buffer.getvalue()
+
+
+class _Stage:
+    """Figure whose artists move from picture to picture: bodies left, curves right."""
+
+    def __init__(self, scene: Scene, speed: float) -> None:
+        self.motion, self.speed = scene.motion, speed
+        count, columns = len(self.motion.ensembles), scene.columns
+        rows = -(-count // columns)
+        side = _BODIES / max(columns, 2)
+        height = max(side * rows, _LOWEST, _PANEL * len(self.motion.norms))
+        drawing = Figure(figsize=(_WIDTH, height), dpi=DOTS_PER_INCH)
+        self.canvas = cast(Any, FigureCanvasAgg(drawing))  # whose methods have no types
+        shares = [_BODIES, _WIDTH - _BODIES]
+        left, right = np.ravel(np.asarray(drawing.subfigures(1, 2, width_ratios=shares)))
+        places = left.subplots(rows, columns, squeeze=False).ravel()
+        for empty in places[count:]:
+            empty.set_axis_off()
+        panels = right.subplots(len(self.motion.norms), 1, sharex=True)
+        self.bodies = [_Body(axes, scene, k) for k, axes in enumerate(places[:count])]
+        self.curves = [
+            _Curves(axes, self.motion, name)
+            for axes, name in zip(panels, self.motion.norms, strict=True)
+        ]
+        panels[-1].set_xlabel(quantity("t", "s"))
+        self.clock = left.suptitle(self._time(0), fontsize="medium")
+        self.canvas.draw()
+        freeze(drawing)
+
+    def _time(self, sample: int) -> str:
+        now = f"$t$ = {self.motion.times[sample]:.1f} s"
+        return f"run {self.motion.run},  {now},  {self.speed:.2g} times as fast.  Grey: reference"
+
+    def picture(self, sample: int) -> Image.Image:
+        """Return the picture at a sample."""
+        for body in self.bodies:
+            body.show(sample)
+        for curves in self.curves:
+            curves.show(sample)
+        self.clock.set_text(self._time(sample))
+        self.canvas.draw()
+        return Image.fromarray(np.asarray(self.canvas.buffer_rgba())[..., :3].copy())
+
+
+class _Body:
+    """Body and target above the ground, in a panel that follows both."""
+
+    def __init__(self, axes: Axes, scene: Scene, index: int) -> None:
+        self.axes, self.scene, self.index, self.motion = axes, scene, index, scene.motion
+        ensemble = self.motion.ensembles[index]
+        self.colour = ensemble.look.colour
+        axes.set_aspect("equal")
+        axes.set(xticks=[], yticks=[])
+        axes.grid(visible=False)
+        axes.set_title(ensemble.title, color=self.colour, parse_math=False)
+        ground: dict[str, Any] = {"color": ink(_GROUND), "linewidth": 0.5, "zorder": 0}
+        axes.add_collection(LineCollection(list(flat(scene.ground)), **ground), autolim=False)
+        if self.motion.has_translation:
+            path: dict[str, Any] = {"color": ink(_GHOST), "linewidth": 0.5, "zorder": 1}
+            axes.plot(*flat(self.motion.reference.position).T, **path)
+        (self.trail,) = axes.plot([], [], color=self.colour, linewidth=1.0, zorder=1.5)
+        self.ghost = _BodyBlock(axes, ink(_GHOST), 2, [ink(_GHOST)] * 3, linestyle=(0, (3, 1.5)))
+        self.body = _BodyBlock(axes, self.colour, 4, list(AXES.values()), linewidth=1.8)
+        rotors: dict[str, Any] = {"marker": "o", "markevery": 3, "markersize": 4, "linewidth": 2}
+        (self.rotors,) = axes.plot([], [], color=ink(), zorder=5, **rotors)
+        (self.arms,) = axes.plot([], [], color=self.colour, linewidth=0.8, zorder=3.5)
+        _draw_inertial(axes)
+        gone: dict[str, Any] = {"ha": "center", "va": "bottom", "transform": axes.transAxes}
+        self.gone = axes.text(0.5, 0.02, "run failed", color=self.colour, fontsize="small", **gone)
+
+    def show(self, sample: int) -> None:
+        body, target, length = self.motion.body, self.motion.reference, self.scene.length
+        reach = self.scene.reach[sample]
+        across, up = flat(self.scene.centre[self.index, sample])
+        self.axes.set_xlim(across - reach, across + reach)
+        self.axes.set_ylim(up - reach, up + reach)
+        self.ghost.show(target.rotation[sample], target.position[sample], length)
+        rotation, place = body.rotation[self.index, sample], body.position[self.index, sample]
+        self.trail.set_data(*flat(self.scene.trail(self.index, sample)).T)
+        there = bool(np.isfinite(rotation).all() and np.isfinite(place).all())
+        self.body.hide(not there)
+        self.gone.set_visible(not there)
+        lines = flat(place + length * self.motion.thrusts[self.index, sample] @ rotation.T)
+        arms = np.stack([lines[:, 0], np.broadcast_to(flat(place), lines[:, 0].shape)], axis=1)
+        for drawn, ends in ((self.rotors, lines), (self.arms, arms)):
+            apart = np.pad(ends, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)  # not drawn
+            drawn.set_data(*apart.reshape(-1, 2).T)
+        if there:
+            self.body.show(rotation, place, length)
+
+
+class _BodyBlock:
+    """Block with its three axes and their names."""
+
+    def __init__(
+        self, axes: Axes, colour: str, order: int, colours: Sequence[str], **look: Any
+    ) -> None:
+        self.colour = colour
+        self.faces = PolyCollection([], edgecolor=colour, linewidth=0.6, zorder=order)
+        axes.add_collection(self.faces, autolim=False)
+        line: dict[str, Any] = {"zorder": order + 0.5, "linewidth": 1.0} | look
+        text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
+        text |= {"clip_on": True, "zorder": order + 0.5}
+        self.lines = [axes.plot([], [], color=each, **line)[0] for each in colours]
+        self.names = [
+            axes.text(0, 0, f"${name}$", color=each, **text)
+            for name, each in zip(AXES, colours, strict=True)
+        ]
+
+    def show(self, rotation: Array, place: Array, length: float) -> None:
+        """Move the block to a place and an orientation."""
+        seen = block(rotation, place, length)
+        self.faces.set_verts([outline for outline, _ in seen])
+        self.faces.set_facecolor([(*_shaded(self.colour, light), 0.75) for _, light in seen])
+        start = flat(place)
+        ends = tips(rotation, place, length)
+        for line, name, end in zip(self.lines, self.names, ends, strict=True):
+            line.set_data([start[0], end[0]], [start[1], end[1]])
+            name.set_position(start + 1.14 * (end - start))
+
+    def hide(self, hidden: bool) -> None:
+        """Hide the block, or show it again."""
+        for artist in (self.faces, *self.lines, *self.names):
+            artist.set_visible(not hidden)
+
+
+def _draw_inertial(axes: Axes) -> None:
+    """Draw the directions of the inertial frame in a corner."""
+    corner, length = np.array([0.12, 0.11]), 0.09
+    for name, end in zip(INERTIAL, flat(np.eye(3)), strict=True):
+        to = corner + length * end
+        look: dict[str, Any] = {"color": ink(), "transform": axes.transAxes}
+        axes.plot(*zip(corner, to, strict=True), linewidth=0.8, zorder=6, **look)
+        x, y = corner + 1.45 * length * end
+        text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small", "zorder": 6}
+        axes.text(x, y, f"${name}$", **text, **look)
+
+
+class _Curves:
+    """Curves that grow over pale copies of the whole curves."""
+
+    def __init__(self, axes: Axes, shown: Motion, name: str) -> None:
+        self.times, self.values = shown.times, shown.norms[name]
+        looks = [line_style(ensemble.look) for ensemble in shown.ensembles]
+        for look, curve in zip(looks, self.values, strict=True):
+            axes.plot(self.times, curve, color=(look["color"], 0.25), linewidth=0.6)
+        self.lines = [axes.plot([], [], **look)[0] for look in looks]
+        self.now = axes.axvline(self.times[0], color="0.5", linewidth=0.6)
+        axes.set_xlim(self.times[0], self.times[-1])
+        scale_norm(axes, log=False)
+        name_scale(axes, signal_label(shown.ensembles[0].results, name))
+
+    def show(self, sample: int) -> None:
+        for line, curve in zip(self.lines, self.values, strict=True):
+            line.set_data(self.times[: sample + 1], curve[: sample + 1])
+        self.now.set_xdata([self.times[sample]] * 2)
+
+
+def _shaded(colour: str, light: float) -> tuple[float, float, float]:
+    """Return the colour of a face: near the body's in the shade, nearly white in full light."""
+    share = 0.35 + 0.5 * light
+    red, green, blue = (channel + (1 - channel) * share for channel in to_rgb(colour))
+    return red, green, blue

@@ -1,0 +1,341 @@
+"""Scales, and the points of a sweep as cells of a map over one or two keys; it knows no metric."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
+from eqt_cli.config.json_schema import scale_of
+from eqt_cli.figures.labels import free_text, in_words
+from eqt_cli.figures.style import Width, ink
+from eqt_cli.results.result import Result, SweptKey
+
+Direction = Literal["x", "y"]
+
+FEW = 12
+"""Most values that are written below a scale instead of round numbers."""
+_DIGIT, _BETWEEN = 0.055, 0.06
+"""Width of a digit, and of the gap between two numbers, in."""
+
+
+def spans_decade(values: Array) -> bool:
+    """Whether positive values differ by more than a factor of 10."""
+    seen = np.asarray(values)
+    seen = seen[np.isfinite(seen) & (seen > 0)]
+    return bool(seen.size and seen.max() > 10 * seen.min())
+
+
+def even() -> MaxNLocator:
+    """Return a locator of about five evenly spaced round numbers."""
+    return MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])
+
+
+def scale_log(axes: Axes, direction: Direction, seen: Array) -> None:
+    """Set a logarithmic scale for positive values, with numbers wherever there is room."""
+    axes.set(**{f"{direction}scale": "log"})
+    axis = axes.xaxis if direction == "x" else axes.yaxis
+    decades = np.log10(seen.max() / seen.min())
+    if decades < 1:
+        axis.set_major_locator(even())
+    elif decades < 2:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    if decades < 2:
+        axis.set_major_formatter(FuncFormatter(_number))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def scale(axes: Axes, direction: Direction, values: Array, *, log: bool | None) -> None:
+    """Set a logarithmic scale if asked and possible; with None, if values span a decade."""
+    seen = values[np.isfinite(values)]
+    if seen.size and (seen > 0).all() and (spans_decade(seen) if log is None else log):
+        scale_log(axes, direction, seen)
+
+
+def scale_norm(axes: Axes, *, log: bool, direction: Direction = "y") -> None:
+    """Set a scale for non-negative curves: logarithmic if asked and possible, else from 0."""
+    across = direction == "x"
+    drawn = [line.get_xdata() if across else line.get_ydata() for line in axes.lines]
+    if log and any(np.any(np.asarray(values) > 0) for values in drawn):
+        axes.set(**{f"{direction}scale": "log"})
+    elif across:
+        axes.set_xlim(left=0)
+    else:
+        axes.set_ylim(bottom=0)
+
+
+def number_values(axes: Axes, values: Array, room: float) -> None:
+    """Number the horizontal scale at its values if they are few, as far as `room` inches allow.
+
+    Many values get Matplotlib's numbers. Set the scale to linear or logarithmic first.
+    """
+    levels = np.unique(values)
+    log = axes.get_xscale() == "log"
+    if len(levels) > FEW:
+        if log:
+            scale_log(axes, "x", levels)
+        return
+    places = np.log(levels) if log else levels
+    places = (places - places[0]) / (np.ptp(places) or 1.0) * room
+    texts, end = [], -np.inf
+    for place, level in zip(places, levels, strict=True):
+        number = f"{level:.4g}"
+        half = _DIGIT * (len(number) - 0.5 * ("." in number)) / 2
+        fits = place - half >= end
+        texts.append(_number(level) if fits else "")
+        end = place + half + _BETWEEN if fits else end
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xticks(levels, texts)
+
+
+def _number(value: float, _position: int | None = None) -> str:
+    mantissa, _, exponent = f"{value:.4g}".partition("e")
+    if exponent:
+        return rf"${mantissa} \times 10^{{{int(exponent)}}}$"
+    return rf"$\mathdefault{{{mantissa}}}$" if value < 0 else mantissa
+
+
+_LONGEST_KEY = 36
+"""Most characters in a line of a label."""
+_KEY_LETTER = 0.065
+"""Width of a letter, in."""
+_MARGIN = 0.03
+"""Margin in shares of the width, so that markers at the ends are whole."""
+_AROUND = 0.6
+"""Width of the vertical scale and the margins, in."""
+
+
+def key_label(result: Result, swept: SweptKey) -> str:
+    """Return the name of a swept key with its unit; the key itself where it has no name."""
+    return in_words(*_named(result, swept))
+
+
+def key_at(result: Result, swept: SweptKey, point: int) -> str:
+    """Return a swept key with its value and unit at a point: ``initial angle 90 deg``."""
+    words, unit = _named(result, swept)
+    of_value = "" if swept.unit or unit in ("", "1") else f" {unit}"  # some values have their own
+    return f"{words} {swept.at(point)}{of_value}"
+
+
+def _named(result: Result, swept: SweptKey) -> tuple[str, str]:
+    """Return the name or symbol of a swept key, as text to draw, and its unit."""
+    key, scale = swept.key, scale_of(result.config, swept.key)
+    if scale is None:
+        return free_text(key, _LONGEST_KEY), swept.unit
+    of, unit = _owner(result, key), swept.unit or _unit(result, scale.unit)
+    if scale.is_symbol:
+        return f"${scale.label}$" + free_text(of, _LONGEST_KEY), unit
+    label = re.sub(r"(?<= )[gcnq]$", r"$\g<0>$", scale.label)  # the letter of a weight
+    return free_text(label + of, _LONGEST_KEY), unit
+
+
+def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> None:
+    """Name and number the horizontal scale of a panel `room` inches wide."""
+    panel.margins(x=_MARGIN)
+    panel.set_xlabel(key_label(result, axis))
+    if axis.texts:
+        texts = [free_text(text, _LONGEST_KEY) for text in axis.names.values()]
+        panel.set_xticks(list(axis.texts), texts)
+        longest = max(len(line) for text in texts for line in text.split("\n"))
+        if longest * len(texts) * _KEY_LETTER > room - _AROUND:
+            panel.tick_params(axis="x", labelrotation=90)
+        return
+    if axis.logarithmic:
+        panel.set_xscale("log")
+    number_values(panel, axis.values, room - _AROUND)
+
+
+def _owner(result: Result, key: str) -> str:
+    """Return the owner of a key among several controllers, ``" of TITLE"``; else nothing."""
+    match = re.match(r"controllers\[(\d+)\]", key)
+    if match is None or len(result.labels) < 2 or int(match[1]) >= len(result.titles):
+        return ""
+    return f" of {result.titles[int(match[1])]}"
+
+
+def _unit(result: Result, unit: str) -> str:
+    """Return a unit; empty for coordinates with mixed units."""
+    unit = TORQUE if unit == STIFFNESS else unit
+    if unit in (POSE, VELOCITY):
+        return ""
+    if not unit.startswith(TORQUE):
+        return unit
+    torque = result.units("peak_torque") if result.has("peak_torque") else "mixed"
+    if torque in ("mixed", "1", ""):
+        return ""
+    return torque + unit.removeprefix(TORQUE)
+
+
+_LONGEST_NAME = 18
+"""Most characters in a line of the name of a value that is no number."""
+
+_TICK_LETTER = 0.06
+"""Width of a letter below a map with its share of the gap to the next name, in."""
+
+_LETTER, _BESIDE, _LINE = 0.048, 0.088, 0.16
+"""Width of a letter in a cell, of the margins around a text, and height of a line, in."""
+_TENS = 10
+"""Numbers of at least this size are written without decimals."""
+_LONGEST_NUMBER = 4
+"""Most characters of a number in a cell."""
+_DARK = 0.55
+"""Luminance below which numbers are written in the colour of the paper."""
+
+_WRITTEN: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5, "zorder": 4}
+
+_MOST_LEVELS = 6
+"""Approximate number of values written along a scale."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of the points of a sweep in a map.
+
+    Attributes
+    ----------
+    across, up
+        The swept keys; without the second, the map is a single row.
+    """
+
+    across: SweptKey
+    up: SweptKey | None = None
+
+    @cached_property
+    def columns(self) -> Array:
+        """Column of each point."""
+        return np.unique(self.across.values, return_inverse=True)[1]
+
+    @cached_property
+    def rows(self) -> Array:
+        """Row of each point."""
+        if self.up is None:
+            return np.zeros_like(self.columns)
+        return np.unique(self.up.values, return_inverse=True)[1]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of rows and columns."""
+        return int(self.rows.max()) + 1, int(self.columns.max()) + 1
+
+    def grid(self, values: Array) -> Array:
+        """Return values of all points as ``(rows, columns)``; NaN where there is no point."""
+        grid = np.full(self.shape, np.nan)
+        grid[self.rows, self.columns] = values
+        return grid
+
+    def draw(self, panel: Axes, values: Array, **look: Any) -> Any:
+        """Colour the cells by the values of the points."""
+        # Edges, since the centre of a single row or column does not give its extent.
+        rows, columns = (np.arange(count + 1) - 0.5 for count in self.shape)
+        return panel.pcolormesh(columns, rows, self.grid(values), **look)
+
+    def hatch(self, panel: Axes, points: Iterable[int], pattern: str) -> None:
+        """Hatch the cells of some points."""
+        self._outline(panel, points, hatch=pattern, edgecolor=ink(0.35), linewidth=0)
+
+    def write(
+        self,
+        panel: Axes,
+        values: Array,
+        image: Any,
+        room: tuple[float, float],
+        texts: Sequence[str] | None = None,
+    ) -> bool:
+        """Write the values of the points in their cells if they fit; return whether they do.
+
+        Parameters
+        ----------
+        image
+            Image that `draw` returned, for its colours.
+        room
+            Width and height of the panel, in.
+        texts
+            Text of each point, in one line or several; its value if None.
+        """
+        rows, columns = self.shape
+        if texts is None:
+            longest, lines = _LONGEST_NUMBER, 1
+            texts = [short(value) for value in values]
+        else:
+            longest = max(len(line) for text in texts for line in text.split("\n"))
+            lines = max(text.count("\n") for text in texts) + 1
+        if room[0] / columns < _LETTER * longest + _BESIDE or room[1] / rows < _LINE * lines:
+            return False
+        for point, value in enumerate(values):
+            if np.isfinite(value):
+                red, green, blue, _ = ground = image.cmap(image.norm(value))
+                dark = 0.2126 * red + 0.7152 * green + 0.0722 * blue < _DARK
+                place, colour = (self.columns[point], self.rows[point]), ink(0) if dark else ink()
+                box = {"facecolor": ground, "edgecolor": "none", "pad": 0.6}
+                panel.annotate(texts[point], place, color=colour, bbox=box, **_WRITTEN)
+        return True
+
+    def mark(self, panel: Axes, points: Sequence[int]) -> None:
+        """Draw a frame, visible on every colour, around the cells of some points."""
+        for colour, width in ((ink(0), 2.2), (ink(), 1.0)):
+            self._outline(panel, points, 0.06, edgecolor=colour, linewidth=width, zorder=3)
+
+    def _outline(self, panel: Axes, points: Iterable[int], inset: float = 0, **look: Any) -> None:
+        side = 1 - 2 * inset
+        for point in points:
+            corner = self.columns[point] - side / 2, self.rows[point] - side / 2
+            panel.add_patch(Rectangle(corner, side, side, fill=False, **look))
+
+    def scales(
+        self,
+        panel: Axes,
+        result: Result,
+        room: float,
+        *,
+        leftmost: bool = True,
+        lowest: bool = True,
+    ) -> float:
+        """Name the keys and number the cells along them, in a panel `room` inches wide.
+
+        A panel that is not the leftmost or not the lowest of its row or column has no such names.
+
+        Return the extra room below the panel, in: texts for which it is too narrow stand upright.
+        """
+        texts = self._number(panel, "x", self.across, result)
+        longest = _TICK_LETTER * max(len(line) for text in texts for line in text.split("\n"))
+        upright = longest * len(texts) > room
+        if upright:
+            panel.tick_params(axis="x", labelrotation=90)
+        if self.up is None:
+            panel.set_yticks([])
+        elif leftmost:
+            self._number(panel, "y", self.up, result)
+        # Matplotlib hides the numbers of every panel above the last row, whether it has one below.
+        panel.tick_params(axis="x", labelbottom=lowest)
+        panel.xaxis.label.set_visible(lowest)
+        return longest if upright else 0.0
+
+    def _number(self, panel: Axes, direction: str, key: SweptKey, result: Result) -> list[str]:
+        """Number the cells along a scale; return the texts."""
+        levels = np.unique(key.values).tolist()
+        shown = range(0, len(levels), max(1, len(levels) // _MOST_LEVELS))
+        numbers = {level: f"{level:.3g}".replace("-", "−") for level in levels}
+        names = numbers | key.names
+        most = _LONGEST_KEY if key.is_number else _LONGEST_NAME
+        texts = [free_text(names[levels[k]], most) for k in shown]
+        panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
+        panel.set(**{f"{direction}label": key_label(result, key)})
+        return texts
+
+
+def short(value: float) -> str:
+    """Return a number as it is written in a cell."""
+    return f"{value:#.2g}" if abs(value) < _TENS else f"{value:.0f}"
+
+
+def map_columns(count: int, width: Width) -> int:
+    """Return how many of `count` maps stand side by side."""
+    most = (1 if count < 3 else 2) if width == "column" else 2 if count == 4 else 3
+    return min(count, most)

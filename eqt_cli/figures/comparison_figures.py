@@ -1,0 +1,522 @@
+"""Figures that compare laws: distributions, differences, certificates."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.ticker import LogLocator, NullLocator, PercentFormatter
+
+from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.analysis.fronts import side_by_side
+from eqt_cli.analysis.intervals import FEWEST, relative_difference, resolved_differences, shares
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.option_types import CountOrNone
+from eqt_cli.figures.cells import even, scale_log, spans_decade
+from eqt_cli.figures.curves import BAND
+from eqt_cli.figures.figure import Extras, OfCertificates, OfDifferences, OfMetrics
+from eqt_cli.figures.labels import free_text, metric_label, notation
+from eqt_cli.figures.layout import add_legend, blank_sheet, rows_of
+from eqt_cli.figures.shown import MetricValues, ShownCertificates, ShownMetrics, ShownSweep
+from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style
+from eqt_cli.results.result import Result
+
+# Figure of distributions: metrics of single runs as box plots, which may be censored --------------
+
+
+MOST_POINTS = 50
+"""Most runs that are drawn as points; of more, only the smallest and largest are."""
+
+LEVELS = (BAND[0], 0.25, 0.5, 0.75, BAND[1])
+"""Quantiles at the ends of whiskers and box, and the median."""
+
+_HALF = 0.3
+"""Half the height of a box, where rows are 1 apart."""
+_SPREAD = 0.22
+"""Largest distance of points from the middle line of their box."""
+_ANY = 0.7
+"""Share of ink in the grey that stands for every controller's colour in the legend."""
+_GOLDEN = (5**0.5 - 1) / 2
+"""Golden ratio: any number of its multiples, modulo 1, are spread evenly."""
+
+
+_MEDIAN: dict[str, Any] = {"linewidth": 1.2, "solid_capstyle": "butt"}
+_MARK: dict[str, Any] = {"linestyle": "none"}
+_MEAN = _MARK | {"marker": "D", "markersize": 3, "markeredgewidth": 0.6}
+_POINT = _MARK | {"marker": "o", "markersize": 1.6, "markeredgewidth": 0}
+
+
+def draw_box(
+    axes: Axes, row: int, sample: MetricValues, end: float, colour: str, label: str
+) -> None:
+    """Draw a box with its whiskers, median, mean and points.
+
+    Parameters
+    ----------
+    row
+        Position on the vertical axis.
+    end
+        Start of censored values: nothing is drawn beyond, and what reaches there stays open.
+    label
+        Name of the box, unique in the panel.
+    """
+    quantiles = sample.quantiles(LEVELS)
+    known = np.isfinite(quantiles)
+    low, lower, median, upper, high = np.where(known, quantiles, end)
+    top, bottom = row - _HALF, row + _HALF
+    solid: dict[str, Any] = {"color": colour, "linewidth": 0.8, "linestyle": "-"}
+    axes.plot([low, lower, np.nan, upper, high], [row] * 5, label=f"whiskers {label}", **solid)
+    caps = np.where(known, quantiles, np.nan)[[0, -1]]
+    axes.plot(caps, [row, row], "|", color=colour, markersize=4, label=f"ends {label}")
+    if known[1]:
+        axes.add_patch(Rectangle((lower, top), upper - lower, 2 * _HALF, facecolor=_tint(colour)))
+        corners = [(upper, bottom), (lower, bottom), (lower, top), (upper, top)]
+        outline = corners + corners[:1] if known[3] else corners
+        axes.plot(*zip(*outline, strict=True), label=f"quartiles {label}", **solid)
+    if known[2]:
+        axes.plot([median] * 2, [top, bottom], label=f"median {label}", color=ink(), **_MEDIAN)
+    if sample.values.size <= MOST_POINTS:
+        seen = np.where(np.isfinite(sample.values), sample.values, np.nan)
+        heights = row + _SPREAD * (2 * (_GOLDEN * np.arange(seen.size) % 1) - 1)
+        axes.plot(seen, heights, label=f"runs {label}", **_single())
+    else:
+        extremes = sample.seen[[0, -1]] if sample.seen.size else np.full(2, np.nan)
+        if sample.censored:
+            extremes[1] = np.nan
+        axes.plot(extremes, [row, row], label=f"extremes {label}", **_POINT, color=colour)
+    if np.isfinite(sample.mean):
+        axes.plot([sample.mean], [row], label=f"mean {label}", **_mean())
+
+
+def _mean() -> dict[str, Any]:
+    return _MEAN | {"markerfacecolor": ink(0), "markeredgecolor": ink()}
+
+
+def _single() -> dict[str, Any]:
+    return _POINT | {"color": ink(), "alpha": 0.4}
+
+
+def _tint(colour: str) -> tuple[str, float]:
+    return colour, 0.25
+
+
+def box_legend(runs: Sequence[int]) -> tuple[list[Artist], list[str]]:
+    """Return handles and names of the parts of boxes with these numbers of runs."""
+    any_colour = ink(_ANY)
+    handles: dict[str, Artist] = {
+        "quartiles, median": Patch(
+            facecolor=_tint(any_colour), edgecolor=any_colour, linewidth=0.8
+        ),
+        "10–90 %": Line2D([], [], color=any_colour, linewidth=0.8),
+        "mean": Line2D([], [], **_mean()),
+    }
+    if min(runs) <= MOST_POINTS:
+        handles["single runs"] = Line2D([], [], **_single())
+    if max(runs) > MOST_POINTS:
+        handles["extremes"] = Line2D([], [], **_POINT, color=any_colour)
+    return list(handles.values()), list(handles)
+
+
+MOST_STEPS = 500
+"""Most steps of a distribution function; beyond, each stands for several runs."""
+
+_COLUMNS: dict[Width, int] = {"column": 2, "page": 3, "slide": 3}
+_NAMES: dict[Width, int] = {"column": 14, "page": 26, "slide": 20}
+"""Most characters in a line of a controller's name beside the boxes."""
+_ROW, _LINE = 0.19, 0.12
+"""Height of a row with a box, and of a further line of its name, in."""
+_AROUND = 0.5
+"""Height of the numbers and the name below a panel and the room above it, in."""
+_CURVES: dict[Width, float] = {"column": 1.45, "page": 1.8, "slide": 1.25}
+
+_BESIDE: dict[str, Any] = {
+    "xycoords": ("axes fraction", "data"),
+    "textcoords": "offset points",
+    "va": "center",
+    "fontsize": "small",
+    "annotation_clip": False,
+}
+
+
+@dataclass(frozen=True)
+class Distributions(OfMetrics):
+    """How metrics are distributed over runs: box plots or distribution functions.
+
+    A box holds the quartiles and the median, whiskers reach from the 10 % to the 90 % quantile, a
+    diamond is the mean; points are single runs, or the smallest and the largest where there are
+    many. Runs that had not settled by their end count as larger than all others and are given as
+    numbers; with any of them there is no mean, and a distribution function ends below 1.
+
+    Attributes
+    ----------
+    kind
+        ``box``, or ``ecdf`` for the fraction of runs up to a value.
+    log
+        Logarithmic scales; by default, of the metrics that span more than a decade.
+    """
+
+    name: ClassVar[str] = "distributions"
+
+    kind: Literal["box", "ecdf"] = "box"
+    log: bool | None = None
+
+    def compose(self, metrics: ShownMetrics, width: Width) -> Drawing:
+        """Draw two panels per row in a column, three on a page."""
+        places = rows_of(metrics.metrics, _COLUMNS[width])
+        room = WIDTHS[width] / len(places[0])
+        names = [free_text(e.title, _NAMES[width]) for e in metrics.shown]
+        lines = max(name.count("\n") for name in names)
+        tall = _AROUND + len(names) * (_ROW + _LINE * lines)
+        height = tall if self.kind == "box" else _CURVES[width]
+        drawing, panels = blank_sheet(width, places, height)
+        for metric, axes in panels.items():
+            axes.set_xlabel(metric_label(metrics.results[0], metric, int(18 * room)))
+            samples = [metrics.samples[metric, e.label] for e in metrics.shown]
+            if self.kind == "box":
+                axes.set_yticks(range(len(names)), names)
+                _fill_boxes(axes, metrics, samples)
+            else:
+                _fill_steps(axes, metrics, samples)
+            self._scale(axes, metrics, samples, room)
+            axes.tick_params(labelleft=metric in [row[0] for row in places])
+        if self.kind == "box":
+            add_legend(drawing, *box_legend([int(e.good.sum()) for e in metrics.shown]))
+        else:
+            for row in places:
+                panels[row[0]].set_ylabel("fraction of runs")
+            add_legend(drawing, panels[metrics.metrics[0]].lines, [e.title for e in metrics.shown])
+        metrics.remarks.append(f"Distributions over {metrics.count()}.")
+        return drawing
+
+    def _scale(
+        self, axes: Axes, metrics: ShownMetrics, samples: Sequence[MetricValues], room: float
+    ) -> None:
+        """Set the horizontal scale; where runs had not settled, it ends with the runs."""
+        seen = np.concatenate([sample.seen for sample in samples])
+        log = spans_decade(seen) and bool((seen > 0).all()) if self.log is None else self.log
+        if log and np.any(seen > 0):
+            scale_log(axes, "x", seen[seen > 0])
+        else:
+            axes.xaxis.set_major_locator(even())
+        if any(sample.censored for sample in samples):
+            end = max(metrics.end(e) for e in metrics.shown)
+            axes.set_xlim(left=None if seen.size else 0, right=end)
+            _count(axes, samples, room, boxes=self.kind == "box")
+
+
+def _fill_boxes(axes: Axes, metrics: ShownMetrics, samples: Sequence[MetricValues]) -> None:
+    """Draw a box per law, the first on top."""
+    for row, (ensemble, sample) in enumerate(zip(metrics.shown, samples, strict=True)):
+        if sample.values.size:
+            end, colour = metrics.end(ensemble), ensemble.look.colour
+            draw_box(axes, row, sample, end, colour, ensemble.label)
+    axes.set_ylim(len(samples) - 0.5, -0.5)
+    axes.margins(x=0.06)
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
+
+
+def _fill_steps(axes: Axes, metrics: ShownMetrics, samples: Sequence[MetricValues]) -> None:
+    """Draw the fraction of runs up to every value, of all runs with one, settled or not."""
+    for ensemble, sample in zip(metrics.shown, samples, strict=True):
+        seen = sample.seen
+        ranks = np.unique(np.linspace(1, seen.size, min(seen.size, MOST_STEPS)).round()).astype(int)
+        across = np.concatenate([seen[:1], seen[ranks - 1]])
+        up = np.concatenate([[0.0], ranks / max(sample.values.size, 1)])[: across.size]
+        if sample.censored:
+            across, up = np.append(across, metrics.end(ensemble)), np.append(up, up.max(initial=0))
+        look = line_style(ensemble.look)
+        axes.plot(across, up, drawstyle="steps-post", label=ensemble.label, **look)
+    axes.set_ylim(0, 1.03)
+    axes.margins(x=0.03)
+
+
+def _count(axes: Axes, samples: Sequence[MetricValues], room: float, *, boxes: bool) -> None:
+    """Write how many runs had not settled: right of every box, or above all curves."""
+    totals = [sample.values.size for sample in samples]
+    common = len(set(totals)) == 1
+    counts = [
+        f"{sample.censored}" if common else f"{sample.censored}/{sample.values.size}"
+        for sample in samples
+    ]
+    of = f" of {totals[0]}" if common else ""
+    if boxes:
+        for row, count in enumerate(counts):
+            axes.annotate(count, (1, row), (3, 0), **_BESIDE)
+        text = f"not settled{of}"
+    else:
+        text = f"not settled: {', '.join(counts)}{of}"
+    axes.set_title(free_text(text, int(25 * room)), loc="right", fontsize="small")
+
+
+# Figure of cases: the difference of two laws in each, and the share of runs that settle -----------
+
+
+MOST_ROWS = 40
+
+Settings = dict[str, Any]
+
+_FOREST_ROW, _FOREST_AROUND = 0.2, 0.85
+"""Height of a row, and of scales and legend, in."""
+_LONGEST = 24
+"""Most characters in a line of a name."""
+_FOREST_BESIDE = 0.16
+"""Offset of the shares of the two laws from the middle of their row, in heights of a row."""
+_SMALL = 3.5
+"""Size of markers, pt; small, since the intervals matter."""
+
+
+@dataclass(frozen=True)
+class Forest(OfDifferences):
+    """A row for each point of a sweep: the paired difference of two laws, and who settles.
+
+    The difference of the means over all runs, in per cent of the second law's mean, with its
+    interval (Fieller); filled where the interval leaves out 0. Beside it, the share of runs of both
+    laws that settle, with Wilson intervals.
+    """
+
+    name: ClassVar[str] = "forest"
+
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownSweep:
+        """Return the points; of a tuning, the winners unless others are chosen."""
+        shown = self._only(results, "sweep")
+        laws = self.controllers or (side_by_side(shown) if shown.is_sweep else ())
+        return ShownSweep(shown, self.name, self.chosen._replace(controllers=laws))
+
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
+        """Draw two panels with the same rows, the first point on top."""
+        if len(swept.controllers) != 2:
+            raise swept.error(
+                f"compares two laws, and here are {len(swept.controllers)}: "
+                f"{', '.join(swept.titles)}; choose two by the option controllers"
+                if len(swept.controllers) > 2
+                else f"compares two laws, and here is one: {swept.titles[0]}"
+            )
+        values = swept.metric(self.metric_of(swept))
+        if (points := len(values)) > MOST_ROWS:
+            raise swept.error(
+                f"has a row for each point, at most {MOST_ROWS}, and here are {points}"
+            )
+        settled = swept.settled(0)
+        rows = np.arange(points)
+        size = (WIDTHS[width], _FOREST_AROUND + _FOREST_ROW * points)
+        drawing = Drawing(figsize=size)
+        left, right = drawing.subplots(1, 2, sharey=True, width_ratios=(3, 2))
+        first, second = swept.titles
+        differences = np.array([self._difference(*of_point) for of_point in values])
+        _draw_differences(left, rows, 100 * differences, f"{first} − {second}")
+        label = metric_label(swept.results, self.metric_of(swept), 40)
+        left.set_xlabel(f"{label}\n{first} − {second}, % of {second}")
+        for k, look in enumerate(swept.looks):
+            share = shares(settled[:, k].astype(float), self.confidence)
+            _draw_shares(right, rows + (2 * k - 1) * _FOREST_BESIDE, share, look, swept.titles[k])
+        right.set_xlim(-0.04, 1.04)
+        right.set_xlabel("share settled (%)")
+        right.xaxis.set_major_formatter(PercentFormatter(1, decimals=0, symbol=""))
+        left.set_yticks(rows, [free_text(swept.point_name(int(k)), _LONGEST) for k in rows])
+        left.set_ylim(points - 0.4, -0.6)
+        for panel in (left, right):
+            panel.grid(axis="y", visible=False)
+            panel.tick_params(axis="y", length=0)
+        add_legend(drawing, right.lines[:2], swept.titles)
+        swept.remarks += self._remarks(swept, differences, first)
+        return drawing
+
+    def _difference(self, first: Array, second: Array) -> tuple[float, float, float]:
+        return relative_difference(resolved_differences(first, second), second, self.confidence)
+
+    def _remarks(self, swept: ShownSweep, differences: Array, first: str) -> list[str]:
+        quantity = swept.results.quantity(self.metric_of(swept))
+        side = {"lower": "Left", "higher": "Right"}.get(quantity.better)
+        better = f" {side} of 0: {first} is better." if side else ""
+        notes = [
+            f"{swept.count} per row.{better} "
+            f"Intervals of {100 * self.confidence:g} %, each by itself; filled where they exclude "
+            "0. Failed runs are no part of the differences."
+        ]
+        if not np.isfinite(differences).all():
+            notes.append(f"No interval from fewer than {FEWEST} runs, or where the mean may be 0.")
+        return notes
+
+
+def _draw_differences(panel: Axes, rows: Array, differences: Array, name: str) -> None:
+    mean, low, high = differences.T
+    panel.axvline(0, color=ink(0.5), linewidth=0.6, label="no difference")
+    known = np.isfinite(low) & np.isfinite(high)
+    ends = np.array([mean - low, high - mean])[:, known]
+    bars: Settings = {"fmt": "none", "ecolor": ink(0.8), "elinewidth": 0.9}
+    if known.any():
+        panel.errorbar(mean[known], rows[known], xerr=ends, label=f"{name}, intervals", **bars)
+    decided = known & ((low > 0) | (high < 0))
+    look: Settings = {"marker": "D", "markersize": _SMALL, "linestyle": "", "color": ink(0.8)}
+    hollow = look | {"markerfacecolor": ink(0)}
+    for some, which, style in ((decided, "without 0", look), (~decided, "with 0", hollow)):
+        if some.any():
+            panel.plot(mean[some], rows[some], label=f"{name}, {which}", **style)
+    panel.margins(x=0.06)
+
+
+def _draw_shares(panel: Axes, rows: Array, shares: Array, of: Look, title: str) -> None:
+    share, low, high = shares.T
+    look: Settings = {"marker": of.marker, "markersize": _SMALL, "color": of.colour}
+    panel.plot(share, rows, label=title, linestyle="", **look)
+    bars: Settings = {"fmt": "none", "ecolor": of.colour, "elinewidth": 0.8}
+    ends = [share - low, high - share]
+    panel.errorbar(share, rows, xerr=ends, label=f"{title}, intervals", **bars)
+
+
+# Figure of certificates: the measured number of each statement over its bound ---------------------
+
+
+_ROW_HEIGHT = 0.155
+_GAP = 0.12
+"""Half of the gap in the frame between 0 and the least number, decades."""
+_MARKER: dict[str, Any] = {"linestyle": "", "markersize": 3.5}
+_STROKE: dict[str, Any] = {
+    "marker": [(-0.5, -1), (0.5, 1)],
+    "markersize": 6,
+    "markeredgewidth": 0.6,
+}
+_NO_LAW, _BEYOND = 0.65, 0.07
+"""Shares of ink of markers in rows independent of the law, and of the ground beyond the bound."""
+
+_DETAIL, _LONG = r", (eq|its|§).*", 16
+"""Details of a place in the paper, and the length of a place, that no column has room for."""
+_MOST = 1e300
+"""Largest ratio that is drawn: an axis needs room beyond it."""
+
+
+@dataclass(frozen=True)
+class Certificates(OfCertificates):
+    """Certificates: what was measured over what is allowed, a row per statement of the paper.
+
+    Shown are the statements that come nearest to their bounds, or beyond them.
+
+    Allowed are rounding for identities and a multiple of the solver's tolerance for trajectories.
+    Values left of 1 hold (filled). Hollow: undecided. Lower half filled: the theorem does not cover
+    the loop. Left half filled: nothing is claimed. Cross: fails. The scale is logarithmic; 0 is
+    left of the axis break.
+
+    Attributes
+    ----------
+    rows
+        Most statements to show; 0 for all.
+    """
+
+    name: ClassVar[str] = "certificates"
+
+    rows: CountOrNone = 16
+
+    def compose(self, shown: ShownCertificates, width: Width) -> Drawing:
+        """Draw identities above trajectories, in the paper's order downwards."""
+        worst = {name: max(map(_ratio, shown.rows(name))) for name in shown.names}
+        nearest = sorted(shown.names, key=lambda name: -worst[name])[: self.rows or None]
+        shown.keep(nearest)
+        drawing = Drawing(figsize=(WIDTHS[width], 0.5 + _ROW_HEIGHT * len(shown.names)))
+        axes = drawing.add_subplot(label="certificates")
+        looks = {e.label: {"color": e.look.colour, "marker": e.look.marker} for e in shown.laws}
+        looks[""] = {"color": ink(_NO_LAW), "marker": "|"}
+        ratios = list(map(_ratio, shown.shown))
+        smallest = min([*(ratio for ratio in ratios if ratio > 0), 1.0])
+        least = float(10.0 ** (np.floor(np.log10(smallest)) - 1))  # a decade below
+        for height, name in enumerate(shown.names):
+            rows = shown.rows(name)
+            shifts = np.linspace(-0.27, 0.27, len(rows)) if len(rows) > 1 else [0.0]
+            for row, shift in zip(rows, shifts, strict=True):
+                at = max(_ratio(row), least)  # an exact 0 stands at the left end
+                style = _MARKER | looks[row.controller] | _shape(row.verdict)
+                label = f"{row.name} {row.controller}".strip()
+                axes.plot([at], [height + shift], label=label, **style)
+        _name_rows(axes, shown, width)
+        _name_scale(axes, least, max(10.0, *ratios))
+        handles = _legend(shown, looks)
+        add_legend(drawing, list(handles.values()), list(handles))
+        return drawing
+
+
+def _legend(source: ShownCertificates, looks: dict[str, dict[str, Any]]) -> dict[str, Artist]:
+    """Return legend handles of the laws and of the shapes of markers."""
+    shown = {row.controller for row in source.shown}
+    titles = {law.label: law.title for law in source.laws} | {"": "independent of the law"}
+    handles: dict[str, Artist] = {
+        titles[label]: Line2D([], [], **_MARKER, **look)
+        for label, look in looks.items()
+        if label in shown
+    }
+    any_law = {"color": ink(_NO_LAW), "marker": "o"}
+    for verdict in source.verdicts:
+        handles[str(verdict)] = Line2D([], [], **(_MARKER | any_law | _shape(verdict)))
+    return handles
+
+
+def _ratio(row: Row) -> float:
+    """Return the ratio of measured to bound; 0 where both are 0."""
+    assert row.measured is not None and row.bound is not None
+    return min(abs(row.measured) / row.bound, _MOST) if row.measured else 0.0
+
+
+def _shape(verdict: Verdict) -> dict[str, Any]:
+    """Return the marker of a verdict, which keeps the law's shape unless it fails."""
+    looks: dict[Verdict, dict[str, Any]] = {
+        Verdict.HOLDS: {},
+        Verdict.PROVED: {},
+        Verdict.FAILS: {"marker": "x", "markersize": 5, "markeredgewidth": 1.4},
+        Verdict.NOT_COVERED: {"fillstyle": "bottom", "markerfacecoloralt": ink(0)},
+        Verdict.UNCLAIMED: {"fillstyle": "left", "markerfacecoloralt": ink(0)},
+    }
+    return looks.get(verdict, {"markerfacecolor": ink(0)})
+
+
+def _name_rows(axes: Axes, shown: ShownCertificates, width: Width) -> None:
+    """Name the rows by their statements, with their place in the paper, abbreviated in a column."""
+    firsts = [shown.rows(name)[0] for name in shown.names]
+    places = [row.statement for row in firsts]
+    if width == "column":
+        places = [re.sub(r"Theorem(s?)", r"Thm\1.", re.sub(_DETAIL, "", each)) for each in places]
+    statements = [f"{each}:  " * (0 < len(each) < _LONG or width != "column") for each in places]
+    texts = [notation(where + row.name) for where, row in zip(statements, firsts, strict=True)]
+    axes.set_yticks(range(len(texts)), texts)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(texts) - 0.4, -0.6)
+    for height, (row, following) in enumerate(pairwise(firsts)):
+        if row.kind != following.kind:
+            axes.axhline(height + 0.5, label=f"below {row.kind}", color=ink(), linewidth=0.5)
+
+
+def _name_scale(axes: Axes, least: float, most: float) -> None:
+    axes.set_xscale("log")
+    axes.set_xlim(least / 2, 3 * most)
+    shade: dict[str, Any] = {"color": ink(), "alpha": _BEYOND, "linewidth": 0, "zorder": 0}
+    axes.axvspan(1, 3 * most, label="beyond the bound", **shade)
+    axes.axvline(1, label="the bound", color=ink(), linewidth=0.8)
+    axes.grid(visible=False, axis="y")
+    axes.xaxis.set_major_locator(LogLocator(numticks=4))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xlabel("measured / bound")
+    axes.tick_params(axis="x", top=False)
+    ticks = [tick for tick in axes.get_xticks() if 10 * least <= tick <= 3 * most]
+    numbers = [f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks]
+    axes.set_xticks([least, *ticks], ["0", *numbers])
+    _break(axes, least * 10**0.5)
+    place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
+    above: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": "small"}
+    axes.annotate("bound", (1, 1), (0, 1), **place, **above)
+
+
+def _break(axes: Axes, place: float) -> None:
+    """Show that the scale does not reach 0, by a gap in the frame between two strokes."""
+    clear: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+    for edge in (0, 1):
+        gap = [place / 10**_GAP, place * 10**_GAP]
+        clear["label"] = f"gap {edge}"
+        axes.plot(gap, [edge, edge], color=ink(0), linewidth=1.6, zorder=4, **clear)
+        clear["label"] = f"ends of gap {edge}"
+        axes.plot(gap, [edge, edge], linestyle="", zorder=5, **_STROKE, color=ink(), **clear)
+    axes.axvline(place, label="gap", color=ink(0), linewidth=4, zorder=1)

@@ -1,0 +1,678 @@
+"""The base classes of figures, and the trajectories that they draw."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import ClassVar, Generic, NamedTuple, Protocol, TypeVar, cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.analysis.certificates import Row
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, Problems, suggestion
+from eqt_cli.base.option_types import Count, validated
+from eqt_cli.base.registry import Component, Registry, blamed
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.initial_states import Stream, generator_at
+from eqt_cli.components.matrix_groups import turn_of_distance
+from eqt_cli.components.mechanics import Tracking
+from eqt_cli.components.recording_check import Recording
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.figures import layout
+from eqt_cli.figures.labels import in_words, signal_label
+from eqt_cli.figures.layout import add_letters, add_remarks, freeze
+from eqt_cli.figures.shown import (
+    ALL,
+    Chosen,
+    Ensemble,
+    ShownCertificates,
+    ShownControllers,
+    ShownMetrics,
+    ShownReference,
+    ShownSweep,
+    TimeRange,
+    error_of,
+    names,
+)
+from eqt_cli.figures.style import HOUSE, WIDTHS, Style, Width, house_style
+from eqt_cli.loop.signals import MIXED
+from eqt_cli.results.result import Result
+
+# Trajectories of the runs of one or several results -----------------------------------------------
+
+
+_NORMS = ("pose_error", "velocity_error", "torque_norm")
+
+
+MEMBERS = {"thrust": "thruster", "wheel_momentum": "wheel"}
+"""Dimensions of signals that have a row for each thruster or wheel."""
+
+
+class ShownRuns(ShownControllers):
+    """Trajectories of the runs that did not fail, of one or several results on one group.
+
+    Raises
+    ------
+    EqtError
+        In the cases of `ShownControllers`, or if a result holds no trajectories of good runs.
+    """
+
+    def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
+        super().__init__(results, figure, chosen)
+        self._time = chosen.time
+        for one in results:
+            self._check_stored(one, "lyapunov")
+            if len(one.times) < 2:
+                message = (
+                    "needs trajectories of two samples or more, and the result holds one; "
+                    "decrease store.decimate and run the experiment again"
+                )
+                raise error_of(one, figure, message)
+        self.ensembles = [
+            replace(e, good=e.results.good[e.controller][e.results.stored_runs])
+            for e in self.ensembles
+        ]
+        if not self.shown:
+            raise self.error("has nothing to show: every run whose trajectory is stored failed")
+
+    def with_function(self) -> list[Ensemble]:
+        """Return the controllers whose L is drawn; add a remark that names the others."""
+        others = [e.title for e in self.shown if e.law in e.results.without_function]
+        named = ", ".join(others)
+        remark = f"Without L, since the law does not claim that it falls: {named}."
+        if others and remark not in self.remarks:
+            self.remarks.append(remark)
+        return [e for e in self.shown if e.law not in e.results.without_function]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time of all results."""
+        ends = [one.times[self._samples(one)[[0, -1]]] for one in self.results]
+        return float(np.min(ends)), float(np.max(ends))
+
+    def times(self, ensemble: Ensemble) -> Array:
+        """Return the sample times of a controller's runs."""
+        return ensemble.results.times[self._samples(ensemble.results)]
+
+    def _samples(self, result: Result) -> Array:
+        """Return the indices of the samples that are shown."""
+        return self._time.samples(result.times, partial(error_of, result, self.figure))
+
+    def values(self, signal: str, ensemble: Ensemble, most: int | None = None) -> Array:
+        """Return a signal of the good runs of a controller, ``(runs, samples, …)``.
+
+        Parameters
+        ----------
+        most
+            Largest number of runs to read, from the first; all if None.
+
+        Raises
+        ------
+        EqtError
+            If the result does not hold the signal over time.
+        """
+        return self._stored(signal, ensemble, most) * ensemble.results.factor(signal)
+
+    def _stored(self, signal: str, ensemble: Ensemble, most: int | None = None) -> Array:
+        """Return `values` in the unit of the file."""
+        self._check_stored(ensemble.results, signal)
+        every = ensemble.results.trajectories(signal, ensemble.controller, most)
+        return every[:, self._samples(ensemble.results)]
+
+    def of_run(self, signal: str, ensemble: Ensemble, run: int) -> Array:
+        """Return a signal of one run of a controller, ``(samples, …)``.
+
+        Raises
+        ------
+        EqtError
+            If the run failed, or the result does not hold its trajectory.
+        """
+        values: Array = ensemble.results.trajectory(signal, run)[ensemble.controller]
+        if not ensemble.results.good[ensemble.controller, run]:
+            raise self.error(f"cannot show run {run} of {ensemble.label}, which failed")
+        return values[self._samples(ensemble.results)] * ensemble.results.factor(signal)
+
+    def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
+        """Return `values` of a norm; with `degrees`, rotations are angles and in deg/s."""
+        values = self.values(signal, ensemble)
+        turns = signal.replace("estimate_error", "pose_error") in self.results[0].attitude_errors
+        if degrees and turns:
+            _, factor = self.results[0].shown_in("", "deg")
+            return np.degrees(turn_of_distance(values)) * factor
+        return np.degrees(values) if degrees and self._turns_at(signal) else values
+
+    def error_label(self, signal: str, *, degrees: bool) -> str:
+        """Return the label of the scale of `errors`."""
+        if degrees and signal in self.results[0].attitude_errors:
+            return in_words("attitude error", self.results[0].shown_in("", "deg")[0])
+        label = signal_label(self.results[0], signal)
+        return label.replace("rad/s", "deg/s") if degrees and self._turns_at(signal) else label
+
+    def _turns_at(self, signal: str) -> bool:
+        """Whether a signal is the norm of angular velocities in rad/s."""
+        of_pose = signal.replace("velocity_error", "pose_error")
+        turns = of_pose != signal and of_pose in self.results[0].attitude_errors
+        return turns and self.unit(signal) == "rad/s"
+
+    def require_attitude(self, *, degrees: bool) -> None:
+        """Refuse degrees where there is no attitude error."""
+        if degrees and not self.results[0].attitude_errors:
+            group = self.results[0].group_name
+            raise self.error(f"finds no attitude error on {group} to show in degrees")
+
+    def numbers(self, ensemble: Ensemble, most: int | None = None) -> Array:
+        """Return the numbers of the good runs of a controller, in the order of `values`."""
+        return ensemble.results.stored_runs[ensemble.good][:most]
+
+    def desired(self, signal: str, ensemble: Ensemble) -> Array:
+        """Return a signal of the reference, ``(samples, …)``: ``torque`` for τ_d."""
+        self._check_stored(ensemble.results, f"desired_{signal}")
+        values = self._desired(signal, ensemble)
+        return values * ensemble.results.factor(f"desired_{signal}")
+
+    def _desired(self, signal: str, ensemble: Ensemble) -> Array:
+        return ensemble.results[f"desired_{signal}"][self._samples(ensemble.results)]
+
+    def feedforward(self, ensemble: Ensemble) -> Array:
+        """Return the feedforward torque of the good runs, body frame, ``(runs, samples, m)``.
+
+        Raises
+        ------
+        EqtError
+            If the law has no separate feedforward, the loop is not ideal, or the experiment cannot
+            be built.
+        """
+        result = ensemble.results
+        if result.loop_in_words:
+            raise self.error(
+                f"separates feedforward from feedback in ideal loops only. {result.loop_in_words}"
+            )
+        loop = result.experiment().loops[ensemble.law]
+        poses, velocities = (self._stored(name, ensemble) for name in ("pose", "velocity"))
+        desired = [self._desired(name, ensemble) for name in ("pose", "velocity", "torque")]
+        torque = np.empty_like(velocities)
+        for k, t in enumerate(self.times(ensemble)):
+            inertia = loop.inertia.at(t)
+            Qd, Vd, tau_d = (each[k] for each in desired)
+            state = Tracking(
+                G=loop.group,
+                inertia=inertia,
+                gains=loop.gains,
+                t=t,
+                Q=poses[:, k],
+                P=inertia.momentum(velocities[:, k]),
+                Qd=Qd,
+                Pd=inertia.momentum(Vd),
+                tau_d=tau_d,
+            )
+            given = loop.controller.feedforward_torque(state)
+            if given is None:
+                raise self.error(
+                    f"cannot separate the feedforward of {ensemble.title}: the law does not say "
+                    "which of its terms are feedforward; choose others with the option "
+                    "'controllers'"
+                )
+            torque[:, k] = given
+        return torque * result.factor("torque")
+
+    @cached_property
+    def parts(self) -> list[str]:
+        """Suffixes of the norms per part, such as ``_rotation``; else one empty suffix."""
+        first = self.results[0]
+        suffixes = [f"_{part}" for part in first.parts(_NORMS[0])]
+        return [end for end in suffixes if all(first.has(norm + end) for norm in _NORMS)] or [""]
+
+    @property
+    def group(self) -> MatrixLieGroup | None:
+        """The group of all results; None if it is of a plugin that is not loaded."""
+        return self.results[0].group
+
+    @cached_property
+    def axes(self) -> list[tuple[str, str]]:
+        """Name and torque unit of each algebra coordinate."""
+        axes = [str(name) for name in self.results[0].coordinate("axis")]
+        units = [self.unit("torque")] * len(axes)
+        if MIXED in units and self.group is not None:
+            for part in self.group.parts:
+                unit, _ = self.results[0].shown_in("torque", part.force_unit)
+                units[part.axes] = [unit] * len(axes[part.axes])
+        return list(zip(axes, units, strict=True))
+
+    def members(self, signal: str) -> list[str]:
+        """Return the names of the thrusters, or of the wheels, that have the signal.
+
+        Raises
+        ------
+        EqtError
+            If a vehicle has none, or its names differ from the first vehicle's.
+        """
+        member = MEMBERS[signal]
+        for one in self.results:
+            if not one.has(signal):
+                message = f"finds no {member}s on this vehicle; leave out the option '{member}s'"
+                raise error_of(one, self.figure, message)
+        names = [[str(name) for name in one.coordinate(member)] for one in self.results]
+        if any(each != names[0] for each in names):
+            raise self.error(f"has a row for each {member}, and the results have other {member}s")
+        return names[0]
+
+    def limits(self, ensemble: Ensemble, run: int, signal: str) -> tuple[Array, Array] | None:
+        """Return the smallest and largest torque of each axis in a run, or signal of each member.
+
+        None if the vehicle has no such limits.
+        """
+        experiment = ensemble.results.experiment()
+        vehicle = experiment.loops[ensemble.law].vehicle
+        random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, run)
+        flying = vehicle.of_run(experiment.group, random_of)
+        known = {"thrust": flying.thrust_limits, "wheel_momentum": flying.momentum_limits}
+        limits = known[signal] if signal in known else flying.torque_limits(experiment.group)
+        factor = ensemble.results.factor(signal)
+        return limits and (limits[0] * factor, limits[1] * factor)
+
+    def notes(self) -> list[str]:
+        """Return notes on loops and stored runs, then `ShownControllers.notes`."""
+        return [*self._loops(), *self._thinned(), *super().notes()]
+
+    def _loops(self) -> Iterator[str]:
+        """Yield how each loop differs from the paper's ideal loop."""
+        for one, name in zip(self.results, names(self.results), strict=True):
+            if words := one.loop_in_words:
+                yield f"{name}: {words}" if len(self.results) > 1 else words
+
+    def _thinned(self) -> Iterator[str]:
+        for one, name in zip(self.results, names(self.results), strict=True):
+            if len(one.stored_runs) < one.runs:
+                whose = f" of {name}" if len(self.results) > 1 else ""
+                yield f"Trajectories of the first {len(one.stored_runs)} of {one.runs} runs{whose}."
+
+    def _check_stored(self, result: Result, signal: str) -> None:
+        result.check_stored(signal, who=f"figure '{self.figure}' needs")
+
+
+# Grid of panels over time: a row for each quantity, and a column for each law ---------------------
+
+
+MOST: dict[Width, int] = {"column": 4, "page": 8, "slide": 6}
+"""Most laws side by side."""
+
+_BESIDE = 0.7
+"""Width of the labels beside the first column and of the gaps between columns, in."""
+_TALLEST = 5.0
+"""Largest height of all rows together, in."""
+
+LawRow = dict[str, Axes]
+"""Panels of a row, by label of the law."""
+
+
+def law_columns(
+    runs: ShownRuns,
+    width: Width,
+    rows: Sequence[str],
+    shows: Callable[[str, Ensemble], bool] = lambda row, law: True,
+) -> tuple[Drawing, dict[str, LawRow]]:
+    """Return the figure and the panels of each row, which share the scale of its first panel.
+
+    Parameters
+    ----------
+    rows
+        Names of the rows.
+    shows
+        Whether a row shows a law.
+
+    Raises
+    ------
+    EqtError
+        If there is no room for so many laws.
+    """
+    laws = runs.shown
+    if len(laws) > MOST[width]:
+        raise runs.error(
+            f"has a column of panels per law, and width '{width}' has room for "
+            f"{MOST[width]}, not {len(laws)}; choose some with the option 'controllers'"
+        )
+    mosaic = [[f"{row} {e.label}" if shows(row, e) else layout.EMPTY for e in laws] for row in rows]
+    drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST)
+    by_row: dict[str, LawRow] = {row: {} for row in rows}
+    for row, cells in zip(rows, mosaic, strict=True):
+        for law, name in zip(laws, cells, strict=True):
+            if name != layout.EMPTY:
+                by_row[row][law.label] = panels[name]
+        layout.share_scale(by_row[row].values())
+    for k, law in enumerate(laws):
+        top = next((names[k] for names in mosaic if names[k] != layout.EMPTY), layout.EMPTY)
+        if top != layout.EMPTY:
+            layout.add_title(panels[top], law.title, (WIDTHS[width] - _BESIDE) / len(laws))
+    layout.hide_inner_scales(panels, mosaic)
+    return drawing, by_row
+
+
+# Base classes of figures, by the data of a result that they show ----------------------------------
+
+
+class Extras(NamedTuple):
+    """Data that figures show beside results.
+
+    Attributes
+    ----------
+    certificates
+        Verdicts of the verification of the results.
+    measured
+        A recording on the group of the results.
+    """
+
+    certificates: Sequence[Row] = ()
+    measured: Recording | None = None
+
+
+NO_EXTRAS = Extras()
+
+
+class Subject(Protocol):
+    """Data of results that a figure shows."""
+
+    def notes(self) -> list[str]:
+        """Return the notes for the reader about data that is not shown."""
+
+
+S = TypeVar("S", bound=Subject)
+
+_TYPED = str.maketrans({"ω": "w"})
+"""Letters in names of panels, and how users type them."""
+
+
+@dataclass(frozen=True)
+class Figure(Component, Generic[S]):
+    """A picture of results: a frozen dataclass whose fields are its options.
+
+    Attributes
+    ----------
+    name
+        Name after ``--figure`` and of the files.
+    controllers
+        Labels of the controllers to show; all if empty.
+    focus
+        Controllers in colour, with the others in grey; the first six laws if empty.
+    colours
+        Colours by controller, as Matplotlib names them; those of the style for the others.
+    """
+
+    needs_runs: ClassVar[bool] = True
+    shows_recording: ClassVar[bool] = False
+    """Whether the figure shows results, and not an experiment that has not been run."""
+
+    controllers: Sequence[str] = ()
+    focus: Sequence[str] = ()
+    colours: Mapping[str, str] = field(default_factory=dict)
+
+    def draw(
+        self,
+        results: Sequence[Result | Experiment],
+        width: Width = "column",
+        *,
+        style: Style | None = None,
+        extras: Extras = NO_EXTRAS,
+        arranged: bool = True,
+        captions: list[str] | None = None,
+    ) -> Drawing:
+        """Draw the data that `subject` takes from results, with remarks on what it leaves out.
+
+        Parameters
+        ----------
+        results
+            Open results; they may be closed afterwards. A figure without runs takes an experiment.
+        width
+            One ``column`` of a journal (3.5 in), the ``page`` (7.16 in) or a ``slide`` (13.3 in).
+        style
+            Style of the figure; eqt's own if None.
+        extras
+            Data that some figures show beside the results.
+        arranged
+            Whether to arrange the panels. The numbers behind the curves do not need it, and it
+            takes half of the time.
+        captions
+            List that receives the remarks; they go below the panels if None.
+
+        Raises
+        ------
+        EqtError
+            If an option is invalid, the results lack what the figure shows, or it cannot be drawn
+            in this style.
+        """
+        problems = Problems(lambda path: f"figure '{self.name}'")
+        validated(type(self), vars(self), problems)
+        self.check(problems)
+        problems.raise_if_any()
+        for one in results if self.needs_runs else ():
+            if isinstance(one, Experiment):
+                others = [name for name in figures.names() if not figures.get(name).needs_runs]
+                raise EqtError(
+                    f"{one.source.path}: figure '{self.name}' shows results, and this is a "
+                    f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
+                )
+        with house_style(replace(style or HOUSE, width=width)):
+            shown = self.subject(cast(Sequence[Result], results), extras)
+            with blamed():
+                drawing = self.compose(shown, width)
+            add_letters(drawing)
+            if captions is None:
+                add_remarks(drawing, shown.notes())
+            else:
+                captions += shown.notes()
+            if arranged:
+                freeze(drawing)
+        return drawing
+
+    def check(self, problems: Problems) -> None:
+        """Add problems of the options that their types cannot exclude."""
+
+    @property
+    def chosen(self) -> Chosen:
+        """Selection of controllers and their colours."""
+        return Chosen(self.controllers, self.focus, colours=self.colours)
+
+    def _only(self, results: Sequence[Result], what: str) -> Result:
+        """Return the only result; refuse several."""
+        if len(results) > 1:
+            raise results[1].error(f"figure '{self.name}' shows one {what} at a time")
+        return results[0]
+
+    @abstractmethod
+    def subject(self, results: Sequence[Result], extras: Extras) -> S:
+        """Return the data of the results that is shown."""
+
+    @abstractmethod
+    def compose(self, shown: S, width: Width) -> Drawing:
+        """Draw panels and legend, within the style sheet; `draw` adds the remarks."""
+
+
+@dataclass(frozen=True)
+class Timed(Figure[S]):
+    """A figure over time.
+
+    Attributes
+    ----------
+    start, end
+        Range of time that is drawn, s; all by default.
+    """
+
+    start: float | None = None
+    end: float | None = None
+
+    @property
+    def chosen(self) -> Chosen:
+        """Selection of controllers, colours and range of time."""
+        return super().chosen._replace(time=TimeRange(self.start, self.end))
+
+
+@dataclass(frozen=True)
+class Panelled:
+    """Mixin of figures whose panels can be chosen.
+
+    Attributes
+    ----------
+    panels
+        Panels to draw, by name; all if empty.
+    """
+
+    name: ClassVar[str]
+
+    panels: Sequence[str] = ()
+
+    def picked(self, known: Sequence[str]) -> list[str]:
+        """Return the names of the panels to draw, in their order.
+
+        Raises
+        ------
+        EqtError
+            If there is no panel of a chosen name.
+        """
+        plain = {each.translate(_TYPED): each for each in known}
+        wanted = [plain.get(each.translate(_TYPED), "") for each in self.panels]
+        for each, chosen in zip(self.panels, wanted, strict=True):
+            if not chosen:
+                hint = suggestion(each, list(plain)) or f"; there are: {', '.join(plain)}"
+                raise EqtError(f"figure '{self.name}': panels: no panel '{each}'{hint}")
+        return [each for each in known if not wanted or each in wanted]
+
+
+@dataclass(frozen=True)
+class OverTime(Timed[ShownRuns]):
+    """A figure of trajectories, of one result or several."""
+
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownRuns:
+        """Return the runs that did not fail."""
+        return ShownRuns(results, self.name, self.chosen)
+
+
+@dataclass(frozen=True)
+class OfFirstRuns(OverTime):
+    """A figure of single runs as paths with their starts, ends and directions, before a density.
+
+    Attributes
+    ----------
+    runs
+        Most runs of each controller that are drawn, from the first.
+    density
+        Shade where all runs pass.
+    """
+
+    runs: Count = 5
+    density: bool = True
+
+
+@dataclass(frozen=True)
+class OfMetrics(Figure[ShownMetrics]):
+    """A figure of metrics of single runs, of one result or several; it needs no trajectories.
+
+    Attributes
+    ----------
+    metrics
+        Metrics to show, by names in the result; a selection of those it holds if empty.
+    """
+
+    metrics: Sequence[str] = ()
+
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownMetrics:
+        """Return the metrics of the runs that did not fail."""
+        return ShownMetrics(results, self.name, self.chosen, self.metrics)
+
+
+@dataclass(frozen=True)
+class OfSweep(Figure[ShownSweep]):
+    """A figure of the metrics of one sweep."""
+
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownSweep:
+        """Return the points and the metrics at each."""
+        return ShownSweep(self._only(results, "sweep"), self.name, self.chosen)
+
+
+@dataclass(frozen=True)
+class OfOneMetric(OfSweep):
+    """A figure of one metric of a sweep.
+
+    Attributes
+    ----------
+    metric
+        Metric to show, by its name in the result; by default the mean pose error, of the first part
+        where parts have different units.
+    """
+
+    metric: str = ""
+
+    def metric_of(self, swept: ShownSweep) -> str:
+        """Return the name of the metric that is shown."""
+        return self.metric or swept.of_one_unit("mean_pose_error")
+
+
+@dataclass(frozen=True)
+class OfDifferences(OfOneMetric):
+    """A figure of differences between laws in one metric of a sweep.
+
+    Attributes
+    ----------
+    confidence
+        Confidence of each interval on its own; of a map, 1 minus the allowed share of false wins.
+    """
+
+    confidence: float = 0.95
+
+    def check(self, problems: Problems) -> None:
+        """Require a confidence between 0 and 1."""
+        if not 0 < self.confidence < 1:
+            expected = "expected a number between 0 and 1"
+            problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
+
+
+@dataclass(frozen=True)
+class OfSettled(OfSweep):
+    """A figure of the share of runs that settle.
+
+    Attributes
+    ----------
+    by
+        Time by which a run must have settled for good, s; its end if 0.
+    """
+
+    by: float = 0.0
+
+    def check(self, problems: Problems) -> None:
+        """Require a time of 0 or more."""
+        if not self.by >= 0:
+            problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
+
+
+@dataclass(frozen=True)
+class OfCertificates(Figure[ShownCertificates]):
+    """A figure of the verification of one result."""
+
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownCertificates:
+        """Return the certificates with a measured number and a bound."""
+        shown = self._only(results, "result")
+        return ShownCertificates(shown, extras.certificates, self.name, self.chosen)
+
+
+@dataclass(frozen=True)
+class OfReference(Timed[ShownReference]):
+    """A figure of the desired motion, of one result or of an experiment before it is run."""
+
+    needs_runs: ClassVar[bool] = False
+
+    def subject(self, results: Sequence[Result | Experiment], extras: Extras) -> ShownReference:
+        """Return the reference in the chosen range of time."""
+        if len(results) > 1:
+            raise EqtError(f"figure '{self.name}' shows one reference at a time")
+        return ShownReference(results[0], self.name, self.chosen)
+
+
+# In this module, so that a plugin that imports the base class is registered here.
+figures = Registry(
+    "figure",
+    "figures",
+    Figure,
+    tuple(f"figures.{kind}_figures" for kind in ("time", "run", "comparison", "sweep", "search")),
+    "eqt.plots",
+)

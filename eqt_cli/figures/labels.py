@@ -1,0 +1,321 @@
+"""Symbols, units and names as text that Matplotlib or LaTeX sets; it knows no layout.
+
+Symbols use the mathematics that both have in common. Texts of a user go through `free_text`,
+which escapes them for the one that sets them (LaTeX where ``text.usetex`` is on).
+"""
+
+import re
+import textwrap
+from itertools import groupby
+
+import matplotlib
+import numpy as np
+from matplotlib.mathtext import MathTextParser
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.figures import style
+from eqt_cli.figures.style import mathematical, shift
+from eqt_cli.results.quantity import Quantity
+from eqt_cli.results.result import Result
+
+_SYMBOL = re.compile(r"\w+_\{[^}]*\}|\w+[_^]\w+|\w+\*|\b[GLPQ]\b|[⋉→Υ]")
+"""Symbol of the paper among words: with an index or a star, or a single letter."""
+_COMMANDS = {
+    "_ff": r"_{\mathrm{ff}}",
+    "^nog": r"^{\mathrm{nog}}",
+    "^asym": r"^{\mathrm{asym}}",
+    "L": r"\mathcal{L}",
+    "Ad*": r"\mathrm{Ad}^*",
+    "ad*": r"\mathrm{ad}^*",
+    "Ad_": r"\mathrm{Ad}_",
+    "⁻¹": "^{-1}",
+    "g*": r"\mathfrak{g}^*",
+    "⋉": r"\ltimes",
+    "→": r"\to",
+    "Υ": r"\Upsilon",
+    "τ": r"\tau",
+}
+_LONGEST = 30
+"""Most characters in a line of a user's name of a signal."""
+_PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
+_DESCRIPTIVE = re.compile(r"_\{?([Ed])(?:\}|(?!\w))")
+"""Index that describes, such as of an error or a desired value, and is therefore upright."""
+
+_OF_MOTIONS = {
+    "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|p_E\|", r"\|%s_E\|"),
+    "velocity_error": (r"\|\omega - \omega_d\|", r"\|v - v_d\|", r"\|V - V_d\|_{%s}"),
+    "torque_norm": (r"\|\tau\|", r"\|f\|", r"\|f_{%s}\|"),
+}
+"""Symbols of the norms in rigid motions: of the rotation, of the only translation, and of one of
+several vectors, by its initial."""
+
+
+def quantity(symbol: str, unit: str) -> str:
+    """Return an axis label: the symbol with its unit in parentheses, if it has one.
+
+    Parameters
+    ----------
+    symbol
+        Symbol in Matplotlib's mathematical notation, without dollar signs.
+    unit
+        Unit as in a result file: ``rad/s``, ``N m``, ``m/s^2``; ``1`` or nothing for a pure number,
+        and ``mixed`` for a norm over parts with different units.
+    """
+    symbol = _DESCRIPTIVE.sub(r"_{\\mathrm{\1}}", symbol)
+    if unit in ("", "1"):
+        return f"${symbol}$"
+    if unit == "mixed":
+        return f"${symbol}$ (mixed units)"
+    if not _PLAIN_UNIT.fullmatch(unit):
+        return f"${symbol}$ ({_literal(unit)})"
+    if "(" in unit:
+        return rf"${symbol}$ in ${_upright(unit)}$"
+    return rf"${symbol}$ $({_upright(unit)})$"
+
+
+def _upright(unit: str) -> str:
+    powers = re.sub(r"\^(-?\d+)", r"^{\1}", unit).replace(" ", r"\,")
+    return rf"\mathrm{{{powers}}}"
+
+
+def in_words(words: str, unit: str) -> str:
+    """Return an axis label in words, with the unit in parentheses as in `quantity`."""
+    return words + quantity("", unit).removeprefix("$$")
+
+
+def _labelled(result: Result, name: str, symbol: str, unit: str) -> str:
+    """Return a symbol with its unit; with mixed units of parts, ``‖τ‖ (N m and N)``."""
+    several = result.part_units(name) if unit == "mixed" else []
+    units = " and ".join(f"${_upright(each)}$" for each in several)
+    return f"{quantity(symbol, '')} ({units})" if several else quantity(symbol, unit)
+
+
+def signal_label(result: Result, signal: str) -> str:
+    """Return the axis label of a signal: its symbol with its unit."""
+    if signal in result.given_names:
+        return in_words(free_text(result.given_names[signal], _LONGEST), result.units(signal))
+    symbol = norm_symbol(result, result.quantity(signal))
+    text = _labelled(result, signal, symbol, result.units(signal))
+    own = signal == "lyapunov" and result.lyapunov_functions
+    return f"{text},\neach law's own" if own else text
+
+
+def metric_label(result: Result, metric: str, characters: int) -> str:
+    """Return the name of a metric with its unit, in lines of at most `characters`."""
+    if result.has(metric):
+        of, unit = result.quantity(metric), result.units(metric)
+    else:  # computed from stored signals
+        of = result.comparable_named(metric)
+        unit = result.unit_of(of)
+    words = result.given_names.get(metric, "")
+    if "{}" in of.label and not words:
+        part = _part(result, of)
+        label = of.label.replace(f"{{}} {part_name(part.name)}", "{}") if part else of.label
+        return label.replace("{}", _labelled(result, metric, norm_symbol(result, of), unit))
+    words = free_text(words or of.label or of.long_name, characters)
+    return words + _labelled(result, metric, "", unit).removeprefix("$$")
+
+
+def norm_symbol(result: Result, of: Quantity) -> str:
+    """Return the symbol of a quantity; of its part on a group of rigid motions."""
+    part = _part(result, of)
+    if part is None or result.group is None:
+        return of.symbol
+    rotation, only, one_of_several = _OF_MOTIONS[of.signals[0].removesuffix(f"_{part.name}")]
+    if part.turns:
+        return rotation
+    return only if len(result.group.parts) == 2 else one_of_several % part.name[0]
+
+
+def _part(result: Result, quantity: Quantity) -> Part | None:
+    """Return the part of a norm, on a group of one rotation and of vectors; else None."""
+    parts = () if result.group is None else result.group.parts
+    rotations, vectors = parts[:1], parts[1:]
+    initials = {part.name[0] for part in vectors}
+    if not (rotations and rotations[0].turns and vectors and len(initials) == len(vectors)):
+        return None
+    if any(part.turns for part in vectors) or (len(vectors) == 1 and vectors[0].pose_unit != "m"):
+        return None
+    of = quantity.signals[0] if quantity.signals else ""
+    names = {f"{norm}_{part.name}": part for norm in _OF_MOTIONS for part in parts}
+    return names.get(of)
+
+
+def force_component(axis: str, unit: str) -> str:
+    r"""Return the symbol of a torque or force: ``\tau_{x}`` along ``ωx``, ``f_{x}`` along ``vx``.
+
+    An axis that is neither a turn nor a velocity gives its whole name as the index.
+    """
+    if axis.startswith("v") and unit == "N":
+        return component("f", axis[1:])
+    return component(r"\tau", axis.removeprefix("ω"))
+
+
+def component(symbol: str, axis: str) -> str:
+    r"""Return a symbol with an axis name as its index: ``\tau_{\omega x_{1}}`` for ``ωx₁``."""
+    pieces: list[str] = []
+    for place, letters in groupby(filter(str.isalnum, axis), shift):
+        text = " ".join(map(mathematical, letters))
+        pieces.append(f"{place}{{{text}}}" if place and pieces else text)
+    return f"{symbol}_{{{''.join(pieces)}}}" if pieces else symbol
+
+
+def notation(text: str) -> str:
+    r"""Return words, such as names of certificates, with the paper's symbols typeset.
+
+    ``rate of Ad_{Q_d⁻¹}`` becomes ``rate of $\mathrm{Ad}_{Q_d^{-1}}$``.
+    """
+    return _SYMBOL.sub(lambda symbol: f"${_typeset(symbol[0])}$", text)
+
+
+def _typeset(symbol: str) -> str:
+    for plain, command in _COMMANDS.items():
+        symbol = symbol.replace(plain, command)
+    return _DESCRIPTIVE.sub(r"_{\\mathrm{\1}}", symbol)
+
+
+def free_text(name: str, characters: int) -> str:
+    """Return a user's text as it is drawn, in lines of at most `characters`.
+
+    ``$…$`` is mathematics if Matplotlib can typeset it, and is else shown verbatim. The same check
+    holds for LaTeX, which could do much more than typeset.
+    """
+    shown = "".join(c if c.isprintable() else " " for c in name)
+    if not style.DOLLAR.search(shown):  # parsing would warn of letters that the font lacks
+        return _in_lines(shown.replace(r"\$", "$"), characters)
+    try:
+        MathTextParser("path").parse(shown)
+    except ValueError:
+        return _in_lines(shown, characters)
+    return style.with_mathematics(shown) if _by_latex() else shown
+
+
+def part_name(suffix: str) -> str:
+    """Return the words in the suffix of a norm over a part: ``rotation`` for ``_rotation``."""
+    return suffix.removeprefix("_").replace("_", " ")
+
+
+def _by_latex() -> bool:
+    return bool(matplotlib.rcParams["text.usetex"])
+
+
+def _in_lines(text: str, characters: int) -> str:
+    """Wrap text without mathematics."""
+    if "$" in text and not _by_latex():
+        return _literal(text)
+    return "\n".join(_literal(line) for line in textwrap.wrap(text, characters))
+
+
+def _literal(text: str) -> str:
+    """Escape text, so that no character is a command."""
+    return style.escaped(text) if _by_latex() else text.replace("$", r"\$")
+
+
+def axis_labels(G: MatrixLieGroup) -> list[str]:
+    """Return the label of the k-th curve of a panel: a direction, or axis names in all parts.
+
+    ``x`` stands for ωx and vx: the scales name the quantity.
+    """
+    names = [G.axis_names[part.axes] for part in G.parts]
+    labels = []
+    for k in range(max(map(len, names))):
+        here = [axes[k] for axes in names if k < len(axes)]
+        directions = {axis[1:] for axis in here}
+        shown = directions if len(directions) == 1 and "" not in directions else here
+        labels.append(", ".join(f"${component('', each).lstrip('_')}$" for each in shown))
+    return labels
+
+
+def symbols(G: MatrixLieGroup, part: Part, index: str = "") -> tuple[str, str, str]:
+    """Return the symbols of pose, velocity and force in a part, with an index if given."""
+    vectors = [each for each in G.parts if not each.turns]
+    if len(G.parts) == 1 or not (part.turns or part.pose_unit.startswith("m")):
+        pose, velocity, force = ("p" if part.pose_unit == "m" else "Q"), "V", r"\tau"
+    elif part.turns:
+        pose, velocity, force = "R", r"\omega", r"\tau"
+    elif len(vectors) == 1:
+        pose, velocity, force = "p", "v", "f"
+    else:
+        initial = part.name[0]
+        pose, velocity = initial, str(G.axis_names[part.axes][0])[0]
+        return _indexed(pose, index), _indexed(velocity, index), _indexed("f", initial + index)
+    return _indexed(pose, index), _indexed(velocity, index), _indexed(force, index)
+
+
+def _indexed(symbol: str, index: str) -> str:
+    return f"{symbol}_{{{','.join(index)}}}" if index else symbol
+
+
+def pose_coordinates(
+    G: MatrixLieGroup, part: Part, pose: Array, index: str = "", near: Array | None = None
+) -> tuple[Array, str, str]:
+    """Return a part of poses ``(n, d, d)`` as curves ``(n, coordinates)``, their symbol and unit.
+
+    `near` holds curves of about the same poses, as for `without_jumps`.
+    """
+    block = pose[(..., *part.entries)].reshape(len(pose), -1)
+    symbol = symbols(G, part, index)[0]
+    if block.shape[1] == len(G.axis_names[part.axes]):
+        return block, symbol, part.pose_unit
+    with np.errstate(all="ignore"):
+        logarithm = np.full((len(pose), G.dimension), np.nan)
+        real = np.isfinite(pose).all(axis=(1, 2))
+        logarithm[real] = G.log(pose[real])
+    turns = logarithm[:, part.axes]
+    if not part.turns:
+        return turns, rf"\log {symbol}", ""
+    return without_jumps(turns, near), rf"\log {_indexed('R', index)}", "rad"
+
+
+def part_curves(
+    G: MatrixLieGroup,
+    part: Part,
+    name: str,
+    values: Array,
+    *,
+    degrees: bool,
+    index: str = "",
+    near: Array | None = None,
+) -> tuple[Array, str]:
+    """Return a part of poses, errors, velocities or wrenches as curves, and the label of its scale.
+
+    Parameters
+    ----------
+    name
+        ``pose``, ``error``, ``difference``, ``velocity``, or ``wrench`` or ``torque``.
+    degrees
+        Whether angles and rates of rotations are in degrees.
+    index, near
+        As of `pose_coordinates`.
+    """
+    degrees = degrees and part.turns
+    if name == "pose":
+        near = np.radians(near) if degrees and near is not None else near
+        curves, symbol, unit = pose_coordinates(G, part, values, index, near)
+    elif name in ("error", "difference"):
+        curves, symbol, unit = values[:, part.axes], "", part.error_unit
+    else:
+        _, velocity, force = symbols(G, part, index)
+        of_velocity = name == "velocity"
+        curves, symbol = values[:, part.axes], velocity if of_velocity else force
+        unit = part.velocity_unit if of_velocity else part.force_unit
+    if degrees and unit.startswith("rad"):
+        curves, unit = np.degrees(curves), unit.replace("rad", "deg")
+    return curves, quantity(symbol, unit) if symbol else in_words(name, unit)
+
+
+def without_jumps(vectors: Array, near: Array | None = None) -> Array:
+    """Return rotation vectors ``(n, k)``, unwrapped by whole turns about their axes.
+
+    Each is as close as possible to its counterpart in `near`; without `near`, to the one before.
+    """
+    unwrapped = vectors.copy()
+    pairs = zip(unwrapped[1:], unwrapped[:-1], strict=True)
+    for now, other in pairs if near is None else zip(unwrapped, near, strict=True):
+        angle = np.linalg.norm(now)
+        axis = now / angle if angle > 0 else other / max(np.linalg.norm(other), 1.0)
+        turns = np.round((other @ axis - angle) / (2 * np.pi))
+        if np.isfinite(turns):
+            now += 2 * np.pi * turns * axis
+    return unwrapped

@@ -1,0 +1,361 @@
+"""Sheets of panels, their names, legends and remarks; it knows no signal and no result."""
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from string import ascii_lowercase
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib import rcParams
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.ticker import FixedLocator, MaxNLocator, ScalarFormatter
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.figures.labels import free_text, part_name, quantity
+from eqt_cli.figures.style import WIDTHS, Width, size_of_type
+
+EMPTY = "."
+"""Empty place in a mosaic."""
+
+_PANEL_HEIGHTS: dict[Width, float] = {"column": 1.25, "page": 1.65, "slide": 1.4}
+_LONGEST: dict[Width, float] = {"column": 9.0, "page": 9.0, "slide": 2.8}
+"""Largest height of all panels, in: a page, unless panels get lower than `_LOWEST_PANEL`."""
+_LOWEST_PANEL = 0.6
+_LABEL = 8.0
+"""Size of label type that these heights assume, pt."""
+_REMARK_HEIGHT = 1.5
+"""Height of a line of small text over the size of its type."""
+_NARROW = 1.1
+"""Width below which a panel has fewer numbers along its time axis, in."""
+_CHARACTERS, _BY_LATEX = 2.0, 1.8
+"""Characters per length equal to the type size; Computer Modern is wider than other fonts."""
+_OF_PROSE = 1.15
+"""Characters of prose over those of names, which have more capitals and digits."""
+_SMALL = 0.833
+"""Size of small type over the usual size, as in Matplotlib."""
+
+COLOUR_SCALE = "<colorbar>"
+"""Matplotlib's label of the panel of a colour scale, which shows no numbers of its own."""
+NO_NUMBERS = "<density>"
+"""Label of artists whose numbers are not kept: counts in cells, which jump where rounding moves a
+sample over an edge."""
+_LEAST_OF_PANEL = 0.6
+"""Least share of a panel's width for its name."""
+_WHOLE = 9
+"""Most characters of a word that is never broken in a name."""
+_ROW_PITCH = 1.15
+"""Distance from row to row, in heights of a panel."""
+_LEAST_TYPE = 5.0
+"""Least size of type of a label, pt; on a slide, this is 11 pt."""
+_LETTER = 0.2
+"""Width of the letter of a panel, in."""
+
+Mosaic = list[list[str]]
+"""Names of panels, row by row."""
+
+
+def sheet(
+    width: Width, mosaic: Mosaic, span: tuple[float, float], unit: str, tallest: float = np.inf
+) -> tuple[Figure, dict[str, Axes]]:
+    """Return a figure of panels with a common time axis, and its panels by name.
+
+    Parameters
+    ----------
+    mosaic
+        Names of the panels, row by row; a repeated name spans its places, and `EMPTY` is no panel.
+    span, unit
+        Range of the time axis and its unit.
+    tallest
+        Largest height of all rows together, in.
+    """
+    taller = max(1.0, size_of_type("axes.labelsize") / _LABEL)  # a label is as long as a panel
+    height = min(taller * _PANEL_HEIGHTS[width], tallest / len(mosaic))
+    drawing, panels = blank_sheet(width, mosaic, height)
+    numbered = numbered_below(mosaic)
+    ticks = 3 if WIDTHS[width] / len(mosaic[0]) < _NARROW else 5
+    for name, axes in panels.items():
+        axes.set_xlim(*span)
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
+        axes.tick_params(labelbottom=name in numbered)
+        if name in mosaic[-1]:
+            axes.set_xlabel(quantity("t", unit))
+    return drawing, panels
+
+
+def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, dict[str, Axes]]:
+    """Return a figure of independent panels, and its panels by name.
+
+    Parameters
+    ----------
+    mosaic
+        Names of the panels, as in `sheet`.
+    height
+        Height of a row of panels, in; reduced where the rows would not fit a page.
+    """
+    rows = len(mosaic)
+    height = max(_LOWEST_PANEL, min(height, _LONGEST[width] / rows))
+    drawing = Figure(figsize=(WIDTHS[width], height * rows))
+    FigureCanvasAgg(drawing)  # without one, Matplotlib makes a new one for every text it measures
+    nested: Any = mosaic  # Matplotlib's type for it is a recursive one
+    return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY)
+
+
+def sheet_of_maps(
+    count: int, columns: int, width: Width, height: float
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure of maps with common scales, each `height` inches high, and its panels."""
+    rows = -(-count // columns)
+    drawing = Figure(figsize=(WIDTHS[width], height * rows))
+    grid = drawing.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for spare in grid[count:]:
+        spare.remove()
+    return drawing, list(grid[:count])
+
+
+def rows_of(names: Sequence[str], columns: int) -> Mosaic:
+    """Return panels row by row, the last row filled up with empty places."""
+    rows = [list(names[start : start + columns]) for start in range(0, len(names), columns)]
+    rows[-1] += [EMPTY] * (min(columns, len(names)) - len(rows[-1]))
+    return rows
+
+
+def panel(controller: str, part: str) -> str:
+    """Return the name of the panel of a controller, by its label, and a part."""
+    return f"runs of {controller}{part}"
+
+
+def panels_by_controller(
+    controllers: Sequence[str], parts: Sequence[str], columns: int = 2
+) -> Mosaic:
+    """Return a row per law and a column per part; with one part, controllers in rows.
+
+    Parameters
+    ----------
+    controllers
+        Labels of the controllers.
+    parts
+        Suffixes of the norms per part; a single one if parts are not told apart.
+    columns
+        Panels in a row where there is one part.
+    """
+    if len(parts) > 1:
+        return [[panel(label, part) for part in parts] for label in controllers]
+    return rows_of([panel(label, parts[0]) for label in controllers], columns)
+
+
+def panel_title(controller: str, part: str) -> str:
+    """Return the title above a panel."""
+    return f"{controller}, {part_name(part)}" if part else controller
+
+
+def numbered_below(mosaic: Mosaic) -> set[str]:
+    """Return the panels numbered at their lower edge: no panel of equal width is below."""
+    below: Mosaic = [*mosaic[1:], [EMPTY] * len(mosaic[0])]
+    return {
+        name
+        for row, next_row in zip(mosaic, below, strict=True)
+        for name, lower in zip(row, next_row, strict=True)
+        if lower == EMPTY or row.count(name) != next_row.count(lower)
+    }
+
+
+def share_scale(panels: Iterable[Axes]) -> None:
+    """Give panels one vertical scale; call it before anything is drawn."""
+    first, *others = panels
+    for axes in others:
+        axes.sharey(first)
+
+
+def name_scale(axes: Axes, text: str) -> None:
+    """Label a vertical scale."""
+    # On the baseline, so that labels with and without descenders line up from panel to panel.
+    axes.set_ylabel(text, va="baseline", labelpad=4)
+
+
+def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
+    """Name and number a vertical scale in the first panel of a row only."""
+    for name in (name for row in mosaic for name in row[1:] if name != EMPTY):
+        panels[name].tick_params(labelleft=False)
+        panels[name].set_ylabel("")
+
+
+def add_title(axes: Axes, name: str, room: float) -> None:
+    """Write a user's text as the title of a panel `room` inches wide."""
+    # Room for the letter on both sides, since the title is centred.
+    room = max(room - 2.5 * _LETTER, _LEAST_OF_PANEL * room)
+    fit = _characters(room, size_of_type("axes.titlesize"))
+    whole = [len(word) for word in name.split() if len(word) <= _WHOLE]
+    axes.set_title(free_text(name, max([fit, *whole])))
+
+
+def add_letters(figure: Figure) -> None:
+    """Letter the panels, (a), (b), …, above their left corners; a single panel needs none."""
+    panels = [axes for axes in figure.axes if axes.get_label() != COLOUR_SCALE]
+    if len(panels) > 1:
+        for number, axes in enumerate(panels):
+            axes.set_title(f"({_letter(number)})", loc="left")
+
+
+def _letter(number: int) -> str:
+    """Return a letter by number: a to z, then aa, ab, …."""
+    before, last = divmod(number, 26)
+    return (_letter(before - 1) if before else "") + ascii_lowercase[last]
+
+
+def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) -> None:
+    """Name the curves above the panels, in as few rows as fit; the figure grows by them.
+
+    The names are texts of a user.
+    """
+    room = figure.get_figwidth() - 0.5  # beside the handle
+    characters = _characters(room, size_of_type("legend.fontsize"))
+    for rows in range(1, len(names) + 1):
+        columns = -(-len(names) // rows)  # the fewest for so many rows, so that rows are full
+        legend = figure.legend(
+            handles, [""] * len(names), loc="outside upper center", ncols=columns
+        )
+        for text, name in zip(legend.get_texts(), names, strict=True):
+            # Not as labels above: Matplotlib leaves out those that begin with an underscore.
+            text.set_text(free_text(name, characters))
+        extent = legend.get_window_extent()
+        if extent.width <= figure.bbox.width or columns == 1:
+            break
+        legend.remove()
+    figure.set_figheight(figure.get_figheight() + extent.height / figure.dpi)
+
+
+def add_remarks(figure: Figure, remarks: Sequence[str]) -> None:
+    """Print remarks below the panels, a line each; the figure grows by them."""
+    if remarks:
+        size = _SMALL * size_of_type("font.size")
+        characters = _characters(_OF_PROSE * figure.get_figwidth(), size)
+        text = "\n".join(free_text(remark, characters) for remark in remarks)
+        lines = text.count("\n") + 1
+        figure.set_figheight(figure.get_figheight() + _REMARK_HEIGHT * size / 72 * lines)
+        figure.supxlabel(text, x=0.01, ha="left", fontsize=size)
+
+
+def freeze(figure: Figure) -> None:
+    """Arrange the panels once and for all, so that every format shows the same picture.
+
+    Raises
+    ------
+    EqtError
+        If a style's type is so large that it leaves no room for the panels.
+    """
+    arrange(figure)
+    scales = [scale for axes in figure.axes for scale in (axes.xaxis, axes.yaxis)]
+    measured = _numbers(scales)
+    _fit_to_rows(figure)
+    for scale in scales:
+        scale.get_majorticklabels()
+    if _numbers(scales) != measured:  # the new room has changed them, or their size
+        arrange(figure)
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        _keep_titles(axes)
+    _keep_names(scales)
+
+
+def _keep_names(scales: Iterable[Axis]) -> None:
+    """Leave the names of scales where they are; those left of the panels of a column line up.
+
+    Matplotlib would compare all numbers of the column for each of its scales, for every format.
+    """
+    places, lines = list[tuple[Axis, Any, float]](), dict[Any, float]()
+    for scale in scales:
+        if scale.axes.get_label() == COLOUR_SCALE:
+            continue  # its panel has its place only when it is drawn
+        scale.get_tightbbox()  # which places the name
+        x, y = scale.label.get_transform().transform(scale.label.get_position())
+        spec, side = scale.axes.get_subplotspec(), str(scale.get_label_position())
+        start = spec.colspan.start if spec and side == "left" else -1 - len(places)
+        column = scale.axes.figure, start  # of a part of a figure, such as the curves of a GIF
+        lines[column] = min(x, lines.get(column, x))
+        places.append((scale, column, y))
+    for scale, column, y in places:
+        place = scale.axes.transAxes.inverted().transform((lines[column], y))
+        scale.set_label_coords(*place)
+
+
+def _numbers(scales: Iterable[Axis]) -> list[tuple[str, Any, Any]]:
+    """Return the numbers and words along scales, their sizes, and the sizes of the names."""
+    texts = [(tick.label1, scale.label) for scale in scales for tick in scale.majorTicks]
+    return [(text.get_text(), text.get_fontsize(), name.get_fontsize()) for text, name in texts]
+
+
+def _keep_titles(axes: Axes) -> None:
+    """Leave titles where they are, if at the edge: Matplotlib seeks their place in every format."""
+    places: tuple[Literal["right", "center", "left"], ...] = ("right", "center", "left")
+    free = [place for place in places if not axes.get_title(place)]
+    if free and axes.title.get_position()[1] == 1.0:
+        axes.set_title("", loc=free[0], y=1.0)
+
+
+def _fit_to_rows(figure: Figure) -> None:
+    """Shrink labels that are longer than their row, such as with many rows on a slide."""
+    for axes in figure.axes:
+        if axes.get_label() == COLOUR_SCALE:
+            continue
+        tall = axes.get_window_extent().height
+        label = axes.yaxis.label
+        _shrink([label], label.get_window_extent().height / (_ROW_PITCH * tall))
+        if isinstance(axes.yaxis.get_major_locator(), FixedLocator):  # words, a line for each
+            numbers = axes.get_yticklabels()
+            lines = sum(number.get_window_extent().height for number in numbers)
+            _shrink(numbers, lines / tall)
+
+
+def _shrink(texts: Iterable[Text], factor: float) -> None:
+    """Divide the type size of texts by a factor above 1, down to a readable size."""
+    for text in texts if factor > 1 else ():
+        size = float(text.get_fontsize())
+        text.set_fontsize(max(size / factor, min(size, _LEAST_TYPE)))
+
+
+class _Numbers(ScalarFormatter):
+    """Plain numbers, which Matplotlib measures faster than mathematics, with a power of ten."""
+
+    def get_offset(self) -> str:
+        """Return the common factor ×10ⁿ, or nothing."""
+        self.set_useMathText(True)
+        try:
+            return super().get_offset()
+        finally:
+            self.set_useMathText(False)
+
+
+def arrange(figure: Figure) -> None:
+    """Arrange the panels, so that the sizes of artists are known.
+
+    Raises
+    ------
+    EqtError
+        If a style's type is so large that it leaves no room for the panels.
+    """
+    engine = figure.get_layout_engine()
+    if engine is None:  # the panels are placed already
+        return
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if type(axis.get_major_formatter()) is ScalarFormatter:
+            axis.set_major_formatter(_Numbers(useMathText=False))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
+        try:
+            engine.execute(figure)
+        except UserWarning as warning:
+            raise EqtError(
+                f"the font size of the style leaves no room for the panels in a figure "
+                f"{figure.get_figwidth():g} in wide; use a wider figure or smaller type"
+            ) from warning
+
+
+def _characters(room: float, size: float) -> int:
+    """Return how many characters of this type size (pt) fit in a line of `room` inches."""
+    per_size = _BY_LATEX if rcParams["text.usetex"] else _CHARACTERS
+    return int(per_size * 72 * room / size)

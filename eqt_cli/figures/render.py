@@ -1,0 +1,385 @@
+"""The files of one figure: its drawing, equal byte for byte, and the numbers behind its curves."""
+
+import json
+import logging
+import os
+import re
+import unicodedata
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+from string import ascii_uppercase
+from typing import Any, Literal, TypeVar, get_args
+
+import numpy as np
+from matplotlib import rc_context, rcParams
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, Problems, suggestion
+from eqt_cli.base.files import write_all
+from eqt_cli.base.option_types import validated
+from eqt_cli.base.registry import summary
+from eqt_cli.base.version import __version__
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.figures.figure import NO_EXTRAS, Extras, Figure, figures
+from eqt_cli.figures.layout import COLOUR_SCALE, NO_NUMBERS
+from eqt_cli.figures.shown import names
+from eqt_cli.figures.style import ENLARGED, HOUSE, WIDTHS, Style, house_style, replaced, sentence
+from eqt_cli.results.result import Result
+
+Format = Literal["pdf", "svg", "png"]
+
+_DATE = "SOURCE_DATE_EPOCH"
+
+_SIZE = re.compile(rb'(?<= )(width|height)="([0-9.]+)pt"')
+"""Width or height in an SVG file; those of the whole picture come first."""
+
+_MAKER = f"eqt {__version__}"
+
+
+def encode(
+    drawing: Drawing, format: Format, title: str = "", description: str = "", style: Style = HOUSE
+) -> bytes:
+    """Return the content of a file of a drawing, in its style; its panels are frozen already.
+
+    The content holds no date and no random name.
+    """
+    buffer = BytesIO()
+    times = ENLARGED[style.width]
+    more: dict[str, Any] = {"metadata": _metadata(format, title, description)}
+    pdf = _steady_names_of_fonts() if format == "pdf" else nullcontext()
+    larger = _larger_pages(times) if format == "pdf" else nullcontext()
+    # Without the layout of the style, for which Matplotlib draws everything twice.
+    arranged = rc_context({"figure.constrained_layout.use": False})
+    with house_style(style), arranged, _quiet_font_tools(), pdf, larger, _without_date():
+        drawing.set_layout_engine(None)
+        if format == "png":
+            dots = drawing.dpi if rcParams["savefig.dpi"] == "figure" else rcParams["savefig.dpi"]
+            more |= {"dpi": times * dots, "pil_kwargs": {"dpi": (dots, dots)}}
+        drawing.savefig(buffer, format=format, **more)
+    if format != "svg":
+        return buffer.getvalue()
+
+    def enlarged(size: re.Match[bytes]) -> bytes:
+        return b'%s="%gpt"' % (size[1], times * float(size[2]))
+
+    return _SIZE.sub(enlarged, buffer.getvalue(), count=2)
+
+
+def _larger_pages(times: float) -> AbstractContextManager[None]:
+    """Enlarge the pages of PDF files by a factor, with all that is on them."""
+    from matplotlib.backends.backend_pdf import Op, PdfFile  # slow to import
+
+    own: Any = PdfFile.newPage
+
+    def new_page(self: Any, width: float, height: float) -> None:
+        own(self, times * width, times * height)
+        self.output(times, 0, 0, times, 0, 0, Op.concat_matrix)
+
+    return replaced(PdfFile, "newPage", new_page) if times != 1 else nullcontext()
+
+
+@contextmanager
+def _without_date() -> Iterator[None]:
+    """Hide the build date variable, which Matplotlib reads even if a file is to hold no date."""
+    given = os.environ.pop(_DATE, None)
+    try:
+        yield
+    finally:
+        if given is not None:
+            os.environ[_DATE] = given
+
+
+@contextmanager
+def _quiet_font_tools() -> Iterator[None]:
+    """Silence remarks on the dates inside of Matplotlib's own fonts."""
+    log = logging.getLogger("fontTools")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+
+
+def _steady_names_of_fonts() -> AbstractContextManager[None]:
+    """Name the subsets of fonts in PDF files after their content.
+
+    For fonts of TeX, Matplotlib uses Python's hash, which differs between processes.
+    """
+    from matplotlib.backends.backend_pdf import PdfFile  # slow to import
+
+    def prefix(glyphs: Iterable[object]) -> str:
+        digest = sha256(" ".join(sorted(map(str, glyphs))).encode()).digest()
+        return "".join(ascii_uppercase[byte % 26] for byte in digest[:6]) + "+"
+
+    name = "_get_subset_prefix"
+    if name not in vars(PdfFile):  # Matplotlib before 3.10 embeds fonts of TeX whole
+        return nullcontext()
+    return replaced(PdfFile, name, staticmethod(prefix))
+
+
+def _metadata(format: Format, title: str, description: str) -> dict[str, str | None]:
+    title, description = _printable(title), _printable(description)
+    if format == "pdf":
+        return {"Title": title, "Subject": description, "Creator": _MAKER, "CreationDate": None}
+    if format == "svg":
+        return {"Title": title, "Description": description, "Creator": _MAKER, "Date": None}
+    return {"Title": title, "Description": description, "Software": _MAKER}
+
+
+def _printable(text: str) -> str:
+    """Return text without control characters, which XML cannot hold."""
+    return "".join(character if character.isprintable() else " " for character in text)
+
+
+MOST_SAMPLES = 101
+"""Most samples that are kept of a curve: the first, the last, and others evenly between."""
+
+DIGITS = 9
+"""Significant digits that a file keeps."""
+
+_UNNAMED = re.compile(r"_child\d+")
+"""Matplotlib's labels of unnamed curves."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Numbers of one curve.
+
+    Attributes
+    ----------
+    panel
+        Name of its panel, unique in the figure.
+    name
+        Name of the curve, unique in the panel.
+    across, up
+        Labels of the scales with their units, in plain text.
+    x, y : (samples,)
+        Numbers in these units; at most `MOST_SAMPLES`.
+    """
+
+    panel: str
+    name: str
+    across: str
+    up: str
+    x: Array
+    y: Array
+
+
+def curves(drawing: Drawing) -> list[Curve]:
+    """Return lines, edges of bands, points and maps, panel by panel.
+
+    Only the lowest panels name the time axis, and the leftmost the vertical one; the other panels
+    take the names from there.
+    """
+    kept = []
+    named = [text for axes in drawing.axes if (text := plain(axes.get_xlabel()))]
+    up = ""
+    for number, axes in enumerate(drawing.axes, start=1):
+        across = plain(axes.get_xlabel()) or (named[-1] if named else "")
+        up = plain(axes.get_ylabel()) or up
+        panel = str(axes.get_label()) or f"panel {number}"
+        if panel == COLOUR_SCALE:
+            continue
+        for name, x, y in _shown(axes):
+            chosen = _kept(len(x))
+            kept.append(Curve(panel, name, across, up, x[chosen], y[chosen]))
+    return kept
+
+
+def plain(label: str) -> str:
+    r"""Strip a label of typesetting: ``‖τ‖ (N m)`` for ``$\|\tau\|$ $(\mathrm{N\,m})$``."""
+    words = label.replace(r"\|", "‖").replace(r"\,", " ")
+    return re.sub(r"[${}\\]", "", re.sub(r"\\([a-z]+)(?: (?=\w))?", _letter, words))
+
+
+def _letter(command: re.Match[str]) -> str:
+    r"""Return the Greek letter of a command such as ``\tau``; empty for commands of fonts."""
+    name = command[1].upper().replace("LAMBDA", "LAMDA")
+    try:
+        return unicodedata.lookup(f"GREEK SMALL LETTER {name}")
+    except KeyError:
+        return ""
+
+
+def _shown(axes: Axes) -> Iterator[tuple[str, Array, Array]]:
+    """Yield name and numbers of everything drawn in a panel."""
+    for index, line in enumerate(axes.lines, start=1):
+        x, y = map(_numbers, line.get_data(orig=False))
+        yield _name(line.get_label(), f"line {index}"), x, y
+    for index, shape in enumerate(axes.collections, start=1):
+        if shape.get_label() == NO_NUMBERS:
+            continue
+        name = _name(shape.get_label(), f"{index}")
+        if isinstance(shape, QuadMesh):
+            cells = _numbers(shape.get_array()).ravel()
+            yield f"cells {name}", np.arange(len(cells)), cells
+        elif isinstance(shape, PathCollection):
+            points = _numbers(shape.get_offsets())
+            yield f"points {name}", points[:, 0], points[:, 1]
+        elif isinstance(shape, PolyCollection):
+            corners = np.concatenate([_numbers(path.vertices) for path in shape.get_paths()])
+            corners = corners[np.argsort(corners[:, 0], kind="stable")]
+            x, first = np.unique(corners[:, 0], return_index=True)
+            y = corners[:, 1]
+            yield f"lower edge {name}", x, np.minimum.reduceat(y, first)
+            yield f"upper edge {name}", x, np.maximum.reduceat(y, first)
+
+
+def _name(label: object, otherwise: str) -> str:
+    return otherwise if not label or _UNNAMED.fullmatch(str(label)) else str(label)
+
+
+def _numbers(values: object) -> Array:
+    """Return numbers, with NaN where Matplotlib masks them."""
+    return np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
+
+
+def _kept(count: int) -> Array:
+    step = max(1, -(-(count - 1) // (MOST_SAMPLES - 1)))
+    return np.unique(np.append(np.arange(0, count, step), count - 1))
+
+
+def to_json(curves: Sequence[Curve]) -> bytes:
+    """Return the content of a file, a line per name and list of numbers for readable diffs."""
+    return b"[\n" + b",\n".join(_record(curve).encode() for curve in curves) + b"\n]\n"
+
+
+def _record(curve: Curve) -> str:
+    names = ("panel", "name", "across", "up")
+    texts = [f'"{k}": {json.dumps(getattr(curve, k), ensure_ascii=False)}' for k in names]
+    numbers = [f'"{k}": [{", ".join(map(_text, getattr(curve, k)))}]' for k in ("x", "y")]
+    return "{" + ",\n ".join([*texts, *numbers]) + "}"
+
+
+def _text(value: float) -> str:
+    return f"{value:.{DIGITS}g}" if np.isfinite(value) else "null"
+
+
+Choice = TypeVar("Choice", bound=str)
+
+FORMATS: tuple[Format, ...] = get_args(Format)
+DRAWN = "figures drawn"
+"""Name of the progress count of figures."""
+NUMBERS: Literal["json"] = "json"
+"""Format of the numbers behind the curves, instead of a picture."""
+
+
+def render(
+    results: Sequence[Result | Experiment],
+    figure_name: str,
+    folder: Path,
+    formats: Sequence[str] = FORMATS,
+    width: str = "column",
+    options: Mapping[str, Any] | None = None,
+    *,
+    style: Style = HOUSE,
+    extras: Extras = NO_EXTRAS,
+    caption: bool = False,
+) -> list[Path]:
+    """Draw one figure of results and write it as ``<folder>/<figure_name>.<format>``.
+
+    Nothing is written unless every format could be drawn.
+
+    Parameters
+    ----------
+    results
+        Open results to show side by side; or an experiment, for figures without runs.
+    figure_name
+        Name of a figure in `eqt_cli.figures.figure`.
+    width
+        One ``column`` of a journal (3.5 in), the ``page`` (7.16 in) or a ``slide`` (13.3 in).
+    options
+        Fields of the figure to set, as data from a configuration or a command line.
+    style
+        Style of the figure.
+    extras
+        Data that some figures show beside the results.
+    caption
+        Whether to write the remarks to ``<folder>/<figure_name>-caption.tex``, and not below the
+        panels.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order of `formats`; then the caption's.
+
+    Raises
+    ------
+    EqtError
+        If there is no such figure, option, format or width, the style is wrong or needs a LaTeX
+        that does not work, the result lacks what the figure shows, or the files cannot be written.
+    """
+    figure = figure_from(figure_name, options or {})
+    wanted = [_one_of("format", given, (*FORMATS, NUMBERS)) for given in formats]
+    of_width = _one_of("width", width, list(WIDTHS))
+    style = replace(style, width=of_width)
+    style.prepare([format for format in wanted if format != NUMBERS])
+    captions: list[str] = []
+    drawing = figure.draw(
+        results,
+        of_width,
+        style=style,
+        extras=extras,
+        arranged=set(wanted) != {NUMBERS},
+        captions=captions if caption else None,
+    )
+    title = f"{', '.join(_names(results))}: {figure.name}"
+    digests = ", ".join(
+        one.digest if isinstance(one, Experiment) else str(one.attributes.get("digest", ""))
+        for one in results
+    )
+    description = f"{summary(type(figure))} Experiment {digests}"
+    files = {
+        folder / f"{figure.name}.{format}": to_json(curves(drawing))
+        if format == NUMBERS
+        else encode(drawing, format, title, description, style)
+        for format in wanted
+    }
+    if caption:
+        # Sentences to `\input` in a `\caption`.
+        text = f"% caption by eqt: {title}\n{' '.join(map(sentence, captions))}%\n"
+        files[folder / caption_name(figure.name)] = text.encode()
+    write_all(files, folder)
+    return list(files)
+
+
+def caption_name(figure: str) -> str:
+    """Return the file name of the caption of a figure."""
+    return f"{figure}-caption.tex"
+
+
+def _names(shown: Sequence[Result | Experiment]) -> list[str]:
+    results = [one for one in shown if isinstance(one, Result)]
+    return names(results) + [one.name for one in shown if isinstance(one, Experiment)]
+
+
+def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
+    """Return the figure of this name with these options.
+
+    Raises
+    ------
+    EqtError
+        If there is no such figure or option, or the value of an option is invalid.
+    """
+    problems = Problems(lambda path: f"figure '{name}'")
+    figure: Figure[Any] | None = validated(figures.get(name), options, problems)
+    problems.raise_if_any()
+    assert figure is not None  # no problems were found
+    return figure
+
+
+def _one_of(what: str, given: str, known: Sequence[Choice]) -> Choice:
+    """Return the given word if it is known; else raise an error."""
+    for word in known:
+        if word == given:
+            return word
+    hint = suggestion(given, known) or ";"
+    raise EqtError(f"unknown {what} '{given}'{hint} known: {', '.join(known)}")

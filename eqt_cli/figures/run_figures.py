@@ -1,0 +1,596 @@
+"""Figures of single runs: estimates, attitudes on the sphere, phases."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+from matplotlib.patheffects import Normal, Stroke
+from matplotlib.ticker import MaxNLocator
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import CountOrNone
+from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.components.inertia import critical_sets
+from eqt_cli.components.mechanics import pose_error
+from eqt_cli.figures import layout
+from eqt_cli.figures.cells import scale_log, scale_norm, spans_decade
+from eqt_cli.figures.curves import (
+    band_look,
+    draw_density,
+    draw_paths,
+    path_legend,
+    thin_line,
+    thin_line_legend,
+)
+from eqt_cli.figures.figure import OfFirstRuns, OverTime, ShownRuns, law_columns
+from eqt_cli.figures.labels import axis_labels, free_text, in_words, part_name, signal_label
+from eqt_cli.figures.layout import add_legend, name_scale
+from eqt_cli.figures.shown import Ensemble
+from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style, size_of_type
+
+# Figure of single runs: thin lines under their mean, a panel per law ------------------------------
+
+
+MOST_LINES = 200
+"""Most single runs per law, from the first; more give a solid area and a large file."""
+
+ESTIMATED = {"pose_error": "estimate_error"}
+"""Signals that are shaded below others where a law reads an estimate."""
+
+_WHOLE = ("position_error", "heading_error", "lyapunov")
+"""Signals that have no parts."""
+
+_SHADE = 0.16
+"""Share of ink in the shading behind the curves."""
+
+
+@dataclass(frozen=True)
+class RunsFigure(OverTime):
+    """Single runs as thin lines and the mean over runs, a panel per law.
+
+    Where a norm has parts with units of their own, such as rotation and translation, each part has
+    a column of panels. Where a law reads an estimate, the mean error of that is shaded.
+
+    Attributes
+    ----------
+    signal
+        Signal that is drawn over time.
+    log
+        A logarithmic scale; by default, for errors and L where they span more than a decade.
+    degrees
+        The attitude error as the angle of the rotation, in degrees; of signal ``pose_error``.
+    """
+
+    name: ClassVar[str] = "runs"
+
+    signal: Literal[
+        "pose_error", "position_error", "heading_error", "velocity_error", "torque_norm", "lyapunov"
+    ] = "pose_error"
+    log: bool | None = None
+    degrees: bool = False
+
+    def check(self, problems: Problems) -> None:
+        """Refuse degrees for signals other than ``pose_error``."""
+        if self.degrees and self.signal != "pose_error":
+            problems.at("degrees").add(f"belongs to signal pose_error; {self.signal} is no angle")
+
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
+        """Draw a row per law and a column per part, or else controllers two by two."""
+        runs.require_attitude(degrees=self.degrees)
+        shown, parts = runs.shown, runs.parts
+        if self.signal in _WHOLE:
+            parts = [""]
+        if self.signal == "lyapunov":
+            shown = runs.with_function()
+            if not shown:
+                raise runs.error("has no L to show: none of these laws claims that its own falls")
+        places, estimated = layout.panels_by_controller([e.label for e in shown], parts), False
+        room = WIDTHS[width] / len(places[0])
+        drawing, panels = layout.sheet(width, places, runs.span, runs.unit("time"))
+        for part in parts:
+            column = [panels[layout.panel(e.label, part)] for e in shown]
+            signal = self.signal + part
+            layout.share_scale(column)
+            for ensemble, axes in zip(shown, column, strict=True):
+                values = runs.errors(signal, ensemble, degrees=self.degrees)
+                self._fill(axes, runs.times(ensemble), values, ensemble.look)
+                estimated |= self._shade(axes, runs, ensemble, part)
+                layout.add_title(axes, layout.panel_title(ensemble.title, part), room)
+                layout.name_scale(axes, runs.error_label(signal, degrees=self.degrees))
+            self._scale(column)  # after all curves of the common scale
+        if len(parts) == 1:
+            layout.hide_inner_scales(panels, places)
+        handles = thin_line_legend(shown, MOST_LINES)
+        handles["mean over runs"] = Line2D([], [], color=ink())
+        if estimated:
+            handles["mean error of the estimate"] = Patch(facecolor=ink(_SHADE), linewidth=0)
+        layout.add_legend(drawing, list(handles.values()), list(handles))
+        runs.remarks.append(f"Mean over {runs.count()}.")
+        return drawing
+
+    def _scale(self, panels: Sequence[Axes]) -> None:
+        """Set one scale; for a torque, which need not converge to zero, linear by default."""
+        log = self.log
+        if log is None:
+            seen = [np.ravel(line.get_ydata()) for axes in panels for line in axes.lines]
+            log = self.signal != "torque_norm" and spans_decade(np.concatenate(seen))
+        for axes in panels:
+            scale_norm(axes, log=log)
+
+    def _shade(self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, part: str) -> bool:
+        """Shade up to the mean error of the estimate; return whether the law reads one."""
+        signal = ESTIMATED.get(self.signal, "") + part
+        if not ensemble.results.has(signal):
+            return False
+        error = runs.errors(signal, ensemble, degrees=self.degrees).mean(axis=0)
+        shade: dict[str, Any] = {"facecolor": ink(_SHADE), "linewidth": 0, "zorder": 0}
+        axes.fill_between(runs.times(ensemble), 0.0 * error, error, label="estimate", **shade)
+        return True
+
+    def _fill(self, axes: Axes, times: Array, values: Array, look: Look) -> None:
+        drawn = values[:MOST_LINES]
+        axes.plot(times, drawn.T, **thin_line(look, len(drawn)))
+        on_paper = [Stroke(linewidth=2.4, foreground=ink(0)), Normal()]  # visible on dark lines too
+        axes.plot(times, values.mean(axis=0), color=ink(), label="mean", path_effects=on_paper)
+
+
+# Figure of the error's phase plane: velocity error over pose error, run by run --------------------
+
+
+_HEIGHTS: dict[Width, float] = {"column": 1.35, "page": 1.75, "slide": 1.35}
+_PHASE_COLUMNS: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
+_PHASE_BESIDE = 0.15
+"""Width of a panel's place that its scale takes from the title, in."""
+_PHASE_CELLS = 48
+"""Number of cells along each scale in which passing runs are counted."""
+_POSE, _VELOCITY = "pose_error", "velocity_error"
+_HALF_TURN: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "*",
+    "markersize": 5,
+    "clip_on": False,
+    "zorder": 3,
+}
+
+
+@dataclass(frozen=True)
+class PhaseFigure(OfFirstRuns):
+    """Phase plane of the error: norm of the velocity error over that of the pose error.
+
+    Some single runs, from a hollow dot at the start to a filled one at the end; darker shading:
+    more runs pass there. A panel per law, and a column per part where parts have units of
+    their own. A star marks the unstable equilibria, if they are within the axes: the
+    rotation error of the critical points of Υ other than I, which are half-turns for every weight.
+
+    Attributes
+    ----------
+    log
+        Logarithmic scales. The default is linear, since all runs go to the point (0, 0), which is
+        the middle of the picture and has no logarithm.
+    """
+
+    name: ClassVar[str] = "phase"
+
+    log: bool = False
+
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
+        """Draw a row per law and a column per part; with one part, controllers in rows."""
+        shown, parts = runs.shown, runs.parts
+        places = layout.panels_by_controller([e.label for e in shown], parts, _PHASE_COLUMNS[width])
+        drawing, panels = layout.blank_sheet(width, places, _HEIGHTS[width])
+        room = WIDTHS[width] / len(places[0]) - _PHASE_BESIDE
+        marked = False
+        for part in parts:
+            column = [panels[layout.panel(e.label, part)] for e in shown]
+            for axes in column[1:]:
+                axes.sharex(column[0])
+                axes.sharey(column[0])
+            for ensemble, axes in zip(shown, column, strict=True):
+                self._fill(axes, runs, ensemble, part)
+                layout.add_title(axes, layout.panel_title(ensemble.title, part), room)
+            self._scale(column)
+            if self.density:
+                self._shade(column, runs, part)
+            marked |= _mark_half_turns(column, runs.group, part)
+        _hide_scales(panels, places, parts)
+        handles = path_legend(shown, self.runs, density=self.density)
+        if marked:
+            handles["unstable equilibria"] = Line2D([], [], color=ink(), **_HALF_TURN)
+        layout.add_legend(drawing, list(handles.values()), list(handles))
+        return drawing
+
+    def _fill(self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, part: str) -> None:
+        pose, velocity = _POSE + part, _VELOCITY + part
+        x, y = (runs.values(norm, ensemble, self.runs) for norm in (pose, velocity))
+        numbers = runs.numbers(ensemble, self.runs)
+        draw_paths(axes, dict(zip(numbers, zip(x, y, strict=True), strict=True)), ensemble)
+        axes.set_xlabel(signal_label(ensemble.results, pose))
+        layout.name_scale(axes, signal_label(ensemble.results, velocity))
+
+    def _shade(self, column: Sequence[Axes], runs: ShownRuns, part: str) -> None:
+        """Shade where all runs pass; keep the common scale as it is."""
+        first = column[0]
+        limits = first.get_xlim(), first.get_ylim()
+        scale = np.geomspace if first.get_xscale() == "log" else np.linspace
+        edges = scale(*limits[0], _PHASE_CELLS + 1), scale(*limits[1], _PHASE_CELLS + 1)
+        for ensemble, axes in zip(runs.shown, column, strict=True):
+            x, y = (runs.values(norm + part, ensemble) for norm in (_POSE, _VELOCITY))
+            draw_density(axes, list(zip(x, y, strict=True)), edges, ensemble.look)
+        first.set(xlim=limits[0], ylim=limits[1])
+
+    def _scale(self, column: Sequence[Axes]) -> None:
+        """Set one scale for a part, after all runs are drawn, since it must hold them."""
+        for axes in column:
+            axes.margins(x=0.04)
+            scale_norm(axes, log=self.log, direction="x")
+            scale_norm(axes, log=self.log)
+        if column[0].get_xscale() == "linear":
+            column[0].xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
+
+
+def _hide_scales(panels: Mapping[str, Axes], places: layout.Mosaic, parts: Sequence[str]) -> None:
+    """Name and number a scale once, below and to the left of the panels that share it."""
+    numbered = layout.numbered_below(places)
+    for name, axes in panels.items():
+        axes.tick_params(labelbottom=name in numbered)
+        axes.xaxis.label.set_visible(name in numbered)
+    if len(parts) == 1:
+        layout.hide_inner_scales(panels, places)
+
+
+def _mark_half_turns(column: Sequence[Axes], group: MatrixLieGroup | None, part: str) -> bool:
+    """Mark the error of half-turns if it is within the axes; return whether it is."""
+    errors = _half_turns(group, part) if group is not None else []
+    errors = [error for error in errors if error <= column[0].get_xlim()[1]]
+    for axes in column:
+        for error in errors:
+            axes.plot([error], [0], transform=axes.get_xaxis_transform(), color=ink(), **_HALF_TURN)
+    return bool(errors)
+
+
+def _half_turns(group: MatrixLieGroup, suffix: str) -> list[float]:
+    """Return ‖I − R‖_F at the critical points of Υ other than I, for a part that is a rotation.
+
+    Their rotations are half-turns whatever the weight, about axes that depend on it; so do their
+    translations, which are therefore not marked. Any weight gives the rotations: here it is I.
+    """
+    named = [part for part in group.parts if suffix in ("", f"_{part.name}")]
+    sets = critical_sets(group, group.identity)
+    if sets is None or len(named) != 1 or not named[0].turns:
+        return []
+    blocks = [(group.identity - each.Q)[named[0].entries] for each in sets]
+    return sorted({round(float(np.linalg.norm(block)), 12) for block in blocks} - {0.0})
+
+
+# Figure of directions on the sphere, in Lambert's azimuthal equal-area projection -----------------
+
+
+_NEAR_RIM = -np.cos(np.pi / 4)
+"""Cosine of 135°: farther out, a path may pass the point opposite the centre."""
+
+
+_FINER = 16
+"""Number of parts into which a step near the rim is divided."""
+
+
+def radius_of(angle: Array | float) -> Array:
+    """Return the radius in the disc of a point at angle θ from the centre: sin(θ/2)."""
+    return np.sin(np.asarray(angle) / 2)
+
+
+def project(points: Array, centre: int) -> tuple[Array, Array]:
+    """Return horizontal and vertical coordinates of unit vectors ``(..., 3)``.
+
+    The eye is outside, at the tip of axis number `centre`: the next axis points right, the one
+    after it up. The rim is the point opposite the centre; that point itself is drawn to the right.
+    """
+    across, up = points[..., (centre + 1) % 3], points[..., (centre + 2) % 3]
+    cosine, length = points[..., centre], np.hypot(across, up)
+    there = length > 0
+    # Two forms of one number, each accurate in its own half of the sphere.
+    near = 1 / np.sqrt(2 * (1 + np.maximum(cosine, 0)))
+    far = np.sqrt(np.maximum(1 - cosine, 0) / 2) / np.where(there, length, 1)
+    scale = np.where(cosine >= 0, near, far)
+    opposite = (cosine < 0) & ~there
+    return np.where(opposite, 1, across) * scale, up * scale
+
+
+def path(points: Array, centre: int) -> tuple[Array, Array]:
+    """Project a path ``(samples, 3)`` as `project` does, refined towards the rim.
+
+    There a small step on the sphere may go far around the disc, so it is drawn as a great circle.
+    A path has a gap where it passes opposite the centre: it leaves the disc at one side and comes
+    back at the other.
+    """
+    outside = points[:, centre] < _NEAR_RIM
+    points = _refined(points, outside[1:] | outside[:-1])
+    x, y = project(points, centre)
+    outside = points[:, centre] < _NEAR_RIM
+    opposed = x[1:] * x[:-1] + y[1:] * y[:-1] < 0
+    gaps = np.flatnonzero(opposed & outside[1:] & outside[:-1]) + 1
+    return np.insert(x, gaps, np.nan), np.insert(y, gaps, np.nan)
+
+
+def _refined(points: Array, steps: Array) -> Array:
+    """Return the path with the flagged steps divided into `_FINER` parts."""
+    share = np.arange(1, _FINER)[:, None] / _FINER
+    pieces = [points[:1]]
+    for start, end, fine in zip(points, points[1:], steps, strict=False):
+        if fine:
+            between = (1 - share) * start + share * end
+            lengths = np.linalg.norm(between, axis=1, keepdims=True)
+            pieces.append(between / np.where(lengths > 0, lengths, 1))
+        pieces.append(end[None])
+    return np.concatenate(pieces)
+
+
+_COLUMNS: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
+_AXES = "xyz"
+_BESIDE = 0.1
+"""Width of a panel's place that a disc leaves free, in."""
+_ABOVE = 0.05
+"""Height for the title of a panel, in."""
+_LIMIT = 1.2
+"""Extent of the panel in radii of the disc, for the names around it; more below, for the scale."""
+_BELOW = 1.33
+_CIRCLES = (0, 45, 90, 135, 180)
+"""Angles of the circles from the centre, deg."""
+_RAYS = 45
+"""Angle between the lines from the centre, deg."""
+_NUMBERED = (0, 45, 90, 180)
+"""Circles, and the centre, that are numbered on the scale below the disc, deg."""
+_SPARSE, _ROOM = (0, 180), 1.6
+"""Numbered circles on discs with less room, deg, and this room, in."""
+_SCALE, _TICK = -1.12, 0.05
+"""Height of the scale below the disc and length of its ticks, in radii."""
+_CELLS = np.linspace(-1, 1, 49), np.linspace(-1, 1, 49)
+"""Edges of the cells in which passing runs are counted."""
+_GRID_SHARE = 0.3
+"""Share of ink in the grid."""
+_SMALL = 0.75
+"""Type size of the numbers over the usual."""
+
+
+@dataclass(frozen=True)
+class Sphere(OfFirstRuns):
+    """Attitude errors on the sphere: the paths of a body axis as the error R_E = R R_dᵀ turns it.
+
+    Shading shows where all runs pass, in cells of equal area; darker shading: more runs pass there.
+
+    The whole sphere is one disc, in Lambert's azimuthal equal-area projection: the centre is no
+    error, the circles are tilts of the axis by 45°, 90° and 135°, and the rim is the half-turn
+    about any axis normal to it. A rotation about the axis itself does not show.
+
+    Attributes
+    ----------
+    axis
+        The body axis.
+    """
+
+    name: ClassVar[str] = "sphere"
+
+    axis: Literal["x", "y", "z"] = "z"
+
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
+        """Draw a disc per law, or a column of discs per rotation of the group."""
+        shown, centre = runs.shown, _AXES.index(self.axis)
+        group, parts = self._rotations(runs)
+        suffixes = [f"_{part.name}" for part in parts] if len(parts) > 1 else [""]
+        places = layout.panels_by_controller([e.label for e in shown], suffixes, _COLUMNS[width])
+        room = WIDTHS[width] / max(len(places[0]), 2)
+        drawing, panels = layout.blank_sheet(width, places, room + _ABOVE)
+        for ensemble in shown:
+            poses, desired = runs.values("pose", ensemble), runs.desired("pose", ensemble)
+            errors = pose_error(group, poses, desired)
+            for part, suffix in zip(parts, suffixes, strict=True):
+                axes = panels[layout.panel(ensemble.label, suffix)]
+                points = errors[(..., *part.entries)][..., centre]
+                _draw_grid(axes, centre, _NUMBERED if room >= _ROOM else _SPARSE)
+                paths = [path(run, centre) for run in points[: self.runs]]
+                if self.density:
+                    every = [project(run, centre) for run in points]
+                    draw_density(axes, every, _CELLS, ensemble.look)
+                numbers = runs.numbers(ensemble, self.runs)
+                draw_paths(axes, dict(zip(numbers, paths, strict=True)), ensemble)
+                layout.add_title(axes, layout.panel_title(ensemble.title, suffix), room - _BESIDE)
+        handles = path_legend(shown, self.runs, density=self.density)
+        layout.add_legend(drawing, list(handles.values()), list(handles))
+        runs.remarks.append(f"Paths of the axis $e_{self.axis}$ under the error $R_\\mathrm{{E}}$.")
+        return drawing
+
+    def _rotations(self, runs: ShownRuns) -> tuple[MatrixLieGroup, list[Part]]:
+        """Return the group, and the spatial rotations among its parts."""
+        if runs.group is None:
+            name = runs.results[0].group_name
+            raise runs.error(f"does not know group '{name}', which a plugin of the result defines")
+        turning = [part for part in runs.group.parts if part.turns]
+        rotations = [part for part in turning if part.entries[0].stop - part.entries[0].start == 3]
+        if not rotations:
+            has = "turns in a plane only" if turning else "has none"
+            raise runs.error(
+                f"shows rotations in space, and {runs.group.name} {has}; "
+                "figure 'runs' shows its errors over time"
+            )
+        return runs.group, rotations
+
+
+def _draw_grid(axes: Axes, centre: int, numbered: Sequence[int]) -> None:
+    """Draw circles, rays and their labels."""
+    grid: dict[str, Any] = {"color": ink(_GRID_SHARE), "linewidth": 0.4, "zorder": 0.5}
+    small = _SMALL * size_of_type("font.size")
+    ticks = [[(0.0, _SCALE), (1.0, _SCALE)]]
+    for angle in _CIRCLES:
+        radius = float(radius_of(np.deg2rad(angle)))
+        edge = {"color": ink(), "linewidth": 0.6} if angle == _CIRCLES[-1] else grid
+        axes.add_patch(Circle((0, 0), radius, fill=False, **edge))
+        if angle in numbered:
+            ticks.append([(radius, _SCALE), (radius, _SCALE - _TICK)])
+            text = free_text(f"{angle}°", 9)
+            axes.text(radius, _SCALE - 2 * _TICK, text, fontsize=small, ha="center", va="top")
+    axes.add_collection(LineCollection(ticks, color=ink(), linewidth=0.5, clip_on=False))
+    angles = np.deg2rad(np.arange(0, 360, _RAYS))
+    rays = [[(0.0, 0.0), (np.cos(angle), np.sin(angle))] for angle in angles]
+    axes.add_collection(LineCollection(rays, **grid))
+    right, up = (rf"$e_{_AXES[(centre + k) % 3]}$" for k in (1, 2))
+    axes.text(1.04, 0, right, ha="left", va="center", fontsize="small")
+    axes.text(0, 1.04, up, ha="center", va="bottom", fontsize="small")
+    axes.set_xlabel(right)  # hidden, but names the numbers behind the figure
+    axes.set_ylabel(up)
+    axes.set_xlim(-_LIMIT, _LIMIT)
+    axes.set_ylim(-_BELOW, _LIMIT)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+# Figure of an estimate: errors within three standard deviations, and NEES within its limits -------
+
+
+_DEVIATIONS = 3.0
+"""Standard deviations from the middle of a band to its edges."""
+_OF_ONE, _OF_MEAN = 0.1, 0.28
+"""Shares of ink between the limits of a run and between the limits of a mean."""
+_ALIKE = 0.05
+"""Bands that differ by less than this share of the widest are drawn as the first of them."""
+_LINE = 0.8
+"""Line width of a coordinate, pt."""
+
+
+@dataclass(frozen=True)
+class EstimateFigure(OverTime):
+    """Errors of the estimate in one run within ±3 of its own deviations; NEES with χ² limits.
+
+    A column per law. Errors are those of the pose, in exponential coordinates, and of the
+    bias, part by part. Two shades in the lowest panels are 95 % of χ²: that of one run and, darker,
+    that of the mean over runs. A filter without a covariance has neither bands nor NEES.
+
+    Attributes
+    ----------
+    run
+        Number of the run.
+    """
+
+    name: ClassVar[str] = "estimate"
+
+    run: CountOrNone = 0
+
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
+        """Draw a row with its own scale per error, and a column per law."""
+        G, shown = self._group(runs), runs.shown
+        errors = {
+            f"{part_name(part.name)} {'bias' if e == 'bias' else 'error'}": (part, e)
+            for e in self._errors(runs, shown)
+            for part in G.parts
+        }
+        judged = {e.label: e for e in shown if e.results.has("nees")}
+        names = [*errors, "NEES"] if judged else [*errors]
+        drawing, rows = law_columns(
+            runs, width, names, lambda row, law: row != "NEES" or law.label in judged
+        )
+        for row, (part, error) in errors.items():
+            unit = part.velocity_unit if error == "bias" else part.error_unit
+            alone = error == "bias" and len(G.parts) == 1
+            words = "bias error" if alone else f"{row.removesuffix(' error')} error"
+            name_scale(rows[row][shown[0].label], in_words(words, unit))
+            for ensemble in shown:
+                self._fill(rows[row][ensemble.label], runs, ensemble, error, G, part)
+        if judged:
+            self._judge(runs, {rows["NEES"][label]: e for label, e in judged.items()})
+        self._add_legend(drawing, G, bool(judged))
+        means = f", and means over {runs.count()}" if judged else ""
+        runs.remarks.append(f"Run {self.run}{means}.")
+        return drawing
+
+    def _group(self, runs: ShownRuns) -> MatrixLieGroup:
+        """Return the group; refuse controllers that read no estimate."""
+        for ensemble in runs.shown:
+            if not ensemble.results.has("estimated_pose"):
+                raise ensemble.results.error(
+                    f"figure '{self.name}' finds no estimate, since the laws read measurements; "
+                    "set the key 'estimator' and run the experiment again"
+                )
+        if runs.group is None:
+            raise runs.error(
+                f"shows no estimate on a group of a plugin, {runs.results[0].group_name}"
+            )
+        return runs.group
+
+    def _errors(self, runs: ShownRuns, shown: list[Ensemble]) -> list[str]:
+        """Return ``pose``, and ``bias`` where there is one, or one is estimated."""
+        both = ((e, f"bias_estimate_{kind}") for e in shown for kind in ("error", "std"))
+        biased = (np.any(runs.of_run(name, e, self.run)) for e, name in both if e.results.has(name))
+        return ["pose", "bias"] if any(biased) else ["pose"]
+
+    def _fill(
+        self,
+        axes: Axes,
+        runs: ShownRuns,
+        ensemble: Ensemble,
+        error: str,
+        G: MatrixLieGroup,
+        part: Part,
+    ) -> None:
+        """Draw the errors in the coordinates of a part, each in its band."""
+        times = runs.times(ensemble)
+        values = runs.of_run(f"{error}_estimate_error", ensemble, self.run)[:, part.axes]
+        reach = np.zeros(values.shape)
+        if ensemble.results.has(f"{error}_estimate_std"):
+            deviation = runs.of_run(f"{error}_estimate_std", ensemble, self.run)[:, part.axes]
+            reach = _DEVIATIONS * deviation
+        alike = np.ptp(reach, axis=1).max() < _ALIKE * reach.max()
+        for k, axis in enumerate(G.axis_names[part.axes]):
+            look = line_style(k)
+            if reach[:, k].any() and not (alike and k):
+                band = band_look(ink() if alike else look["color"])
+                axes.fill_between(times, -reach[:, k], reach[:, k], label=f"3σ {axis}", **band)
+            axes.plot(times, values[:, k], label=axis, linewidth=_LINE, **look)
+
+    def _judge(self, runs: ShownRuns, panels: dict[Axes, Ensemble]) -> None:
+        """Draw NEES of the run and its mean over runs, each between its limits."""
+        seen = []
+        for axes, ensemble in panels.items():
+            times, values = runs.times(ensemble), runs.values("nees", ensemble)
+            degrees = float(runs.of_run("nees_dof", ensemble, self.run)[0])
+            for shade, count in ((_OF_ONE, 1), (_OF_MEAN, len(values))):
+                low, high = _limits(degrees, count)
+                name = f"95 % of χ² over {count}"
+                axes.axhspan(low, high, facecolor=ink(shade), linewidth=0, zorder=0, label=name)
+                seen += [low, high]
+            own, mean = runs.of_run("nees", ensemble, self.run), values.mean(axis=0)
+            axes.plot(times, own, label="NEES", **_NEES)
+            axes.plot(times, mean, label="mean NEES", color=ink(), linewidth=_LINE)
+            seen += [*own[own > 0], *mean[mean > 0]]
+        for number, axes in enumerate(panels):
+            scale_log(axes, "y", np.array(seen))
+            if not number:
+                name_scale(axes, "NEES")
+
+    def _add_legend(self, drawing: Drawing, G: MatrixLieGroup, judged: bool) -> None:
+        names = axis_labels(G)
+        handles: dict[str, Artist] = {
+            name: Line2D([], [], linewidth=_LINE, **line_style(k)) for k, name in enumerate(names)
+        }
+        if judged:
+            handles[f"±{_DEVIATIONS:g}σ"] = Patch(**band_look(ink()))
+            handles["NEES"] = Line2D([], [], **_NEES)
+            handles["mean over runs"] = Line2D([], [], color=ink(), linewidth=_LINE)
+            handles[r"95 % of $\chi^2$"] = Patch(facecolor=ink(_OF_ONE), linewidth=0)
+            handles["95 % of the mean"] = Patch(facecolor=ink(_OF_MEAN), linewidth=0)
+        add_legend(drawing, list(handles.values()), list(handles))
+
+
+_NEES: dict[str, Any] = {"color": "0.45", "linewidth": 0.6}
+
+
+def _limits(degrees: float, runs: int) -> Array:
+    """Return the central 95 % limits of the mean of `runs` independent χ² variables."""
+    from scipy.special import gammaincinv  # slow to import
+
+    return 2 * gammaincinv(runs * degrees / 2, np.array([0.025, 0.975])) / runs

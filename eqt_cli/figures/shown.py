@@ -1,0 +1,765 @@
+"""What figures show of results: laws, metrics, sweeps, certificates, references."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.colors import is_color_like, to_hex, to_rgba
+
+from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.analysis.law_search import TUNE
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, Problems, suggestion
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.horizon import check_reference, reference_over_horizon
+from eqt_cli.figures.labels import notation
+from eqt_cli.figures.style import CurvePlace, Look, colours_of_style, distinct
+from eqt_cli.loop.signals import MIXED
+from eqt_cli.results.result import Result, SweptKey
+
+# The controllers of single experiments that a figure shows, and why some runs are left out --------
+
+
+_ROUNDING = 1e-9
+"""Tolerance at the ends of a time range, s."""
+
+MOST_COLOURS = 6
+"""Largest number of laws with a colour each; the others are grey."""
+
+
+class TimeRange(NamedTuple):
+    """Range of time that is shown, s; None for the start or the end of the data."""
+
+    start: float | None = None
+    end: float | None = None
+
+    def samples(self, times: Array, problem: Callable[[str], EqtError]) -> Array:
+        """Return the indices of the samples in the range.
+
+        Raises
+        ------
+        EqtError
+            If there are fewer than two; `problem` makes the error from a message.
+        """
+        low = -np.inf if self.start is None else self.start - _ROUNDING
+        high = np.inf if self.end is None else self.end + _ROUNDING
+        inside = np.flatnonzero((times >= low) & (times <= high))
+        if len(inside) < 2:
+            start = times[0] if self.start is None else self.start
+            end = times[-1] if self.end is None else self.end
+            raise problem(
+                f"needs two samples or more in the time that it shows, got {start:g} s to {end:g} "
+                f"s; the result holds {times[0]:g} s to {times[-1]:g} s"
+            )
+        return inside
+
+
+class Chosen(NamedTuple):
+    """Which controllers a figure shows.
+
+    Attributes
+    ----------
+    controllers
+        Labels or titles of the controllers to show; all if empty.
+    focus
+        Controllers to draw in colour; the first `MOST_COLOURS` laws if empty.
+    time
+        Range of time to show; all by default.
+    colours
+        Colours by label or title; those of the style for the other controllers.
+    """
+
+    controllers: Sequence[str] = ()
+    focus: Sequence[str] = ()
+    time: TimeRange = TimeRange()
+    colours: Mapping[str, str] = MappingProxyType({})
+
+
+ALL = Chosen()
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """The runs of one controller of a result.
+
+    Attributes
+    ----------
+    results
+        The result that holds the runs.
+    controller
+        Index of the controller in the result.
+    look
+        Look, which determines its line style.
+    label, title
+        Its name in the result and in figures; both name the result too where there are several.
+    good : (runs,)
+        Whether each run succeeded; for trajectories, of the stored runs only.
+    """
+
+    results: Result
+    controller: int
+    look: Look
+    label: str
+    title: str
+    good: Array
+
+    @property
+    def law(self) -> str:
+        """The controller's label in its own result."""
+        return self.results.labels[self.controller]
+
+
+class ShownControllers:
+    """Controllers of single experiments on one group.
+
+    Parameters
+    ----------
+    results
+        The open results.
+    figure
+        Name of the figure, for messages.
+    chosen
+        The controllers to show.
+
+    Attributes
+    ----------
+    ensembles : list of Ensemble
+        The controllers.
+    remarks
+        Notes that a figure adds while it is drawn.
+
+    Raises
+    ------
+    EqtError
+        If a result is a sweep, the groups differ, a label names no controller, or every run failed.
+    """
+
+    def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
+        self.results, self.figure = results, figure
+        self.remarks: list[str] = []
+        for one in results:
+            one.single(f"figure '{figure}' shows single experiments")
+            if one.group_name != results[0].group_name:
+                message = (
+                    f"shows results on one group; this is on {one.group_name}, and "
+                    f"{results[0].path} on {results[0].group_name}"
+                )
+                raise error_of(one, figure, message)
+        kept = positions(results, figure, chosen.controllers)
+        self.ensembles: list[Ensemble] = []
+        look = iter(looks(results, kept, figure, chosen))
+        for one, places, name in zip(results, kept, names(results), strict=True):
+            end = f", {name}" if len(results) > 1 else ""
+            for k in places:
+                label, title = one.labels[k] + end, one.titles[k] + end
+                self.ensembles.append(Ensemble(one, k, next(look), label, title, one.good[k]))
+        if not self.shown:
+            raise self.error("has nothing to show, since every run failed; see `eqt show`")
+
+    @property
+    def shown(self) -> list[Ensemble]:
+        """The controllers with at least one good run."""
+        return [ensemble for ensemble in self.ensembles if ensemble.good.any()]
+
+    def count(self) -> str:
+        """Return the number of good runs, ``200 runs``; per law where they differ."""
+        counts = {e.title: int(np.count_nonzero(e.good)) for e in self.shown}
+        if len(set(counts.values())) == 1:
+            return f"{next(iter(counts.values()))} runs"
+        return f"runs: {', '.join(f'{count} ({title})' for title, count in counts.items())}"
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a variable."""
+        return self.results[0].units(name)
+
+    def notes(self) -> list[str]:
+        """Return the notes for the reader: runs left out, and laws whose gains are not matched."""
+        failed = [
+            f"{e.title}: {count} of {e.good.size} runs failed; left out."
+            for e in self.ensembles
+            if (count := np.count_nonzero(~e.good))
+        ]
+        own = [e.title for e in self.shown if e.law in e.results.not_matched]
+        matched = [f"Gains not matched: {', '.join(own)}."] if own else []
+        return failed + matched + self.remarks
+
+    def error(self, message: str) -> EqtError:
+        """Return an error of this figure about the results."""
+        return error_of(self.results[0], self.figure, message)
+
+
+def names(results: Sequence[Result]) -> list[str]:
+    """Return distinct names of results: titles, else folders, else numbered titles."""
+    titles = [one.title for one in results]
+    folders = [one.path.parent.resolve().name for one in results]
+    for candidates in (titles, folders):
+        if len(set(candidates)) == len(results):
+            return candidates
+    return [f"{title} ({number})" for number, title in enumerate(titles, start=1)]
+
+
+def positions(results: Sequence[Result], figure: str, chosen: Sequence[str]) -> list[list[int]]:
+    """Return the indices of the chosen controllers in each result; all if none is chosen."""
+    known = list(dict.fromkeys(label for one in results for label in one.labels))
+    wanted = [{one.label_of(name) for name in chosen} for one in results]
+    for label in chosen:
+        if not any(one.label_of(label) in one.labels for one in results):
+            hint = suggestion(label, known) or f"; the result holds: {', '.join(known)}"
+            raise error_of(results[0], figure, f"finds no controller '{label}'{hint}")
+    return [
+        [k for k, label in enumerate(one.labels) if not chosen or label in here]
+        for one, here in zip(results, wanted, strict=True)
+    ]
+
+
+def looks(
+    results: Sequence[Result],
+    kept: Sequence[Sequence[int]],
+    figure: str = "",
+    chosen: Chosen = ALL,
+    *,
+    variants: bool = True,
+) -> list[Look]:
+    """Return the looks of the controllers at these positions of each result, as one list.
+
+    A law has one colour in all results and variants; where only one law is shown, each of its
+    variants has its own. A law keeps the colour that it has among all laws, as far as the style has
+    enough. The looks are those of the style in force.
+
+    Parameters
+    ----------
+    variants
+        Whether the variants of a law differ in their dashes, and not the laws.
+    """
+    laws = [_laws(one) for one in results]
+    every = list(dict.fromkeys(law for of in laws for law, _ in of))
+    most = 1 + max(variant for of in laws for _, variant in of)
+    places = [(*laws[number][k], number * most) for number, of in enumerate(kept) for k in of]
+    several = variants and len({start + variant for _, variant, start in places}) > 1
+    shown = list(dict.fromkeys(law for law, *_ in places))
+    own = {
+        _law(results, laws, name, figure, "to colour"): _colour(results, figure, name, colour)
+        for name, colour in chosen.colours.items()
+    }
+    if len(shown) == 1 and several:
+        colour = own.get(shown[0], "")
+        return distinct([CurvePlace(index, colour=colour) for index in range(len(places))])
+    focus = {_law(results, laws, name, figure, "to focus on") for name in chosen.focus}
+    coloured = (focus or set(shown[:MOST_COLOURS])) | own.keys()
+    colours = _colours([law for law in shown if law in coloured], every)
+    curves: list[CurvePlace] = []
+    for law, variant, start in places:
+        grey = None if law in coloured else sum(place.grey is not None for place in curves)
+        position = colours.get(law, every.index(law))
+        of_law = (start + variant, most * len(results)) if several else (0, 1)
+        curves.append(CurvePlace(position, *of_law, grey, own.get(law, "")))
+    return distinct(curves)
+
+
+def _colour(results: Sequence[Result], figure: str, name: str, colour: str) -> str:
+    """Return a colour that a user chose, in hexadecimal digits."""
+    if not is_color_like(colour) or to_rgba(colour)[3] == 0:
+        expected = "expected a colour as Matplotlib names it, such as '#0A62AE' or tab:blue"
+        raise error_of(results[0], figure, f"draws {name}: {expected}, got '{colour}'")
+    return to_hex(colour)
+
+
+def _laws(result: Result) -> list[tuple[str, int]]:
+    """Return the law and the variant of each controller: a search has its start and its winners."""
+    record = TUNE.beside(result)
+    laws: dict[str, tuple[str, int]] = {}
+    for law in record["laws"] if record else ():
+        winners = [winner["label"] for winner in law["winners"]]
+        others = [each["label"] for each in law["searches"]]
+        variants = list(dict.fromkeys([*winners[:1], law["start"], *winners[1:], *others]))
+        laws |= {label: (law["label"], number) for number, label in enumerate(variants)}
+    return [laws.get(label, (label, 0)) for label in result.labels]
+
+
+def _law(
+    results: Sequence[Result],
+    laws: Sequence[list[tuple[str, int]]],
+    name: str,
+    figure: str,
+    purpose: str,
+) -> str:
+    """Return the law that a user names for a purpose."""
+    for one, of in zip(results, laws, strict=True):
+        if (label := one.label_of(name)) in one.labels:
+            return of[one.labels.index(label)][0]
+        if any(law == name for law, _ in of):
+            return name
+    hint = suggestion(name, results[0].labels) or f"; there are: {', '.join(results[0].labels)}"
+    raise error_of(results[0], figure, f"has no controller '{name}' {purpose}{hint}")
+
+
+def _colours(shown: Sequence[str], every: Sequence[str]) -> dict[str, int]:
+    """Return the colour index of each law: its own if the style has it, else one free here."""
+    count = min(MOST_COLOURS, colours_of_style())
+    own = {law: every.index(law) for law in shown}
+    if max(own.values(), default=0) < count:
+        return own
+    if len(shown) > count:
+        return {law: index for index, law in enumerate(shown)}
+    kept = {law: colour for law, colour in own.items() if colour < count}
+    free = iter(sorted(set(range(count)) - set(kept.values())))
+    return kept | {law: next(free) for law in shown if law not in kept}
+
+
+def error_of(result: Result, figure: str, message: str) -> EqtError:
+    """Return an error of a figure about a result."""
+    return result.error(f"figure '{figure}' {message}")
+
+
+# Metrics per run, of one or several results -------------------------------------------------------
+
+
+DEFAULT_METRICS = (
+    "effort",
+    "early_torque",
+    "peak_torque",
+    "mean_pose_error",
+    "final_pose_error",
+    "settling_time",
+)
+"""Metrics shown by default, as far as all results hold them."""
+
+
+@dataclass(frozen=True)
+class MetricValues:
+    """One metric over the good runs of a controller.
+
+    Attributes
+    ----------
+    values : (runs,)
+        Values in the order of the runs; infinite where a run had not settled by its end.
+    """
+
+    values: Array
+
+    @property
+    def seen(self) -> Array:
+        """The finite values in ascending order."""
+        return np.sort(self.values[np.isfinite(self.values)])
+
+    @property
+    def censored(self) -> int:
+        """Number of runs that had not settled."""
+        return int(np.isinf(self.values).sum())
+
+    @property
+    def mean(self) -> float:
+        """The mean; NaN if some runs had not settled, since their settling times are unknown."""
+        return float(np.mean(self.values)) if self.values.size and not self.censored else np.nan
+
+    def quantiles(self, levels: Sequence[float]) -> Array:
+        """Return quantiles, interpolated linearly; infinite where this needs an unsettled run."""
+        seen = self.seen
+        places = (self.values.size - 1) * np.asarray(levels)
+        if not seen.size:
+            return np.full(len(places), np.inf)
+        values = np.interp(places, np.arange(seen.size), seen)
+        return np.where(np.ceil(places) < seen.size, values, np.inf)
+
+
+class ShownMetrics(ShownControllers):
+    """Metrics of the runs that did not fail, of one or several results on one group.
+
+    Parameters
+    ----------
+    metrics
+        Metrics to show, by their names in the results; `DEFAULT_METRICS` if empty.
+
+    Attributes
+    ----------
+    metrics : list of str
+        The metrics that are shown.
+
+    Raises
+    ------
+    EqtError
+        In the cases of `ShownControllers`, or if a result holds no such metric.
+    """
+
+    def __init__(
+        self,
+        results: Sequence[Result],
+        figure: str,
+        chosen: Chosen = ALL,
+        metrics: Sequence[str] = (),
+    ) -> None:
+        super().__init__(results, figure, chosen)
+        parts = [part for name in DEFAULT_METRICS for part in results[0].in_parts(name)]
+        held = [name for name in parts if all(name in one.metrics for one in results)]
+        self.metrics = list(dict.fromkeys(metrics)) or held
+        if not self.metrics:
+            message = f"finds none of the metrics {', '.join(DEFAULT_METRICS)}"
+            raise self.error(f"{message}; choose others with the option 'metrics'")
+        for one in results:
+            unknown = [name for name in self.metrics if name not in one.comparable]
+            one.check_metrics(unknown, who=f"figure '{figure}'")
+
+    @cached_property
+    def samples(self) -> dict[tuple[str, str], MetricValues]:
+        """Samples by metric and controller label, without the runs that have no value."""
+        return {(name, e.label): _sample(name, e) for name in self.metrics for e in self.shown}
+
+    def end(self, ensemble: Ensemble) -> float:
+        """Return the final time of a controller's runs."""
+        return float(ensemble.results.times[-1])
+
+    def notes(self) -> list[str]:
+        """Return `ShownControllers.notes`, then how many runs have no value."""
+        return [*super().notes(), *self._without_value()]
+
+    def _without_value(self) -> Iterator[str]:
+        for name in self.metrics:
+            for ensemble in self.shown:
+                if name not in ensemble.results.metrics:
+                    continue  # known only for runs with stored trajectories
+                total = int(ensemble.good.sum())
+                without = total - self.samples[name, ensemble.label].values.size
+                if without:
+                    yield f"{ensemble.title}: {without} of {total} runs have no {name}; left out."
+
+
+def _sample(name: str, ensemble: Ensemble) -> MetricValues:
+    result, controller = ensemble.results, ensemble.controller
+    if name in result.metrics:
+        measured, late = result.metric(name, controller), result.censored(name, controller)
+        good = ensemble.good
+    else:  # computed from the trajectories
+        of = result.per_run(result.comparable_named(name))
+        measured, late = of.values[controller], of.censored[controller]
+        good = np.isfinite(measured)
+    values = np.where(late, np.inf, measured)
+    return MetricValues(values[good & ~np.isnan(values)])
+
+
+# The points of a sweep, and the metrics at each ---------------------------------------------------
+
+
+CHOICES = ("gains", "controllers")
+"""Configuration sections with design choices: gains, and options of laws."""
+SEED = "ensemble.seed"
+
+
+def are_choices(axes: Sequence[SweptKey]) -> bool:
+    """Whether all swept keys are design choices; seeds only repeat a choice and do not count."""
+    keys = [axis.key for axis in axes if axis.key != SEED]
+    return all(re.split(r"\W", key)[0] in CHOICES for key in keys)
+
+
+class ShownSweep:
+    """A sweep's metrics over all runs of every point.
+
+    Parameters
+    ----------
+    results
+        The open result.
+    figure, chosen
+        See `ShownControllers`.
+
+    Attributes
+    ----------
+    controllers : list of int
+        Indices of the controllers in the result.
+    looks : list of Look
+        Looks, which determine their line styles.
+    titles : list of str
+        Their names in figures.
+    remarks
+        Notes that a figure adds while it is drawn.
+
+    Raises
+    ------
+    EqtError
+        If the result is not a sweep, or there is no such controller.
+    """
+
+    def __init__(self, results: Result, figure: str, chosen: Chosen = ALL) -> None:
+        self.results, self.figure, self._shares = results, figure, False
+        if not results.is_sweep:
+            raise self.error(
+                "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
+            )
+        self.controllers = positions([results], figure, chosen.controllers)[0]
+        self.looks = looks([results], [self.controllers], figure, chosen)
+        self.titles = [results.titles[position] for position in self.controllers]
+        self._shown: list[str] = []
+        self.remarks: list[str] = []
+
+    @property
+    def axes(self) -> list[SweptKey]:
+        """Swept keys that take more than one value; keys that change together count as one."""
+        return self.results.swept_keys
+
+    def one_or_two(self, instead: str = "") -> list[SweptKey]:
+        """Return `axes`, for a figure that has room for at most two.
+
+        Raises
+        ------
+        EqtError
+            If there are more, or none; `instead` ends the message.
+        """
+        if not 1 <= len(self.axes) <= 2:
+            here = f"{len(self.axes)} ({self.keys})"
+            raise self.error(f"has room for one or two swept keys, and here are {here}{instead}")
+        return self.axes
+
+    @property
+    def keys(self) -> str:
+        """Names of `axes`, for messages."""
+        return ", ".join(axis.key for axis in self.axes) or "none"
+
+    def require_choices(self) -> None:
+        """Refuse a trade-off over keys that are no design choices, such as a lag.
+
+        Raises
+        ------
+        EqtError
+            If any swept key is no design choice; the message names the keys.
+        """
+        if not are_choices(self.axes):
+            raise self.error(
+                "shows a trade-off between design choices, which are gains and options of laws; "
+                f"here is swept: {self.keys}"
+            )
+
+    def of_one_unit(self, name: str) -> str:
+        """Return the name of a metric; of its first part where the parts have different units."""
+        mixed = self.results.has(name) and self.results.units(name) == MIXED
+        return self.results.in_parts(name)[0] if mixed else name
+
+    def metric(self, name: str) -> Array:
+        """Return a metric of every run, ``(points, shown controllers, runs)``; NaN where it failed.
+
+        Values beyond the horizon count as the horizon.
+        """
+        self.results.check_metrics([name], who=f"figure '{self.figure}'")
+        self._shown.append(name)
+        return self.results.counted(name)[:, self.controllers]
+
+    def means(self, name: str) -> Array:
+        """Return means over all runs, ``(points, shown controllers)``; NaN where a run failed.
+
+        Raises
+        ------
+        EqtError
+            If no point has a finite mean.
+        """
+        means: Array = np.mean(self.metric(name), axis=-1)
+        if not np.isfinite(means).any():
+            raise self.error(f"finds no point at which every run has a {name}")
+        return means
+
+    def laws(self, shown: int) -> dict[int, str]:
+        """Return the titles of the registered laws that the n-th shown controller equals, by point.
+
+        Empty unless the sweep is over the controllers' options.
+        """
+        return self.results.laws(self.controllers[shown])
+
+    def point_name(self, point: int) -> str:
+        """Return the swept values at a point: ``kp 2, kd 0.5``."""
+        return self.results.point_name(point)
+
+    def notes(self) -> list[str]:
+        """Return the notes for the reader about runs without a number."""
+        return [*self.remarks, *self._failed(), *self._censored()]
+
+    @property
+    def count(self) -> str:
+        """Number of runs of each point: ``20 runs``."""
+        return f"{self.results.runs} run{'s' * (self.results.runs != 1)}"
+
+    def _failed(self) -> Iterator[str]:
+        failed = self.results.status[:, self.controllers] != 0
+        without = failed.any(axis=-1)
+        if without.any():
+            left_out = f"{np.count_nonzero(without)} of {without.size} means left out"
+            number = int(np.count_nonzero(failed))
+            count = f"{number} run{'s' * (number != 1)} failed"
+            yield f"{count}; {'counted as not settled' if self._shares else left_out}."
+
+    def _censored(self) -> Iterator[str]:
+        horizon = self.results.horizon
+        for name in dict.fromkeys(self._shown):
+            late = int(np.count_nonzero(self.results.censored(name)[:, self.controllers]))
+            if late and horizon is None:
+                yield f"{name}: {late} runs unsettled at their end; their means left out."
+            elif late:
+                end = f"{horizon:g} s"
+                counted = f"{late} runs unsettled at {end} count as {end}"
+                yield f"{name}: {counted}; means are lower bounds."
+
+    def settled(self, by: float) -> Array:
+        """Return whether each run has settled by a time, or by its end if 0; failed runs have not.
+
+        Raises
+        ------
+        EqtError
+            If the runs are shorter, or the result holds no settling times.
+        """
+        horizon = self.results.horizon
+        if horizon is not None and by > horizon:
+            raise self.error(f"option 'by': the runs last {horizon:g} s, got {by:g}")
+        self.results.check_metrics(["settling_time"], who=f"figure '{self.figure}'")
+        self._shares = True
+        times = self.results.metric("settling_time")[:, self.controllers]
+        return times <= (by or np.inf)  # False for NaN: not settled
+
+    def error(self, message: str) -> EqtError:
+        """Return an error of this figure about this result."""
+        return error_of(self.results, self.figure, message)
+
+
+# The desired motion, of a result or before anything is run ----------------------------------------
+
+
+MOST_REMARKS = 3
+"""Largest number of remarks on a reference below its figure."""
+
+
+class ShownReference:
+    """The desired motion of an experiment, from a result or before anything is run.
+
+    Parameters
+    ----------
+    source
+        The open result, or the experiment.
+    figure, chosen
+        See `ShownControllers`; the reference is the same for all controllers.
+
+    Attributes
+    ----------
+    group
+        The group G.
+    times : (n,)
+        Sample times, s.
+    pose : (n, d, d)
+        Desired poses Q_d.
+    velocity, torque : (n, m)
+        Desired velocity V_d and torque τ_d, body frame.
+
+    Raises
+    ------
+    EqtError
+        If the result is a sweep, lacks the reference or is on an unknown group.
+    """
+
+    def __init__(self, source: Result | Experiment, figure: str, chosen: Chosen = ALL) -> None:
+        self._remarks: list[str] = []
+        self.group, of = self._take(source, figure, chosen.controllers)
+        place = "the reference" if isinstance(source, Experiment) else str(source.path)
+        shown = chosen.time.samples(
+            of[0], lambda message: EqtError(f"{place}: figure '{figure}' {message}")
+        )
+        self.times, self.pose, self.velocity, self.torque = (each[shown] for each in of)
+
+    def _take(
+        self, source: Result | Experiment, figure: str, chosen: Sequence[str]
+    ) -> tuple[MatrixLieGroup, tuple[Array, Array, Array, Array]]:
+        """Return the group, and times, poses, velocities and torques over the whole horizon."""
+        if isinstance(source, Experiment):
+            desired = reference_over_horizon(source)
+            problems = Problems(lambda path: "")
+            jumps = check_reference(desired, None, problems)
+            self._remarks += [problem.message for problem in problems] + jumps
+            return source.group, (desired.times, desired.pose, desired.velocity, desired.torque)
+        source.single(f"figure '{figure}' shows single experiments")
+        positions([source], figure, chosen)
+        needed = ("desired_pose", "desired_velocity", "desired_torque")
+        source.check_stored(*needed, who=f"figure '{figure}' needs")
+        if source.group is None:
+            raise error_of(source, figure, f"does not know group '{source.group_name}' of a plugin")
+        pose, velocity, torque = (source[name] for name in needed)
+        return source.group, (source.times, pose, velocity, torque)
+
+    def notes(self) -> list[str]:
+        """Return the first remarks: where the reference is not finite, and where it jumps."""
+        shown = [f"The reference: {notation(each)}." for each in self._remarks[:MOST_REMARKS]]
+        left = len(self._remarks) - len(shown)
+        return [*shown, f"And {left} more jumps."] if left else shown
+
+
+# Certificates with a measured number and a bound --------------------------------------------------
+
+
+class ShownCertificates:
+    """Certificates with a measured number and a bound: identities and trajectories.
+
+    Parameters
+    ----------
+    results
+        The open result.
+    rows
+        The verdicts on it.
+    figure, chosen
+        See `ShownControllers`.
+
+    Attributes
+    ----------
+    shown : list of Row
+        The certificates.
+    names : list of str
+        Names of the certificates, in the paper's order.
+    laws : list of Ensemble
+        The controllers.
+
+    Raises
+    ------
+    EqtError
+        In the cases of `ShownControllers`, or if there are no certificates.
+    """
+
+    def __init__(
+        self, results: Result, rows: Sequence[Row], figure: str, chosen: Chosen = ALL
+    ) -> None:
+        self.laws = ShownControllers([results], figure, chosen).ensembles
+        labels = ["", *(law.label for law in self.laws)]
+        judged = [row for row in rows if row.kind != "hypothesis" and row.controller in labels]
+        self.shown = [row for row in judged if _has_place(row)]
+        self._left_out = [row for row in judged if row not in self.shown]
+        if not self.shown:
+            raise error_of(results, figure, "finds no certificate to show; see `eqt verify`")
+        self._told: list[str] = []
+        self.names = list(dict.fromkeys(row.name for row in self.shown))
+
+    def keep(self, names: Sequence[str]) -> None:
+        """Show only these certificates, in the paper's order, and note how many there were."""
+        if len(names) < len(self.names):
+            shown = f"The {len(names)} of {len(self.names)} statements"
+            self._told = [f"{shown} that come nearest to their bounds, or beyond."]
+        self.names = [name for name in self.names if name in names]
+        self.shown = [row for row in self.shown if row.name in names]
+
+    def rows(self, name: str) -> list[Row]:
+        """Return the rows of a certificate, one per law where it is about laws."""
+        return [row for row in self.shown if row.name == name]
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """Verdicts of the rows that are shown, in the order of `Verdict`."""
+        return [verdict for verdict in Verdict if verdict in {row.verdict for row in self.shown}]
+
+    def notes(self) -> list[str]:
+        """Return the notes on the figure: what was checked and has no number."""
+        notes = list(self._told)
+        for row in self._left_out:
+            law = f" ({row.controller})" if row.controller else ""
+            why = f", {row.remark}" if row.remark else ""
+            notes.append(f"{notation(row.name)}{law}: {row.verdict}{why}.")
+        return notes
+
+
+def _has_place(row: Row) -> bool:
+    """Whether a row has a ratio of measured to bound; 0/0, an exact equality, counts as 0."""
+    if row.measured is None or row.bound is None:
+        return False
+    return row.bound != 0 or row.measured == 0

@@ -1,0 +1,735 @@
+"""Colours, lines, fonts and sizes of figures, and text as LaTeX."""
+
+import ast
+import math
+import re
+import traceback
+import unicodedata
+import warnings
+from ast import literal_eval
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from io import BytesIO
+from itertools import product, takewhile
+from math import lcm
+from pathlib import Path
+from typing import Any, Literal
+
+import matplotlib
+import numpy as np
+from matplotlib import RcParams, style, textpath
+from matplotlib.backends import backend_agg
+from matplotlib.colors import to_hex, to_rgba
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, fontManager
+from matplotlib.mathtext import MathTextParser
+from matplotlib.style import use
+
+from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.files import refusals, text_in
+
+# Text and letters for LaTeX: escapes, the preamble, and explained failures; it knows no figure ----
+
+
+_RENAMED = {"LAMDA": "LAMBDA", "OMICRON": "o"}
+"""Greek letters that Unicode and TeX name differently."""
+_LIKE_LATIN = dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΥΧ", "ABEZHIKMNOPTYX", strict=True))
+"""Greek capitals for which TeX has no command."""
+_SHIFTS = {"<sub>": "_", "<super>": "^"}
+"""Unicode's marks of subscript and superscript letters, in TeX."""
+_MATHEMATICAL = {
+    "‖": r"\|",
+    "−": "-",
+    "·": r"\cdot",
+    "×": r"\times",
+    "±": r"\pm",
+    "∞": r"\infty",
+    "√": r"\surd",
+    "∂": r"\partial",
+    "∇": r"\nabla",
+    "∫": r"\int",
+    "∑": r"\sum",
+    "∈": r"\in",
+    "≈": r"\approx",
+    "≠": r"\neq",
+    "≤": r"\leq",
+    "≥": r"\geq",
+    "→": r"\rightarrow",
+    "←": r"\leftarrow",
+    "↔": r"\leftrightarrow",
+    "⋉": r"\ltimes",
+    "𝕀": r"\mathbb{I}",
+    "ℝ": r"\mathbb{R}",
+}
+"""Characters that need mathematics in LaTeX, besides Greek letters and indices."""
+
+
+def shift(letter: str) -> str:
+    """Return ``_`` for a subscript letter, ``^`` for a superscript; empty for others."""
+    return _SHIFTS.get(unicodedata.decomposition(letter).partition(" ")[0], "")
+
+
+def mathematical(letter: str) -> str:
+    """Return a letter in TeX mathematics: Greek by name, indices lowered to the line."""
+    if shift(letter):
+        letter = unicodedata.normalize("NFKC", letter)
+    words = unicodedata.name(letter, "").split()
+    if len(words) == 4 and words[0] == "GREEK" and words[2] == "LETTER":
+        name = _RENAMED.get(words[3], words[3])
+        if words[1] == "SMALL":
+            return name if name == "o" else "\\" + name.lower()
+        return _LIKE_LATIN.get(letter) or "\\" + name.capitalize()
+    return letter
+
+
+def command(letter: str) -> str | None:
+    """Return the command of a letter that needs mathematics in LaTeX; None for others."""
+    if letter in _MATHEMATICAL:
+        return _MATHEMATICAL[letter]
+    if letter.isascii():
+        return None
+    symbol = mathematical(letter)
+    if shift(letter):
+        return f"{{}}{shift(letter)}{{{symbol}}}"
+    return symbol if symbol != letter else None
+
+
+_PREAMBLE = r"\usepackage[T1]{fontenc}\usepackage{amsmath}"
+"""Packages for accented letters, literal < and >, and commands that Matplotlib itself knows."""
+_SYMBOLS = r"\usepackage{amssymb}"
+
+_MEND = (
+    "change the text or the preamble of the style sheet, install what is missing of TeX Live "
+    "(Debian, Ubuntu: apt-get install texlive-latex-extra cm-super dvipng; others: tlmgr install "
+    "cm-super dvipng type1cm underscore), or draw without LaTeX"
+)
+_REFUSED = re.compile(r"\w+ was not able to process the following string:\s+(b?['\"].*)\n")
+_MISSING = re.compile(
+    r"Failed to process string with tex because (.*)"
+    r"|(.*(?:TeX implementation|PostScript font|usable font file).*)"
+)
+DOLLAR = re.compile(r"(?<!\\)\$")
+_COMMAND = re.compile(r"^(?:<recently read>|l\.\d+).*(\\\w+) *$", re.MULTILINE)
+
+_IN_LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    "`": r"\textasciigrave{}",
+    "'": r"'{}",  # two would be a quotation mark, as two hyphens a dash
+    ",": r",{}",
+    "-": r"-{}",
+    **{character: "\\" + character for character in "{}$&%#_"},
+}
+"""Escapes of characters that are special in a text for LaTeX."""
+
+
+def preamble(given: str) -> str:
+    """Return the preamble of every text: eqt's, then the sheet's.
+
+    The AMS symbols are left out where a sheet has a preamble, since many font packages bring them
+    and refuse to be loaded after others.
+    """
+    return "\n".join([_PREAMBLE, given or _SYMBOLS])
+
+
+def escaped(text: str, kept: str = "") -> str:
+    """Escape text but the letters that are `kept`, so that no character is a command."""
+    letters = unicodedata.normalize("NFC", text)
+    return "".join(x if x in kept else _escaped_letter(x) for x in letters)
+
+
+def _escaped_letter(letter: str) -> str:
+    if letter in _IN_LATEX:
+        return _IN_LATEX[letter]
+    symbol = command(letter)
+    return letter if symbol is None else rf"\ensuremath{{{symbol}}}"
+
+
+def sentence(text: str) -> str:
+    """Return words, with mathematics between dollar signs, for a LaTeX document."""
+    return with_mathematics(text.replace("\n", " "), kept="-,'")
+
+
+def with_mathematics(text: str, kept: str = "") -> str:
+    """Return words as `escaped` does, with mathematics between dollar signs."""
+    return "".join(
+        f"${_mathematics(piece)}$" if number % 2 else escaped(piece.replace(r"\$", "$"), kept)
+        for number, piece in enumerate(DOLLAR.split(text))
+    )
+
+
+def _mathematics(text: str) -> str:
+    """Return Matplotlib's mathematics for LaTeX, with ``%``, ``#`` and ``&`` escaped."""
+    safe = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", text)
+    return "".join(
+        letter if (symbol := command(letter)) is None else f"{{{symbol}}}" for letter in safe
+    )
+
+
+@contextmanager
+def explained() -> Iterator[None]:
+    """Turn the exceptions of Matplotlib when LaTeX fails, log and all, into a sentence.
+
+    Raises
+    ------
+    EqtError
+        In place of the exception.
+    """
+    try:
+        yield
+    except (RuntimeError, LookupError, FileNotFoundError, ValueError) as error:
+        message = str(error.args[0]) if error.args else ""
+        if refused := _REFUSED.match(message):
+            text = literal_eval(refused[1])
+            text = text.decode("unicode_escape") if isinstance(text, bytes) else text
+            raise EqtError(f"LaTeX cannot set '{text}': {_reason(message)}; {_MEND}") from error
+        if missing := _MISSING.match(message):
+            raise EqtError(f"LaTeX does not work: {missing[1] or missing[2]}; {_MEND}") from error
+        raise
+
+
+def _reason(message: str) -> str:
+    """Return the first error in a log, without the lines around it."""
+    log = message.partition("\n! ")[2].removeprefix("LaTeX Error: ")
+    lines = takewhile(lambda line: not re.match(r"\s*$|l\.|See |Type |<|!", line), log.splitlines())
+    reason = " ".join(" ".join(lines).split()).rstrip(".") or "it gives no reason"
+    commands = _COMMAND.findall(log) if reason == "Undefined control sequence" else []
+    return " ".join([reason, *commands[:1]])
+
+
+# Widths, line styles and style sheets of all figures; the colours are in eqt.mplstyle -------------
+#
+# A user's sheet sets how a figure looks: no programs, no folders, no code that Matplotlib would
+# call, and no numbers with which a drawing never ends or exceeds the memory. What Matplotlib would
+# only warn of is refused with a reason.
+
+
+Settings = dict[str, Any]
+
+_CYCLE = "axes.prop_cycle"
+
+_WITHOUT_COMMENT = re.compile(r'(?:[^"#]|"[^"]*")*')
+
+# Typed as Any, since the stubs do not list every key.
+_DEFAULTS: Any = matplotlib.rcParamsDefault
+
+
+def read(name: str) -> Settings:
+    """Return the settings of a sheet: a file, or one of Matplotlib's by name.
+
+    Raises
+    ------
+    EqtError
+        If there is no such sheet, or a line of it is wrong.
+    """
+    path = Path(name).expanduser()
+    if path.is_file() or path.suffix or len(path.parts) > 1:
+        return read_file(path)
+    if name in style.library:
+        settings: Any = style.library[name]
+        return dict(settings)
+    hint = suggestion(name, style.available) or f"; Matplotlib has: {', '.join(style.available)}"
+    raise EqtError(f"style sheet '{name}' is neither a file nor one of Matplotlib's{hint}")
+
+
+def read_file(path: Path) -> Settings:
+    """Return the settings in a file.
+
+    Nothing in it is executed, whatever the version of Matplotlib, and no line without a key of
+    Matplotlib is quoted: the file may be no style sheet.
+
+    Raises
+    ------
+    EqtError
+        If it cannot be read, or a line is wrong.
+    """
+    with refusals(path, "read as a style sheet"):
+        text = text_in(path)
+    settings: Any = RcParams()
+    for number, line in enumerate(text.splitlines(), start=1):
+        try:
+            for key, value in _setting(line):
+                if key == _CYCLE:
+                    check_cycle(value)
+                settings[key] = value
+                if key not in OF_A_MACHINE:
+                    check(key, settings[key], _DEFAULTS.get(key))
+        except (ValueError, TypeError) as error:
+            raise EqtError(f"{path}:{number}: the style sheet is wrong: {error}") from error
+    return {key: settings[key] for key in settings if key not in OF_A_MACHINE}
+
+
+def _setting(line: str) -> Iterator[tuple[str, str]]:
+    """Yield the key of a line and the text of its value; nothing for an empty line."""
+    own = _WITHOUT_COMMENT.match(line)
+    assert own is not None  # the pattern matches the empty string, too
+    if line[own.end() :].startswith('"'):
+        raise ValueError("a closing quotation mark is missing")
+    if not own[0].strip():
+        return
+    key, colon, value = (part.strip() for part in own[0].partition(":"))
+    if not colon:
+        raise ValueError("expected 'key: value'")
+    if key not in RcParams.validate:
+        known = suggestion(key, RcParams.validate)
+        raise ValueError(
+            f"Matplotlib has no key {key}{known}" if known else "expected a key of Matplotlib"
+        )
+    yield key, value[1:-1] if len(value) > 1 and value[0] == value[-1] == '"' else value
+
+
+# What a style may set ----------------------------------------------------------------------------
+
+_LOOKS = (
+    "axes. axes3d. boxplot. contour. date. errorbar. figure. font. grid. hatch. hist. image. "
+    "legend. lines. markers. mathtext. patch. path.simplify path.snap pdf. polaraxes. ps. savefig. "
+    "scatter. svg. text. xaxis. xtick. yaxis. ytick."
+).split()
+"""Prefixes of the keys that set how a figure looks."""
+
+_NOT_LOOKS = ("figure.hooks", "ps.usedistiller")
+"""Keys with these prefixes that name code or programs."""
+
+OF_A_MACHINE = frozenset(
+    "backend backend_fallback date.epoch docstring.hardcopy figure.max_open_warning "
+    "figure.raise_window interactive savefig.directory timezone tk.window_focus toolbar "
+    "webagg.address webagg.open_in_browser webagg.port webagg.port_retries".split()
+)
+"""Keys that Matplotlib itself leaves out of a style, as eqt does."""
+
+MOST = 300.0
+"""Largest magnitude of a number without a bound of its own, such as a size in points."""
+
+_MOST = {"dpi": 2400.0, "figsize": 50.0, "weight": 1000.0, "threshold": 1e4}
+"""Bounds of numbers, by suffix of the key."""
+
+THINNEST = 0.05
+"""Least non-zero width of a line, pt, since dashes scale with it."""
+
+SHORTEST = 0.5
+"""Least length of a pattern of dashes over the width of the line."""
+
+MOST_IN_CYCLE = 1000
+"""Most entries of a property cycle."""
+
+
+def check(key: str, value: Any, default: Any) -> None:
+    """Raise a `ValueError` with the reason if a style may not set a key to a value.
+
+    Matplotlib's default may always be set.
+    """
+    if value == default:
+        return
+    if not key.startswith(tuple(_LOOKS)) or key in _NOT_LOOKS:
+        raise ValueError(f"Key {key}: says nothing of how a figure looks; remove the line")
+    most = next((most for end, most in _MOST.items() if key.endswith(end)), MOST)
+    for number in _numbers(value):
+        if not abs(number) <= most:
+            raise ValueError(f"Key {key}: expected numbers of at most {most:g}, got {number:g}")
+        if key.endswith("width") and 0 < number < THINNEST:
+            raise ValueError(f"Key {key}: expected 0 or at least {THINNEST}, got {number:g}")
+    for pattern in _patterns(key, value):
+        if sum(pattern) < SHORTEST:
+            raise ValueError(
+                f"Key {key}: expected dashes and gaps of {SHORTEST} or more together, "
+                f"got {sum(pattern):g}"
+            )
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    if isinstance(value, bool):
+        return
+    if isinstance(value, int | float):
+        yield value
+    elif isinstance(value, list | tuple):
+        for entry in value:
+            yield from _numbers(entry)
+    elif hasattr(value, "by_key"):
+        yield from _numbers(list(value.by_key().values()))
+
+
+def _patterns(key: str, value: Any) -> Iterator[list[float]]:
+    """Yield lengths of dashes and gaps: from a list, behind an offset, or from a cycle."""
+    if key.endswith("pattern"):
+        yield list(_numbers(value))
+    elif hasattr(value, "by_key"):
+        for style in value.by_key().get("linestyle", ()):
+            yield from _patterns("linestyle", style)
+    elif key.endswith("linestyle") and isinstance(value, tuple):
+        _, dashes = value
+        yield from [list(_numbers(dashes))] if dashes else []
+
+
+def check_cycle(text: str) -> None:
+    """Raise a `ValueError` for a property cycle that is no cycler of literal values.
+
+    Matplotlib before 3.11 evaluates the text, with no names but ``cycler``; without attributes and
+    operators nothing else can be reached, and nothing is larger than it is written.
+    """
+    try:
+        count = _entries(ast.parse(text.strip(), mode="eval").body)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise ValueError(f"axes.prop_cycle is no cycler of literal values: {text}") from None
+    if count > MOST_IN_CYCLE:
+        raise ValueError(
+            f"Key axes.prop_cycle: expected at most {MOST_IN_CYCLE} entries, got {count}"
+        )
+
+
+def _entries(node: ast.expr) -> int:
+    """Return the number of entries of a cycle; raise a `ValueError` if it is none."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Mult):
+        both = _entries(node.left), _entries(node.right)
+        return max(both) if isinstance(node.op, ast.Add) else math.prod(both)
+    if not (isinstance(node, ast.Call) and getattr(node.func, "id", None) == "cycler"):
+        raise ValueError
+    given = [*node.args, *(keyword.value for keyword in node.keywords)]
+    return max((_length(ast.literal_eval(each)) for each in given), default=0)
+
+
+def _length(value: Any) -> int:
+    if isinstance(value, dict):
+        return max((_length(each) for each in value.values()), default=0)
+    return len(value) if isinstance(value, list | tuple | str) else 1
+
+
+Width = Literal["column", "page", "slide"]
+
+ENLARGED: dict[Width, float] = {"column": 1.0, "page": 1.0, "slide": 18 / 8}
+"""Enlargement of a drawing from layout to file: 8 pt are 18 pt on a slide."""
+
+WIDTHS: dict[Width, float] = {"column": 3.5, "page": 7.16, "slide": 13.3 / ENLARGED["slide"]}
+"""Layout widths of one and of both columns of a two-column journal (IEEE's, among others) and of a
+slide, in."""
+
+_PRESENT: Any = matplotlib.rcParams
+
+_SHEETS = Path(__file__).parent
+
+_KEPT: Settings = {
+    "figure.constrained_layout.use": True,  # the legends above the panels need it
+    "figure.autolayout": False,
+    "savefig.bbox": None,  # keeps the given width
+    "svg.hashsalt": "eqt",  # equal files for equal figures
+    "text.parse_math": True,  # the labels have mathematics in them
+}
+"""Settings that no sheet changes."""
+
+_GRID = 0.114
+"""Share of ink in eqt's own grid."""
+
+# Solid, dashed, dash-dotted, dotted, in units of the line width.
+_DASHES: tuple[Any, ...] = ("-", (0, (4.5, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (1.2, 1)))
+
+_NAMED = {"solid": 0, "--": 1, "dashed": 1, "-.": 2, "dashdot": 2, ":": 3, "dotted": 3}
+"""Matplotlib's names of dashes, as indices of those above."""
+
+_MARKERS = "os^DvP*"
+
+_GREYS = (0.55, 0.35)
+"""Shares of ink in curves that are not in focus."""
+_PALER = 0.55
+"""Share of the colour that is left in each further curve with the same dashes."""
+_SHADES = 5
+"""Number of shades of a colour; the palest is nearly that of the paper."""
+
+
+@dataclass(frozen=True)
+class Style:
+    """Style of figures: eqt's own sheet, and the sheets laid over it.
+
+    Attributes
+    ----------
+    sheets
+        Matplotlib style sheets, by path or by name; later ones win.
+    tex
+        Whether LaTeX sets the text; a sheet may ask for it too, with ``text.usetex``.
+    width
+        Width of the figure: a slide has type of its own.
+    """
+
+    sheets: tuple[str, ...] = ()
+    tex: bool = False
+    width: Width = "column"
+
+    @cached_property
+    def settings(self) -> Settings:
+        """Matplotlib's settings that differ from its defaults.
+
+        Raises
+        ------
+        EqtError
+            If there is no such sheet, or one is wrong.
+        """
+        given: Settings = {}
+        for sheet in self.sheets:
+            given |= read(sheet)
+        if self.width == "slide":
+            given = read_file(_SHEETS / "slide.mplstyle") | given
+        settings = read_file(_SHEETS / "eqt.mplstyle") | given | _KEPT
+        if not (self.tex or given.get("text.usetex", False)):
+            return settings | {"text.usetex": False, "font.family": _installed(settings)}
+        # Fonts that a sheet names are Matplotlib's; LaTeX's fonts come with its preamble.
+        kind = {"font.family": given.get("font.family")}
+        kept = kind if kind["font.family"] in (["sans-serif"], ["monospace"]) else {}
+        own_preamble = preamble(given.get("text.latex.preamble", ""))
+        own = read_file(_SHEETS / "latex.mplstyle") | kept
+        return settings | own | {"text.latex.preamble": own_preamble}
+
+    def prepare(self, formats: Sequence[str] = ("pdf",)) -> None:
+        """Check that figures can be drawn in this style and these formats, before any is drawn.
+
+        Raises
+        ------
+        EqtError
+            If a sheet is wrong, or LaTeX is needed and does not work.
+        """
+        with house_style(self):
+            if _PRESENT["text.usetex"]:
+                probe = Figure(figsize=(1, 1))
+                probe.set_layout_engine("none")
+                probe.text(0, 0, "eqt")
+                for format in formats:
+                    probe.savefig(BytesIO(), format=format)
+
+
+def _installed(settings: Settings) -> list[str]:
+    """Return the installed families of `font.family`; Matplotlib warns of others at every word.
+
+    Raises
+    ------
+    EqtError
+        If none is installed.
+    """
+    wanted: list[str] = []
+    for family in settings["font.family"]:
+        generic = f"font.{family}"
+        own = _DEFAULTS.get(generic, [family])
+        wanted += settings.get(generic, own)
+    there = set(fontManager.get_font_names())
+    installed = [family for family in wanted if family in there]
+    if not installed:
+        raise EqtError(
+            f"none of the fonts that the style asks for is installed: {', '.join(wanted)}; install "
+            "one, or name another in font.family"
+        )
+    return installed
+
+
+HOUSE = Style()
+"""eqt's own style."""
+
+
+@contextmanager
+def house_style(style: Style = HOUSE) -> Iterator[None]:
+    """Draw and save in a style, independent of the user's own Matplotlib settings.
+
+    Raises
+    ------
+    EqtError
+        If a sheet is wrong, or LaTeX cannot set a text.
+    """
+    settings = style.settings
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # on machine keys, which `use` omits
+            use(settings)
+        if to_hex(_PRESENT["grid.color"]) == ink():
+            # From a sheet without a grid; eqt shows one, and it must not hide the curves.
+            _PRESENT["grid.color"] = ink(_GRID)
+        errors = explained() if settings["text.usetex"] else nullcontext()
+        with errors, _moderate_numbers(), _one_reader_of_formulas(style):
+            yield
+
+
+@contextmanager
+def _one_reader_of_formulas(style: Style) -> Iterator[None]:
+    """Share what is read of formulas: each renderer of Matplotlib otherwise reads all of them."""
+    shared, name = _reader_of_formulas(style), "MathTextParser"
+    with replaced(backend_agg, name, shared), replaced(textpath, name, shared):
+        yield
+
+
+@lru_cache(maxsize=1)
+def _reader_of_formulas(style: Style) -> Callable[[str], Any]:
+    return lru_cache(MathTextParser)
+
+
+@contextmanager
+def replaced(owner: Any, name: str, by: Any) -> Iterator[None]:
+    """Replace an attribute within a block."""
+    own = vars(owner)[name]  # static methods as they are
+    setattr(owner, name, by)
+    try:
+        yield
+    finally:
+        setattr(owner, name, own)
+
+
+@contextmanager
+def _moderate_numbers() -> Iterator[None]:
+    """Turn Matplotlib's exceptions where an axis exceeds the largest float into a sentence.
+
+    Raises
+    ------
+    EqtError
+        In place of the exception.
+    """
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            yield
+    except (ValueError, OverflowError) as error:
+        *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+        if frame.f_globals.get("__name__") not in ("matplotlib.ticker", "matplotlib.transforms"):
+            raise
+        raise EqtError(
+            "the figure cannot be drawn: its numbers are too large for an axis; look for runs that "
+            "diverge with `eqt show --table`"
+        ) from error
+
+
+@dataclass(frozen=True)
+class CurvePlace:
+    """Place of a curve among those of a figure: its law gives the colour, its variant the dashes.
+
+    Attributes
+    ----------
+    law
+        Index of the colour of the law.
+    variant, variants
+        Index of the variant, such as the start of a search or one of several results, and the
+        largest number of variants of any law.
+    grey
+        Index among the grey curves, which are not in focus; None for the others.
+    colour
+        Colour that the user chose; empty for that of the style.
+    """
+
+    law: int
+    variant: int = 0
+    variants: int = 1
+    grey: int | None = None
+    colour: str = ""
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colour, dashes and marker of a curve."""
+
+    colour: str
+    dashes: Any
+    marker: str
+
+
+def distinct(places: Sequence[CurvePlace]) -> list[Look]:
+    """Return the looks of curves; no two share colour and dashes, or colour and marker.
+
+    A curve whose wish an earlier one has gets the next dashes and marker, and a paler colour once
+    all dashes are taken.
+    """
+    looks: list[Look] = []
+    taken: set[tuple[str, Any]] = set()
+    for place in places:
+        wished, shade, own = _wish(place)
+        kind = _kind(own)
+        first = kind + 1 if isinstance(kind, int) else 0
+        others = [_DASHES[(first + k) % len(_DASHES)] for k in range(len(_DASHES))]
+        for paler, dashes in product(range(shade, shade + _SHADES), [own, *others]):
+            colour = mixed(wished, ink(0), _PALER**paler)
+            if (colour, _kind(dashes)) not in taken:
+                break
+        # Where the colours of eqt's own style begin anew, the markers are the next ones.
+        begin = place.law + place.law // len(_MARKERS)
+        markers = [_MARKERS[(begin + k) % len(_MARKERS)] for k in range(len(_MARKERS))]
+        marker = next((one for one in markers if (colour, one) not in taken), markers[0])
+        taken |= {(colour, _kind(dashes)), (colour, marker)}
+        looks.append(Look(colour, dashes, marker))
+    return looks
+
+
+def _wish(place: CurvePlace) -> tuple[str, int, Any]:
+    """Return the colour that a curve has if no other has it, how often it is made paler, dashes.
+
+    Dashes keep curves apart where colours do not: in greyscale, or for a colour-blind reader. They
+    come from the sheet's property cycle, or from eqt where it has none. Where laws have variants,
+    the variant gives the dashes.
+    """
+    cycle = list(_PRESENT["axes.prop_cycle"])
+    if place.grey is not None:
+        shade, dashes = divmod(place.grey, len(_DASHES))
+        return ink(_GREYS[shade % len(_GREYS)]), 0, _DASHES[dashes]
+    own = cycle[place.law % len(cycle)]
+    if place.variants > 1 and "linestyle" not in own and "color" in own:
+        shade, dashes = divmod(place.variant, len(_DASHES))
+        return place.colour or to_hex(own["color"]), shade, _DASHES[dashes]
+    index = place.law * place.variants + place.variant
+    own = cycle[index % len(cycle)]
+    # Dashes shift by one after each full turn: all pairs occur before one repeats.
+    turns = index // lcm(len(cycle), len(_DASHES))
+    dashes = own.get("linestyle", _DASHES[(index + turns) % len(_DASHES)])
+    return place.colour or to_hex(own.get("color", ink())), 0, dashes
+
+
+def _kind(dashes: Any) -> Any:
+    """Return the index of eqt's dashes that look like these; other dashes themselves, as text."""
+    if dashes in _DASHES:
+        return _DASHES.index(dashes)
+    return _NAMED.get(str(dashes), str(dashes))
+
+
+def colours_of_style() -> int:
+    """Return how many entries the property cycle of the style has."""
+    return len(_PRESENT["axes.prop_cycle"])
+
+
+def _look(look: int | Look) -> Look:
+    """Return a look, or that of a curve by its index among others."""
+    return distinct([CurvePlace(k) for k in range(look + 1)])[-1] if isinstance(look, int) else look
+
+
+def line_style(look: int | Look) -> dict[str, Any]:
+    """Return colour and dashes of a curve, by its look or its index."""
+    own = _look(look)
+    return {"color": own.colour, "linestyle": own.dashes}
+
+
+def marker(look: int | Look) -> str:
+    """Return the marker of a curve, by its look or index."""
+    return _look(look).marker
+
+
+def ink(share: float = 1.0) -> str:
+    """Return the colour of text, or a tint of it on the paper: it stands for no controller.
+
+    A share of 0 gives the paper itself.
+    """
+    grounds = ("axes.facecolor", "figure.facecolor")
+    seen = [to_rgba(_PRESENT[key]) for key in grounds]
+    paper = next((colour for colour in seen if colour[3] > 0), (1.0, 1.0, 1.0, 1.0))
+    return mixed(_PRESENT["text.color"], paper, share)
+
+
+def mixed(colour: Any, other: Any, share: float) -> str:
+    """Mix a share of a colour with the rest of another."""
+    both = zip(to_rgba(colour), to_rgba(other), strict=True)
+    red, green, blue, _ = (share * a + (1 - share) * b for a, b in both)
+    return to_hex((red, green, blue))
+
+
+def darker(colour: str) -> str:
+    """Return a colour for words: a third of the way to the colour of text."""
+    return mixed(colour, ink(), 2 / 3)
+
+
+def size_of_type(key: str) -> float:
+    """Return a setting of a type size, such as ``legend.fontsize``, pt."""
+    return float(FontProperties(size=_PRESENT[key]).get_size_in_points())

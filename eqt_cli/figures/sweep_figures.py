@@ -1,0 +1,518 @@
+"""Figures of sweeps: curves, envelopes, winners, regions, trade-offs."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import PercentFormatter
+
+from eqt_cli.analysis.fronts import front
+from eqt_cli.analysis.intervals import shares
+from eqt_cli.analysis.maps import NOBODY, Map, compare_map
+from eqt_cli.base.arrays import Array
+from eqt_cli.figures.cells import (
+    Cells,
+    key_at,
+    map_columns,
+    scale,
+    scale_along,
+    short,
+    spans_decade,
+)
+from eqt_cli.figures.curves import BAND, RESAMPLING, draw_points, name_curves, name_points
+from eqt_cli.figures.figure import OfDifferences, OfOneMetric, OfSettled, OfSweep
+from eqt_cli.figures.labels import free_text, metric_label
+from eqt_cli.figures.layout import (
+    add_legend,
+    add_title,
+    blank_sheet,
+    hide_inner_scales,
+    rows_of,
+    sheet_of_maps,
+)
+from eqt_cli.figures.shown import ShownSweep
+from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
+from eqt_cli.results.result import SweptKey
+
+# Figure of a sweep: one metric over one key as curves, over two as a map per law ------------------
+
+
+_LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
+_HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0, "slide": 2.4}
+
+_LOWER: dict[Width, float] = {"column": 1.6, "page": 2.2, "slide": 1.6}
+"""Heights of maps in several rows, in."""
+_EQUAL = 1e-9
+
+_COLOURS, _AROUND = 1.0, 0.9
+"""Width of the colour scale and a map's scale, and height of title and scale, in."""
+
+FAILED, BEYOND = "xxxx", "////"
+"""Hatches of cells with failed runs, and with runs beyond the horizon."""
+
+
+@dataclass(frozen=True)
+class SweepFigure(OfOneMetric):
+    """A metric over the swept keys: curves with bands for one key, heat maps for two.
+
+    Means over the runs of every point; bands reach from the 10 % to the 90 % quantile.
+
+    Frames mark the best cell of each map, and those that are equal to it. Cells with failed runs,
+    which have no mean, are hatched in two directions; hatched in one are cells with censored runs,
+    whose number lies beyond the horizon. The means are written in the cells where they fit.
+
+    Where the sweep is over the options of a law, points at which it is a law with a name of its own
+    carry that name.
+
+    Attributes
+    ----------
+    log
+        A logarithmic scale of the metric; by default, where it spans more than a decade.
+    """
+
+    name: ClassVar[str] = "sweep"
+
+    log: bool | None = None
+
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
+        """Draw means over the runs: one panel of curves, or a map per law."""
+        values, means = swept.metric(self.metric_of(swept)), swept.means(self.metric_of(swept))
+        axes = swept.one_or_two("; figure 'pareto' shows sweeps of any number")
+        label = metric_label(swept.results, self.metric_of(swept), 36)
+        counts = swept.results.quantity(self.metric_of(swept)).counts
+        remark = f"Mean at each point over {swept.count}"
+        if len(axes) == 1:
+            bands = "95 % Wilson intervals" if counts else "10–90 % of runs"
+            swept.remarks.append(f"{remark}; bands: {bands}.")
+            return self._curves(swept, axes[0], values, label, width)
+        if counts:
+            _, low, high = np.moveaxis(shares(values), -1, 0)
+            most = np.nanmax(np.maximum(high - means, means - low))
+            label += f"\n(intervals to ±{most:.2f})"
+        swept.remarks.append(f"{remark}.")
+        return self._maps(swept, axes, means, label, width)
+
+    def _curves(
+        self, swept: ShownSweep, axis: SweptKey, values: Array, label: str, width: Width
+    ) -> Drawing:
+        drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
+        panel = drawing.add_subplot()
+        order = np.argsort(axis.values, kind="stable")
+        lines = []
+        for k, (look, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
+            chosen = values[order, k]
+            if swept.results.quantity(self.metric_of(swept)).counts:
+                _, low, high = np.moveaxis(shares(chosen), -1, 0)
+            else:
+                low, high = np.quantile(chosen, BAND, axis=-1)
+            mean, band = np.mean(chosen, axis=-1), (low, high)
+            lines += draw_points(panel, axis.values[order], mean, band, look, title)
+            for point, law in swept.laws(k).items():
+                _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
+        scale_along(panel, swept.results, axis, WIDTHS[width])
+        panel.set_ylabel(label)
+        drawn = np.concatenate([np.ravel(line.get_ydata()) for line in lines])
+        scale(panel, "y", drawn.astype(float), log=self.log)
+        if any(swept.laws(k) for k in range(len(swept.titles))):
+            add_legend(drawing, lines, swept.titles)  # names of points take the room
+        else:
+            name_curves(drawing, [panel], lines, swept.titles)
+        return drawing
+
+    def _maps(
+        self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width
+    ) -> Drawing:
+        count, cells = len(swept.titles), Cells(*axes)
+        # Two maps fit side by side even in a column, since few cells hold numbers.
+        columns = count if count == 2 else map_columns(count, width)
+        height = _HEIGHTS[width] if count <= columns else _LOWER[width]
+        drawing, panels = sheet_of_maps(count, columns, width, height)
+        norm = self._colours(means)
+        room = (WIDTHS[width] - _COLOURS) / columns, height - _AROUND
+        # Runs that failed, and runs beyond the horizon: (points, laws, runs).
+        failed = swept.results.status[:, swept.controllers] != 0
+        beyond = swept.results.censored(self.metric_of(swept))[:, swept.controllers]
+        for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
+            image = cells.draw(panel, means[:, index], norm=norm)
+            cells.hatch(panel, np.flatnonzero(failed[:, index].any(axis=-1)), FAILED)
+            cells.hatch(panel, np.flatnonzero(beyond[:, index].any(axis=-1)), BEYOND)
+            named = swept.laws(index)
+            others = np.array([point not in named for point in range(len(means))])
+            shown = np.where(others, means[:, index], np.nan)
+            written = cells.write(panel, shown, image, room)
+            better = swept.results.quantity(self.metric_of(swept)).better
+            cells.mark(panel, _best(means[:, index], better, written=written))
+            for point, law in named.items():
+                _name(panel, cells.columns[point], cells.rows[point], law)
+            add_title(panel, title, WIDTHS[width] / columns)
+            edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
+            below = cells.scales(panel, swept.results, room[0], **edges)
+        drawing.set_figheight(drawing.get_figheight() + below)
+        drawing.colorbar(image, ax=panels, label=label)
+        _explain(drawing, bool(failed.any()), bool(beyond.any()))
+        return drawing
+
+    def _colours(self, means: Array) -> Normalize:
+        seen = means[np.isfinite(means)]
+        ends: dict[str, Any] = {"vmin": float(seen.min()), "vmax": float(seen.max())}
+        log = spans_decade(seen) if self.log is None else self.log
+        return LogNorm(**ends) if log and (seen > 0).all() else Normalize(**ends)
+
+
+def _best(means: Array, better: str, *, written: bool) -> list[int]:
+    """Return the points with the best mean: all written alike, or equal if means are not written.
+
+    The list is empty where no mean is better.
+    """
+    if better == "neither" or not np.isfinite(means).any():
+        return []
+    best = np.nanmax(means) if better == "higher" else np.nanmin(means)
+    if not written:
+        return np.flatnonzero(np.isclose(means, best, rtol=_EQUAL, atol=0)).tolist()
+    return [k for k, mean in enumerate(means) if np.isfinite(mean) and short(mean) == short(best)]
+
+
+def _explain(drawing: Drawing, failed: bool, beyond: bool) -> None:
+    """Add a legend of frames and hatches."""
+    looks: dict[str, dict[str, Any]] = {"best mean": {"linewidth": 1.0}}
+    if failed:
+        looks["failed runs, no mean"] = {"hatch": FAILED, "linewidth": 0}
+    if beyond:
+        looks["censored runs, counted with the horizon"] = {"hatch": BEYOND, "linewidth": 0}
+    patches = [Patch(fill=False, edgecolor=ink(0.6), **look) for look in looks.values()]
+    add_legend(drawing, patches, list(looks))
+
+
+def _name(panel: Axes, x: float, y: float, law: str) -> None:
+    """Write a law's name at its point."""
+    box = _LABEL | {"facecolor": ink(0)}
+    panel.annotate(free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=box)
+
+
+# Figure of the operating envelope: the share of runs that settle over a swept number --------------
+
+
+_ENVELOPE_HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.4, "slide": 2.3}
+_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 3}
+_MOST_PANELS = 12
+
+
+@dataclass(frozen=True)
+class Envelope(OfSettled):
+    """The share of runs that have settled, over a swept number, with 95 % Wilson intervals.
+
+    A run that failed has not settled. A second swept key has a panel for each of its values.
+    """
+
+    name: ClassVar[str] = "envelope"
+
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
+        """Draw a curve and a band per law; a panel per value of a second key."""
+        across, other = self._axes(swept)
+        settled = swept.settled(self.by)
+        levels = np.unique(other.values) if other else np.zeros(1)
+        names = [f"panel {k}" for k in range(len(levels))]
+        mosaic = rows_of(names, min(_IN_A_ROW[width], len(names)))
+        drawing, panels = blank_sheet(width, mosaic, _ENVELOPE_HEIGHTS[width])
+        room = WIDTHS[width] / len(mosaic[0])
+        laws = list(zip(swept.looks, swept.titles, strict=True))
+        lines: list[Line2D] = []
+        for name, level in zip(names, levels, strict=True):
+            axes = panels[name]
+            points = np.flatnonzero(other.values == level) if other else np.arange(len(settled))
+            order = points[np.argsort(across.values[points], kind="stable")]
+            x, lines = across.values[order], []
+            for k, (look, title) in enumerate(laws):
+                share, low, high = shares(settled[order, k]).T
+                lines += draw_points(axes, x, share, (low, high), look, title)
+            axes.set_ylim(-0.03, 1.03)
+            axes.set_ylabel(f"share settled {f'by {self.by:g} s' if self.by else 'at the end'} (%)")
+            axes.yaxis.set_major_formatter(PercentFormatter(1, decimals=0, symbol=""))
+            scale_along(axes, swept.results, across, room)
+            if other:
+                add_title(axes, key_at(swept.results, other, int(points[0])), room)
+        hide_inner_scales(panels, mosaic)
+        name_curves(drawing, panels.values(), lines, swept.titles)
+        swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
+        return drawing
+
+    def _axes(self, swept: ShownSweep) -> tuple[SweptKey, SweptKey | None]:
+        """Return the key of the horizontal scale, and the other key if there is one."""
+        if (keys := swept.results.number_and_other()) is None:
+            raise swept.error(
+                f"shows a swept number and at most one more key, and here are: {swept.keys}"
+            )
+        across, other = keys
+        if other and len(np.unique(other.values)) > _MOST_PANELS:
+            raise swept.error(
+                f"has a panel for each value of {other.key}, at most {_MOST_PANELS}, and here are "
+                f"{len(np.unique(other.values))}"
+            )
+        return across, other
+
+
+# Figure of a comparison over a sweep: which law wins where, and by how much -----------------------
+
+
+_CELL = 0.32
+"""Least height of a row of cells, for the number in it, in."""
+_NUMBER, _LETTER = 0.30, 0.06
+"""Width of a number, and of a letter beside it, in."""
+_SCALE = 1.0
+"""Width of the vertical scale, in."""
+_LEAST, _MOST = 1.2, 3.6
+"""Least and largest height of the map, in."""
+_TINT = 0.55
+"""Share of a law's colour in its cells, which keeps the numbers readable."""
+WITH_FAILED = "////"
+
+
+@dataclass(frozen=True)
+class Winners(OfDifferences):
+    """Which law wins at each point of a sweep over one or two keys, and by how many per cent.
+
+    A law wins where it is better than every other one, run by run, with all tests of the map
+    counted (`eqt compare` on the sweep). White: undecided. Hatched: some runs failed.
+    """
+
+    name: ClassVar[str] = "winners"
+
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
+        """Draw one map; laws have the colours of all other figures."""
+        axes = swept.one_or_two()
+        swept.results.check_metrics([self.metric_of(swept)], who=f"figure '{self.name}'")
+        resampling = replace(RESAMPLING, confidence=self.confidence)
+        wins = compare_map(swept.results, self.metric_of(swept), resampling, swept.controllers)
+        cells = Cells(*axes)
+        rows, columns = cells.shape
+        height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
+        drawing = Drawing(figsize=(WIDTHS[width], height))
+        panel = drawing.add_subplot()
+        own = [look.colour for look in swept.looks]
+        # Cells have no dashes: a colour that the style gives to several laws is paler for each.
+        colours = [ink(0), *(mixed(c, ink(0), 0.5 ** own[:k].count(c)) for k, c in enumerate(own))]
+        winners = np.array([cell.winner - NOBODY for cell in wins.cells], dtype=float)
+        look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
+        look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
+        panel.grid(False)
+        panel.tick_params(length=0)
+        cells.draw(panel, winners, cmap=ListedColormap(colours), **look)
+        failed = [cell.point for cell in wins.cells if any(cell.failed)]
+        cells.hatch(panel, failed, WITH_FAILED)
+        room = (WIDTHS[width] - _SCALE) / columns
+        if room >= _NUMBER and height / rows >= _CELL * 0.6:
+            _number_leads(panel, cells, wins, int(room / _LETTER))
+        below = cells.scales(panel, swept.results, WIDTHS[width] - _SCALE)
+        drawing.set_figheight(height + below)
+        add_title(
+            panel, f"better {metric_label(swept.results, self.metric_of(swept), 60)}", WIDTHS[width]
+        )
+        _explain_winners(drawing, colours, wins, bool(failed))
+        share = f"{100 * (1 - self.confidence):g} %"
+        swept.remarks += [
+            "Numbers: lead over the next law in per cent of its mean.",
+            f"{wins.tests} points tested, {wins.runs} runs each; expected share of false wins "
+            f"≤ {share}.",
+        ]
+        return drawing
+
+
+def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None:
+    """Write each lead, and the law if its name fits in a line of `characters`."""
+    for cell in wins.cells:
+        if cell.winner != NOBODY and np.isfinite(cell.lead.value):
+            place = cells.columns[cell.point], cells.rows[cell.point]
+            lead, title = f"{100 * abs(cell.lead.value):.2g}", wins.titles[cell.winner]
+            text = f"{title} {lead}" if len(title) + len(lead) < characters else lead
+            panel.annotate(text, place, ha="center", va="center", fontsize="small")
+
+
+def _explain_winners(drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool) -> None:
+    """Add a legend of the laws that win somewhere."""
+    frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
+    patches = {f"undecided: {wins.wins(NOBODY)}": Patch(facecolor=colours[0], **frame)}
+    for law, title in enumerate(wins.titles):
+        name = f"{title}: {wins.wins(law)}"
+        patches[name] = Patch(facecolor=(colours[law + 1], _TINT), **frame)
+    if failed:
+        hatched = Patch(fill=False, hatch=WITH_FAILED, edgecolor=ink(0.35), linewidth=0)
+        patches["with failed runs"] = hatched
+    add_legend(drawing, list(patches.values()), list(patches))
+
+
+# Figure of the region of convergence: the share of runs that settle over two swept keys -----------
+
+
+_ROW, _REGION_AROUND = 0.34, 0.5
+"""Height of a row of cells, with two lines in each, and of the surroundings of a map, in."""
+_REGION_MOST, _REGION_LEAST = 2.6, 1.3
+"""Largest and smallest height of a map with its surroundings, in."""
+_SCALES = 1.15
+"""Width of the vertical scale and the colour scale, in."""
+_ROUNDING = 1e-9
+"""Rounding error of an end of an interval, per cent."""
+
+
+@dataclass(frozen=True)
+class Region(OfSettled):
+    """The share of runs that settle over two swept keys, a map for each law.
+
+    In each cell, if it has room, the share in per cent, and below it its 95 % Wilson interval. A
+    run that failed has not settled.
+    """
+
+    name: ClassVar[str] = "region"
+
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
+        """Draw maps with common scales and colours from 0 to 100 %."""
+        if len(swept.axes) != 2:
+            raise swept.error(
+                f"shows two swept keys, and here are {len(swept.axes)} ({swept.keys}); figure "
+                "'envelope' shows a swept number"
+            )
+        cells, count = Cells(*swept.axes), len(swept.titles)
+        columns = map_columns(count, width)
+        height = min(max(_REGION_LEAST, _ROW * cells.shape[0] + _REGION_AROUND), _REGION_MOST)
+        drawing, panels = sheet_of_maps(count, columns, width, height)
+        percent = 100 * shares(swept.settled(self.by).astype(float))
+        room = (WIDTHS[width] - _SCALES) / columns, height - _REGION_AROUND
+        look: dict[str, Any] = {"vmin": 0, "vmax": 100, "edgecolors": ink(0), "linewidth": 0.4}
+        written = []
+        for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
+            share, low, high = percent[:, index].T
+            image = cells.draw(panel, share, label=title, **look)
+            alone = [_per_cent(number) for number in share]
+            ends = map(_interval, low, high)
+            both = [f"{text}\n{end}" for text, end in zip(alone, ends, strict=True)]
+            written.append(cells.write(panel, share, image, room, both))
+            if not written[-1]:
+                cells.write(panel, share, image, room, alone)
+            add_title(panel, title, WIDTHS[width] / columns)
+            edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
+            below = cells.scales(panel, swept.results, room[0], **edges)
+        drawing.set_figheight(drawing.get_figheight() + below)
+        when = f"by {self.by:g} s" if self.by else "at the end"
+        drawing.colorbar(image, ax=panels, label=f"share settled {when} (%)")
+        swept.remarks.append(
+            f"A cell per tested value, of {swept.count}; {_intervals(percent, written)}."
+        )
+        return drawing
+
+
+def _intervals(percent: Array, written: list[bool]) -> str:
+    """Return a note on the intervals: in the cells, or their widths if there is no room."""
+    if all(written):
+        return "below the share, its 95 % Wilson interval"
+    share, low, high = np.moveaxis(percent, -1, 0)
+    most = np.max(np.maximum(high - share, share - low))
+    return f"95 % Wilson intervals of at most ±{most:.2g} percentage points"
+
+
+def _interval(low: float, high: float) -> str:
+    """Return an interval in per cent, rounded outwards unless it is narrow."""
+    if high - low < 1:
+        return f"{low:.4g}–{high:.4g}"
+    return f"{math.floor(low + _ROUNDING)}–{math.ceil(high - _ROUNDING)}"
+
+
+def _per_cent(number: float) -> str:
+    """Return a share in per cent; 0 and 100 only for none and all."""
+    if number < 0.5:
+        return f"{number:.1g}"
+    if number > 99.5:
+        return f"{100 - float(f'{100 - number:.1g}'):.10g}"
+    return f"{number:.0f}"
+
+
+# Figure of a design trade-off: every point by two metrics, and the Pareto front -------------------
+
+
+_PARETO_HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4, "slide": 2.6}
+_PALE = 0.45
+
+MOST_NAMED = 16
+"""Most points on fronts that are named on a page; more would hide each other."""
+_LONGEST, _ALONG = 40, 25
+"""Most characters in a line of a name, and points on a step that names keep clear of."""
+
+
+@dataclass(frozen=True)
+class Pareto(OfSweep):
+    """Every point of a sweep by two metrics, of which lower is better, and the Pareto front.
+
+    Only of design choices: gains and options of laws. Points are means over the runs; a line joins
+    the Pareto front of each law. On a page, few such points carry the values of the swept keys, as
+    far as there is room.
+
+    Attributes
+    ----------
+    cost, error
+        The metrics across and up, by their names in the result; by default the effort and the mean
+        pose error, of the first part where parts have units of their own.
+    log
+        Logarithmic scales; by default, of the metrics that span more than a decade.
+    """
+
+    name: ClassVar[str] = "pareto"
+
+    cost: str = ""
+    error: str = ""
+    log: bool | None = None
+
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
+        """Draw the means over the runs of every point, and the front of every controller."""
+        swept.require_choices()
+        cost_name = self.cost or swept.of_one_unit("effort")
+        error_name = self.error or swept.of_one_unit("mean_pose_error")
+        cost, error = swept.means(cost_name), swept.means(error_name)
+        drawing = Drawing(figsize=(WIDTHS[width], _PARETO_HEIGHTS[width]))
+        panel = drawing.add_subplot()
+        lines, fronts = [], []
+        for k, (of, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
+            look = line_style(of) | {"marker": of.marker, "label": title}
+            x, y = cost[:, k], error[:, k]
+            pale = {"color": look["color"], "alpha": _PALE, "linewidths": 0}
+            panel.scatter(x, y, s=16, marker=look["marker"], label=title, **pale)
+            best = front(x, y)
+            # Steps, since the first of two points of the front dominates all between them.
+            lines += panel.plot(x[best], y[best], drawstyle="steps-post", markersize=4.5, **look)
+            fronts.append(best)
+        panel.margins(0.03)
+        scale(panel, "x", cost, log=self.log)
+        scale(panel, "y", error, log=self.log)
+        panel.set_xlabel(metric_label(swept.results, cost_name, 36))
+        panel.set_ylabel(metric_label(swept.results, error_name, 36))
+        add_legend(drawing, lines, swept.titles)
+        if width != "column" and sum(map(len, fronts)) <= MOST_NAMED:
+            _name_fronts(panel, swept, fronts, cost, error)
+        swept.remarks.append(f"Each point: mean over {swept.count}.")
+        return drawing
+
+
+def _name_fronts(
+    panel: Axes, swept: ShownSweep, fronts: list[Array], cost: Array, error: Array
+) -> None:
+    """Write the swept values beside the points of the fronts."""
+    points, texts, colours, corners = [], [], [], [np.column_stack([cost.ravel(), error.ravel()])]
+    for k, (best, look) in enumerate(zip(fronts, swept.looks, strict=True)):
+        x, y = cost[best, k], error[best, k]
+        points.append(np.column_stack([x, y]))
+        texts += [free_text(swept.point_name(int(point)), _LONGEST) for point in best]
+        colours += [look.colour] * len(best)
+        corners += [steps(x, y)]
+    name_points(panel, np.concatenate(points), texts, colours, np.concatenate(corners))
+
+
+def steps(x: Array, y: Array) -> Array:
+    """Return points along the steps between points, ``(any, 2)``."""
+    share = np.linspace(0, 1, _ALONG)[:, None]
+    across = np.stack([x[:-1] + share * np.diff(x), y[:-1] + 0 * share], axis=-1)
+    down = np.stack([x[1:] + 0 * share, y[:-1] + share * np.diff(y)], axis=-1)
+    return np.concatenate([across, down]).reshape(-1, 2)

@@ -1,0 +1,436 @@
+"""Figures over time: the paper's, torque, commands and the reference."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.option_types import CountOrNone
+from eqt_cli.figures import layout
+from eqt_cli.figures.cells import scale_norm, spans_decade
+from eqt_cli.figures.curves import Bands, draw_mean, name_curves, of_bands
+from eqt_cli.figures.figure import OfReference, OverTime, Panelled, ShownRuns, law_columns
+from eqt_cli.figures.labels import (
+    axis_labels,
+    force_component,
+    free_text,
+    part_curves,
+    part_name,
+    quantity,
+)
+from eqt_cli.figures.layout import add_legend, add_title, name_scale, sheet
+from eqt_cli.figures.shown import Ensemble, ShownReference, names
+from eqt_cli.figures.style import WIDTHS, Width, ink, line_style
+
+# Figure of the paper for any result: means over runs of errors, torque norm and L -----------------
+
+
+_NORMS = ("pose_error", "velocity_error", "torque_norm")
+_FUNCTION = "lyapunov"
+
+
+@dataclass(frozen=True)
+class Paper(Panelled, OverTime):
+    """Means over runs of pose error, velocity error, torque norm and Lyapunov function.
+
+    Figure 3 of Hampsey et al. (2025), on any group: where rotation and translation have units of
+    their own, the norms of both are shown, side by side, instead of the mixed ones.
+
+    Attributes
+    ----------
+    log
+        Logarithmic scales. The default is linear, as in the paper, so that the two can be
+        compared.
+    log_torque
+        A logarithmic scale for the torque; by default as `log`, if the torque spans a decade.
+    bands
+        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a column of
+        panels per law; ``bootstrap`` the 95 % interval of the mean at each time.
+    degrees
+        The attitude error as the angle of the rotation, in degrees; its rate in deg/s.
+    """
+
+    name: ClassVar[str] = "paper"
+
+    log: bool = False
+    log_torque: bool | None = None
+    bands: Bands = "none"
+    degrees: bool = False
+
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
+        """Draw two by two panels, or a row per norm and a column per part; quantiles by law."""
+        runs.require_attitude(degrees=self.degrees)
+        norms = self.picked((*_NORMS, _FUNCTION))
+        draw = self._by_law if self.bands == "quantiles" else self._together
+        drawing = draw(runs, width, norms)  # such bands would hide each other
+        runs.remarks.append(f"Curves: mean over {runs.count()}{of_bands(self.bands)}.")
+        return drawing
+
+    def _together(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
+        """Draw all laws in each panel."""
+        parts = runs.parts
+        rows = [[norm + part for part in parts] for norm in norms if norm != _FUNCTION]
+        if len(parts) > 1:
+            mosaic = [*rows, *([_FUNCTION] * len(parts) for norm in norms if norm == _FUNCTION)]
+        else:
+            mosaic = layout.rows_of([*(row[0] for row in rows), *norms[len(rows) :]], 2)
+        drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"))
+        for signal, axes in panels.items():
+            for ensemble in self._shown(runs, signal):
+                self._draw(axes, signal, runs, ensemble)
+            self._scale([axes], signal, runs)
+        for signal, part in zip(rows[0], parts, strict=True) if rows else ():
+            layout.add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
+        complete = [axes for axes in panels.values() if len(axes.lines) == len(runs.shown)]
+        lines = max(panels.values(), key=lambda axes: len(axes.lines)).lines
+        name_curves(drawing, complete, lines, [e.title for e in runs.shown])
+        return drawing
+
+    def _by_law(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
+        """Draw a row per norm and part, and a column per law."""
+        of_parts = {norm: [""] if norm == _FUNCTION else runs.parts for norm in norms}
+        signals = [norm + part for norm in norms for part in of_parts[norm]]
+        drawing, rows = law_columns(runs, width, signals, lambda s, e: e in self._shown(runs, s))
+        for signal, row in rows.items():
+            for ensemble in self._shown(runs, signal):
+                self._draw(row[ensemble.label], signal, runs, ensemble)
+            self._scale(list(row.values()), signal, runs)
+        return drawing
+
+    def _shown(self, runs: ShownRuns, signal: str) -> list[Ensemble]:
+        return runs.with_function() if signal == _FUNCTION else runs.shown
+
+    def _draw(self, axes: Axes, signal: str, runs: ShownRuns, ensemble: Ensemble) -> None:
+        values = runs.errors(signal, ensemble, degrees=self.degrees)
+        draw_mean(axes, runs.times(ensemble), values, self.bands, ensemble)
+
+    def _scale(self, panels: Sequence[Axes], signal: str, runs: ShownRuns) -> None:
+        log = self.log
+        if signal.startswith("torque_norm"):
+            drawn = np.concatenate([line.get_ydata() for axes in panels for line in axes.lines])
+            log = log and spans_decade(drawn) if self.log_torque is None else self.log_torque
+        for axes in panels:
+            scale_norm(axes, log=log)
+        layout.name_scale(panels[0], runs.error_label(signal, degrees=self.degrees))
+
+
+# Figure of torque components: the mean over runs of every law, a panel per axis -------------------
+
+
+_DESIRED: dict[str, Any] = {"linewidth": 2.2, "zorder": 1.5}
+_PALE = 0.25
+"""Share of ink in the reference torque, which lies behind the curves."""
+_ACROSS = 3
+"""Most axes of a part side by side on a page."""
+
+Share = Literal["total", "feedback", "feedforward"]
+
+_NAMED = {"total": "torque", "feedback": "signed feedback"}
+
+
+@dataclass(frozen=True)
+class Torque(Panelled, OverTime):
+    """Torque components in the body frame: the mean over runs, all laws in a panel per axis.
+
+    Forces have panels of their own. The torque of the reference is drawn beside the whole torque
+    and the feedforward.
+
+    Attributes
+    ----------
+    share
+        ``feedback``; ``feedforward``, what the law gives without its gains; or ``total``. The parts
+        are known in an ideal loop, of laws that say what their feedforward is: there, the default
+        is ``feedback``, and else ``total``.
+    log
+        The size of each component on a logarithmic scale.
+    bands
+        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a column of
+        panels per law; ``bootstrap`` the 95 % interval of the mean at each time.
+    """
+
+    name: ClassVar[str] = "torque"
+
+    share: Share | None = None
+    log: bool = False
+    bands: Bands = "none"
+
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
+        """Draw a panel per axis; with quantiles, a column of panels per law."""
+        wanted = self.picked([name for name, _ in runs.axes])
+        units = {name: unit for name, unit in runs.axes if name in wanted}
+        share, values = self._of_laws(runs)
+        size = "size of the " if self.log else ""
+        what = "" if share == "total" and not size else f" of the {size}{_NAMED.get(share, share)}"
+        runs.remarks.append(f"Curves: mean{what} over {runs.count()}{of_bands(self.bands)}.")
+        by_law = self.bands == "quantiles" and len(runs.shown) > 1
+        if by_law:  # bands would hide each other
+            drawing, rows = law_columns(runs, width, wanted)
+        else:
+            drawing, panels = layout.sheet(
+                width, _places(units, width), runs.span, runs.unit("time")
+            )
+            rows = {name: {e.label: panels[name] for e in runs.shown} for name in wanted}
+        for k, (name, _) in enumerate(runs.axes):
+            for ensemble in runs.shown if name in wanted else ():
+                torques = values[ensemble.label][..., k]
+                panel, drawn = rows[name][ensemble.label], abs(torques) if self.log else torques
+                draw_mean(panel, runs.times(ensemble), drawn, self.bands, ensemble)
+        first = list(dict.fromkeys(rows[wanted[0]].values()))
+        lines = [line for axes in first for line in axes.lines[: len(runs.shown)]]
+        laws = dict(zip((e.title for e in runs.shown), lines, strict=False))
+        desired = {} if share == "feedback" else _draw_desired(runs, rows, log=self.log)
+        for name, unit in units.items():
+            symbol = force_component(name, unit)
+            if share != "total":
+                index = r"\mathrm{fb}" if share == "feedback" else r"\mathrm{ff}"
+                base, _, axis = symbol.removesuffix("}").partition("_{")
+                symbol = f"{base}_{{{','.join(filter(None, (axis, index)))}}}"
+            label = quantity(f"|{symbol}|" if self.log else symbol, unit)
+            layout.name_scale(next(iter(rows[name].values())), label)
+            for axes in rows[name].values() if self.log else ():
+                scale_norm(axes, log=True)
+        handles = desired if by_law else {**laws, **desired}
+        if not desired and not by_law:
+            name_curves(drawing, panels.values(), list(laws.values()), list(laws))
+        elif handles:
+            layout.add_legend(drawing, list(handles.values()), list(handles))
+        return drawing
+
+    def _of_laws(self, runs: ShownRuns) -> tuple[Share, dict[str, Array]]:
+        """Return the share and the torques by law that are drawn, ``(runs, samples, axes)``."""
+        torque = {e.label: runs.values("torque", e) for e in runs.shown}
+        if self.share == "total":
+            return self.share, torque
+        try:
+            given = {e.label: runs.feedforward(e) for e in runs.shown}
+        except EqtError:
+            if self.share:
+                raise
+            return "total", torque
+        if self.share == "feedforward":
+            return self.share, given
+        return "feedback", {label: torque[label] - given[label] for label in torque}
+
+
+def _draw_desired(
+    runs: ShownRuns, rows: Mapping[str, Mapping[str, Axes]], *, log: bool
+) -> dict[str, Artist]:
+    """Draw the reference torque of each result in every panel; return the last line by name."""
+    line: Artist = Line2D([], [])
+    places = [name for name, _ in runs.axes]
+    for result, name in zip(runs.results, names(runs.results), strict=True):
+        first = next((e for e in runs.shown if e.results is result), None)
+        if first is None:
+            continue
+        desired = runs.desired("torque", first)
+        label = f"desired, {name}" if len(runs.results) > 1 else "desired"
+        look: dict[str, Any] = {"label": label, "color": ink(_PALE), **_DESIRED}
+        for axis, row in rows.items():
+            drawn = desired[:, places.index(axis)]
+            for panel in dict.fromkeys(row.values()):
+                (line,) = panel.plot(runs.times(first), abs(drawn) if log else drawn, **look)
+    return {quantity(r"\tau_d", ""): line}
+
+
+def _places(axes: Mapping[str, str], width: Width) -> layout.Mosaic:
+    """Return the panels by axis, with torques and forces in separate rows or columns."""
+    units = dict.fromkeys(axes.values())
+    parts = [[axis for axis, of in axes.items() if of == unit] for unit in units]
+    if width != "column":
+        across = min(_ACROSS, max(map(len, parts)))
+        rows = [row for part in parts for row in layout.rows_of(part, across)]
+        return [row + [layout.EMPTY] * (across - len(row)) for row in rows]
+    if len(parts) == 1:
+        return [[axis] for axis in parts[0]]
+    tallest = max(map(len, parts))
+    return [[part[k] if k < len(part) else layout.EMPTY for part in parts] for k in range(tallest)]
+
+
+# Figure of commanded and delivered torque, thrust or momentum of wheels in a single run -----------
+
+
+_ASKED: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.2))}
+_ANY = 0.7
+"""Share of ink in the grey that stands for every controller's colour in the legend."""
+_SHADE = 0.13
+"""Share of ink in the shading behind the curves."""
+_NEAR = 1e-6
+"""Relative tolerance within which a limit counts as reached."""
+_SEEN = 2.0
+"""Multiple of the largest value up to which a limit is drawn."""
+Limits = tuple[Array, Array] | None
+
+_GIVEN = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
+_FEW = 4
+"""Most thrusters or wheels whose panels have room for several laws in a column."""
+_MOST_NAME = 11
+"""Most characters in a line of the name of a thruster, where there are many."""
+
+
+@dataclass(frozen=True)
+class Commands(Panelled, OverTime):
+    """What a law asks for and what its actuators give in one run; the time at a limit is shaded.
+
+    A row per axis and a column per law, with the limits of each axis. Limits of other kinds,
+    such as of the norm, shade all axes.
+
+    Attributes
+    ----------
+    run
+        Number of the run.
+    thrusters
+        Show the thrust of each thruster instead, a row each.
+    wheels
+        Show the momentum of each wheel instead, a row each.
+    """
+
+    name: ClassVar[str] = "commands"
+
+    run: CountOrNone = 0
+    thrusters: bool = False
+    wheels: bool = False
+
+    @property
+    def _signal(self) -> str:
+        """The signal whose rows are shown."""
+        return "thrust" if self.thrusters else "wheel_momentum" if self.wheels else "torque"
+
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
+        """Draw a row with its own scale per axis, and a column per law."""
+        signal = self._signal
+        if signal == "torque" and not any(e.results.has("command") for e in runs.shown):
+            raise runs.error(
+                "finds no actuators in this loop, so what a law asks for is what acts; figure "
+                "'torque' shows it"
+            )
+        axes = {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
+        if signal != "torque":
+            names = runs.members(signal)
+            if len(names) > _FEW and width == "column" and not self.controllers:
+                runs.ensembles = runs.shown[:1]
+                runs.remarks.append("Of the first law; --controller chooses others.")
+            unit = runs.unit(signal).replace(" ", "\u00a0")  # not broken there
+            most = 2 * _MOST_NAME // (1 + len(names) // _FEW)
+            axes = {name: free_text(f"{name} ({unit})", most) for name in names}
+        places, wanted = list(axes), self.picked(list(axes))
+        drawing, rows = law_columns(runs, width, wanted)
+        kinds: set[str] = set()
+        limits = {e.label: runs.limits(e, self.run, signal) for e in runs.shown}
+        for name in wanted:
+            name_scale(next(iter(rows[name].values())), axes[name])
+            for ensemble in runs.shown:
+                k, panel = places.index(name), rows[name][ensemble.label]
+                kinds |= self._fill(panel, runs, ensemble, k, limits[ensemble.label])
+        self._add_legend(drawing, runs, kinds)
+        runs.remarks.append(f"Run {self.run}.")
+        return drawing
+
+    def _fill(
+        self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits
+    ) -> set[str]:
+        """Draw one axis, thruster or wheel of a controller; shade where it is at a limit.
+
+        Return the names of what the legend explains.
+        """
+        times, signal = runs.times(ensemble), self._signal
+        given = runs.of_run(signal, ensemble, self.run)[:, k]
+        command = given
+        if signal == "torque" and ensemble.results.has("command"):
+            command = runs.of_run("command", ensemble, self.run)[:, k]
+        if ends is not None:
+            low, high = float(ends[0][k]), float(ends[1][k])
+            beyond = (command <= low + _NEAR * abs(low)) | (command >= high - _NEAR * abs(high))
+        else:
+            low, high = -np.inf, np.inf
+            beyond = np.zeros(len(times), dtype=bool)
+            if ensemble.results.has("at_limit") and signal == "torque":
+                beyond = runs.of_run("at_limit", ensemble, self.run) > 0
+        for start, end in _stretches(times, beyond):
+            axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
+        kinds = {"at a limit"} if beyond.any() else set()
+        reach = _SEEN * np.max(np.abs(given), initial=0.0, where=np.isfinite(given))
+        for number, end in enumerate((low, high)):
+            if np.isfinite(end) and abs(end) <= reach:
+                axes.axhline(end, label=f"limit {number}", **_limit())
+                kinds.add("limit")
+        axes.plot(times, given, color=ensemble.look.colour, label=_GIVEN[signal])
+        if signal == "torque":
+            axes.plot(times, command, color=ink(), label="asked", **_ASKED)
+        return kinds
+
+    def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: set[str]) -> None:
+        alone = runs.shown[0].look.colour if len(runs.shown) == 1 else ink(_ANY)
+        given = {**_GIVEN, "torque": "given by the actuators"}[self._signal]
+        handles: dict[str, Artist] = {given: Line2D([], [], color=alone)}
+        if self._signal == "torque":
+            handles["asked by the law"] = Line2D([], [], color=ink(), **_ASKED)
+        if "limit" in kinds:
+            handles["limit"] = Line2D([], [], **_limit())
+        if "at a limit" in kinds:
+            handles["at a limit"] = Patch(facecolor=ink(_SHADE), linewidth=0)
+        add_legend(drawing, list(handles.values()), list(handles))
+
+
+def _limit() -> dict[str, Any]:
+    return {"color": ink(_ANY), "linewidth": 0.6, "linestyle": (0, (6, 2)), "zorder": 1.5}
+
+
+def _stretches(times: Array, inside: Array) -> list[tuple[float, float]]:
+    """Return start and end of each stretch of samples inside, extended by half a step."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    between = np.concatenate([times[:1], (times[:-1] + times[1:]) / 2, times[-1:]])
+    return [(float(between[a]), float(between[b])) for a, b in edges.reshape(-1, 2)]
+
+
+# Figure of the reference: pose, velocity and torque over time -------------------------------------
+
+
+_ROWS = ("pose", "velocity", "torque")
+
+
+@dataclass(frozen=True)
+class ReferenceOverTime(Panelled, OfReference):
+    """Pose, velocity and torque of the reference, a column per part; it needs no run.
+
+    A rotation is drawn as its vector, axis times angle, without jumps by whole turns.
+
+    Attributes
+    ----------
+    degrees
+        Angles and rates of rotations in degrees.
+    """
+
+    name: ClassVar[str] = "reference"
+
+    degrees: bool = False
+
+    def compose(self, shown: ShownReference, width: Width) -> Drawing:
+        """Draw three rows; the coordinates of a part share a panel."""
+        parts = shown.group.parts
+        names = self.picked(_ROWS)
+        rows = [[f"{row} {part.name}" for part in parts] for row in names]
+        span = float(shown.times[0]), float(shown.times[-1])
+        drawing, panels = sheet(width, rows, span, "s")
+        for place, part in enumerate(parts):
+            for row, name in zip(rows, names, strict=True):
+                axes, of = panels[row[place]], getattr(shown, name)
+                values, label = part_curves(
+                    shown.group, part, name, of, degrees=self.degrees, index="d"
+                )
+                for k, axis in enumerate(shown.group.axis_names[part.axes]):
+                    axes.plot(shown.times, values[:, k], label=axis, **line_style(k))
+                name_scale(axes, label)
+            if len(parts) > 1:
+                add_title(panels[rows[0][place]], part_name(part.name), WIDTHS[width] / len(parts))
+        axes_of = axis_labels(shown.group)
+        lines = [Line2D([], [], **line_style(k)) for k in range(len(axes_of))]
+        add_legend(drawing, lines, axes_of)
+        return drawing

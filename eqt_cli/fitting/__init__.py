@@ -1,1 +1,0 @@
-"""A model against a recording: what it predicts of it, and the numbers with which it fits."""

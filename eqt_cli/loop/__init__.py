@@ -1,0 +1,1 @@
+"""The closed loop: group, mechanics, reference, law and vehicle as one differential equation."""

@@ -1,0 +1,602 @@
+"""Group, mechanics, reference, law and vehicle joined into one vector field."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import accumulate
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, dot, stack
+from eqt_cli.base.errors import KeyPath, parse_key
+from eqt_cli.base.registry import is_foreign
+from eqt_cli.components.actuators import Actuator
+from eqt_cli.components.estimators import Estimator
+from eqt_cli.components.forces import Force
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import Inertia, InertiaLaw
+from eqt_cli.components.laws import Controller
+from eqt_cli.components.mechanics import Gains, LawInput, Tracking, lie_poisson
+from eqt_cli.components.motions import FlatOutput, GivenOverTime
+from eqt_cli.components.references import Desired, Reference, TorqueReference
+from eqt_cli.components.sensors import Errors, Sensor
+from eqt_cli.components.vehicle import CONTROL, LOST, Vehicle
+from eqt_cli.numbers.leaves import STRUCTURE, leaves
+
+# The layout of a flat state: named stretches of numbers, one after the other ----------------------
+
+
+@dataclass(frozen=True)
+class StateLayout:
+    """Names and lengths of the stretches of a flat state, in order.
+
+    A part of the loop that has states adds a stretch.
+
+    Attributes
+    ----------
+    lengths
+        Length of each stretch.
+    """
+
+    lengths: Mapping[str, int]
+
+    @property
+    def length(self) -> int:
+        """The number of entries of a flat state."""
+        return sum(self.lengths.values())
+
+    @cached_property
+    def slices(self) -> dict[str, slice]:
+        """The slice of each stretch in a flat state."""
+        pairs = zip(self.lengths.items(), accumulate(self.lengths.values()), strict=True)
+        return {name: slice(end - length, end) for (name, length), end in pairs}
+
+    def split(self, state: Array) -> dict[str, Array]:
+        """Split flat states ``(..., length)`` into their stretches."""
+        return {name: state[..., where] for name, where in self.slices.items()}
+
+    def join(self, stretches: Mapping[str, Any], like: Array) -> Array:
+        """Join stretches to flat states, of the shape and type of `like`; undoes `split`.
+
+        Stretches that the layout does not have are left out.
+        """
+        state = np.empty_like(like)
+        for name, where in self.slices.items():
+            state[..., where] = stretches[name]
+        return state
+
+
+# The closed loop as a vector field on flat states, and the signals that follow from a state -------
+#
+# It joins the laws and has no formula of its own. The same code runs on floats with leading batch
+# axes and on object arrays of symbols; it knows no engine.
+
+
+_STRETCH = {"pose": "desired_pose", "velocity": "desired_momentum"}
+DESIRED = tuple(_STRETCH.values())
+"""The stretches of the integrated parts of Q_d and V_d."""
+
+MEMORY = "controller."
+"""Prefix of the stretches of a law's memory, before the law's own names."""
+
+VEHICLE = "vehicle."
+"""Prefix of the stretches of the vehicle, between law and plant, before their own names."""
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """A mechanical system on G, the reference it tracks and the law that controls it.
+
+    A flat state is (Q, P, Q_d, P_d, W, …): the free entries of both poses, both momenta, the
+    work W taken out of L, the memory of the law, and the states of the actuators. P is 𝕀V with
+    the law's model of the inertia, even where the plant's differs. The reference is part of every
+    state, so that the errors between the two are consistent.
+
+    Its leaves are the numbers that may change from run to run without changing the structure.
+
+    Attributes
+    ----------
+    held_reference, held_law
+        Reference and law with their numbers between two known instants; see `holding`.
+    """
+
+    group: MatrixLieGroup = field(metadata=STRUCTURE)
+    inertia: InertiaLaw
+    gains: Gains
+    reference: Reference = field(metadata=STRUCTURE)
+    controller: Controller
+    vehicle: Vehicle = field(default_factory=Vehicle)
+    held_reference: Reference | None = field(default=None, kw_only=True)
+    held_law: Any = field(default=None, kw_only=True)
+
+    @classmethod
+    def of(cls, loop: "ClosedLoop") -> Self:
+        """Return the system of this class for a closed loop."""
+        return cls(**{field.name: getattr(loop, field.name) for field in dataclasses.fields(loop)})
+
+    @property
+    def law(self) -> Controller:
+        """The law, with its numbers between two known instants where these are held."""
+        return self.controller.with_held(self.held_law)
+
+    @property
+    def inside(self) -> "ClosedLoop":
+        """The loop that L and the gains are of: for a cascade that of its attitude, else itself."""
+        inner = self.controller.inside(self.group, self.inertia)
+        if inner is None:
+            return self
+        G, inertia, law = inner
+        return ClosedLoop(G, inertia, self.gains, TorqueReference([0.5] * G.dimension), law)
+
+    @property
+    def period(self) -> float:
+        """The control period, s; 0 without sampled control."""
+        return 0.0 if self.vehicle.control is None else self.vehicle.control.period
+
+    # Quantities for certificates, metrics and figures.
+
+    def command(self, s: Tracking) -> Array:
+        """Return the commanded torque, a held one if sampled, body frame, ``(..., m)``."""
+        if self.vehicle.control is not None:
+            return self.vehicle.last_command(self.group, s.vehicle)
+        return self.law.torque(s)
+
+    def torque(self, s: Tracking) -> Array:
+        """Return the torque τ of the actuators, body frame, ``(..., m)``."""
+        return self.vehicle.passed(self.group, self.command(s), s.vehicle)[0]
+
+    def at_limit(self, s: Tracking) -> Array:
+        """Return 1 where an actuator is at its limit, else 0, ``(...)``."""
+        if not self.vehicle.limits:
+            return np.zeros(s.P.shape[:-1])
+        return self.vehicle.at_limit(self.group, self.command(s), s.vehicle).astype(float)
+
+    def acting_and_rates(self, s: Tracking) -> tuple[Array, Mapping[str, Array]]:
+        """Return the force that moves the law's model as the true plant, and actuator rates.
+
+        The force, ``(..., m)`` in the body frame, is τ if nothing else acts and the law knows the
+        inertia. The rates are those of the states of actuators and sensors.
+        """
+        torque, rates = self.vehicle.passed(self.group, self.command(s), s.vehicle)
+        for place, force, more in self.vehicle.reactions(self.group, s.V, s.vehicle):
+            torque = torque + force
+            rates |= {place: rates[place] + more} if place in rates else {}
+        _, of_sensors = self.vehicle.read(self.group, s.V, s.vehicle)
+        return self.vehicle.acting(s, torque), rates | of_sensors
+
+    def dissipation(self, s: Tracking) -> Array | None:
+        """Return the power −dL/dt that the law alone takes out of L; None if it is not known."""
+        dissipation = self.controller.dissipation(s)
+        if dissipation is None or not self._holds_memory:
+            return dissipation
+        gradient = self.controller.memory_gradient(s)
+        if gradient is None:
+            return None
+        rates = self.controller.memory_rate(s)
+        # The law assumes that its memory moves continuously; here it changes at instants only.
+        return dissipation + sum(dot(gradient[name], rates[name]) for name in gradient)
+
+    @property
+    def _holds_memory(self) -> bool:
+        """Whether the law has a memory that changes at control instants only."""
+        return self.vehicle.control is not None and bool(self.controller.memory(self.group))
+
+    def outflow(self, s: Tracking, acting: Array) -> Array | None:
+        """Return the power −dL/dt under an acting force, ``(...)``; None if it is not known.
+
+        It is dissipation − ⟨δ, y⟩ with δ = `acting` − τ(s), the force unknown to the law, and the
+        law's own velocity error y.
+        """
+        dissipation = self.dissipation(s)
+        if dissipation is None or self.vehicle.is_ideal:
+            return dissipation
+        law = self.controller.formula
+        assert law is not None  # without a formula, the dissipation is None
+        unknown = acting - law.torque(s)
+        return dissipation - dot(unknown, self.controller.velocity_error(s))
+
+    @property
+    def departures(self) -> str:
+        """The departures from the assumptions of the theorems, in words; empty if none."""
+        return ", ".join(filter(None, [self.controller.departs, self.vehicle.departures]))
+
+    @property
+    def claims_decrease(self) -> bool | None:
+        """Whether L is claimed to fall along every trajectory; None if nothing is claimed."""
+        return self.controller.claims(self.group, self.gains) if self.vehicle.is_ideal else None
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """Return the Lyapunov function L of the law, ``(...)``; laws may have different ones."""
+        return self.law.lyapunov(s)
+
+    def work(self, state: Array) -> Array:
+        """Return the work W taken out of L up to a flat state."""
+        return state[..., self.layout.slices["work"].start]
+
+    # Instants, known in advance, at which the vector field changes.
+
+    def instants(self, until: float) -> Array:
+        """Return the sorted times at which the vector field changes, and its short pulses, s."""
+        instants = [part.instants(self.group, until) for part in self.given_over_time.values()]
+        instants += [force.instants(self.group, until) for force in self.vehicle.forces]
+        return np.unique(np.concatenate(instants))
+
+    @property
+    def given_over_time(self) -> dict[str, GivenOverTime]:
+        """The parts that may hold numbers, by the field of their held version."""
+        return {"held_reference": self.reference, "held_law": self.controller}
+
+    @cached_property
+    def holds(self) -> bool:
+        """Whether the vector field holds numbers from one instant to the next."""
+        return any(part.held(self.group, 0.0) is not None for part in self.given_over_time.values())
+
+    def holding(self, t: Any) -> Self:
+        """Return the loop from time t to the next instant, with the held numbers as leaves."""
+        if not self.holds:
+            return self
+        held = {name: part.held(self.group, t) for name, part in self.given_over_time.items()}
+        return dataclasses.replace(self, **held)
+
+    @property
+    def held_leaves(self) -> dict[str, Array]:
+        """The leaves that are held, by path."""
+        return leaves(self, self.given_over_time)
+
+    # Flat states.
+
+    @cached_property
+    def layout(self) -> StateLayout:
+        """The layout of a flat state."""
+        q, m = self.group.pose_length, self.group.dimension
+        desired, memory = self.reference.starts_from, self.controller.memory(self.group)
+        return StateLayout(
+            {
+                "pose": q,
+                "momentum": m,
+                **{_STRETCH[part]: {"pose": q, "velocity": m}[part] for part in desired},
+                "work": 1,
+                **{MEMORY + name: length for name, length in memory.items()},
+                **{VEHICLE + name: n for name, n in self.vehicle.states(self.group).items()},
+            }
+        )
+
+    @property
+    def state_length(self) -> int:
+        """The number of entries of a flat state."""
+        return self.layout.length
+
+    @cached_property
+    def moving_length(self) -> int:
+        """The number of leading entries that an engine integrates and the vector field reads.
+
+        The rest are the states of an estimator.
+        """
+        return self.state_length - sum(self.vehicle.estimator_lengths(self.group).values())
+
+    def initial_state(self, Q: Array, V: Array, Qd: Array, Vd: Array, t: Any = 0.0) -> Array:
+        """Return the flat state at time t with W = 0, from poses and velocities.
+
+        Poses are ``(..., d, d)``, velocities ``(..., m)``.
+        """
+        inertia = self.inertia.at(t)
+        batch = np.broadcast_shapes(Q.shape[:-2], V.shape[:-1], Qd.shape[:-2], Vd.shape[:-1])
+        stretches = dict.fromkeys(self.layout.lengths, 0.0) | {
+            "pose": self.group.pack(Q),
+            "momentum": inertia.momentum(V),
+            "desired_pose": self.group.pack(Qd),
+            "desired_momentum": inertia.momentum(Vd),
+            **_named(VEHICLE, self.vehicle.started(self.group, V)),
+        }
+        dtype = np.result_type(Q, V, Qd, Vd)
+        state = self.layout.join(stretches, np.empty((*batch, self.state_length), dtype=dtype))
+        if any(name.startswith(MEMORY) for name in stretches):
+            memory = self.controller.initial_memory(self.tracking(t, state))
+            stretches |= _named(MEMORY, memory)
+            state = self.layout.join(stretches, state)
+        if self.vehicle.runs:
+            command = self.controller.torque(self.tracking(t, state))
+            running = self.vehicle.running(self.group, command)
+            state = self.layout.join(stretches | _named(VEHICLE, running), state)
+        return state
+
+    def tracking(self, t: Any, state: Array) -> Tracking:
+        """Return everything a law may read, at t and a flat state ``(..., state_length)``."""
+        parts = self.layout.split(state)
+        desired, inertia = self._desired(t, state)
+        s = Tracking(
+            G=self.group,
+            inertia=inertia,
+            gains=self.gains,
+            t=t,
+            Q=self.group.unpack(parts["pose"]),
+            P=parts["momentum"],
+            Qd=desired.Q,
+            Pd=desired.P,
+            tau_d=desired.tau,
+            memory=_of(MEMORY, parts),
+            vehicle=_of(VEHICLE, parts),
+            flat=self._flat_output(t, state.shape[:-1]),
+        )
+        if desired.V is None or desired.V_dot is None:  # they follow from P_d and τ_d
+            return s
+        batch = state.shape[:-1]
+        return s.following(_spread(desired.V, batch, 1), _spread(desired.V_dot, batch, 1))
+
+    def _flat_output(self, t: Any, batch: tuple[int, ...]) -> FlatOutput | None:
+        """Return the flat output of the reference, for a law that reads it."""
+        if not self.controller.reads_flat_output:
+            return None
+        output = (self.held_reference or self.reference).flat_output(self.group, t)
+        assert output is not None  # as the configuration was checked for
+        heading = None if output.heading is None else _spread(output.heading, batch, 1)
+        return FlatOutput(_spread(output.position, batch, 2), heading)
+
+    def _desired(self, t: Any, state: Array) -> tuple[Desired, Inertia]:
+        """Return the desired state at t and a flat state, and the law's model of the inertia."""
+        parts, inertia = self.layout.split(state), self.inertia.at(t)
+        Qd, Pd = map(parts.get, DESIRED)
+        if Qd is not None:
+            Qd = self.group.unpack(Qd)
+        desired = (self.held_reference or self.reference).desired(self.group, inertia, t, Qd, Pd)
+        batch = state.shape[:-1]
+        Q, P = _spread(desired.Q, batch, 2), _spread(desired.P, batch, 1)
+        return desired._replace(Q=Q, P=P), inertia
+
+    # The differential equation.
+
+    def vector_field(self, t: Any, state: Array) -> Array:
+        """Return the time derivative of a flat state, ``(..., state_length)``."""
+        s = self.tracking(t, state)
+        acting, moving = self.acting_and_rates(s)
+        Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, acting)
+        outflow = self.outflow(s, acting)
+        memory = dict.fromkeys(s.memory, 0.0) if self._holds_memory else self.law.memory_rate(s)
+        rates = {
+            "pose": self.group.pack(Q_dot),
+            "momentum": P_dot,
+            **self._desired_rates(s),
+            "work": 0.0 if outflow is None else stack([outflow]),
+            **_named(MEMORY, memory),
+            **_named(VEHICLE, moving),
+        }
+        return self.layout.join(rates, state)
+
+    def _desired_rates(self, s: Tracking) -> Mapping[str, Array]:
+        Qd_dot, Pd_dot = lie_poisson(self.group, s.Qd, s.Pd, s.Vd, s.tau_d)
+        return dict(zip(DESIRED, (self.group.pack(Qd_dot), Pd_dot), strict=True))
+
+    # The instants at which a sampled law is evaluated.
+
+    def measured(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
+        """Return a flat state after the measurements at time t, which sensors may hold."""
+        if errors is None or not self.changes_by_measuring:
+            return state
+        s = self.tracking(t, state)
+        states = self.vehicle.after_measuring(self.group, s.Q, s.V, errors, s.vehicle)
+        return self.layout.join(self.layout.split(state) | _named(VEHICLE, states), state)
+
+    @property
+    def changes_by_measuring(self) -> bool:
+        """Whether a measurement changes a flat state: with sensors that hold, or an estimator."""
+        return bool(self.vehicle.holding(self.group)) or self.vehicle.estimator is not None
+
+    def told(self, t: Any, state: Array, errors: Errors | None = None) -> LawInput:
+        """Return the input of the law at time t and a flat state, which is `measured`.
+
+        Parameters
+        ----------
+        errors
+            E and b of the measurement Q E, V + b: ``(..., d, d)`` and ``(..., m)``.
+        """
+        s = self.tracking(t, state)
+        inputs = LawInput.of(s)
+        V, _ = self.vehicle.read(self.group, inputs.velocity, s.vehicle)
+        inputs = inputs._replace(velocity=V)
+        if errors is None:
+            return inputs
+        if self.vehicle.estimator is not None:
+            Q, V = self.vehicle.estimated(self.group, s.vehicle)
+            return inputs._replace(pose=Q, velocity=V)
+        Q, V = inputs.pose @ errors.pose, inputs.velocity + errors.velocity
+        Q, V = self.vehicle.as_arrived(self.group, Q, V, s.vehicle)
+        return inputs._replace(pose=Q, velocity=V)
+
+    def answer(
+        self, inputs: LawInput, memory: Mapping[str, Array], period: Any
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
+        s = inputs.tracking(self.group, self.inertia, self.gains, memory)
+        torque, later = self.law.answer(s, period)
+        return torque + 0.0 * inputs.velocity, dict(later)
+
+    def answered(
+        self,
+        t: Any,
+        state: Array,
+        torque: Array,
+        memory: Mapping[str, Array],
+        solved: Array | None = None,
+    ) -> Array:
+        """Return a flat state after a tick; a law that acts has commanded a torque.
+
+        Parameters
+        ----------
+        solved
+            `solution` of the vehicle, if it is known already.
+        """
+        s = self.tracking(t, state)
+        memory = {
+            name: self.vehicle.if_due(s.vehicle, z, s.memory[name], CONTROL)
+            for name, z in memory.items()
+        }
+        vehicle = self.vehicle.after_instant(self.group, torque, s.vehicle, solved)
+        parts = self.layout.split(state)
+        changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)
+        if memory:  # L jumps with the memory, and W by the opposite amount
+            jump = self.lyapunov(dataclasses.replace(s, memory=memory)) - self.lyapunov(s)
+            changed["work"] = parts["work"] - jump[..., None]
+        return self.layout.join(parts | changed, state)
+
+    def solution(self, state: Array, torque: Array) -> Array:
+        """Return the vehicle's solution, such as thrusts, for a commanded torque."""
+        states = _of(VEHICLE, self.layout.split(state))
+        return self.vehicle.solution(self.group, torque, states)
+
+    def after_instant(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
+        """Return a flat state after a tick; t and state are those before it.
+
+        The law is evaluated at its input, `told`, with these measurement errors.
+        """
+        state = self.measured(t, state, errors)
+        return self.answered(t, state, *self.asked(self.told(t, state, errors), state))
+
+    def asked(self, inputs: LawInput, state: Array) -> tuple[Array, dict[str, Array]]:
+        """Return the `answer` at a tick; a law that does not act is not called."""
+        acts = self.vehicle.acts(_of(VEHICLE, self.layout.split(state)))
+        memory = self.memory(state)
+        if acts is None or acts.any():  # all runs have the same clocks
+            return self.answer(inputs, memory, self.period)
+        return 0.0 * inputs.velocity, memory
+
+    def estimate_lost(self, state: Array) -> Array:
+        """Return where the covariance of the estimate is no longer definite, by flat state."""
+        where = self.layout.slices.get(f"{VEHICLE}{LOST}")
+        return np.zeros(0) if where is None else state[..., where.start]
+
+    def memory(self, state: Array) -> dict[str, Array]:
+        """Return the memory of the law in a flat state, by name."""
+        return _of(MEMORY, self.layout.split(state))
+
+
+def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:
+    """Broadcast values that are shared by all runs, or samples."""
+    own = values.shape[values.ndim - axes :]
+    return values if values.shape == (*batch, *own) else np.broadcast_to(values, (*batch, *own))
+
+
+def _named(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by the names of their stretches, which begin with a prefix."""
+    return {prefix + name: value for name, value in values.items()}
+
+
+def _of(prefix: str, stretches: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the stretches whose names begin with a prefix, without it; undoes `_named`."""
+    return {
+        name.removeprefix(prefix): values
+        for name, values in stretches.items()
+        if name.startswith(prefix)
+    }
+
+
+STARTS = "starts"
+"""Name of the leaf with the start time of each run, s."""
+
+
+@dataclass(frozen=True)
+class OwnStarts(ClosedLoop):
+    """A closed loop in which a run at time t is at t + its own start.
+
+    It is for loops without known instants, since all runs would have to share them.
+    """
+
+    starts: Array = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def holds(self) -> bool:
+        """Whether numbers are held: never, since each run is at a time of its own."""
+        return False
+
+    def tracking(self, t: Any, state: Array) -> Tracking:
+        """Return the quantities that a law may read, each run at its own time."""
+        return super().tracking(t + self.starts[..., 0], state)
+
+
+# The reference by itself: the differential equation of X_d, without a law or a plant --------------
+#
+# Any engine integrates it like a closed loop; the desired motion that is stored is its solution.
+
+
+class ReferenceSystem(ClosedLoop):
+    """The Lie-Poisson system of X_d = (Q_d, P_d) under τ_d.
+
+    A flat state holds the integrated parts of X_d, and nothing else.
+    """
+
+    @classmethod
+    def of(cls, loop: ClosedLoop) -> Self:
+        """Return the reference system of a closed loop."""
+        return super().of(dataclasses.replace(loop, vehicle=Vehicle()))
+
+    @property
+    def given_over_time(self) -> dict[str, GivenOverTime]:
+        """The reference alone: no law acts."""
+        return {"held_reference": self.reference}
+
+    @cached_property
+    def layout(self) -> StateLayout:
+        """The layout of Q_d and P_d in a flat state."""
+        lengths = super().layout.lengths
+        return StateLayout({name: lengths[name] for name in DESIRED if name in lengths})
+
+    def tracking(self, t: Any, state: Array) -> Tracking:
+        """Return the tracking state with the true state equal to the desired one."""
+        desired, inertia = self._desired(t, state)
+        Q, P, tau = desired.Q, desired.P, desired.tau
+        return Tracking(self.group, inertia, self.gains, t, Q, P, Q, P, tau)
+
+    def vector_field(self, t: Any, state: Array) -> Array:
+        """Return the rates Q̇_d = Q_d V_d^, Ṗ_d = ad*_{V_d} P_d + τ_d."""
+        return self.layout.join(self._desired_rates(self.tracking(t, state)), state)
+
+
+# The parts of a closed loop: their places in a configuration and their names in messages ----------
+
+
+class LoopPart(NamedTuple):
+    """A part of a closed loop.
+
+    Attributes
+    ----------
+    path
+        Its place in the configuration.
+    name
+        Its name in messages, ``controller 'eqt'``; its place if it has no name.
+    """
+
+    part: Any
+    path: KeyPath
+    name: str
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the part is the user's own code."""
+        return is_foreign(type(self.part).__module__)
+
+
+def parts_of(loop: ClosedLoop, index: int = 0) -> list[LoopPart]:
+    """Return the parts of a loop; the first is its law, number `index` of the controllers."""
+    law, reference, group = loop.controller, loop.reference, loop.group
+    return [
+        LoopPart(law, ("controllers", index), f"controller '{law.name}'"),
+        LoopPart(reference, ("reference",), f"reference '{reference.name}'"),
+        LoopPart(group, ("group",), f"group '{group.name}'"),
+        *vehicle_parts(loop),
+    ]
+
+
+def vehicle_parts(loop: ClosedLoop) -> list[LoopPart]:
+    """Return the parts of the vehicle, between the law and the motion."""
+    return [
+        LoopPart(part, parse_key(place), _name(part, place))
+        for place, part in loop.vehicle.parts.items()
+    ]
+
+
+def _name(part: Any, place: str) -> str:
+    kind = next(
+        (kind for kind in (Force, Actuator, Sensor, Estimator) if isinstance(part, kind)), None
+    )
+    return f"'{place}'" if kind is None else f"{kind.__name__.lower()} '{part.name}'"

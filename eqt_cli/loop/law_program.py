@@ -1,0 +1,215 @@
+"""A law by itself as a program: from its input, its numbers and its memory to a torque.
+
+The groups of its inputs are named `TOLD`, `NUMBER` or `MEMORY` followed by the name of an entry of
+`LawProgram`; its outputs are `TORQUE`, and `MEMORY` followed by a name for each state of the law.
+Engines evaluate it at control instants, and it is exported.
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.mechanics import LawInput
+from eqt_cli.components.motions import FlatOutput
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.numbers.leaves import leaves, with_leaves
+from eqt_cli.numbers.program import Input, Program, distinct
+from eqt_cli.numbers.symbols import traced
+
+TOLD, NUMBER, MEMORY = "told_", "number_", "memory_"
+TORQUE = "torque"
+PERIOD = "period"
+"""Name of the control period, by which memory advances, s."""
+
+CONTROLLER = "controller."
+"""Prefix of the paths of a law's own numbers."""
+
+HELD = "held_law."
+"""The same of those that are held between two known instants."""
+
+NUMBER_NAMES = {
+    "inertia.matrix": "inertia",
+    "inertia.inverse": "inertia_inverse",
+    "inertia.initial": "inertia",
+    "gains.K": "kp",
+    "gains.K_d": "kd",
+}
+"""Names in a configuration of the numbers shared by all laws, by their paths."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An array of the interface between a law and its vehicle.
+
+    Attributes
+    ----------
+    name
+        Name of its field in C.
+    shape
+        Shape; C stores it row by row, and () is a single number.
+    source
+        Its name in eqt; for a number, its path among the leaves of a closed loop.
+    unit
+        Unit in each part of the coordinates; "" where eqt knows none.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    source: str
+    unit: str = ""
+
+    @property
+    def size(self) -> int:
+        """The number of its entries."""
+        return math.prod(self.shape)
+
+
+@dataclass(frozen=True)
+class LawProgram:
+    """A law on a group, with its inputs and outputs; equal ones compute the same.
+
+    Attributes
+    ----------
+    told
+        The input of the law, in the order of `LawInput`.
+    numbers
+        The gains, inertia and options that it reads, and last the period.
+    memory
+        Its own states; may be empty.
+    torque
+        Commanded torque, body frame.
+    step
+        Program of the torque, and of the memory after a period.
+    start
+        Program of the initial memory, from the same inputs; None if there is no memory.
+    """
+
+    told: tuple[Entry, ...]
+    numbers: tuple[Entry, ...]
+    memory: tuple[Entry, ...]
+    torque: Entry
+    step: Program
+    start: Program | None
+
+    def values(self, loop: ClosedLoop) -> dict[str, Array]:
+        """Return the law's numbers in a loop, by name; the period is 0 without sampled control."""
+        numbers = leaves(loop) | {PERIOD: np.array(loop.period)}
+        return {entry.name: numbers[entry.source].reshape(entry.shape) for entry in self.numbers}
+
+
+def law_program(loop: ClosedLoop) -> LawProgram:
+    """Return the law of a closed loop as a program.
+
+    A law that cannot be traced raises whatever error it raises on symbols.
+    """
+    G, held = loop.group, loop.controller.held(loop.group, 0.0)
+    loop = dataclasses.replace(loop, held_law=held)
+    told, numbers, memory = _told(loop), _numbers(loop), _memory(loop)
+    groups = sizes({TOLD: told, NUMBER: numbers, MEMORY: memory})
+
+    def symbols(given: Mapping[str, Array]) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
+        """Return the loop with symbols for the law's numbers, its input, and its memory."""
+
+        # A law is promised a leading run axis; here it has one entry.
+        def one(prefix: str, entry: Entry) -> Array:
+            return given[prefix + entry.name].reshape(1, *entry.shape or (1,))
+
+        heard = LawInput(**{entry.source: one(TOLD, entry) for entry in told})
+        # Constant entries of a pose need not be read.
+        Q, Qd = (G.unpack(G.pack(pose)) for pose in (heard.pose, heard.desired_pose))
+        heard = heard._replace(t=heard.t[0, 0], pose=Q, desired_pose=Qd)
+        symbolic = with_leaves(loop, {entry.source: one(NUMBER, entry) for entry in numbers[:-1]})
+        return symbolic, heard, {each.source: one(MEMORY, each) for each in memory}
+
+    def step(given: Mapping[str, Array]) -> Mapping[str, Array]:
+        symbolic, heard, own = symbols(given)
+        torque, after = symbolic.answer(heard, own, given[NUMBER + numbers[-1].name][0])
+        return {TORQUE: torque[0], **_flat(memory, after)}
+
+    def start(given: Mapping[str, Array]) -> Mapping[str, Array]:
+        symbolic, heard, own = symbols(given)
+        s = heard.tracking(G, symbolic.inertia, symbolic.gains, {n: 0 * z for n, z in own.items()})
+        zero = {name: np.zeros(z.shape) for name, z in own.items()}
+        return _flat(memory, zero | dict(symbolic.controller.initial_memory(s)))
+
+    programs = [traced(step, groups)]
+    if memory:
+        programs.append(traced(start, groups))
+    read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
+    used = tuple(each for each in numbers[:-1] if NUMBER + each.name in read) + numbers[-1:]
+    unused = {NUMBER + each.name for each in numbers} - {NUMBER + each.name for each in used}
+    if loop.controller.reads_flat_output:  # instead of the desired pose, or beside its rates
+        given = {TOLD + each.name for each in told if each.name.startswith("desired_")}
+        unused |= given - read
+        told = tuple(each for each in told if TOLD + each.name not in unused)
+    left = tuple((group, size) for group, size in groups.items() if group not in unused)
+    trimmed = [dataclasses.replace(each, inputs=left) for each in programs]
+    torque = Entry(TORQUE, (G.dimension,), TORQUE, by_part(G, "force_unit"))
+    return LawProgram(told, used, memory, torque, trimmed[0], trimmed[1] if memory else None)
+
+
+def sizes(entries: Mapping[str, Iterable[Entry]]) -> dict[str, int]:
+    """Return the lengths of the groups of inputs of a program, by the prefixes of their names."""
+    return {prefix + one.name: one.size for prefix, each in entries.items() for one in each}
+
+
+def by_part(G: MatrixLieGroup, attribute: str, more: str = "") -> str:
+    """Return the unit in each part: ``rad/s (rotation), m/s (translation)``."""
+    units = {part.name: getattr(part, attribute) + more for part in G.parts}
+    if len(set(units.values())) == 1:
+        return next(iter(units.values()))
+    return ", ".join(f"{unit} ({name})" for name, unit in units.items())
+
+
+def _told(loop: ClosedLoop) -> tuple[Entry, ...]:
+    G = loop.group
+    d, m = G.size, G.dimension
+    pose = by_part(G, "pose_unit")
+    units = {
+        "t": "s",
+        "velocity": by_part(G, "velocity_unit"),
+        "desired_velocity": by_part(G, "velocity_unit"),
+        "desired_acceleration": by_part(G, "velocity_unit", "/s"),
+        "position": "m, m/s, …",
+        "heading": "rad, rad/s, …",
+    }
+    shapes: dict[str, tuple[int, ...]] = {"t": (), "pose": (d, d), "desired_pose": (d, d)}
+    names = [name for name in LawInput._fields if name not in FlatOutput._fields]
+    if loop.controller.reads_flat_output:
+        output = loop.reference.flat_output(G, 0.0)
+        assert output is not None
+        flat = {name: part.shape for name, part in output._asdict().items() if part is not None}
+        names, shapes = [*names, *flat], shapes | flat
+    return tuple(Entry(name, shapes.get(name, (m,)), name, units.get(name, pose)) for name in names)
+
+
+def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
+    """Return the numbers that a law can read, and the period."""
+    readable = dataclasses.replace(loop, vehicle=Vehicle(), held_reference=None)
+    # Scalars are stored as (1,).
+    shapes = {path: () if x.shape == (1,) else x.shape for path, x in leaves(readable).items()}
+    names = distinct([name_of_number(path) for path in shapes], taken=(PERIOD,))
+    pairs = zip(names, shapes.items(), strict=True)
+    own = (Entry(name, shape, source) for name, (source, shape) in pairs)
+    return (*own, Entry(PERIOD, (), PERIOD, "s"))
+
+
+def name_of_number(path: str) -> str:
+    """Return the name in a configuration of the number at a path."""
+    return NUMBER_NAMES.get(path, path.removeprefix(CONTROLLER).removeprefix(HELD))
+
+
+def _memory(loop: ClosedLoop) -> tuple[Entry, ...]:
+    lengths = loop.controller.memory(loop.group)
+    pairs = zip(distinct(lengths), lengths.items(), strict=True)
+    return tuple(Entry(name, (length,), source) for name, (source, length) in pairs)
+
+
+def _flat(memory: tuple[Entry, ...], values: Mapping[str, Array]) -> dict[str, Array]:
+    return {MEMORY + entry.name: values[entry.source][0] for entry in memory}

@@ -1,0 +1,604 @@
+"""A closed loop linearised about its reference, as matrices; it knows no engine.
+
+The loop's own code is differentiated by finite differences: law, hold, delay and actuators are
+those of a run.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import InputError
+from eqt_cli.components.laws import LinearPlant
+from eqt_cli.components.mechanics import Tracking
+from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
+from eqt_cli.components.sensors import FIRST, NOTHING, Errors
+from eqt_cli.components.vehicle import CLOCKS, CONTROL, ESTIMATOR, Vehicle
+from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop
+from eqt_cli.numbers.leaves import leaves, with_leaves
+
+
+def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> ClosedLoop:
+    """Return a loop whose law has the gains that follow from its model of the loop.
+
+    The model has the law's inertia, the forces that it knows, the linear part of the actuators, and
+    the clock; it knows no other inertia, no other forces and no sensors.
+
+    Parameters
+    ----------
+    times : (k + 2,)
+        The begin of the horizon, the middles of its k equal pieces, and its end, s.
+    poses, velocities
+        Q_d and V_d at these times, ``(k + 2, d, d)`` and ``(k + 2, m)``.
+
+    Raises
+    ------
+    InputError
+        If the model has no derivative, or no gain makes it stable.
+    """
+    clock, forces = loop.vehicle.control, loop.controller.known_forces
+    known = Vehicle(forces=forces, actuators=loop.vehicle.actuators, control=clock)
+    linear = linearised(dataclasses.replace(loop, vehicle=known), times, poses, velocities)
+    if not np.isfinite(linear.closed).all():
+        raise InputError(
+            "the loop has no derivative about its reference, so that it has no regulator"
+        )
+    A, B, period = linear.closed, linear.phases[0].B, linear.period
+    if len(linear.phases) > 1:
+        raise InputError("actuators slower than the law have no regulator; shorten their period")
+    pieces = slice(1) if linear.is_constant else slice(1, -1)
+    piece = 2 * float(times[1] - times[0])
+    periods = 1 if period is None else round(piece / period)
+    is_periodic = bool(np.abs(A[0] - A[-1]).max() <= SAME * np.abs(A).max())
+    plant = LinearPlant(times[pieces], A[pieces], B[pieces], period, piece, periods, is_periodic)
+    return dataclasses.replace(loop, controller=loop.controller.designed(loop.group, plant))
+
+
+STEP = 1e-4
+"""Step of a difference. Rounding then changes a derivative by 1e-12, and truncation by less; a kink
+at the reference itself, such as quadratic drag at rest, changes it by 1e-4 of its coefficient."""
+
+STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+"""Weights of a fourth-order first derivative, by the number of steps from the centre."""
+
+SMOOTH = 0.1
+"""Relative: where differences over one step and over two differ by more, the function jumps or is
+not finite, and has no derivative. At a jump they differ by half."""
+
+MOST_ITERATIONS = 20
+"""Limit on Newton's iterations for the state where a loop comes to rest; it takes 2 to 5."""
+
+AT_REST = 1e-6
+"""Newton step, rad or m, below which a loop is at rest. References are integrated to 1e-8."""
+
+SINGULAR = 1e-9
+"""Singular values below this part of the largest are 0 but for the rounding of differences, 1e-12;
+a loop without feedback has some."""
+
+SAME = 1e-6
+"""Relative difference below which matrices count as equal."""
+
+STILL = 1e-11
+"""Change of a state per unit of any other, below which it never changes, but for rounding."""
+
+MOST_INSTANTS = 1000
+"""Limit on the instants in which the covariance of an estimator settles."""
+
+SETTLED = 1e-9
+"""Relative change of a covariance in a cycle, below which it has settled."""
+
+GAINS = {
+    "kp": ("gains.K",),
+    "kd": ("gains.K_d",),
+    "position": tuple(f"controller.position.{gain}" for gain in ("kx", "kv", "ki")),
+}
+"""Paths of the numbers of a loop that each gain multiplies."""
+
+_ELSEWHERE = {"pose", "momentum", *DESIRED, "work"}
+"""Stretches of a flat state that are not copied into x as they are."""
+
+_OWN = f"{VEHICLE}{ESTIMATOR}_"
+_POSES = {f"{_OWN}pose", f"{_OWN}behind_pose"}
+"""Stretches that are poses; x has their errors in the algebra."""
+
+_BIAS, _BEHIND_BIAS = f"{_OWN}bias", f"{_OWN}behind_bias"
+_SETTLE = {
+    f"{_OWN}{name}" for name in ("covariance", "behind_covariance", "past_live", "past_fresh")
+}
+"""States of an estimator that no error changes to first order."""
+
+_KEPT = _SETTLE | {
+    f"{_OWN}{name}" for name in ("error", "innovations", "last_innovation", "lost", "begun")
+}
+"""The same, and those that it does not read."""
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The linearised loop at some times, opened where the law gives its command.
+
+    Continuous: ẋ = A x + B u, y = C x. Sampled: A x + B u is x one control period later, just
+    before the next instant of the law, whatever ticks are in between. The loop is closed by u = y;
+    a further delay acts between y and u. The state is x = (ε, e, z, …): the body error ε
+    (left-trivialised) with Q = Q_d exp(ε), whose rate is e = V − Ad_{Q_L⁻¹}V_d to first order; the
+    memory z of the law; the states of the actuators, the delayed commands, the measurements that
+    are held, and the estimate of an estimator.
+
+    Attributes
+    ----------
+    phases
+        The matrices A, B, C from each instant of the law to the next, until all sensors and
+        actuators act together again, and a law with a cycle begins it again; other loops have one
+        phase.
+    period
+        Control period of a sampled loop, s; None for a continuous one.
+    offset : (times, m)
+        ε of the states about which it is linearised.
+    is_constant
+        Whether the loop stays at these states and has the same matrices at all times; all axes of
+        times then have length 1. Else it is linearised about its reference.
+    """
+
+    phases: tuple["Phase", ...]
+    period: float | None
+    offset: Array
+    is_constant: bool
+    about: "_About" = dataclasses.field(repr=False)
+
+    @property
+    def cycle(self) -> float | None:
+        """The duration of all phases, s; None for a continuous loop."""
+        return None if self.period is None else len(self.phases) * self.period
+
+    @cached_property
+    def closed(self) -> Array:
+        """The matrix of the closed loop: A + BC, or the product of those of all phases."""
+        change = self.phases[0].closed
+        for phase in self.phases[1:]:
+            change = phase.closed @ change
+        return change
+
+    def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
+        """Return the loop about the same states with its gains kp, kd and position multiplied."""
+        numbers = leaves(self.about.loop)
+        scaled = {
+            path: factor * numbers[path]
+            for name, factor in factors.items()
+            for path in GAINS[name]
+            if path in numbers
+        }
+        loop = with_leaves(self.about.loop, scaled)
+        about = dataclasses.replace(self.about, loop=loop)
+        if self.period is not None:  # motion and measurements do not depend on gains
+            known = ("_flow", "held", "_measurements")
+            vars(about).update({name: getattr(self.about, name) for name in known})
+        return about.linearised(self.is_constant)
+
+
+class Phase(NamedTuple):
+    """The matrices of an open loop, from one control instant to the next, at all times."""
+
+    A: Array
+    B: Array
+    C: Array
+
+    @property
+    def closed(self) -> Array:
+        """A + BC."""
+        return self.A + self.B @ self.C
+
+
+@dataclass(frozen=True)
+class _Pushed(ClosedLoop):
+    """A loop with `push` added to the command of the law."""
+
+    push: Array = dataclasses.field(default_factory=lambda: np.zeros(1))
+
+    def command(self, s: Tracking) -> Array:
+        return super().command(s) + self.push
+
+
+class _Derivative(NamedTuple):
+    """A function at 0, ``(times, l)``, and its first derivative, ``(times, l, k)``."""
+
+    value: Array
+    slope: Array
+
+
+def linearised(
+    loop: ClosedLoop, times: Array, poses: Array, velocities: Array, *, with_estimator: bool = False
+) -> Linearised:
+    """Linearise a loop, without limits and steps; NaN where it has no derivative.
+
+    It is linearised about its reference. If it does not depend on time to first order, and a force
+    keeps it off its reference, it is linearised about the states where it comes to rest.
+
+    Parameters
+    ----------
+    times : (times,)
+        Times, s.
+    poses, velocities
+        Q_d and V_d at these times, ``(times, d, d)`` and ``(times, m)``.
+    with_estimator
+        Whether the estimate is part of the state, where the reference rests. Its covariance is that
+        to which it settles there: to first order, errors do not change it.
+    """
+    estimator = loop.vehicle.estimator if with_estimator else None
+    loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear_part)
+    about = _About.reference(loop, times, poses, velocities)
+    moves = np.abs(velocities).max() > AT_REST
+    held = any(channel.signal == "pose" for channel in loop.vehicle.holding(loop.group))
+    # Of a reference that moves, a held pose is an old one: the loop does not stay on it.
+    if (moves and held) or not about.is_same_at_all_times:
+        return about.linearised()
+    one = {name: getattr(about, name)[:1] for name in ("times", "poses", "states", "offset")}
+    first = dataclasses.replace(about, **one)
+    for _ in range(MOST_ITERATIONS):
+        step = first.steps_to_rest()
+        if np.abs(step).max() <= AT_REST:
+            if estimator is not None and not moves:
+                first = first.estimated(estimator)
+            return first.linearised(is_constant=True)
+        if not np.isfinite(step).all():
+            break
+        first = first.moved(step)
+    return about.linearised()
+
+
+def flow(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Array:
+    """Return the matrix of ẋ about the reference, for a sampled loop while its command is held.
+
+    ``(times, n, n)``; NaN where there is no derivative.
+    """
+    loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear_part)
+    return _About.reference(loop, times, poses, velocities).flow
+
+
+def _same(arrays: Array) -> bool:
+    """Return whether arrays are the same at all times; False if they are not finite."""
+    return bool(np.abs(arrays - arrays[0]).max() <= SAME * np.abs(arrays).max())
+
+
+@dataclass(frozen=True)
+class _About:
+    """A chart (x, u) of flat states about base states with e = 0.
+
+    u is added to the command of the law.
+
+    Attributes
+    ----------
+    poses
+        Q at x = 0, ``(times, d, d)``.
+    states
+        Flat states from which all else is taken, ``(times, l)``.
+    bases
+        The same before each tick of a cycle, where an estimator makes them differ.
+    is_settled
+        Whether the last base is again the first.
+    """
+
+    loop: ClosedLoop
+    times: Array
+    poses: Array
+    states: Array
+    offset: Array
+    bases: tuple[Array, ...] = ()
+    is_settled: bool = True
+
+    @classmethod
+    def reference(cls, loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Self:
+        """Return the chart about the reference, with all other states as at the start of a run."""
+        states = loop.initial_state(poses, velocities, poses, velocities, times)
+        if loop.vehicle.holding(loop.group):
+            states = loop.measured(times, states, _at_instant(loop, None))
+        return cls(loop, times, poses, states, np.zeros_like(velocities))
+
+    @cached_property
+    def others(self) -> dict[str, slice]:
+        """The slice in x of each stretch besides pose and momentum."""
+        places, begin = {}, 2 * self.loop.group.dimension
+        for name, length in self.loop.layout.lengths.items():
+            if name in _ELSEWHERE or name in _KEPT or name in self._counts[0]:
+                continue
+            length = self.loop.group.dimension if name in _POSES else length
+            places[name] = slice(begin, begin + length)
+            begin += length
+        return places
+
+    @property
+    def dimension(self) -> int:
+        """The dimension of x."""
+        m = self.loop.group.dimension
+        return 2 * m + sum(where.stop - where.start for where in self.others.values())
+
+    @cached_property
+    def instants(self) -> int:
+        """The number of ticks of a cycle."""
+        every = (each.every for each in self.loop.vehicle.holding(self.loop.group))
+        return math.lcm(*every, len(self._counts))
+
+    @cached_property
+    def _counts(self) -> list[dict[str, tuple[float, ...]]]:
+        """What law and clocks count, at each tick of their own cycle, by stretch."""
+        vehicle = self.loop.vehicle
+        if vehicle.control is None:
+            return [{}]
+        own, law = self.loop.controller.cycle(vehicle.control.period), vehicle.control.clock
+        ticks = math.lcm(law.every * len(own), *(each.every for each in vehicle.clocks.values()))
+        rows = []
+        for tick in range(ticks):
+            instant = own[(tick - law.offset) // law.every % len(own)].items()
+            counts: dict[str, tuple[float, ...]] = {MEMORY + name: (z,) for name, z in instant}
+            if vehicle.clocks:
+                counts[f"{VEHICLE}{CLOCKS}"] = tuple(vehicle.ticks_left(tick).tolist())
+            rows.append(counts)
+        return rows
+
+    def estimated(self, estimator: Any) -> Self:
+        """Return the chart with an estimator that has settled at the base states."""
+        vehicle = dataclasses.replace(self.loop.vehicle, estimator=estimator)
+        loop = dataclasses.replace(self.loop, vehicle=vehicle)
+        layout, known = loop.layout, self.loop.layout.split(self.states)
+        like = np.empty((*self.states.shape[:-1], layout.length))
+        states = layout.join(dict.fromkeys(layout.lengths, 0.0) | known, like)
+        states = loop.measured(self.times, states, _at_instant(loop, None))
+        pose, none = loop.group.pack(self.poses), np.zeros(())
+        there = {name: pose for name in layout.lengths if name in _POSES}
+        there |= {name: none for name in layout.lengths if name in (_BIAS, _BEHIND_BIAS)}
+        states = layout.join(layout.split(states) | known | there, like)
+        for _ in range(max(2, MOST_INSTANTS // self.instants)):
+            bases = [states]
+            for instant in range(self.instants):
+                states = loop.measured(self.times, states, _at_instant(loop, instant + 1))
+                bases.append(states)
+            first, last = map(layout.split, (bases[0], bases[-1]))
+            settled = all(
+                np.abs(last[name] - values).max() <= SETTLED * np.abs(values).max()
+                for name, values in first.items()
+                if name in _SETTLE
+            )
+            if settled:
+                break
+        return dataclasses.replace(
+            self, loop=loop, states=states, bases=tuple(bases), is_settled=settled
+        )
+
+    def moved(self, x: Array) -> Self:
+        """Return the chart about the states at x, ``(times, n)``; e in x is ignored."""
+        m = self.loop.group.dimension
+        poses = self.poses @ self.loop.group.exp(x[:, :m])
+        parts = self.loop.layout.split(self.states)
+        parts |= {name: parts[name] + x[:, where] for name, where in self.others.items()}
+        states = self.loop.layout.join(parts, self.states)  # there is no estimator yet
+        offset = self.loop.group.log(self.loop.group.inverse(self.desired) @ poses)
+        return dataclasses.replace(self, poses=poses, states=states, offset=offset)
+
+    @cached_property
+    def desired(self) -> Array:
+        """The desired pose Q_d."""
+        return self.loop.tracking(self.times, self.states).Qd
+
+    @property
+    def is_same_at_all_times(self) -> bool:
+        """Whether neither the matrices nor the steps to rest depend on time."""
+        sampled = () if self.loop.vehicle.control is None else (*self._measurements, *self._answers)
+        slopes = [self._flow, *sampled]
+        if not all(_same(each.slope) for each in slopes):
+            return False
+        steps = self.steps_to_rest()
+        return bool(np.abs(steps - steps[0]).max() <= AT_REST)
+
+    def linearised(self, is_constant: bool = False) -> Linearised:
+        """Return the matrices of the linearised loop."""
+        n, control, offset = self.dimension, self.loop.vehicle.control, self.offset
+        if control is None:
+            whole = self._flow.slope
+            closed, B, C = whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n]
+            return Linearised((Phase(closed - B @ C, B, C),), None, offset, is_constant, self)
+        law, seen, phases = control.clock, self._measurements, list[Phase]()
+        shift = 1 if self.bases else 0  # the first base is before tick 1
+        first = (law.offset - shift) % law.every
+        for k in (np.arange(first, first + self.instants) % self.instants).tolist():
+            tick = k + shift if law.every > 1 else k
+            answer = self._answers[tick % len(self._answers)].slope
+            after, B, C = answer[:, :n, :n], answer[:, :n, n:], answer[:, n:, :n]
+            after, B = self.held @ (after - B @ C), self.held @ B
+            M = seen[k].slope if seen else np.eye(n)
+            if law.is_due(tick):
+                phases.append(Phase(after @ M, B, C @ M))
+            else:
+                last, tick_later = phases[-1], after @ M
+                phases[-1] = Phase(tick_later @ last.A, tick_later @ last.B, last.C)
+        return Linearised(_moving(phases), control.period, offset, is_constant, self)
+
+    @cached_property
+    def held(self) -> Array:
+        """The transition matrix of x over a tick under a held command, ``(times, n, n)``."""
+        from scipy.linalg import expm  # slow to import
+
+        assert self.loop.vehicle.control is not None
+        flow = self.loop.vehicle.control.tick * self.flow
+        return expm(flow) if np.isfinite(flow).all() else np.full_like(flow, np.nan)
+
+    @property
+    def flow(self) -> Array:
+        """The matrix of ẋ, for a sampled loop while its command is held, ``(times, n, n)``."""
+        return self._flow.slope[:, : self.dimension, : self.dimension]
+
+    def steps_to_rest(self) -> Array:
+        """Return Newton's steps to the states where the loop is at rest, ``(times, n)``.
+
+        All use the matrices at the first time.
+        """
+        n = self.dimension
+        value, slope = self._flow.value[:, :n], self._flow.slope[0, :n, :n]
+        if self.loop.vehicle.control is not None:  # at rest, nothing that acts changes anything
+            answer, seen = self._at_once
+            after, then = answer.value[:, :n], answer.slope[:, :n, :n]
+            if seen is not None:
+                after = after + (then @ seen.value[..., None])[..., 0]
+                then = then @ seen.slope
+            value = np.concatenate([value, after], axis=1)
+            slope = np.concatenate([slope, then[0] - np.eye(n)])
+        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
+            return np.full((len(value), n), np.nan)
+        return -np.linalg.lstsq(slope, value.T, rcond=SINGULAR)[0].T
+
+    @cached_property
+    def _at_once(self) -> tuple[_Derivative, _Derivative | None]:
+        """x after the answer, and after the measurements, where all act at one tick."""
+        seen = self._measurements[0] if self._measurements else None
+        vehicle = self.loop.vehicle
+        clocks = [*vehicle.clocks.values(), *(c.clock for c in vehicle.holding(self.loop.group))]
+        if not any(clock.offset for clock in clocks):
+            return self._answers[0], seen
+        counts = self._counts[-vehicle.clocks[CONTROL].offset]
+        none = {f"{VEHICLE}{CLOCKS}": (0.0,) * len(vehicle.clocks)}
+        answer = partial(self._change_and_command, counts=tuple((counts | none).items()))
+        after = partial(self._after_measuring, instant=None)
+        measured = None if seen is None else self._derivative(after, with_command=False)
+        return self._derivative(answer), measured
+
+    @cached_property
+    def _flow(self) -> _Derivative:
+        return self._derivative(self._rates_and_command)
+
+    @cached_property
+    def _answers(self) -> list[_Derivative]:
+        """x after the answer at each tick of the cycle of law and clocks."""
+        kinds = [tuple(each.items()) for each in self._counts]
+        answers = {kind: partial(self._change_and_command, counts=kind) for kind in kinds}
+        derivatives = {kind: self._derivative(answer) for kind, answer in answers.items()}
+        return [derivatives[kind] for kind in kinds]
+
+    @cached_property
+    def _measurements(self) -> list[_Derivative]:
+        """x after the measurements at each tick of a cycle; none if nothing changes it."""
+        if not self.loop.changes_by_measuring:
+            return []
+        derivatives: dict[Any, _Derivative] = {}
+        kinds = [k if self.bases else self._event(k) for k in range(self.instants)]
+        for instant, kind in enumerate(kinds):
+            if kind not in derivatives:
+                after = partial(self._after_measuring, instant=instant)
+                derivatives[kind] = self._derivative(after, with_command=False)
+        return [derivatives[kind] for kind in kinds]
+
+    def _event(self, instant: int) -> tuple[bool, ...]:
+        """Return which of the channels that hold measure at a tick."""
+        holding = self.loop.vehicle.holding(self.loop.group)
+        return tuple(each.clock.is_due(instant) for each in holding)
+
+    def _derivative(
+        self, function: Callable[[Array], Array], with_command: bool = True
+    ) -> _Derivative:
+        """Differentiate a function of (x, u), or of x, ``(k, 1, n + m) -> (k, times, l)``."""
+        count = self.dimension + (self.loop.group.dimension if with_command else 0)
+        moved = [number * np.eye(count) for number in STENCIL]
+        points = STEP * np.concatenate([np.zeros((1, count)), *moved])
+        with np.errstate(all="ignore"):
+            values = function(points[:, None])
+        around = dict(zip(STENCIL, values[1:].reshape(-1, count, *values.shape[1:]), strict=True))
+        slope = sum(weight * around[number] for number, weight in STENCIL.items()) / STEP
+        near, far = ((around[k] - around[-k]) / (2 * k * STEP) for k in (1, 2))
+        if not np.abs(far - near).max() <= SMOOTH * np.abs(slope).max():
+            slope = np.full_like(slope, np.nan)
+        return _Derivative(values[0], np.moveaxis(slope, 0, -1))
+
+    def _flat(self, x: Array, base: Array | None = None) -> Array:
+        """Return the flat states at x, ``(k, times, l)``."""
+        loop, m = self.loop, self.loop.group.dimension
+        like = np.empty((len(x), *self.states.shape))
+        parts = loop.layout.split(self.states if base is None else base)
+        for name, where in self.others.items():
+            parts[name] = self._with(name, parts[name], x[..., where])
+        parts["pose"] = loop.group.pack(self.poses @ loop.group.exp(x[..., :m]))
+        s = loop.tracking(self.times, loop.layout.join(parts, like))
+        parts["momentum"] = s.inertia.momentum(s.relative.Vd + x[..., m : 2 * m])
+        return loop.layout.join(parts, like)
+
+    def _with(self, name: str, values: Array, x: Array) -> Array:
+        """Return a stretch at the distance x from its values at the base."""
+        if name not in _POSES:
+            return values + x
+        G = self.loop.group
+        return G.pack(G.unpack(values) @ G.exp(x))
+
+    def _others(self, states: Array, base: Array) -> list[Array]:
+        """Return x of flat states behind pose and momentum."""
+        G, there, here = self.loop.group, *map(self.loop.layout.split, (states, base))
+        return [
+            G.log(G.inverse(G.unpack(here[name])) @ G.unpack(there[name]))
+            if name in _POSES
+            else there[name] - here[name]
+            for name in self.others
+        ]
+
+    def _rates_and_command(self, x: Array) -> Array:
+        """Return the time derivative of x, and the command."""
+        loop = dataclasses.replace(_Pushed.of(self.loop), push=x[..., self.dimension :])
+        states = self._flat(x)
+        s, rates = loop.tracking(self.times, states), loop.vector_field(self.times, states)
+        parts, r = loop.layout.split(rates), s.relative
+        V_dot = s.inertia.velocity(parts["momentum"] - s.inertia.rate_force(s.V))
+        # The states of an estimator are held, also those that are poses.
+        others = [0.0 * r.V_tilde if name in _POSES else parts[name] for name in self.others]
+        return np.concatenate([r.V_tilde, V_dot - r.Vd_dot, *others, self.loop.command(s)], axis=-1)
+
+    def _after_measuring(self, x: Array, instant: int | None) -> Array:
+        """Return x after the measurements at a tick of a cycle; None: at one with all of them."""
+        before, after, number = self.states, self.states, instant
+        if self.bases and instant is not None:
+            before, after = self.bases[instant : instant + 2]
+            number = instant + 1
+        states = self.loop.measured(
+            self.times, self._flat(x, before), _at_instant(self.loop, number)
+        )
+        moved = np.zeros((*states.shape[:-1], 2 * self.loop.group.dimension))
+        moved += x[..., : moved.shape[-1]]
+        return np.concatenate([moved, *self._others(states, after)], axis=-1)
+
+    def _change_and_command(
+        self, x: Array, counts: Iterable[tuple[str, tuple[float, ...]]]
+    ) -> Array:
+        """Return x after the law has answered at a tick with these counts, and the command."""
+        loop, t = self.loop, self.times
+        states = self._flat(x)
+        for name, value in counts:
+            states[..., loop.layout.slices[name]] = value
+        errors = _at_instant(loop, None) if loop.changes_by_measuring else None
+        inputs, memory = loop.told(t, states, errors), loop.memory(states)
+        command, memory = loop.answer(inputs, memory, loop.period)
+        after = loop.answered(t, states, command + x[..., self.dimension :], memory)
+        still = np.zeros((*command.shape[:-1], 2 * loop.group.dimension))
+        still += x[..., : still.shape[-1]]
+        return np.concatenate([still, *self._others(after, self.states), command], axis=-1)
+
+
+def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
+    """Return measurements without errors at a tick of a cycle; None: the first ones."""
+    G, holding = loop.group, loop.vehicle.holding(loop.group)
+    flags = [
+        FIRST if instant is None else MEASURED if each.clock.is_due(instant) else NOTHING
+        for each in holding
+    ]
+    still = np.zeros(G.dimension)
+    bias = still if loop.vehicle.estimator is not None else np.empty(0)
+    return Errors(G.identity, still, np.array(flags), bias)
+
+
+def _moving(phases: list[Phase]) -> tuple[Phase, ...]:
+    """Return the phases without states that never change, as a bias that a filter takes for 0."""
+    n = phases[0].A.shape[-1]
+    still = [
+        np.abs(phase.closed - np.eye(n)).max(axis=(0, 2)) + np.abs(phase.B).max(axis=(0, 2))
+        for phase in phases
+    ]
+    moves = ~(np.max(still, axis=0) <= STILL)  # also where it is not finite
+    return tuple(Phase(A[:, moves][:, :, moves], B[:, moves], C[:, :, moves]) for A, B, C in phases)

@@ -1,1 +1,0 @@
-"""The mechanics of the paper on any matrix Lie group, as plain functions of arrays."""

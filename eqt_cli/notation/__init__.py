@@ -1,1 +1,0 @@
-"""Poses and tensors as they are written in a configuration."""

@@ -1,0 +1,1 @@
+"""Functions of numbers: derivatives, leaves, traced programs and their C."""

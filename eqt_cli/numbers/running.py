@@ -1,0 +1,266 @@
+"""Functions of a whole trajectory, evaluated sample by sample on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, less, where
+from eqt_cli.base.errors import TraceError
+
+# Operations on the samples of a run: integrals, extremes, the last time of a condition ------------
+#
+# Formulas of metrics are written with them. Here they act on arrays of all samples; a traced
+# program, which gets one sample after the other, has the same operations. Sums go from sample to
+# sample in order, so that both round alike.
+
+
+Cut = Callable[[Array, Array], tuple[Array, Array]]
+"""Cuts times ``(samples,)`` and values ``(runs, samples, …)`` to a window."""
+
+
+class SampledRuns:
+    """The samples of runs, and the operations on values at them, ``(..., samples)``.
+
+    In a traced program, a class derived from it has the same operations on symbols of one sample.
+
+    Attributes
+    ----------
+    times : (samples,)
+        Times of the samples, s.
+    """
+
+    def __init__(self, times: Array) -> None:
+        self.times = times
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last, s."""
+        return float(self.times[-1] - self.times[0])
+
+    def integral(self, values: Any) -> Any:
+        """Return ∫x dt, by the trapezoidal rule."""
+        return self.weighted(trapezoidal_weights(self.times), values)
+
+    def mean(self, values: Any) -> Any:
+        """Return the mean over time, by the trapezoidal rule."""
+        return self.integral(values) / self.duration
+
+    def closing_mean(self, values: Any, share: float) -> Any:
+        """Return the mean over the last share of the time, by the trapezoidal rule."""
+        late = self.times >= self.times[-1] - share * self.duration
+        times, weights = self.times[late], np.zeros(len(self.times))
+        weights[late] = trapezoidal_weights(times)
+        return self.weighted(weights, values) / float(times[-1] - times[0])
+
+    def simpson(self, values: Any) -> Any:
+        """Return ∫x dt, by Simpson's rule."""
+        return self.weighted(simpson_weights(self.times), values)
+
+    @property
+    def time(self) -> Array:
+        """The time of a sample, s."""
+        return self.times
+
+    def within(self, cut: Cut, columns: Sequence[Array]) -> tuple[Self, list[Array]]:
+        """Return the samples in a window, and values at them."""
+        cuts = [cut(self.times, values) for values in columns]
+        return type(self)(cuts[0][0]), [values for _, values in cuts]
+
+    def weighted(self, weights: Array, values: Array) -> Array:
+        """Return Σ w x over the samples in order; samples of weight 0 are skipped."""
+        used = np.flatnonzero(weights)
+        if not used.size:
+            return np.zeros(values.shape[:-1])
+        # `sum` would add in another order.
+        products = weights[used] * (values if used.size == len(weights) else values[..., used])
+        return np.cumsum(products, axis=-1, out=products)[..., -1]
+
+    def largest(self, values: Array) -> Any:
+        """Return the largest value; NaN if any value is NaN."""
+        return values.max(axis=-1)
+
+    def smallest(self, values: Array) -> Any:
+        """Return the smallest value; NaN if any value is NaN."""
+        return values.min(axis=-1)
+
+    def initial(self, values: Array) -> Array:
+        """Return the first value, for computations at any sample."""
+        return values[..., :1]
+
+    def final(self, values: Array) -> Array:
+        """Return the last value."""
+        return values[..., -1]
+
+    def before(self, values: Array) -> Array:
+        """Return at each sample the previous value, at the first sample its own."""
+        return np.concatenate([values[..., :1], values[..., :-1]], axis=-1)
+
+    def latest(self, values: Array, condition: Array) -> Array:
+        """Return the value at the last sample where a condition of `less` holds; 0 if none does."""
+        last = condition.shape[-1] - 1 - condition[..., ::-1].argmax(axis=-1)
+        chosen = np.take_along_axis(values, last[..., None], axis=-1)[..., 0]
+        return np.where(condition.any(axis=-1), chosen, 0.0)
+
+
+def trapezoidal_weights(times: Array) -> Array:
+    """Return the weights of samples in an integral by the trapezoidal rule, s."""
+    halves = np.diff(times) / 2
+    return np.append(halves, 0.0) + np.append(0.0, halves)
+
+
+def simpson_weights(times: Array) -> Array:
+    """Return the weights of samples in an integral by Simpson's rule, s, as in SciPy's `simpson`.
+
+    A parabola through three samples covers each pair of intervals. If the number of intervals is
+    odd, the last one is covered by the parabola through the last three samples.
+    """
+    steps, weights = np.diff(times), np.zeros(len(times))
+    if len(steps) < 2:
+        return trapezoidal_weights(times)
+    pairs = len(steps) // 2
+    a, b = steps[: 2 * pairs : 2], steps[1 : 2 * pairs : 2]
+    weights[: 2 * pairs : 2] += (a + b) / 6 * (2 - b / a)
+    weights[1 : 2 * pairs : 2] += (a + b) ** 3 / (6 * a * b)
+    weights[2 : 2 * pairs + 1 : 2] += (a + b) / 6 * (2 - a / b)
+    if len(steps) % 2:
+        a, b = steps[-2:]
+        weights[-3:] += [
+            -(b**3) / (6 * a * (a + b)),
+            b * (b + 3 * a) / (6 * a),
+            b * (2 * b + 3 * a) / (6 * (a + b)),
+        ]
+    return weights
+
+
+# Numbers of a run, computed by a program that takes its samples one after the other ---------------
+#
+# The program's memory, an input and an output, holds the required data of earlier samples.
+
+
+class Memory:
+    """Memory of a program from sample to sample, and the numbers that belong to each sample.
+
+    Parameters
+    ----------
+    given
+        Symbols of the memory before a sample.
+    at_sample
+        Symbols of numbers that follow from the sample times alone.
+    ended
+        Whether the memory is that after the last sample, so that nothing is added to it.
+
+    Attributes
+    ----------
+    after
+        Symbols of the memory after the sample.
+    starts
+        Values of the memory before the first sample.
+    columns : (samples,) each
+        The numbers that belong to the samples.
+    """
+
+    def __init__(self, given: Array, at_sample: Array, ended: bool = False) -> None:
+        self._given, self._at_sample, self._ended = given, at_sample, ended
+        self.after: list[Any] = []
+        self.starts: list[float] = []
+        self.columns: list[Array] = []
+
+    def keep(self, start: float, following: Callable[[Any], Any]) -> Any:
+        """Return a number that is updated from itself and the sample; an array with one run."""
+        before = self._given[len(self.after)]
+        after = before if self._ended else np.asarray(following(np.array([before]))).item()
+        self.starts.append(start)
+        self.after.append(after)
+        return np.array([after])
+
+    def column(self, values: Array) -> Any:
+        """Return the symbol of a number that belongs to each sample."""
+        for place, known in enumerate(self.columns):
+            if np.array_equal(known, values):
+                return self._at_sample[place]
+        self.columns.append(np.asarray(values, dtype=float))
+        return self._at_sample[len(self.columns) - 1]
+
+
+class Running(SampledRuns):
+    """The current sample, with a memory of earlier ones.
+
+    Parameters
+    ----------
+    inside
+        Flags of the samples considered, among those of the memory; all by default.
+    """
+
+    def __init__(self, times: Array, memory: Memory, inside: Array | None = None) -> None:
+        super().__init__(times)
+        self._memory = memory
+        self._inside = np.ones(len(times), dtype=bool) if inside is None else inside
+
+    @property
+    def time(self) -> Any:
+        return self._column(self.times)
+
+    def within(self, cut: Cut, columns: Sequence[Any]) -> tuple[Running, list[Any]]:
+        times, _ = cut(self.times, np.zeros((1, len(self.times))))
+        inside = np.isin(self.times, times)
+        if inside.sum() < len(times):
+            raise TraceError("a window ends between two samples")
+        return Running(times, self._memory, inside), list(columns)
+
+    def weighted(self, weights: Array, values: Any) -> Any:
+        weight = self._column(weights)
+        if self._inside.all() and weights.all():
+            return self._memory.keep(0.0, lambda total: total + weight * values)
+        has_weight = less(0.0, self._column((weights != 0).astype(float)))
+        return self._memory.keep(
+            0.0, lambda total: where(has_weight, total + weight * values, total)
+        )
+
+    def largest(self, values: Any) -> Any:
+        self._all_inside()
+
+        def larger(found: Any) -> Any:
+            # No comparison with NaN holds, so that NaN persists.
+            return where(less(found, np.inf), where(less(values, found), found, values), found)
+
+        return self._memory.keep(-np.inf, larger)
+
+    def smallest(self, values: Any) -> Any:
+        return -self.largest(-values)
+
+    def initial(self, values: Any) -> Any:
+        self._all_inside()
+        first = less(0.0, self._column(np.arange(len(self.times)) == 0))
+        return self._memory.keep(0.0, lambda found: where(first, values, found))
+
+    def final(self, values: Any) -> Any:
+        self._all_inside()
+        return self._memory.keep(0.0, lambda found: values)
+
+    def before(self, values: Any) -> Any:
+        self._all_inside()
+        first = less(0.0, self._column(np.arange(len(self.times)) == 0))
+        earlier: list[Any] = []
+
+        def itself(found: Any) -> Any:
+            earlier.append(where(first, values, found))
+            return values
+
+        kept = self._memory.keep(0.0, itself)
+        return earlier[0] if earlier else kept
+
+    def latest(self, values: Any, condition: Any) -> Any:
+        self._all_inside()
+        return self._memory.keep(0.0, lambda found: where(condition, values, found))
+
+    def _column(self, values: Array) -> Any:
+        whole = np.zeros(len(self._inside))
+        whole[self._inside] = values
+        return self._memory.column(whole)
+
+    def _all_inside(self) -> None:
+        if not self._inside.all():
+            raise TraceError("only sums are taken over a window")

@@ -1,1 +1,0 @@
-"""Tools that draw figures: styles, layout, labels, curves and marks."""

@@ -1,0 +1,602 @@
+"""Computes parts: integrates their runs, measures them, and saves a table of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import ResultError
+from eqt_cli.base.registry import blamed
+from eqt_cli.base.reporting import working_for
+from eqt_cli.base.store_reader import ResultFile, open_results
+from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import common_weight, distance_to_unstable
+from eqt_cli.components.mechanics import Tracking, settling_error
+from eqt_cli.config.parts import StudyPart
+from eqt_cli.config.study import Study
+from eqt_cli.engines.engine import Solution, Status
+from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
+from eqt_cli.loop.signals import at_state, knows_energy, of_pose
+from eqt_cli.numbers.running import SampledRuns
+from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING, measured_of
+from eqt_cli.results.quantity import Quantity, ValuePer
+from eqt_cli.runs.batches import (
+    Batch,
+    batches,
+    batches_at,
+    chosen_entries,
+    initial_states,
+    largest,
+    squares,
+)
+from eqt_cli.runs.executors import TaskContext
+from eqt_cli.runs.lock import FinishedPart, PartFiles
+from eqt_cli.runs.result_layout import Layout
+
+LEADING = {
+    ValuePer.TRAJECTORY: "kept",
+    ValuePer.RUN: "entry",
+    ValuePer.INITIAL: "start",
+    ValuePer.DESIRED: "reference",
+}
+"""The leading dimension of each kind of variable in the table of a part."""
+
+NUMBERS = "numbers"
+"""Variable of a part with the real numbers of each run, a row for each quantity."""
+
+ROWS = "rows_of_numbers"
+"""Attribute of a part with the names of the rows of `NUMBERS`, in their order."""
+
+CHECKED = "checked_"
+"""Prefix of the variables with the states, ``(checked, sample, …)``, of the runs that are
+cross-checked when the parts are packed."""
+
+POSE_ERROR, DRIFT = "pose error", "drift from the group"
+RESIDUAL, ERROR = "residual of the reference, squared", "error, squared"
+MOTION = "pose and velocity"
+"""Inputs of metrics at every sample that are not signals. Names of signals have no spaces."""
+
+Desired = Mapping[str, Array]
+"""The quantities `DESIRED` at every sample, ``(samples, …)``, with an axis for several points."""
+
+
+def shared_reference(study: Study) -> dict[str, Array]:
+    """Solve the reference that all runs share."""
+    return {name: values[0] for name, values in solve_references(study, np.array([0])).items()}
+
+
+def solve_references(study: Study, points: Array) -> dict[str, Array]:
+    """Solve the references of some points: `DESIRED` as ``(points, samples, …)``."""
+    # All laws have the same reference.
+    times, label = study.base.times, next(iter(study.base.loops))
+    systems = [ReferenceSystem.of(study.experiment(int(point)).loops[label]) for point in points]
+    states = np.empty((len(points), len(times), systems[0].state_length))
+    if systems[0].state_length:  # a reference without states needs no integration
+        for batch in batches_at(study, label, points):
+            states[batch.rows] = batch.engine.solve(batch.problem).states
+    found = [_desired(system, times, own) for system, own in zip(systems, states, strict=True)]
+    return {name: np.array([own[name] for own in found]) for name in DESIRED}
+
+
+def _desired(system: ReferenceSystem, times: Array, states: Array) -> dict[str, Array]:
+    """Return `DESIRED` of a reference at every sample, ``(samples, …)`` each."""
+    s = system.tracking(times, states)
+    # A constant value has no axis of time.
+    return {
+        name: np.broadcast_to(values, (len(times), *values.shape[values.ndim - axes :]))
+        for name, values, axes in zip(DESIRED, (s.Qd, s.Vd, s.tau_d), (2, 1, 1), strict=True)
+    }
+
+
+@np.errstate(all="ignore")  # starts may be absurd; states of failed runs are NaN or very large
+def compute_part(
+    study: Study, part: StudyPart, shared: Desired | None, context: TaskContext
+) -> Table:
+    """Compute everything that is stored of a part's runs.
+
+    Parameters
+    ----------
+    shared
+        The reference that all points share; None if each point has its own.
+    """
+    gathered = PartArrays(study, part)
+    own = None
+    if shared is None:
+        own = solve_references(study, gathered.points)
+        gathered.add_references(own)
+    laws = list(study.base.loops)
+    which = f"law {laws.index(gathered.label) + 1} of {len(laws)} ({gathered.label})"
+    with working_for(which):
+        for batch in batches(study, gathered.label, gathered.entries):
+            for runs in batch.engine.blocks(batch.problem, context.threads):
+                block, reference = batch.select(runs), shared
+                if own is not None:
+                    where = np.searchsorted(gathered.points, block.points)
+                    reference = {name: values[where] for name, values in own.items()}
+                assert reference is not None
+                names, whole = gathered.names(block), gathered.wants_states(block)
+                gathered.add(block, *_solve(block, reference, names, whole, context))
+    return gathered.table()
+
+
+def lost_part(study: Study, part: StudyPart, message: str) -> Table:
+    """Return a part whose runs all count as failed, because its workers were lost."""
+    gathered = PartArrays(study, part)
+    gathered.data["status"][:] = Status.WORKER_LOST
+    gathered.data["message"][:] = message
+    return gathered.table()
+
+
+class PartArrays:
+    """The arrays of a part, filled batch by batch; values that are never added stay missing.
+
+    The parts of the first controller also hold the initial states (of the first point if all points
+    share them), and the references if each point has its own.
+    """
+
+    def __init__(self, study: Study, part: StudyPart) -> None:
+        base = study.base
+        self.label = list(base.loops)[part.controller]
+        self.entries = np.arange(part.start, part.stop)
+        self.points = np.unique(part.points)
+        self.samples = slice(None, None, base.config.store.decimate)
+        self.kept_rows = np.flatnonzero(part.run_numbers < study.kept)
+        is_first = part.controller == 0
+        starts = np.flatnonzero(is_first & (study.initial_varies | (part.points == 0)))
+        counts = {
+            ValuePer.TRAJECTORY: len(self.kept_rows),
+            ValuePer.RUN: len(part),
+            ValuePer.INITIAL: len(starts),
+            ValuePer.DESIRED: len(self.points) if is_first and study.desired_varies else 0,
+        }
+        always = (ValuePer.RUN, ValuePer.TRAJECTORY)
+        layout = Layout(study)
+        self.quantities = [
+            entry for entry in layout.quantities if counts[entry.per] or entry.per in always
+        ]
+        sizes = layout.sizes
+        self.data = {
+            entry.name: _blank(entry, (counts[entry.per], *(sizes[dim] for dim in entry.dims)))
+            for entry in self.quantities
+        }
+        if len(starts):
+            Q, V = initial_states(study, part.points[starts], part.run_numbers[starts])
+            self.data |= {"initial_pose": Q, "initial_velocity": V}
+        self._kept = _positions(self.kept_rows, len(part))
+        check_rows = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
+        self._checked = _positions(check_rows, len(part))
+        self.state_layout = base.loops[self.label].layout
+        shape = (len(check_rows), base.config.time.samples, self.state_layout.length)
+        self.check_states = np.full(shape, np.nan)
+
+    def add_references(self, desired: Desired) -> None:
+        """Store the required quantities of the references of the points."""
+        for name in DESIRED:
+            if name in self.data:
+                self.data[name][:] = desired[name][:, self.samples]
+
+    def names(self, batch: Batch) -> tuple[str, ...]:
+        """Return the quantities to store of a batch: signals only if it has stored trajectories."""
+        kept = {ValuePer.RUN}
+        if (self._kept[batch.rows] >= 0).any():
+            kept.add(ValuePer.TRAJECTORY)
+        return tuple(entry.name for entry in self.quantities if entry.per in kept)
+
+    def wants_states(self, batch: Batch) -> bool:
+        """Whether some of these runs need signals or states besides numbers."""
+        return bool((np.maximum(self._kept, self._checked)[batch.rows] >= 0).any())
+
+    def add(self, batch: Batch, solution: Solution, values: dict[str, Array]) -> None:
+        """Store the required quantities of a batch."""
+        values = values | {
+            "steps": solution.steps,
+            "status": solution.status,
+            "message": np.array(solution.messages, dtype=object),
+        }
+        kept, checked = self._kept[batch.rows], self._checked[batch.rows]
+        for quantity in self.quantities:
+            if quantity.per is ValuePer.RUN:
+                self.data[quantity.name][batch.rows] = values[quantity.name]
+            elif quantity.per is ValuePer.TRAJECTORY and (kept >= 0).any():
+                signal = values[quantity.name][kept >= 0]
+                self.data[quantity.name][kept[kept >= 0]] = signal[:, self.samples]
+        if (checked >= 0).any():
+            self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
+
+    def table(self) -> Table:
+        """Return the table of the part. The numbers per run are the rows of one array.
+
+        Writing many small datasets can take longer than computing the runs.
+        """
+        rows = [entry.name for entry in self.quantities if is_number(entry)]
+        variables = {
+            entry.name: Variable((LEADING[entry.per], *entry.dims), self.data[entry.name])
+            for entry in self.quantities
+            if entry.name not in rows
+        }
+        numbers = np.array([self.data[name] for name in rows])
+        variables[NUMBERS] = Variable(("quantity", LEADING[ValuePer.RUN]), numbers)
+        if len(self.check_states):
+            for name, values in self.state_layout.split(self.check_states).items():
+                dims = ("checked", "sample", f"entry_of_{name}")
+                variables[CHECKED + name] = Variable(dims, values)
+        return Table(variables, {}, {ROWS: " ".join(rows)})
+
+
+def _positions(chosen: Array, count: int) -> Array:
+    """Return the index of each of `count` rows among the chosen ones; −1 for the other rows."""
+    places = np.full(count, -1)
+    places[chosen] = np.arange(len(chosen))
+    return places
+
+
+def _blank(quantity: Quantity, shape: tuple[int, ...]) -> Array:
+    if quantity.dtype is None:
+        return np.full(shape, "", dtype=object)
+    missing = np.nan if quantity.dtype.kind == "f" else 0
+    return np.full(shape, missing, dtype=quantity.dtype)
+
+
+StoredPart = Table | ResultFile
+"""A finished part, in memory or in a file."""
+
+
+def checked_states(results: StoredPart, layout: StateLayout) -> Array:
+    """Return the states of the cross-checked runs of a part, ``(checked, samples, n)``."""
+    return np.concatenate([results[CHECKED + name] for name in layout.lengths], axis=-1)
+
+
+def is_number(quantity: Quantity) -> bool:
+    """Whether a part stores a quantity as a row of `NUMBERS`."""
+    return (
+        quantity.per is ValuePer.RUN and quantity.dtype is not None and quantity.dtype.kind == "f"
+    )
+
+
+def read_part(results: StoredPart, path: Path, quantities: Sequence[Quantity]) -> dict[str, Array]:
+    """Read all variables of a part, which is kept at a path, by name.
+
+    Raises
+    ------
+    ResultError
+        If a variable that every run must have is missing.
+    """
+    rows, numbers = str(results.attributes.get(ROWS, "")).split(), results[NUMBERS]
+    missing = [
+        entry.name
+        for entry in quantities
+        if entry.per in (ValuePer.RUN, ValuePer.TRAJECTORY)
+        and not (entry.name in rows if is_number(entry) else results.has(entry.name))
+    ]
+    if missing:
+        raise ResultError(f"{path}: does not hold {', '.join(missing)}")
+    return {
+        entry.name: numbers[rows.index(entry.name)] if is_number(entry) else results[entry.name]
+        for entry in quantities
+        if is_number(entry) or results.has(entry.name)
+    }
+
+
+def _solve(
+    batch: Batch, reference: Desired, names: Sequence[str], whole: bool, context: TaskContext
+) -> tuple[Solution, dict[str, Array]]:
+    """Solve a batch; return the solution with its metrics and, if `whole`, all signals."""
+    engine, solver = batch.engine, batch.experiment.solver
+    # An error estimate solves a run twice; each solution counts as half of the run.
+    share = 0.5 if solver.estimates_errors else 1.0
+    kept = None if whole else (MOTION,)
+    how = context.threads, lambda runs: context.progress(share * runs)
+    rows = [_in_rows(reference)]
+    first = engine.measured(*_functions(batch, names), batch.problem, rows, kept, *how)
+    estimate = np.full(batch.problem.runs, np.nan)
+    if solver.estimates_errors:
+        motion = [first.arrays[MOTION]]
+        second = engine.tightened(0.1).measured(
+            difference, largest_difference, batch.problem, motion, (), *how
+        )
+        estimate = second.numbers[ERROR]
+    _judge(first.solution, estimate, solver.judgement.max_error)
+    return first.solution, first.arrays | first.numbers | {"error_estimate": estimate}
+
+
+def measured(
+    batch: Batch, solution: Solution, reference: Desired, names: Sequence[str]
+) -> dict[str, Array]:
+    """Return the signals and the metrics of a solution, by name.
+
+    Parameters
+    ----------
+    reference
+        The reference solved without runs, with which the reference of every run is compared.
+    names
+        Names of the signals and metrics to compute.
+    """
+    function, reduction = _functions(batch, names)
+    states, times = solution.states, batch.problem.times
+    found = batch.engine.evaluate(function, batch.problem, states, _in_rows(reference))
+    return found | reduction(SampledRuns(times), found)
+
+
+def _in_rows(reference: Desired) -> Array:
+    """Join the flat desired pose and the desired velocity: ``(samples, n)``, or for every run."""
+    pose, velocity = reference["desired_pose"], reference["desired_velocity"]
+    return np.concatenate([pose.reshape(*velocity.shape[:-1], -1), velocity], axis=-1)
+
+
+def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numbers]:
+    """Return the functions that measure a batch: at every sample, and per run."""
+    problem, config = batch.problem, batch.experiment.config
+    metrics = [row for row in measured_of(config, problem.loop.group) if row.name in names]
+    wanted = {*names, *(name for metric in metrics for name in metric.signals)}
+    keys = {key for m in metrics for key in (*m.settings.values(), *m.choices.values())}
+    values = {key: getattr(config, key) for key in sorted(keys)}
+    K = common_weight(problem.batched_loop(extra_axes=1).gains.K)
+    balanced = knows_energy(problem.loop, problem.times, problem.states[:1, None])
+    key = tuple(m.name for m in metrics), tuple(values.items()), K.tobytes(), balanced
+    numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced)
+    limits = config.settling_threshold
+    thresholds = tuple(limits.items()) if isinstance(limits, dict) else ()
+    return SampledSignals(tuple(sorted(wanted)), thresholds), numbers
+
+
+@dataclass(frozen=True)
+class SampledSignals:
+    """Computes the signals at a sample, for floats or symbols.
+
+    Attributes
+    ----------
+    names
+        Names of the required signals. Other names are ignored.
+    thresholds
+        Settling thresholds by part; empty if one threshold holds for the pose error.
+    """
+
+    names: tuple[str, ...]
+    thresholds: tuple[tuple[str, float], ...] = ()
+
+    def __call__(self, loop: ClosedLoop, t: Any, states: Array, desired: Array) -> dict[str, Array]:
+        """Return the signals and the other inputs of metrics, by name.
+
+        Parameters
+        ----------
+        desired
+            The flat desired pose, followed by the desired velocity.
+        """
+        s, G = loop.tracking(t, states), loop.group
+        signals = at_state(loop, s, loop.work(states), self.names)
+        found = {name: values for name, values in signals if name in self.names}
+        if SETTLING in self.names:
+            found[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.thresholds))
+        if ESTIMATE_SETTLING in self.names:
+            error = G.exp(of_pose(s))
+            found[ESTIMATE_SETTLING] = settling_error(G, error, G.identity, dict(self.thresholds))
+        pose, velocity = np.split(desired, [G.size**2], axis=-1)
+        pose = pose.reshape(*pose.shape[:-1], G.size, G.size)
+        return found | {
+            POSE_ERROR: s.Q_E,
+            DRIFT: G.drift(s.Q),
+            RESIDUAL: squares(s.Qd - pose, s.Vd - velocity),
+            MOTION: _motion(s),
+        }
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Reduces signals to one number of each run.
+
+    Attributes
+    ----------
+    key
+        Identifies the metrics and their settings; compiled reductions are cached by it.
+    metrics
+        The metrics to compute.
+    keys
+        Values of the keys of the configuration that metrics use, by name.
+    K
+        The gain K of the runs, or one with its critical points.
+    balanced
+        Whether the energy balance L + W is known.
+    """
+
+    key: Hashable
+    metrics: tuple[Quantity, ...] = field(compare=False)
+    keys: Mapping[str, float] = field(compare=False)
+    group: MatrixLieGroup = field(compare=False)
+    K: Array = field(compare=False)
+    balanced: bool = field(compare=False)
+
+    def __call__(self, over: SampledRuns, found: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the metrics and the indicators of their reliability, by name."""
+        signals = dict(found)
+        if not self.balanced:
+            signals["energy_balance"] = np.nan * signals["energy_balance"]
+        numbers = {
+            metric.name: metric.measure(
+                over,
+                signals,
+                metric.window,
+                **{name: self.keys[key] for name, key in metric.settings.items()},
+            )
+            for metric in self.metrics
+        }
+        away = distance_to_unstable(self.group, self.K, signals[POSE_ERROR])
+        return numbers | {
+            "group_drift": over.largest(signals[DRIFT]),
+            "unstable_distance": over.smallest(away),
+            "reference_residual": largest(over, signals[RESIDUAL]),
+        }
+
+
+def difference(loop: ClosedLoop, t: Any, states: Array, other: Array) -> dict[str, Array]:
+    """Return the squared differences of pose and velocity at a sample, for floats or symbols.
+
+    Parameters
+    ----------
+    other
+        The motion of the other solution.
+    """
+    apart = _motion(loop.tracking(t, states)) - other
+    pose, velocity = np.split(apart, [loop.group.size**2], axis=-1)
+    return {ERROR: squares(pose[..., None], velocity)}
+
+
+def largest_difference(over: SampledRuns, found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the largest difference of pose or velocity over all samples."""
+    return {ERROR: largest(over, found[ERROR])}
+
+
+def _motion(s: Tracking) -> Array:
+    """Return the flat pose, followed by the velocity."""
+    # A constant pose or velocity has no axis of time.
+    Q, V = s.Q.reshape(*s.Q.shape[:-2], -1), s.V
+    shape = np.broadcast_shapes(Q.shape[:-1], V.shape[:-1])
+    parts = [np.broadcast_to(part, (*shape, part.shape[-1])) for part in (Q, V)]
+    return np.concatenate(parts, axis=-1)
+
+
+def _judge(solution: Solution, estimate: Array, limit: float | None) -> None:
+    """Set the status `ACCURACY` for runs whose error estimate exceeds `max_error`."""
+    if limit is None:
+        return
+    for run in np.flatnonzero((solution.status == Status.OK) & (estimate > limit)):
+        solution.status[run] = Status.ACCURACY
+        solution.messages[run] = (
+            f"error estimate {estimate[run]:.2g} exceeds solver.max_error = {limit:g}"
+        )
+
+
+KEPT_BYTES = 64 * 2**20
+"""Largest size of finished parts kept in memory, so that packing need not read their files."""
+
+UNSAVED_SECONDS = 1.0
+"""Time after its start for which a session writes no files of such parts. One that has computed
+all parts by then writes every number once; a kill loses at most the work of that time."""
+
+
+@dataclass(frozen=True, eq=False)
+class PartTask:
+    """Computes parts of a study into a folder; it can be sent to other processes.
+
+    Attributes
+    ----------
+    chosen
+        The parts to compute, each with the index of its piece of the study; None for all parts of
+        the study's plan.
+    keeps
+        Whether finished parts stay in memory, up to `KEPT_BYTES`, until they are packed; `save`
+        writes their files. Copies of the task in other processes keep none and write at once.
+    """
+
+    study: Study
+    files: PartFiles
+    chosen: tuple[tuple[int, StudyPart], ...] | None = None
+    keeps: bool = False
+    _kept: dict[int, Table] = field(default_factory=dict, init=False)
+    """Finished parts in memory, by number."""
+    _unsaved: dict[int, FinishedPart] = field(default_factory=dict, init=False)
+    """Those of them that have no file yet, with the file that each will have."""
+
+    def __len__(self) -> int:
+        return len(self.study.plans) if self.chosen is None else len(self.chosen)
+
+    def part(self, item: int) -> tuple[int, StudyPart]:
+        """Return the index of the piece of the study, and the part."""
+        if self.chosen is not None:
+            return self.chosen[item]
+        index, number = self.study.plans.where(item)
+        return index, self.study.piece(index).plan.part(number)
+
+    def runs_of(self, item: int) -> int:
+        """Return the number of runs of a part."""
+        return len(self.part(item)[1])
+
+    def missing(self, wanted: Iterable[int] | None = None) -> list[int]:
+        """Return the numbers of the missing parts, among all or the wanted ones."""
+        there = self.finished()
+        return [n for n in (range(len(self)) if wanted is None else wanted) if n not in there]
+
+    def finished(self) -> dict[int, FinishedPart]:
+        """Return the finished parts, by number."""
+        return self.files.listed() | self._unsaved
+
+    @blamed()
+    def __call__(self, item: int, context: TaskContext) -> int:
+        """Compute and keep one part; returns how many of its runs failed."""
+        index, part = self.part(item)
+        piece = self.study.piece(index)
+        return self._keep(item, compute_part(piece, part, self.shared(index), context))
+
+    def lose(self, item: int, message: str) -> int:
+        """Keep a part that could not be computed; returns the number of its runs."""
+        index, part = self.part(item)
+        return self._keep(item, lost_part(self.study.piece(index), part, message))
+
+    def _keep(self, item: int, table: Table) -> int:
+        failed = int(np.count_nonzero(table["status"]))
+        whole = replace(table, attributes={**table.attributes, "digest": self.study.digest})
+        path = self.files.part(item, failed)
+        self._kept.pop(item, None)
+        if self.keeps and _bytes(whole, *self._kept.values()) <= KEPT_BYTES:
+            self._kept[item], self._unsaved[item] = whole, FinishedPart(path, failed)
+        else:
+            write(path, whole)
+        return failed
+
+    def save(self) -> None:
+        """Write the parts that are only in memory."""
+        for item, part in list(self._unsaved.items()):
+            if not part.path.exists():  # else it was interrupted after it had written the file
+                write(part.path, self._kept[item])
+            del self._unsaved[item]
+
+    def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:
+        """Open a finished part: from memory the first time if it is there, else from its file."""
+        if item in self._unsaved:
+            return nullcontext(self._kept[item])
+        return nullcontext(self._kept.pop(item)) if item in self._kept else open_results(path)
+
+    @blamed()
+    def prepare(self) -> None:
+        """Save the shared references of the pieces that have no complete file yet."""
+        for index in range(len(self.study.shapes)):
+            piece = self.study.piece(index)
+            if not (piece.desired_varies or self._has_reference(index)):
+                stored = {
+                    name: Variable(("sample", *QUANTITIES[name].dims[1:]), values)
+                    for name, values in shared_reference(piece).items()
+                }
+                write(self.files.reference(index), Table(stored))
+
+    def _has_reference(self, index: int) -> bool:
+        try:
+            with open_results(self.files.reference(index)) as results:
+                return all(map(results.has, DESIRED))
+        except ResultError:
+            return False
+
+    @cached_property
+    def shared(self) -> Callable[[int], Desired | None]:
+        """Returns the reference that all points of a piece share; None if each has its own."""
+        return lru_cache(maxsize=None)(self._shared)
+
+    def _shared(self, index: int) -> Desired | None:
+        if self.study.piece(index).desired_varies:
+            return None
+        with open_results(self.files.reference(index)) as results:
+            return {name: results[name] for name in DESIRED}
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = {"study": self.study, "files": self.files, "chosen": self.chosen}
+        return state | {"_kept": {}, "_unsaved": {}}
+
+
+def _bytes(*tables: Table) -> int:
+    return sum(entry.data.nbytes for table in tables for entry in table.variables.values())

@@ -1,0 +1,381 @@
+"""What a study will cost, and the rehearsal of every part before it starts."""
+
+import os
+import shutil
+import time
+import traceback
+import warnings
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from math import prod
+from pathlib import Path
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.errors import ConfigError, EqtError, InputError, InputProblem, Problems
+from eqt_cli.base.registry import described, place_of
+from eqt_cli.config.study import Study
+from eqt_cli.config.trial import TOGETHER
+from eqt_cli.engines.engine import Problem
+from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart, parts_of
+from eqt_cli.results.metrics import quantities
+from eqt_cli.results.quantity import ValuePer
+from eqt_cli.runs.batches import Batch, batches
+from eqt_cli.runs.compute_part import compute_part, shared_reference
+from eqt_cli.runs.executors import Executor, TaskContext
+from eqt_cli.runs.result_layout import Layout
+
+# Begins a study as a run would, with two runs of every law, for `eqt config check` ----------------
+#
+# The runs are put together, solved and measured by what does so for a run. Nothing is kept.
+
+
+MOST_SECONDS = 3.0
+"""Of one core, for all laws; those that are left then are named."""
+
+ALONE = 1e-8
+"""Relative: what the rates of a run may change by where others are beside it. Sums of another
+length are rounded in another way, and differences of nearly equal numbers enlarge that."""
+
+
+def rehearse(study: Study, problems: Problems) -> list[str]:
+    """Note what would fail in a run: an exception, a shape, no number, what cannot be compiled.
+
+    Returns
+    -------
+    list of str
+        The laws that were not tried since those before them took too long, in words.
+    """
+    started, left = time.process_time(), dict.fromkeys(study.base.loops)
+    for group in _by_kind(study):
+        if time.process_time() - started > MOST_SECONDS:
+            those = f"the laws before took more than {MOST_SECONDS:g} s"
+            return [f"not tried: {', '.join(left)}; {those}"]
+        label, first = group[0]
+        components = parts_of(first.problem.loop, list(study.base.loops).index(label))
+        with _blaming(components, problems):
+            _begin([batch for _, batch in group], components)
+        for label, _ in group:
+            left.pop(label, None)
+    return []
+
+
+def _by_kind(study: Study) -> list[list[tuple[str, Batch]]]:
+    """The first two runs of every law, and the first of the last point; equal structures together.
+
+    So the numbers of a law come as ``(runs, 1)``, and two instances of a law are solved as one.
+    """
+    groups: dict[Hashable, list[tuple[str, Batch]]] = {}
+    for index in sorted({0, len(study.shapes) - 1}):
+        piece = study.piece(index)
+        runs = piece.plan.runs
+        entries = np.unique([0, min(1, runs - 1), (len(piece) - 1) * runs])
+        for label in study.base.loops:
+            for batch in batches(piece, label, entries):
+                groups.setdefault((index, batch.kind), []).append((label, batch))
+    return list(groups.values())
+
+
+def _begin(group: list[Batch], components: list[LoopPart]) -> None:
+    """Raise for the first thing that is wrong with these runs."""
+    problem, engine = Problem.joined([batch.problem for batch in group]), group[0].engine
+    law = components[0].name
+    rates = _rates(problem)
+    if not np.isfinite(rates).all():
+        run = int(np.flatnonzero(~np.isfinite(rates).all(axis=-1))[0])
+        name, value = _first_that_is_none(problem.loop, rates[run])
+        raise InputError(f"{law} gives no number at the start: the rate of {name} is {value:g}")
+    alone = [_rates(problem.select(slice(k, k + 1)))[0] for k in range(problem.runs)]
+    change = norm(rates - np.array(alone))
+    if (change > ALONE * (1 + norm(rates))).any():
+        raise InputError(
+            f"{law} mixes runs: the rates of a run change by {change.max():.2g} when it is solved "
+            "beside others; sum over the last axis only, as the functions of eqt_cli.extend do"
+        )
+    engine.rehearse(problem)
+
+
+def _rates(problem: Problem) -> Array:
+    """The vector field at the start, ``(runs, n)``, behind what a sampled law does there."""
+    loop, states, t = problem.batched_loop(), problem.states, float(problem.times[0])
+    if loop.vehicle.control is not None:
+        states = loop.after_instant(t, states, problem.errors_at(0))
+    return loop.holding(t).vector_field(t, states)
+
+
+def _first_that_is_none(loop: ClosedLoop, rates: Array) -> tuple[str, float]:
+    """The stretch of a state that has a rate which is no number, and that number."""
+    stretches = loop.layout.split(rates)
+    name = next(name for name, values in stretches.items() if not np.isfinite(values).all())
+    return name.replace("_", " "), float(stretches[name][~np.isfinite(stretches[name])][0])
+
+
+@contextmanager
+def _blaming(components: list[LoopPart], problems: Problems) -> Iterator[None]:
+    """Note an exception at the component whose code raised it, with its line; else at the law.
+
+    What nobody's component but eqt's own can have raised is raised again.
+    """
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    except EqtError as error:
+        problems.at(*_culprit(error.__cause__ or error, components).path).add(str(error))
+    except Exception as error:
+        if not any(component.is_foreign for component in components):
+            raise
+        culprit, place = _culprit(error, components), place_of(error)
+        at = f" at {place}" if place else ""
+        problems.at(*culprit.path).add(f"{culprit.name} fails {TOGETHER}: {described(error)}{at}")
+
+
+def _culprit(error: BaseException, components: list[LoopPart]) -> LoopPart:
+    """The component of the innermost line that is in the file of one that is not eqt's."""
+    own = {type(c.part).__module__: c for c in reversed(components) if c.is_foreign}
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    modules = [str(frame.f_globals.get("__name__", "")) for frame in reversed(frames)]
+    return next((own[module] for module in modules if module in own), components[0])
+
+
+# Estimates the wall time of a study, its size on the disk, and the memory that it needs -----------
+
+
+MOST_PIECES = 3
+"""Largest number of pieces (points of one shape) whose runs are timed."""
+
+PART_OVERHEAD = 10_000
+"""Least overhead of the file of a part, bytes; 10 to 18 kB were measured."""
+
+MOST_TIMED = 200
+"""Largest number of points whose runs are timed; to build each takes some milliseconds."""
+
+PROBE_SECONDS = 5.0
+"""About the longest time that an estimate takes, besides compiling laws, s."""
+
+FIRST_SHARE, GROWING = 1e-3, 8
+"""Share of the horizon that is timed first, and by how much it grows."""
+
+COPIES = 3
+"""Least number of copies of states and signals in memory at once; 3 to 13 were measured."""
+
+
+@dataclass(frozen=True)
+class ExpectedCost:
+    """Expected cost of a study.
+
+    Attributes
+    ----------
+    seconds
+        Wall time, s; None where a moment of the horizon took longer than the probe may.
+    workers
+        Number of workers.
+    size
+        Size of the result file, bytes.
+    """
+
+    seconds: float | None
+    workers: int
+    size: int
+
+
+def estimate(study: Study, executor: Executor, most_seconds: float = PROBE_SECONDS) -> ExpectedCost:
+    """Time the first part of some pieces without storing it, and extrapolate.
+
+    Parameters
+    ----------
+    most_seconds
+        About the longest time to take. If the whole horizon takes longer, its beginning is timed.
+    """
+    plans, count = study.plans, len(study.shapes)
+    measured = sorted({k * (count - 1) // max(MOST_PIECES - 1, 1) for k in range(MOST_PIECES)})
+    threads = executor.threads_for(len(plans)) if study.base.engine.threads else 1
+    runs = sum(plans.plans[index].total for index in measured)
+    share, parts, timed = most_seconds / len(measured), len(plans), 0.0
+    size = result_size(study)
+    for index in measured:
+        per_run = _time_per_run(study.piece(index), threads, share)
+        if per_run is None:
+            return ExpectedCost(None, executor.at_once(parts, most_seconds) * threads, size)
+        timed += per_run * plans.plans[index].total
+    each = timed / runs * plans.total / parts
+    workers = executor.at_once(parts, each) * threads
+    return ExpectedCost(executor.wall_time(parts, each), workers, size)
+
+
+def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | None:
+    """Return the time per run of the first part, s; None if a moment of it takes too long.
+
+    Longer and longer beginnings of the horizon are integrated; the whole part is computed only if
+    there is time.
+    """
+    whole, label = study.plan.part(0), next(iter(study.base.loops))
+    part = replace(whole, stop=min(whole.stop, MOST_TIMED * whole.runs))
+    ends, share = time.monotonic() + PROBE_SECONDS, FIRST_SHARE
+
+    def within(runs: float) -> None:
+        if time.monotonic() > ends:
+            raise TimeoutError
+
+    seconds, before, took = None, 0.0, 0.0
+    try:
+        problems = list(batches(study, label, np.arange(part.start, part.stop)))
+        for batch in problems:  # compiles laws, which is not timed
+            batch.engine.solve(_beginning(batch.problem, share), threads, within)
+        ends = time.monotonic() + most_seconds
+        while True:
+            started, earlier = time.monotonic(), took
+            for batch in problems:
+                batch.engine.solve(_beginning(batch.problem, share), threads, within)
+            took = time.monotonic() - started
+            # The difference leaves out what every solve takes at its start.
+            rate = max(took - earlier, 0.0) / (share - before)
+            seconds = took + (1 - share) * rate
+            seconds *= 2 if study.base.solver.estimates_errors else 1
+            before = share
+            if share == 1.0 or time.monotonic() + GROWING * took > ends:
+                break
+            share = min(1.0, GROWING * share)
+        if time.monotonic() + 2 * seconds <= ends:
+            shared = None if study.desired_varies else shared_reference(study)
+            for _ in range(2):  # twice, because the first time may include a compilation
+                started = time.monotonic()
+                compute_part(study, part, shared, TaskContext(within, threads))
+                seconds = time.monotonic() - started
+    except TimeoutError:
+        pass
+    return None if seconds is None else seconds / len(part)
+
+
+def _beginning(problem: Problem, share: float) -> Problem:
+    """Return the problem over the first share of its horizon, with samples at its ends."""
+    start, stop = problem.times[[0, -1]]
+    return replace(problem, times=np.array([start, start + share * (stop - start)]))
+
+
+def result_size(study: Study) -> int:
+    """Return the size of the variables of the result file, bytes."""
+    layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
+    if not study.is_ragged:
+        return layouts[0].size(layouts[0].blanks())
+    return sum(
+        layout.size(layout.blanks(layout.of(ValuePer.RUN)))
+        + len(layout.study) * layout.size(layout.blanks(single=True))
+        for layout in layouts
+    )
+
+
+def parts_size(study: Study) -> int:
+    """Return the size of the files of all parts, which exist until the result is packed, bytes."""
+    return sum(_parts_bytes(study.piece(index)) for index in range(len(study.shapes)))
+
+
+def _parts_bytes(study: Study) -> int:
+    layout, base = Layout(study), study.base
+    samples = base.config.time.samples
+    redone = min(base.solver.judgement.cross_check, study.plan.entries)
+    states = redone * samples * sum(loop.state_length for loop in base.loops.values())
+    return layout.size(layout.blanks()) + 8 * states + PART_OVERHEAD * len(study.plan)
+
+
+def check_resources(
+    study: Study, folder: Path, missing: float = 1.0, *, most_shapes: int | None = None
+) -> None:
+    """Check that the study fits into the memory and on the disk.
+
+    Parameters
+    ----------
+    folder
+        The result folder, which need not exist yet.
+    missing
+        Share of the runs that are still to be computed.
+    most_shapes
+        Nothing is checked if the points have more shapes, each of which takes a moment to build.
+
+    Raises
+    ------
+    ConfigError
+        With the key to change, the required size and the available size.
+    """
+    if most_shapes is not None and len(study.shapes) > most_shapes:
+        return
+    check_memory(study)
+    result, parts = result_size(study), parts_size(study) * missing
+    needed, free = result + parts, _free_disk(folder)
+    if needed > free:
+        _refuse(
+            study,
+            ("ensemble", "runs"),
+            f"{size(needed)} are needed on the disk ({size(result)} for the result, {size(parts)} "
+            f"for the parts from which it is packed), and {folder} has {size(free)} left; "
+            "take fewer runs, fewer samples, or store.trajectories: none",
+        )
+
+
+def check_memory(study: Study) -> None:
+    """Check that the largest part of a study fits into the memory.
+
+    Raises
+    ------
+    ConfigError
+        With the key to change, the required size and the available size.
+    """
+    memory = _memory()
+    pieces = (study.piece(index) for index in range(len(study.shapes)))
+    needed = max(_part_memory(piece) for piece in pieces)
+    if memory is not None and needed > memory:
+        _refuse(
+            study,
+            ("time", "samples"),
+            f"a part of the runs takes at least {size(needed)} of memory at once, and this "
+            f"machine has {size(memory)}; take fewer samples",
+        )
+
+
+def _part_memory(study: Study) -> int:
+    """Return the bytes of the states, signals and measurement errors of the largest part."""
+    base, plan = study.base, study.plan
+    G, states = base.group, max(loop.state_length for loop in base.loops.values())
+    vehicle = next(iter(base.loops.values())).vehicle
+    sizes = {"axis": G.dimension, "row": G.size, "col": G.size}
+    sizes |= {dim: len(names) for dim, names in vehicle.members.items()}
+    signals = sum(
+        prod(sizes.get(dim, 1) for dim in entry.dims)
+        for entry in quantities(base, study.vehicles)
+        if entry.per is ValuePer.TRAJECTORY
+    )
+    runs = len(plan.part(0))
+    errors = 0
+    if vehicle.control is not None and vehicle.measures:
+        instants = base.config.time.duration / vehicle.control.tick
+        errors = int(8 * runs * instants * (G.size**2 + G.dimension))
+    return COPIES * 8 * runs * base.config.time.samples * (states + signals) + errors
+
+
+def _memory() -> int | None:
+    """Return the bytes of this machine's memory; None if unknown."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def _free_disk(folder: Path) -> int:
+    """Return the free bytes on the disk of a folder that need not exist yet."""
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    return shutil.disk_usage(existing).free
+
+
+def size(count: float) -> str:
+    """Format a number of bytes in a suitable unit."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"
+
+
+def _refuse(study: Study, path: tuple[str, ...], message: str) -> None:
+    raise ConfigError([InputProblem(".".join(path), message, study.source.place(path))])

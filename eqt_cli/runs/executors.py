@@ -1,0 +1,618 @@
+"""Executors, which compute numbered items: in this process, in threads, in processes, by Dask."""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import pickle
+import signal
+import threading
+import time
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import ExitStack, suppress
+from contextvars import copy_context
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib.util import find_spec
+from itertools import islice
+from multiprocessing import connection, get_context, parent_process
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+from threadpoolctl import threadpool_limits
+
+from eqt_cli.base import process
+from eqt_cli.base.errors import EqtError, Remedy
+from eqt_cli.base.option_types import Count
+from eqt_cli.base.registry import Component, Registry
+from eqt_cli.base.reporting import reporter
+
+if TYPE_CHECKING:
+    from eqt_cli.engines.engine import Engine
+
+# Base class of executors, which compute numbered items without knowing what they are --------------
+
+
+MOST_TRIES = 3
+"""Number of lost workers after which an item is given up."""
+
+
+@dataclass(frozen=True)
+class TaskContext:
+    """Settings for the computation of an item that do not change its result.
+
+    Attributes
+    ----------
+    progress
+        Called with the amount of additional progress. Default: the reporter in force.
+    threads
+        Largest number of threads to use.
+    """
+
+    progress: Callable[[float], None] = field(default_factory=lambda: reporter().advance)
+    threads: int = 1
+
+
+class Task(Protocol):
+    """The work on an item; it must be picklable."""
+
+    def __call__(self, item: int, context: TaskContext) -> int:
+        """Compute and save one item; return the number of failed runs."""
+
+    def runs_of(self, item: int) -> int:
+        """Return the amount of progress of one item."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of one item; `failed` is None if every worker that tried it was lost."""
+
+    item: int
+    failed: int | None
+
+
+@dataclass(frozen=True)
+class Executor(Component):
+    """Computes items, in any order.
+
+    Attributes
+    ----------
+    workers
+        Largest number of items at a time.
+    """
+
+    workers: Count = 1
+
+    def for_engine(self, engine: Engine) -> Executor:
+        """Return the executor with the options set whose defaults depend on the engine."""
+        return self
+
+    def at_once(self, items: int, each: float) -> int:
+        """Return how many of the items run at a time, if one takes `each` s."""
+        return min(self.workers, items)
+
+    def threads_for(self, items: int) -> int:
+        """Return the largest number of threads for one of so many items."""
+        return 1
+
+    def wall_time(self, items: int, each: float) -> float:
+        """Return the wall time of so many items, s, if one takes `each` s."""
+        return math.ceil(items / max(self.at_once(items, each), 1)) * each
+
+    @abstractmethod
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        """Yield the items as they finish; progress goes to `reporter().advance`.
+
+        An exception of the task, or closing the iterator, stops all running items.
+        """
+
+
+class ExecutorHere(Executor):
+    """An executor in this process, which takes items one by one."""
+
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        yield from self.take(task, items, self.threads_for(len(items)))
+
+    @abstractmethod
+    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
+        """Yield the outcomes of items, each taken when it can begin, with `threads` for each."""
+
+
+executors = Registry("executor", "executors", Executor, ("runs.executors",))
+
+
+@dataclass(frozen=True)
+class Serial(ExecutorHere):
+    """In this process, one item at a time. Some engines use several threads for an item."""
+
+    name: ClassVar[str] = "serial"
+
+    def at_once(self, items: int, each: float) -> int:
+        """Return 1."""
+        return 1
+
+    def threads_for(self, items: int) -> int:
+        """Return all workers."""
+        return self.workers
+
+    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
+        context = TaskContext(threads=threads)
+        for item in items:
+            with threadpool_limits(1):  # results must not depend on how a library splits a product
+                failed = task(item, context)
+            yield Outcome(item, failed)
+
+
+@dataclass(frozen=True)
+class Threads(ExecutorHere):
+    """In threads of this process. If there are fewer items than workers, they share the rest."""
+
+    name: ClassVar[str] = "threads"
+
+    def threads_for(self, items: int) -> int:
+        """Return the threads for each item: more than one if there are fewer items than workers."""
+        return max(1, self.workers // min(self.workers, max(items, 1)))
+
+    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
+        lock, waiting, here = threading.Lock(), iter(items), reporter()
+
+        def report(amount: float) -> None:
+            with lock:
+                here.advance(amount)
+
+        def begin(item: int) -> Future[int]:
+            return pool.submit(copy_context().run, task, item, context)  # keeps the reporter
+
+        context = TaskContext(report, threads)
+        with threadpool_limits(1), ThreadPoolExecutor(self.workers) as pool:
+            begun = {begin(item): item for item in islice(waiting, self.workers)}
+            try:
+                while begun:
+                    for future in wait(begun, return_when=FIRST_COMPLETED).done:
+                        for item in islice(waiting, 1):
+                            begun[begin(item)] = item
+                        yield Outcome(begun.pop(future), future.result())
+            finally:
+                pool.shutdown(wait=True, cancel_futures=True)
+
+
+# Computes items in several processes of this machine. A lost process loses only its current item --
+#
+# Processes are spawned, not forked, because a fork copies locks that threads of the parent hold.
+# The process pool of the standard library is not used, because it gives up all items when one
+# process dies.
+
+
+NONE = -1
+"""Marks a worker without an item."""
+
+REPORT_EVERY = 0.2
+"""Time between progress reports of a worker, s."""
+
+MOST_PATIENCE = 10.0
+"""Time limit for stopping a thread after an interruption, s: a law may loop endlessly."""
+
+
+@dataclass(frozen=True)
+class Local(Executor):
+    """Processes of this machine, each with one BLAS thread."""
+
+    name: ClassVar[str] = "local"
+
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        workers = [_Worker(task) for _ in range(min(self.workers, len(items)))]
+        yield from _outcomes_of(workers, items)
+
+    def share(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        """Yield the same as `outcomes`, with a thread here instead of one process to save memory.
+
+        An interruption waits for the thread's next progress report.
+        """
+        others = min(self.workers, len(items)) - 1
+        workers = [_ThreadHere(task), *(_Worker(task) for _ in range(others))]
+        yield from _outcomes_of(workers, items)
+
+
+def _outcomes_of(workers: Sequence[_Worker], items: Sequence[int]) -> Iterator[Outcome]:
+    """Hand out items, again if a worker is lost, and stop all workers at the end."""
+    waiting = deque(items)
+    tries = dict.fromkeys(items, 0)
+    try:
+        while busy := _busy(workers, waiting):
+            ready = connection.wait([worker.pipe for worker in busy])
+            for worker in [worker for worker in busy if worker.pipe in ready]:
+                item = worker.item
+                try:
+                    failed = worker.answer()
+                except _Lost:
+                    tries[item] += 1
+                    if tries[item] < MOST_TRIES:
+                        waiting.appendleft(item)
+                    else:
+                        yield Outcome(item, None)
+                else:
+                    if failed is not None:
+                        yield Outcome(item, failed)
+    finally:
+        for worker in workers:
+            worker.end()
+
+
+class _Lost(Exception):
+    """The process died while it computed an item."""
+
+
+def _busy(workers: Sequence[_Worker], waiting: deque[int]) -> list[_Worker]:
+    """Give an item to each free worker, and return the busy workers."""
+    for worker in workers:
+        if worker.item == NONE and waiting:
+            worker.give(waiting.popleft())
+    return [worker for worker in workers if worker.item != NONE]
+
+
+@dataclass
+class _Worker:
+    """A process, started with its first item, and its current item."""
+
+    task: Task
+    item: int = NONE
+    process: Any = None
+    pipe: Any = None
+    reported: float = 0.0
+
+    def give(self, item: int) -> None:
+        self.item, self.reported = item, 0.0
+        if self.process is None:
+            self.start()
+        with suppress(OSError):  # `answer` finds out if the process has died
+            self.pipe.send(item)
+
+    def start(self) -> None:
+        context = get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs, self.task), daemon=True)
+        with process.without_ctrl_c():
+            self.process.start()
+        theirs.close()
+
+    def answer(self) -> int | None:
+        """Return the number of failed runs of the item, or None after a progress report."""
+        try:
+            kind, value = self.pipe.recv()
+        except (EOFError, OSError):
+            self._advance(0.0)
+            self.end()
+            self.process, self.item = None, NONE
+            raise _Lost from None
+        if kind == "error":
+            raise value
+        if kind == "progress":
+            self._advance(self.reported + value)
+            return None
+        self._advance(self.task.runs_of(self.item))
+        self.item = NONE
+        return int(value)
+
+    def _advance(self, reached: float) -> None:
+        reporter().advance(reached - self.reported)
+        self.reported = reached
+
+    def end(self) -> None:
+        if self.process is not None:
+            self.process.kill()  # an unfinished part leaves no file
+            self.process.join()
+            self.pipe.close()
+
+
+@dataclass
+class _ThreadHere(_Worker):
+    """A thread of this process with the interface of a worker process."""
+
+    def start(self) -> None:
+        self.pipe, theirs = get_context("spawn").Pipe()
+        self.process = threading.Thread(
+            target=copy_context().run, args=(_do_items, theirs, self.task), daemon=True
+        )
+        self.process.start()
+
+    def end(self) -> None:
+        if self.process is not None:
+            self.pipe.close()  # its next progress report fails and ends its item
+            self.process.join(MOST_PATIENCE)
+
+
+def _serve(pipe: Any, task: Task) -> None:
+    """Main function of a worker process."""
+    process.of_worker()
+    # At exit, Python stops the workers that an interruption left with this signal.
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()  # if the system does not do it
+    _do_items(pipe, task)
+
+
+def _do_items(pipe: Any, task: Task) -> None:
+    """Compute items until the pipe is closed."""
+    due = pending = 0.0
+
+    def report(amount: float) -> None:
+        nonlocal due, pending
+        pending += amount
+        if time.monotonic() >= due:
+            pipe.send(("progress", pending))
+            due, pending = time.monotonic() + REPORT_EVERY, 0.0
+
+    with threadpool_limits(1), pipe, suppress(EOFError, OSError):
+        while True:
+            item = pipe.recv()
+            try:
+                answer: Any = ("done", task(item, TaskContext(report)))
+            except Exception as error:
+                answer = ("error", _portable(error))
+            pending = 0.0
+            pipe.send(answer)
+
+
+def _portable(error: Exception) -> Exception:
+    """Return the error if it is picklable, else an error with the same message."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return EqtError(str(error)) if isinstance(error, EqtError) else RuntimeError(repr(error))
+    return error
+
+
+def _end_with_parent() -> None:
+    """Exit when the parent process ends, even if it was killed."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+
+# Starts in this process, and switches to worker processes if much work remains --------------------
+
+
+WORTH_STARTING = 3.0
+"""Least remaining work for which processes are started, s; a process takes 1 to 2 s to start."""
+
+WORTH_LEAVING_THREADS = 10.0
+"""The same with threads of an engine that computes outside Python, s: they already use the cores,
+and lose to processes only what they compute in the one Python interpreter that they share."""
+
+
+@dataclass(frozen=True)
+class Auto(Executor):
+    """Starts in this process; switches to workers when much work remains.
+
+    Attributes
+    ----------
+    threads
+        Whether to start in threads. Default: if the engine computes outside Python.
+    stays
+        Whether to stay in this process. Default: if threads are as fast with the engine.
+    """
+
+    name: ClassVar[str] = "auto"
+    threads: bool | None = None
+    stays: bool | None = None
+
+    def for_engine(self, engine: Engine) -> Auto:
+        """Return the executor with the measured defaults for this engine."""
+        threads = engine.threads if self.threads is None else self.threads
+        as_fast = self.workers <= engine.as_fast_in_threads
+        return Auto(self.workers, threads, as_fast if self.stays is None else self.stays)
+
+    def at_once(self, items: int, each: float) -> int:
+        """Return the number of items at a time, after the switch to processes if there is one."""
+        here, later = self._split(items, each)
+        return self._in_processes.at_once(later, each) if later else self._here.at_once(here, each)
+
+    def threads_for(self, items: int) -> int:
+        """Return the threads per item before a switch to processes."""
+        return self._here.threads_for(items)
+
+    def wall_time(self, items: int, each: float) -> float:
+        """Return the wall time: first in this process, then in processes, s."""
+        here, later = self._split(items, each)
+        return self._here.wall_time(here, each) + self._in_processes.wall_time(later, each)
+
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        waiting = deque(items)
+        threads = self.threads_for(len(items))
+        yield from self._here.take(task, self._until_switch(waiting), threads)
+        if waiting:
+            yield from self._in_processes.share(task, list(waiting))
+
+    @property
+    def _here(self) -> ExecutorHere:
+        return Threads(self.workers) if self.threads else Serial()
+
+    @property
+    def _in_processes(self) -> Local:
+        return Local(self.workers)
+
+    def _split(self, items: int, each: float) -> tuple[int, int]:
+        """Return how many of the items are done here, and how many in processes."""
+        first = self._here.at_once(items, each)
+        pace = each / max(first, 1)
+        return (first, items - first) if self._worth_starting(items - first, pace) else (items, 0)
+
+    def _until_switch(self, waiting: deque[int]) -> Iterator[int]:
+        """Yield waiting items, each when the next one can begin, until processes are worthwhile."""
+        started, begun = time.monotonic(), 0
+        while waiting:
+            if self._worth_starting(len(waiting), (time.monotonic() - started) / max(begun, 1)):
+                return
+            begun += 1
+            yield waiting.popleft()
+
+    def _worth_starting(self, left: int, each: float) -> bool:
+        enough = WORTH_LEAVING_THREADS if self.threads else WORTH_STARTING
+        return left > 1 and self.workers > 1 and not self.stays and left * each > enough
+
+
+# Computes items on a Dask cluster: a running one, or a temporary one on this machine --------------
+
+
+CONNECT_WITHIN = 20.0
+"""Time limit for connecting to a scheduler, s."""
+
+NEEDED = {"distributed": "2026.7", "cryptography": "50.0"}
+"""The packages of the extra dask, and their oldest versions."""
+
+OF_WORKER = "from eqt_cli.base import process\nprocess.of_worker()\n"
+"""Code that each worker of a local cluster runs first."""
+
+
+@dataclass(frozen=True)
+class Dask(Executor):
+    """Workers of Dask.distributed, which must see the same result folder as this process.
+
+    Attributes
+    ----------
+    scheduler
+        Address of a running scheduler; None starts a cluster of `workers` processes here, which
+        talk to each other by TLS with a certificate of their own.
+    tls_ca, tls_cert, tls_key
+        PEM files for a scheduler at tls://HOST:PORT: of its authority, and your certificate and
+        key. Default: those of Dask's own configuration.
+    """
+
+    name: ClassVar[str] = "dask"
+    scheduler: str | None = None
+    tls_ca: str | None = None
+    tls_cert: str | None = None
+    tls_key: str | None = None
+
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        if not items:
+            return
+        if missing := [name for name in NEEDED if not find_spec(name)]:
+            raise EqtError(
+                f"executor dask needs {' and '.join(missing)} (extra dask): pip install "
+                + " ".join(f"'{name}>={NEEDED[name]}'" for name in missing)
+            )
+        from distributed import KilledWorker, as_completed
+
+        payload = pickle.dumps(task)
+        waiting = deque(items)
+        with ExitStack() as stack:
+            client = self._client(stack)
+            futures: dict[Any, int] = {}
+            finished = as_completed(loop=client.loop)
+
+            def submit() -> None:
+                # Submit only what can run now, so that a lost worker loses no waiting items.
+                room = max(1, sum(client.nthreads().values())) - len(futures)
+                for _ in range(min(room, len(waiting))):
+                    item = waiting.popleft()
+                    future = client.submit(_do, payload, item, pure=False)
+                    futures[future] = item
+                    finished.add(future)
+
+            submit()
+            for future in finished:
+                item = futures.pop(future)
+                submit()
+                try:
+                    failed = future.result()
+                except KilledWorker:
+                    yield Outcome(item, None)
+                else:
+                    reporter().advance(task.runs_of(item))
+                    yield Outcome(item, failed)
+
+    def _client(self, stack: ExitStack) -> Any:
+        import dask
+        from distributed import Client
+
+        if self.scheduler:
+            try:
+                return stack.enter_context(
+                    Client(
+                        self.scheduler,
+                        timeout=CONNECT_WITHIN,
+                        set_as_default=False,
+                        security=self._security(),
+                    )
+                )
+            # RuntimeError: TLS files for an address without TLS; TypeError: the reverse.
+            except (OSError, ValueError, RuntimeError, TypeError) as error:
+                raise EqtError(
+                    f"scheduler {self.scheduler}: cannot be reached: {error}",
+                    Remedy("start one with `dask scheduler`"),
+                    Remedy("leave {} out", "scheduler"),
+                ) from error
+        settings = {
+            "distributed.scheduler.allowed-failures": MOST_TRIES - 1,
+            # The terminal sends Ctrl-C to all processes; only this one handles it.
+            "distributed.worker.preload": [OF_WORKER],
+            # Their web servers cannot be turned off; these answer nothing.
+            "distributed.scheduler.http.routes": [],
+            "distributed.worker.http.routes": [],
+        }
+        stack.enter_context(dask.config.set(settings))
+        cluster = stack.enter_context(self._local_cluster())
+        return stack.enter_context(Client(cluster, set_as_default=False))
+
+    def _security(self) -> Any:
+        """Return how this process shows a scheduler who it is; None: as Dask is configured."""
+        from distributed import Security
+
+        files = {name: getattr(self, name) for name in ("tls_ca", "tls_cert", "tls_key")}
+        if not any(files.values()):
+            return None
+        for name, file in files.items():
+            if not file or not Path(file).is_file():
+                raise EqtError(
+                    f"executor dask: {name}: expected a PEM file, got {file or 'none'}; "
+                    f"TLS needs {', '.join(files)}"
+                )
+        return Security(
+            require_encryption=True,
+            tls_ca_file=self.tls_ca,
+            tls_client_cert=self.tls_cert,
+            tls_client_key=self.tls_key,
+        )
+
+    def _local_cluster(self) -> Any:
+        """Start a cluster on this machine; try again if its workers die during the start.
+
+        A scheduler executes what it is sent, in this process. Without the key of this certificate,
+        which is in memory only, nobody else on this machine can send it anything.
+        """
+        from distributed import LocalCluster, Security
+
+        security = Security.temporary()
+        tries = 0
+        while True:
+            try:
+                return LocalCluster(
+                    n_workers=self.workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    security=security,
+                    dashboard_address="127.0.0.1:0",  # any free port, for the empty web server
+                    scheduler_kwargs={"dashboard": False},
+                    silence_logs=logging.CRITICAL,
+                )
+            except RuntimeError as error:
+                tries += 1
+                if tries == MOST_TRIES:
+                    raise EqtError(f"executor dask: no cluster can be started: {error}") from error
+
+
+def _do(payload: bytes, item: int) -> int:
+    """Compute one item in a worker."""
+    with threadpool_limits(1):
+        return _task(payload)(item, TaskContext())
+
+
+@lru_cache(maxsize=4)
+def _task(payload: bytes) -> Task:
+    """Unpickle the task, once in each worker."""
+    return pickle.loads(payload)

@@ -1,0 +1,266 @@
+"""Lays out the result file of a study: its dimensions, variables and groups.
+
+If all points of a sweep have the same shape, variables have a dimension `point`. Otherwise the root
+holds only the numbers of each run, and a group for each point holds all of its variables.
+"""
+
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.files import point_group
+from eqt_cli.base.store_writer import Assembly, Attribute, Blank, Variable, assemble
+from eqt_cli.components.laws import Controller
+from eqt_cli.config.read_study import LAW, law_names
+from eqt_cli.config.study import Study
+from eqt_cli.config.yaml_source import dump
+from eqt_cli.results.metrics import coordinates, quantities
+from eqt_cli.results.quantity import Quantity, ValuePer
+
+TEXT_BYTES = 16
+"""Size of a reference to a string in HDF5, bytes."""
+
+MIXED = "mixed"
+"""Unit of a variable whose unit differs between points."""
+
+
+@dataclass(frozen=True)
+class NewResultFile:
+    """An unfinished result file with all its variables, still without values.
+
+    Attributes
+    ----------
+    root
+        The root of the file.
+    groups
+        The group of each point; empty if all points have the same shape.
+    places
+        Destination of each piece of the study.
+    """
+
+    root: Assembly
+    groups: list[Assembly]
+    places: "Sequence[Destination]"
+
+
+class Layout:
+    """The stored quantities of points of one shape, and their dimensions."""
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        every = quantities(study.base, study.vehicles)
+        self.quantities = [entry for entry in every if self._is_kept(entry)]
+        self.varies = {
+            ValuePer.INITIAL: study.initial_varies,
+            ValuePer.DESIRED: study.desired_varies,
+        }
+
+    def _is_kept(self, quantity: Quantity) -> bool:
+        alone = quantity.per is ValuePer.DESIRED and self.study.desired_varies
+        return self.study.kept > 0 or not (alone or quantity.per is ValuePer.TRAJECTORY)
+
+    def of(self, per: ValuePer) -> Iterator[Quantity]:
+        """Return the quantities of a kind."""
+        return (entry for entry in self.quantities if entry.per is per)
+
+    def by_point(self, quantity: Quantity) -> bool:
+        """Whether a quantity has separate values for each point."""
+        return self.study.sweep is not None and self.varies.get(quantity.per, True)
+
+    def blanks(
+        self, wanted: Iterable[Quantity] | None = None, *, single: bool = False
+    ) -> dict[str, Blank]:
+        """Return all or the wanted variables, for a `single` point or for all points."""
+        blanks = {}
+        for entry in self.quantities if wanted is None else wanted:
+            point = ("point",) if self.by_point(entry) and not single else ()
+            dims = (*point, *self._leading(entry.per), *entry.dims)
+            blanks[entry.name] = Blank(dims, entry.dtype, entry.attributes)
+        return blanks
+
+    def _leading(self, per: ValuePer) -> tuple[str, ...]:
+        stored = "run" if self.study.kept == self.study.plan.runs else "stored_run"
+        return {
+            ValuePer.TRAJECTORY: ("controller", stored),
+            ValuePer.RUN: ("controller", "run"),
+            ValuePer.INITIAL: ("run",),
+            ValuePer.DESIRED: (),
+        }[per]
+
+    def size(self, blanks: Mapping[str, Blank]) -> int:
+        """Return the size of some variables, bytes."""
+        sizes = self.sizes
+        return sum(
+            prod(sizes[dim] for dim in blank.dims)
+            * (blank.dtype.itemsize if blank.dtype else TEXT_BYTES)
+            for blank in blanks.values()
+        )
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """The length of every dimension."""
+        return {"point": len(self.study)} | _sizes(self.coordinates)
+
+    @property
+    def coordinates(self) -> dict[str, Variable]:
+        """Coordinates along the dimensions of a point."""
+        return coordinates(self.study.base, self.study.kept)
+
+
+def in_root(study: Study) -> list[Quantity]:
+    """Return the quantities in the root of a result: only metrics if points differ in shape."""
+    first, *others = [Layout(study.piece(index)) for index in range(len(study.shapes))]
+    return _shared(first, others) if study.is_ragged else first.quantities
+
+
+def _shared(first: Layout, others: Sequence[Layout]) -> list[Quantity]:
+    """Return the quantities per run that points of every shape have."""
+    names = [{entry.name for entry in layout.of(ValuePer.RUN)} for layout in others]
+    return [entry for entry in first.of(ValuePer.RUN) if all(entry.name in own for own in names)]
+
+
+@contextmanager
+def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
+    """Open the result file of a study for writing; the file appears when the block ends."""
+    layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
+    blanks, coords = _root(study, layouts)
+    laws = law_names(study)
+    if laws is not None:
+        meaning = {"long_name": "registered law without options that the controller equals"}
+        blanks[LAW] = Blank(("point", "controller"), None, meaning)
+    sizes = {"point": len(study)} if study.sweep else {}
+    gzip = study.base.config.store.compression == "gzip"
+    with assemble(path, sizes | _sizes(coords), coords, blanks, "gzip" if gzip else None) as file:
+        if laws is not None:
+            file.put(LAW, laws)
+        if not study.is_ragged:
+            yield NewResultFile(file, [], [file])
+            return
+        of_point = {p: layouts[index] for index, points in enumerate(study.shapes) for p in points}
+        groups = [_group(file, study, point, of_point[point]) for point in range(len(study))]
+        places = []
+        for points, layout in zip(study.shapes, layouts, strict=True):
+            by_point = {entry.name for entry in layout.quantities if layout.by_point(entry)}
+            places.append(_Spread(file, [groups[p] for p in points], points, by_point, blanks))
+        yield NewResultFile(file, groups, places)
+
+
+def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[str, Variable]]:
+    """Return the variables and coordinates of the root."""
+    swept = swept_coordinates(study)
+    if not study.is_ragged:
+        return layouts[0].blanks(), layouts[0].coordinates | swept
+    every = [layout.blanks(layout.of(ValuePer.RUN)) for layout in layouts]
+    kept = {
+        name: replace(every[0][name], attributes=_agreed([one[name].attributes for one in every]))
+        for name in (entry.name for entry in _shared(layouts[0], layouts[1:]))
+    }
+    shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
+    return kept, shared | swept
+
+
+def _agreed(attributes: list[Mapping[str, Attribute]]) -> dict[str, Attribute]:
+    """Return the attributes that all have in common; different units become `MIXED`."""
+    first, *rest = attributes
+    same = {key: value for key, value in first.items() if all(o.get(key) == value for o in rest)}
+    return same if "units" in same or "units" not in first else {"units": MIXED, **same}
+
+
+def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly:
+    """Create the group of a point, with the layout of the result of a single experiment."""
+    coords = layout.coordinates
+    group = file.group(point_group(point), _sizes(coords), coords, layout.blanks(single=True))
+    experiment = study.experiment(point)
+    config = dump(experiment.resolved | {"store": study.resolved["store"]})
+    group.describe({"config": config, "group": experiment.group.name})
+    return group
+
+
+def _sizes(given: Mapping[str, Variable]) -> dict[str, int]:
+    return {name: len(given[name].data) for name in given if given[name].dims == (name,)}
+
+
+@dataclass(frozen=True)
+class _Spread:
+    """Writes the variables of a piece to the groups of its points, and metrics also to the root.
+
+    Attributes
+    ----------
+    by_point, in_root
+        Names of the variables with separate values for each point, and of those in the root.
+    """
+
+    root: Assembly
+    groups: list[Assembly]
+    points: Sequence[int]
+    by_point: Collection[str]
+    in_root: Collection[str]
+
+    def put(self, name: str, data: Array, positions: tuple[int | slice, ...] = ()) -> None:
+        """Write part of a variable, at positions along (point,) and its further axes."""
+        if name not in self.by_point:
+            for group in self.groups:
+                group.put(name, data, positions)
+            return
+        first, *rest = positions
+        if isinstance(first, int):
+            first, data = slice(first, first + 1), data[None]
+        for inner, values in zip(range(first.start, first.stop), data, strict=True):
+            self.groups[inner].put(name, values, tuple(rest))
+            if name in self.in_root:
+                self.root.put(name, values, (self.points[inner], *rest))
+
+
+Destination = Assembly | _Spread
+"""Receives the variables of a piece."""
+
+
+def swept_coordinates(study: Study) -> dict[str, Variable]:
+    """Return a coordinate along `point` for each swept key: numbers, texts, or JSON texts."""
+    if study.sweep is None:
+        return {}
+    swept = {}
+    columns = list(zip(*map(study.sweep.values, range(len(study))), strict=True))
+    for key, values in zip(study.sweep.keys, columns, strict=True):
+        name = key.replace("[", ".").replace("]", "")
+        attributes = {"long_name": f"{key}, swept", "key": key}
+        if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+            swept[name] = Variable(("point",), np.array(values), attributes)
+        else:
+            plain = all(isinstance(value, str) for value in values)
+            texts = values if plain else [json.dumps(v, ensure_ascii=False) for v in values]
+            swept[name] = Variable(("point",), np.array(texts, dtype=object), attributes)
+    return swept
+
+
+def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
+    """Return the attributes that describe a result and allow running it again."""
+    groups = {study.piece(index).base.group.name: None for index in range(len(study.shapes))}
+    loops = study.base.loops
+    functions = {label: loop.controller.energy for label, loop in loops.items()}
+    unclaimed = [label for label, loop in loops.items() if not loop.claims_decrease]
+    own = {}  # results of the paper's laws need none of these
+    if set(functions.values()) != {Controller.energy} or unclaimed:
+        claims = {"functions": functions, "unclaimed": unclaimed}
+        own["lyapunov_functions"] = json.dumps(claims, ensure_ascii=False)
+    if not_matched := [label for label, loop in loops.items() if loop.controller.matched is False]:
+        own["matching"] = json.dumps({"not_matched": not_matched}, ensure_ascii=False)
+    return {
+        "title": study.name,
+        "config": dump(study.resolved),
+        "plugins": dump(study.base.plugins),
+        **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
+        "digest": study.digest,
+        "group": ", ".join(groups),
+        "titles": json.dumps(study.base.titles, ensure_ascii=False),
+        "provenance": json.dumps(provenance, ensure_ascii=False),
+        "references": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
+        **own,
+    }

@@ -1,1 +1,0 @@
-"""Searches for gains and for the worst run: differential evolution over sweeps."""

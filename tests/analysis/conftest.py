@@ -1,0 +1,77 @@
+"""A small experiment whose laws are tuned within a second."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from small_experiment import mapping
+
+from eqt_cli import api
+from eqt_cli.results.result import Result
+
+SMALL = mapping(
+    name="small",
+    controllers=["eqt", {"kind": "family", "gyroscopic": 1.0}],
+    ensemble={"runs": 2, "seed": 1},
+    time={"duration": 0.5, "samples": 6},
+    solver={"rtol": 1.0e-6, "cross_check": 0, "error_estimate": False},
+    tune={
+        "over": {"gains.kp": {"log": [0.1, 10]}, "controllers[1].gyroscopic": [0, 2]},
+        "objective": "mean_pose_error",
+        "budget": 2,
+        "population": 5,
+        "seeds": 1,
+        "confirm": {"runs": 6, "seed": 9},
+    },
+)
+
+
+class Stored(Result):
+    """A result made up of numbers of one law, ``(points, runs)``."""
+
+    horizon = 10.0
+
+    def __init__(self, status, **numbers):
+        self.numbers = {name: np.array(each, float)[:, None] for name, each in numbers.items()}
+        self.status = np.array(status)[:, None]
+        self.metrics = list(numbers)
+
+    def has(self, name):
+        return False
+
+    def metric(self, name, controller=None):
+        settled = name == "settled"  # told by another, as a real result does
+        found = np.isfinite(self.numbers["settling_time"]) if settled else self.numbers[name]
+        return np.where(self.status == 0, found, np.nan)
+
+
+@pytest.fixture
+def stored():
+    return Stored
+
+
+@pytest.fixture(scope="session")
+def searched(tmp_path_factory):
+    """A search to its end, and its folder; to be read only."""
+    folder = tmp_path_factory.mktemp("searched") / "t"
+    return api.tune(deepcopy(SMALL), folder), folder
+
+
+@pytest.fixture
+def small():
+    """The configuration, to be changed."""
+    return {**SMALL, "tune": dict(SMALL["tune"])}
+
+
+@pytest.fixture(scope="module")
+def searched_twice(tmp_path_factory):
+    """A tuning of two laws with two search seeds, after one with the first of them."""
+    folder = tmp_path_factory.mktemp("twice") / "t"
+    few = {"budget": 1, "confirm": {"runs": 3, "seed": 9}, "over": {"gains.kp": [0.5, 5]}}
+    tune = SMALL["tune"] | few
+    api.tune(SMALL | {"tune": tune}, folder)
+    first = folder / "generations/eqt/seed-0/000/results.h5"
+    before = first.stat().st_mtime_ns
+    record = api.tune(SMALL | {"tune": tune | {"seeds": 2}}, folder).record
+    assert first.stat().st_mtime_ns == before  # a further search computes no earlier one anew
+    return folder, record

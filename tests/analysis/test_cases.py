@@ -1,0 +1,161 @@
+"""Tuning over named cases: how they are joined, what is run, what is said of the winners."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+import small_experiment
+from said import cases, error_of
+
+from eqt_cli import api
+from eqt_cli.analysis.fronts import Scores, best_of, held_out
+from eqt_cli.analysis.law_search import TUNE
+from eqt_cli.analysis.search_tables import tuning_tables
+from eqt_cli.analysis.tune import Search
+from eqt_cli.api.loading import source_from
+from eqt_cli.base.errors import ConfigError
+from eqt_cli.figures.comparison_figures import Forest
+from eqt_cli.report.document import report
+from eqt_cli.results.result import open_result
+
+WHEEL = small_experiment.WHEEL | {
+    "ensemble": {"runs": 2, "seed": 1},
+    "time": {"duration": 2.0, "samples": 5},
+    "solver": {"rtol": 1.0e-6, "cross_check": 0},
+    "tune": {
+        "over": {"gains.kp": [0.1, 1]},
+        "objective": "mean_pose_error",
+        "subject_to": {"final_pose_error": 1.0},
+        "budget": 1,
+        "population": 5,
+        "seeds": 1,
+        "cases": {"ideal": {}, "late": {"control.delay": 1}},
+        "over_cases": "worst",
+        "confirm": {"runs": 6},
+    },
+}
+"""The cases differ in their states: a delay keeps a command."""
+
+
+def read(**changed):
+    return Search.read(source_from(WHEEL | {"tune": WHEEL["tune"] | changed}, {}))
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    """A search to its end, and its folder; to be read only."""
+    folder = tmp_path_factory.mktemp("tuned") / "w"
+    return api.tune(deepcopy(WHEEL), folder), folder
+
+
+def test_the_mean_and_the_worst_of_cases_choose_different_points():
+    def of(*objectives, violation=0.0):
+        none = np.zeros(2, dtype=int)
+        return Scores(np.array(objectives)[:, None], np.array([0, violation]), none + 1, none)
+
+    cases = [of(1, 3), of(6, 5)]
+    mean, worst = (Scores.over_cases(cases, worst=how) for how in (False, True))
+    assert (best_of(mean), best_of(worst)) == (0, 1)
+    assert worst.objectives[:, 0].tolist() == [6, 5]
+    assert worst.failed.tolist() == [2, 2]
+    kept = Scores.over_cases([cases[0], of(6, 5, violation=0.5)], worst=True)
+    assert best_of(kept) == 0  # a bound is to hold in each case
+
+
+def test_a_point_is_scored_by_its_worst_case(tuned):
+    done, folder = tuned
+    found = folder / "generations/stabilising/seed-0"
+    means = []
+    for name in ("000-case-1", "000-case-2"):
+        with open_result(found / name) as result:
+            means.append(result.metric("mean_pose_error")[:, 0].mean(axis=1))
+            values = result.coordinate("gains.kp")
+    worst = np.max(means, axis=0)
+    (winner,) = done.record["laws"][0]["winners"]
+    assert winner["objectives"] == [worst.min()]
+    assert winner["values"] == {"gains.kp": values[worst.argmin()]}
+
+
+def test_the_runs_are_as_many_as_a_dry_run_says(tuned):
+    done, folder = tuned
+    counted = 0
+    for generation in folder.glob("generations/*/*/*"):
+        with open_result(generation) as result:
+            counted += result.status.size
+    search = read()
+    assert (counted, done.judged.runs) == (search.searched_runs, search.judging_runs) == (20, 24)
+
+
+def test_held_out_runs_are_those_of_the_worst_case_of_each_law(tuned):
+    done, folder = tuned
+    with open_result(folder) as result:
+        assert TUNE.beside(result) == done.record
+        cases = result.counted("mean_pose_error")
+        whole = held_out(result, done.record)
+        late = cases[1]
+        assert (late.mean(axis=-1) > cases[0].mean(axis=-1)).all()
+        assert whole.counted("mean_pose_error").tolist() == late.tolist()
+        mean = held_out(result, done.record | {"over_cases": "mean"})
+        assert np.allclose(mean.counted("mean_pose_error"), cases.mean(axis=0), rtol=1e-15)
+        tables = {table.name: table for table in tuning_tables(result, done.record)}
+        [bound] = done.record["constraints"]
+        strict = done.record | {"constraints": [bound | {"bound": 1e-7}]}
+        marked, *_ = tuning_tables(result, strict)
+        page = Forest().subject([result], ())
+    assert page.titles == ["stabilising", "stabilising, start"]
+    assert (
+        tables["tuned"]
+        .notes[0]
+        .startswith(
+            "Searched: 1 generation of 5 points, each of 2 runs in each of 2 cases, for every law,"
+        )
+    )
+    assert tables["tuned"].notes[1] == (
+        "Over the cases ideal and late: each number is that of the case in which the mean over all "
+        "runs is worst."
+    )
+    assert [row[0] for row in tables["tuned"].rows] == ["stabilising"]
+    assert [row[0] for row in marked.rows] == ["stabilising (violates final_pose_error)"]
+    assert [row[2] for row in marked.rows] == [
+        row[2] + " (violates final_pose_error)" for row in tables["tuned"].rows
+    ]
+    assert [row[0] for row in tables["cases"].blocks[0].rows] == ["ideal", "late"]
+    bounds = [row[0] for row in tables["bounds"].blocks[0].rows]
+    assert bounds == ["stabilising, ideal", "stabilising, late"]
+
+
+@pytest.mark.slow("draws the page")
+def test_the_report_has_the_tables(tuned, unarranged):
+    with open_result(tuned[1]) as result:
+        page = report(result)
+    assert "Tuned laws on held-out runs" in page
+    assert "of the tuned laws in each case" in page
+
+
+def test_cases_in_another_order_are_another_search():
+    cases = WHEEL["tune"]["cases"]
+    assert read(cases=dict(reversed(cases.items()))).digest != read().digest
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    cases("""
+{cases: null} → tune.over_cases: there are no cases; add `cases`, or leave it out
+{cases: {}} → tune.cases: expected at least 1 entry, got {}
+{over_cases: median} → tune.over_cases: expected 'mean' or 'worst', got 'median'
+{cases: {a: {gains.kd: 2}}} →
+    tune.cases.a.gains.kd: no case can change it: gains belongs to the laws, and is tuned by `over`
+{cases: {a: {ensemble.seed: 2}}} →
+    tune.cases.a.ensemble.seed: no case can change it: ensemble is that of the search and of
+        `confirm`
+{cases: {a: {plants.inertia: 2}}} →
+    tune.cases.a.plants.inertia: unknown key 'plants.inertia'; keys are in: group
+{cases: {a: {plant.inertia.relative: -2}}} →
+    tune.cases.a: plant.inertia.relative: expected a number greater than -1, got -2
+{cases: {a: {}, b: {}}} → tune.cases.b: changes the same as 'a'; remove one of them
+{objective: saturated_share, cases: {a: {}}} →
+    tune.objective: no metric 'saturated_share' is stored of every run
+"""),
+)
+def test_what_is_wrong_with_cases_is_said_at_its_place(changed, message):
+    assert message in error_of(read, **changed, kind=ConfigError)

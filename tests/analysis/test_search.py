@@ -1,0 +1,185 @@
+"""What the section `tune` is read as, and what is said where it is wrong."""
+
+import pytest
+from said import cases, error_of
+
+from eqt_cli.analysis.law_search import values_text
+from eqt_cli.analysis.tune import Search
+from eqt_cli.api.loading import load_experiment, source_from
+from eqt_cli.base.errors import ConfigError, EqtError
+
+
+def read(config):
+    return Search.read(source_from(config, {}))
+
+
+def test_keys_of_a_controller_are_its_own_and_those_of_gains_everybodys(small):
+    eqt, family = read(small).laws
+    assert list(eqt.axes) == ["gains.kp"]
+    assert list(family.axes) == ["gains.kp", "controllers[0].gyroscopic"]
+
+
+def test_gains_of_a_law_are_its_own_start_and_its_own_range(small):
+    small["controllers"] = ["eqt", {"kind": "gt", "gains": {"kp": 2.0}}]
+    small["tune"]["over"] = {"controllers[1].gains.kp": [1, 3], "gains.kp": [0.5, 1.5]}
+    eqt, gt = read(small).laws
+    assert gt.source.data["gains"] == {"kp": 2.0, "kd": 0.5}
+    assert gt.values([0.5]) == {"gains.kp": 2.0}
+    assert eqt.values([0.5]) == {"gains.kp": 1.0}
+    assert (eqt.start, gt.start) == ((0.5,), (0.5,))
+
+
+def test_a_cascade_keeps_its_gains_and_leaves_the_section_to_others(small):
+    cascade = {
+        "kind": "cascade",
+        "attitude": "lee2010",
+        "along": [0, 0, 1],
+        "position": {"kx": 4.0, "kv": 3.0},
+        "gains": {"kp": 1.0, "kd": 0.2},
+    }
+    small |= {
+        "group": "SE3",
+        "inertia": [2, 2, 2, 1, 1, 1],
+        "model": {"forces": [{"kind": "restoring", "weight": 9.81}]},
+        "reference": {"kind": "flat", "position": ["sin(t)", 0.0, 0.0], "along": [0, 0, 1]},
+        "initial": {"pose": "fixed", "velocity": "fixed"},
+        "controllers": [cascade, "eqt"],
+    }
+    small["tune"]["over"] = {
+        "gains.kp": [0.5, 5],
+        "controllers[0].gains.kp": [0.5, 1.5],
+        "controllers[0].position.kx": [2, 6],
+    }
+    of_cascade, eqt = read(small).laws
+    assert list(eqt.axes) == ["gains.kp"]
+    assert list(of_cascade.axes) == ["controllers[0].gains.kp", "controllers[0].position.kx"]
+    assert of_cascade.start == (0.5, 0.5)
+    tuned = of_cascade.at(of_cascade.values([1.0, 0.0])).data["controllers"][0]
+    assert (tuned["gains"]["kp"], tuned["position"]["kx"]) == (1.5, 2.0)
+    small["tune"]["subject_to"] = {"effort_rotation": 2}  # a part, where units are mixed
+    assert [(b.metric, b.above) for b in read(small).constraints] == [("effort_rotation", True)]
+    del small["gains"]  # where no law reads it
+    small["controllers"], small["tune"]["over"] = [cascade], {"controllers[0].gains.kd": [0.1, 1]}
+    assert read(small).laws[0].source.data["controllers"][0]["gains"] == {"kp": 1.0, "kd": 0.2}
+
+
+def test_a_start_outside_of_the_ranges_is_no_point_of_the_search(small):
+    small["tune"]["over"] = {"gains.kp": [2, 3]}
+    assert [law.start for law in read(small).laws] == [None, None]
+
+
+def test_whole_numbers_are_tuned_as_such(small):
+    small["tune"]["over"] = {"gains.kp": {"low": 1, "high": 4, "integer": True}}
+    law = read(small).laws[0]
+    assert [law.values([share])["gains.kp"] for share in (0, 0.3, 0.6, 1)] == [1, 2, 3, 4]
+    assert law.start is not None
+    assert law.values(law.start)["gains.kp"] == 1
+
+
+def test_one_number_for_several_entries(small):
+    small["gains"] = {"kp": [1.0, 1.0, 2.0], "kd": 0.5}
+    small["controllers"] = ["eqt", {"kind": "gt", "gains": {"kp": [3.0, 1.0, 2.0]}}]
+    small["tune"]["over"] = {"gains.kp[0:2]": [0.5, 4], "controllers[1].gains.kp[2:3]": [1, 3]}
+    eqt, gt = read(small).laws
+    assert eqt.at({"gains.kp[0:2]": 4.0}).data["gains"]["kp"] == [4.0, 4.0, 2.0]
+    assert list(gt.axes) == ["gains.kp[0:2]", "gains.kp[2:3]"]
+    assert gt.given == ("gains.kp[0:2]", "controllers[1].gains.kp[2:3]")
+    assert eqt.start == (1 / 7,)
+    assert gt.start is None  # its entries differ, so that no one number is its start
+    assert values_text({"gains.kp[0:2]": 4.0}) == "kp[0:2] 4"
+
+
+def test_only_the_numbers_of_generations_and_searches_may_change_between_sessions(small):
+    digest = read(small).digest
+    small["tune"] |= {"budget": 7, "seeds": 4}
+    assert read(small).digest == digest
+    small["tune"]["seed"] = 7
+    assert read(small).digest != digest
+
+
+def test_no_other_command_minds_the_section(small):
+    without = {key: value for key, value in small.items() if key != "tune"}
+    one, other = (load_experiment(config) for config in (small, without))
+    assert one.digest == other.digest
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    cases("""
+{over: {time.duration: [1, 2]}} →
+    tune.over.time.duration: expected a key of gains or controllers; all other keys define the task,
+        which is the same for all laws
+{over: {gains.kp: [1, 2], "controllers[2].gyroscopic": [1, 2]}} →
+    tune.over.controllers[2].gyroscopic: expected an option of one of the 2 controllers, as
+        controllers[0].gains.kp
+{over: {gains.kp: [2, 1]}} → tune.over.gains.kp: expected more than 2, the value of low, got 1
+{over: {gains.kp: [1, 2, 3]}} →
+    tune.over.gains.kp: expected [low, high], {log: [low, high]} or {low: …, high: …, scale: …}, got
+        [1, 2, 3]
+{over: {"gains.kp[2:2]": [1, 2]}} →
+    tune.over.gains.kp[2:2]: expected a range of 1 to 100 entries, such as gains.kp[0:3] for the
+        first three, got 'gains.kp[2:2]'
+{over: {"gains.kp[0:2]": [1, 2]}} →
+    tune.over: at the lower ends, controller 'eqt': gains.kp[0]: gains.kp is 1.0, not a list; set
+        all of gains.kp instead
+{over: {gains.kp: [1, 2], "gains.kp[0]": [1, 2]}} →
+    tune.over.gains.kp[0]: gains.kp[0] overlaps with gains.kp; remove one of them
+{over: {"gains.kd[0:3]": [1, 2], "controllers[1].gains.kd[2]": [1, 2]}} →
+    tune.over.controllers[1].gains.kd[2]: controllers[1].gains.kd[2] overlaps with gains.kd[0:3];
+        remove one of them
+{over: {"controllers[1].gyroscopic": [0, 1]}} →
+    tune.over: has no key of controller 'eqt'; add one that all laws share, or leave the controller
+        out
+{over: {gains.kp: [-1, 1]}} →
+    tune.over: at the lower ends, controller 'eqt': gains.kp: must be positive
+{objective: mean_pose_eror} →
+    tune.objective: no metric 'mean_pose_eror' is stored of every run; did you mean
+        'mean_pose_error'?
+{objectives: [effort, mean_pose_error]} →
+    tune: expected either `objective`, a metric, or `objectives`, two of them
+{objective: null, objectives: [effort]} →
+    tune.objectives: expected two different metrics, got ["effort"]
+{subject_to: {effort: {}}} → tune.subject_to.effort: expected `max` or `min`, got neither
+{seeds: 0} → tune.seeds: expected a whole number of at least 1, got 0
+{seeds: [1, 2]} → tune.seeds: expected a whole number, got [1, 2]
+{confirm: {seed: 1}} →
+    tune.confirm.seed: expected another seed than ensemble.seed, got 1; winners are judged on runs
+        that did not choose them
+"""),
+)
+def test_what_is_wrong_is_said_at_its_place(small, changed, message):
+    small["tune"] |= changed
+    assert message.replace('["effort"]', "['effort']") in error_of(read, small, kind=ConfigError)
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong"),
+    [
+        ("controllers[2].slope", "expected a number greater than 0, got -1.0"),
+        ("controllers[1].gains.kp", "must be positive, so that small errors"),
+    ],
+)
+def test_a_key_is_named_as_it_is_written(small, key, wrong):
+    law = small["controllers"][1]["kind"]
+    small["controllers"] = [*small["controllers"], "slotine_li"]
+    small["tune"]["over"] = {"gains.kd": [1, 2], key: [-1, 1]}
+    with pytest.raises(ConfigError) as error:
+        read(small)
+    law = "slotine_li" if "slope" in key else law
+    found = f"tune.over: at the lower ends, controller '{law}': {key}: {wrong}"
+    assert found in str(error.value)
+
+
+def test_a_configuration_without_the_section_is_told_what_to_add(small):
+    del small["tune"]
+    with pytest.raises(EqtError, match="has no section `tune`; add one, such as tune:"):
+        read(small)
+
+
+def test_a_bound_of_the_mean_is_on_the_side_that_is_worse(small):
+    small["tune"]["subject_to"] = {"effort": 3, "settled": 0.9, "peak_torque": {"max": 2}}
+    assert [str(bound) for bound in read(small).constraints] == [
+        "effort ≤ 3 in the mean",
+        "settled ≥ 0.9 in the mean",
+        "peak_torque ≤ 2 in every run",
+    ]

@@ -1,0 +1,214 @@
+"""Searches over real runs: what they find, what they keep, how they go on."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import yaml
+
+from eqt_cli import api
+from eqt_cli.analysis.fronts import Constraint, scores
+from eqt_cli.analysis.law_search import fits_tuning
+from eqt_cli.analysis.search_tables import tuning_tables
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.reporting import Reporter, reporting
+from eqt_cli.config import shipped
+from eqt_cli.results.result import open_result
+
+
+def read(folder):
+    return dict(json.loads((folder / "tuning.json").read_text()))
+
+
+@pytest.mark.slow("searches to the end")
+def test_the_shipped_problem_is_solved_to_a_hundredth(tmp_path):
+    """As derived in its file: the first overshoot touches the threshold, at the stiffest spring."""
+    config = yaml.safe_load(shipped.text("tune_so2"))
+    config["time"] = {"duration": 8.0, "samples": 801}
+    config["solver"] = {"rtol": 1e-8, "method": "DOP853"}
+    config["tune"]["seeds"] = 1
+    (winner,) = api.tune(config, tmp_path / "so2").record["laws"][0]["winners"]
+    zeta = math.log(20) / math.hypot(math.pi, math.log(20))
+    assert winner["values"]["gains.kp"] == pytest.approx(0.5, rel=0.01)
+    assert winner["values"]["gains.kd"] == pytest.approx(2 * zeta, rel=0.01)
+    root = math.sqrt(1 - zeta**2)
+    grid = np.linspace(0, 4, 400_001)  # where the way down first meets the threshold
+    x = np.exp(-zeta * grid) * (np.cos(root * grid) + zeta / root * np.sin(root * grid))
+    assert winner["objectives"][0] == pytest.approx(grid[np.argmax(x < 0.05)], rel=0.01)
+
+
+def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(searched):
+    done, folder = searched
+    for law in done.record["laws"]:
+        (winner,) = law["winners"]
+        loaded = api.load_experiment(folder / winner["config"])
+        assert loaded.controllers == [law["label"]]
+        given = loaded.resolved["gains"]["kp"]
+        assert given == winner["values"]["gains.kp"]
+    with open_result(folder) as result:
+        assert result.labels == ["eqt", "family", "eqt, start", "family, start"]
+        assert result.runs == 6
+        assert result.source.data["ensemble"]["seed"] == 9
+    law = done.search.laws[0]
+    assert law.values(law.start or ())["gains.kp"] == pytest.approx(1.0)
+
+
+def test_a_winner_is_no_worse_than_the_start_on_the_runs_of_the_search(searched):
+    done, folder = searched
+    for law in done.record["laws"]:
+        with open_result(folder / "generations" / law["label"] / "seed-0/000") as first:
+            start = first.metric("mean_pose_error")[0, 0].mean()
+        assert law["winners"][0]["objectives"][0] <= start
+
+
+def test_a_second_session_computes_nothing_and_finds_the_same(small, searched, monkeypatch):
+    done, folder = searched
+    monkeypatch.setattr("eqt_cli.runs.run_study._Session.run", None)
+    assert api.tune(small, folder).record == done.record
+
+
+@pytest.mark.slow("searches three times")
+def test_more_generations_go_on_where_fewer_ended(small, tmp_path):
+    api.tune(small, tmp_path / "t")
+    small["tune"]["budget"] = 3
+    done = api.tune(small, tmp_path / "t")
+    assert done.record == api.tune(small, tmp_path / "other").record
+    with open_result(tmp_path / "t") as one, open_result(tmp_path / "other") as other:
+        assert np.array_equal(one["mean_pose_error"], other["mean_pose_error"])
+
+
+@pytest.mark.slow("searches twice")
+def test_another_search_is_not_mixed_into_the_folder(small, tmp_path):
+    small["tune"]["budget"] = 1
+    api.tune(small, tmp_path / "t")
+    small["tune"]["seed"] = 5
+    with pytest.raises(EqtError, match="holds another tuning"):
+        api.tune(small, tmp_path / "t")
+
+
+@pytest.mark.slow("searches twice")
+def test_another_search_takes_the_place_of_one_where_it_is_told_to(small, tmp_path):
+    small["tune"]["budget"] = 1
+    api.tune(small, tmp_path / "t")
+    small["tune"]["seed"] = 5
+    assert api.tune(small, tmp_path / "t", force=True).record["seeds"] == [5]
+
+
+@pytest.mark.slow("searches for many candidates")
+def test_the_winners_of_a_front_are_numbered_and_none_betters_another(small, tmp_path):
+    del small["tune"]["objective"]
+    small["tune"]["objectives"] = ["effort", "mean_pose_error"]
+    done = api.tune(small, tmp_path / "t")
+    for law in done.record["laws"]:
+        found = np.array([winner["objectives"] for winner in law["winners"]])
+        assert len(found) > 1
+        assert (np.diff(found[:, 0]) > 0).all()
+        assert (np.diff(found[:, 1]) < 0).all()
+        files = {path.name for path in (tmp_path / "t/tuned" / law["label"]).iterdir()}
+        assert files - {"stored_plugins"} == {f"{k + 1}.yaml" for k in range(len(found))}
+
+
+GOOD = np.zeros((2, 4), dtype=int)
+
+
+def test_failed_runs_violate_and_unsettled_ones_count(stored):
+    nan, errors = math.nan, [[1, 1, 1, 1], [2, 2, 2, 6]]
+    times = [[nan, 1, 1, 1], [1, 2, nan, nan]]
+    result = stored([[1, 0, 0, 0], [0] * 4], mean_pose_error=errors, settling_time=times)
+    found = scores(result, ["mean_pose_error"], [])
+    assert found.violation.tolist() == [0.25, 0]
+    assert found.failed.tolist() == [1, 0]
+    assert found.unsettled.tolist() == [0, 2]
+    assert found.objectives[:, 0].tolist() == [1, 3]
+
+
+def test_a_run_that_does_not_settle_counts_with_the_horizon(stored):
+    result = stored(GOOD, settling_time=[[1, 2, 3, 4], [2, 2, math.nan, 6]])
+    found = scores(result, ["settling_time"], [])
+    assert found.objectives[:, 0].tolist() == [2.5, 5]
+
+
+@pytest.mark.parametrize(
+    ("bound", "violation"),
+    [
+        (Constraint("mean_pose_error", 2.0, above=True, every_run=False), [0, 0.5]),
+        (Constraint("mean_pose_error", 2.0, above=True, every_run=True), [0, 2.0]),
+        (Constraint("settled", 0.8, above=False, every_run=False), [0, 0.375]),
+    ],
+)
+def test_how_much_a_bound_is_violated(stored, bound, violation):
+    times = [[1] * 4, [1, 2, math.nan, math.nan]]
+    result = stored(GOOD, mean_pose_error=[[1] * 4, [2, 2, 2, 6]], settling_time=times)
+    found = scores(result, ["mean_pose_error"], [bound])
+    assert found.violation == pytest.approx(violation)
+
+
+@pytest.mark.slow("searches several times")
+def test_what_was_found_is_kept_when_the_search_is_interrupted(small, tmp_path, searched):
+    class Stopping(Reporter):
+        def note(self, about, words):
+            if about == "family":
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), reporting(Stopping()):
+        api.tune(small, tmp_path / "t")
+    assert {path.stem for path in (tmp_path / "t/tuned").glob("*.yaml")} == {"eqt", "family"}
+    assert api.tune(small, tmp_path / "t").record == searched[0].record
+
+
+@pytest.mark.slow("searches for many candidates")
+def test_the_winners_of_all_searches_stand_side_by_side_on_held_out_runs(searched_twice):
+    folder, record = searched_twice
+    assert record["seeds"] == [0, 1]
+    eqt, family = record["laws"]
+    assert family["searches"] == [
+        search | {"label": search["label"].replace("eqt", "family")} for search in eqt["searches"]
+    ]  # with g = 1, n = 0 and c = 0 this member of the family is EqT, and starts where EqT starts
+    scores = {search["label"]: search["objectives"][0][0] for search in eqt["searches"]}
+    assert len(scores) == 2
+    assert min(scores, key=lambda label: scores[label]) == "eqt"
+    assert eqt["winners"][0]["objectives"] == [scores["eqt"]]
+    with open_result(folder) as result:
+        assert set(scores) < set(result.labels)
+        assert len(result.labels) == 6
+
+
+@pytest.mark.slow("searches twice")
+def test_the_luck_of_the_searches_is_in_the_tables(searched_twice):
+    folder, record = searched_twice
+    with open_result(folder) as result:
+        tuned, *_, luck = tuning_tables(result, record)
+        means = dict(zip(result.labels, result.means("mean_pose_error").tolist(), strict=True))
+    two = sorted(means[search["label"]] for search in record["laws"][0]["searches"])
+    assert tuned.header == ["law", "tuned", "start", "found", "over searches", "change"]
+    low, _, high = tuned.blocks[0].rows[0][4].partition(" to ")
+    assert [float(low), float(high)] == pytest.approx(two, abs=0.05)
+    assert tuned.notes[0] == (
+        "Searched: 1 generation of 5 points, each of 2 runs, for every law, with the seeds 0 and "
+        "1. The best of these searches is shown; over searches: the smallest and the largest mean "
+        "of their winners."
+    )
+    unsettled = "All 3 runs of every law are unsettled at the end; see time.duration."
+    assert tuned.notes[1:] == [unsettled]
+    ends = [f"{end:.3g}" for end in (two[0] - two[1], two[1] - two[0])]
+    assert luck.blocks[0].rows == [["EqT − family", *ends, "no"]]
+
+
+@pytest.mark.parametrize(
+    "searches",
+    [
+        [],
+        [{"seed": 0, "label": "nobody", "objectives": []}],
+        [{"seed": 0, "label": None, "objectives": [[1.0, 2.0]]}],
+        [{"seed": 0, "label": None, "objectives": [["x"]]}],
+        [{"seed": 0, "label": None}],
+    ],
+)
+def test_a_record_with_other_searches_is_none(searched, searches):
+    done, folder = searched
+    record = done.record
+    laws = [law | {"searches": searches} for law in record["laws"]]
+    with open_result(folder) as result:
+        assert fits_tuning(record, result)
+        assert not fits_tuning(record | {"laws": laws}, result)

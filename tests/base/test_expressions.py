@@ -1,0 +1,425 @@
+"""The expression grammar: Python's arithmetic, and an error with a column for all else."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+import re
+import warnings
+
+import numpy as np
+import pytest
+from case_tables import cases
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from eqt_cli.base.arrays import FUNCTIONS, register_symbols
+from eqt_cli.base.errors import ExpressionError, TraceError
+from eqt_cli.base.expressions import MAX_LENGTH, MAX_NESTING, constant, parse
+
+
+def _message(text: str, variables: tuple[str, ...] = ("t",)) -> str:
+    with pytest.raises(ExpressionError) as caught:
+        parse(text, variables)
+    assert f"column {caught.value.column}" in str(caught.value)
+    return str(caught.value)
+
+
+# Values ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *(("1", 1.0), (".5", 0.5), ("1.", 1.0), ("1e-9", 1e-9), ("2.5E+3", 2500.0)),
+        *(("pi", math.pi), (" -pi / 2\n", -math.pi / 2), ("2 - 3 - 4", -5.0), ("2/4/2", 0.25)),
+        *(("2 + 3*4", 14.0), ("(2 + 3)*4", 20.0), ("-2**2", -4.0), ("(-2)**2", 4.0)),
+        *(("2**3**2", 512.0), ("2**-1", 0.5), ("2**-1*3", 1.5), ("2*-3", -6.0), ("--+2", 2.0)),
+        *(("-2*-3**2", 18.0), ("exp(1)", math.e), ("abs(-3)", 3.0), ("min(3, 1, 2)", 1.0)),
+        *(("max(3, 1, 2)", 3.0), ("sign(-2) + sign(0)", -1.0), ("step(1, 2)", 0.0)),
+        *(("step(2, 2)", 1.0), ("smoothstep(2, 1, 3)", 0.5), ("smoothstep(9, 1, 3)", 1.0)),
+        *(("atan2(1, -1)", 3 * math.pi / 4), ("atan2(-1, 0)", -math.pi / 2)),
+        *(("atan2(0, -1)", math.pi), ("where(1 < 2, 3, 4)", 3.0), ("where(2 < 2, 3, 4)", 4.0)),
+        *(("where(2 <= 2, 3, 4)", 3.0), ("where(2 > 2, 3, 4)", 4.0)),
+        *(("where(2 >= 2, 3, 4)", 3.0), ("where(1 < 2, where(1 > 2, 5, 6), 4)", 6.0)),
+    ],
+)
+def test_constant(text: str, value: float) -> None:
+    assert constant(text) == value
+
+
+def test_a_constant_is_a_python_float() -> None:
+    assert type(constant("sqrt(2)**2")) is float
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_every_function_is_in_the_grammar(name: str) -> None:
+    x = 1.5 if name == "acosh" else 0.5
+    assert parse(f"{name}(t)").evaluate({"t": x}) == getattr(np, name)(x)
+
+
+def test_variables_are_those_used() -> None:
+    assert parse("x*sin(x) + 1", ("x", "y")).variables == {"x"}
+
+
+def test_variables_that_are_not_used_may_be_given() -> None:
+    assert parse("x", ("x", "y")).evaluate({"x": 2.0, "y": 3.0}) == 2.0
+
+
+def test_an_array_gives_an_array() -> None:
+    t = np.linspace(0.0, 1.0, 6).reshape(2, 3)
+    np.testing.assert_array_equal(parse("cos(t)*t**2").evaluate({"t": t}), np.cos(t) * t**2)
+
+
+@pytest.mark.parametrize("t", [1, 1.0, np.float64(1.0), np.array(1.0)])
+def test_a_scalar_of_any_type_gives_a_float(t: object) -> None:
+    value = parse("sin(t)/2").evaluate({"t": t})
+    assert isinstance(value, float)
+    assert value == np.sin(1.0) / 2
+
+
+@pytest.mark.parametrize(
+    ("text", "t", "value"),
+    [
+        ("1/t", 0.0, math.inf),
+        ("1/t", 0, math.inf),
+        ("sqrt(t)", -1.0, math.nan),
+        ("t**0.5", -1.0, math.nan),  # Python: a complex number
+        ("10**t", 400.0, math.inf),  # Python: OverflowError
+    ],
+)
+def test_evaluation_is_ieee_without_warnings(text: str, t: float, value: float) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = parse(text).evaluate({"t": t})
+    np.testing.assert_equal(result, value)
+
+
+def test_a_missing_value_is_a_key_error() -> None:
+    with pytest.raises(KeyError, match="t"):
+        parse("t").evaluate({})
+
+
+@pytest.mark.parametrize(
+    ("text", "instants"),
+    [
+        ("sin(t)", ()),
+        ("step(t, 2)", (2.0,)),
+        ("step(2*t - 1, 3) + where(t <= 1, 0, t)", (1.0, 2.0)),
+        ("smoothstep(t, 1, 3)", (1.0, 3.0)),
+        ("atan2(t - 1, -1)", (1.0,)),
+        ("max(t, 2, 3*t)", (0.0, 2 / 3, 2.0)),
+        ("sign(1 - t/2)", (2.0,)),
+        ("sign(sin(t))", ()),  # engines find these on their way
+        ("abs(t - 1)", ()),  # as they have always done with these
+        ("step(1, 2)*t", ()),
+    ],
+)
+def test_instants_are_read_off(text: str, instants: tuple[float, ...]) -> None:
+    assert parse(text).instants(0.0) == instants
+
+
+# Symbols --------------------------------------------------------------------------------------
+
+
+class _Symbol:
+    """Records operations as text; like some symbols, it has no `__rpow__`."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __repr__(self) -> str:
+        return self.text
+
+    def __neg__(self) -> _Symbol:
+        return _Symbol(f"-{self}")
+
+    def __mul__(self, other: object) -> _Symbol:
+        return _Symbol(f"({self} * {other})")
+
+    def __rmul__(self, other: object) -> _Symbol:
+        return _Symbol(f"({other} * {self})")
+
+    def __rtruediv__(self, other: object) -> _Symbol:
+        return _Symbol(f"({other} / {self})")
+
+    def __pow__(self, other: object) -> _Symbol:
+        return _Symbol(f"({self} ** {other})")
+
+
+register_symbols(
+    _Symbol, {"sin": lambda x: _Symbol(f"sin({x})"), "exp": lambda x: _Symbol(f"exp({x})")}
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "traced"),
+    [
+        ("t", "t"),
+        ("-2*sin(t)**2", "(-2.0 * (sin(t) ** 2.0))"),
+        ("1/t", "(1.0 / t)"),
+        ("(1 + 1)**t", f"exp((t * {math.log(2)}))"),
+    ],
+)
+def test_a_symbol_gives_a_symbol(text: str, traced: str) -> None:
+    expression = parse(text)
+    t = _Symbol("t")
+    value = expression.evaluate({"t": t})
+    assert isinstance(value, _Symbol)
+    assert repr(value) == traced
+    values = expression.evaluate({"t": np.array([t, t], dtype=object)})
+    assert [repr(each) for each in values] == [traced, traced]
+
+
+def test_a_function_that_the_symbols_lack_is_a_trace_error() -> None:
+    with pytest.raises(TraceError, match=r"^cos\(\) is not available for _Symbol symbols"):
+        parse("cos(t)").evaluate({"t": _Symbol("t")})
+
+
+# Properties -----------------------------------------------------------------------------------
+
+_NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)(e[+-]?\d+)?")
+_PYTHON_NAMES = {
+    "__builtins__": {},
+    "number": np.float64,
+    "pi": np.float64(np.pi),
+    **{name: getattr(np, name) for name in FUNCTIONS},
+}
+_atoms = st.floats(0.0, 100.0).map(repr) | st.sampled_from(["t", "pi", ".5", "2.", "1e-3"])
+_texts = st.recursive(
+    _atoms,
+    lambda inner: st.one_of(
+        st.tuples(inner, st.sampled_from([" + ", "-", " * ", "/", "**"]), inner).map("".join),
+        st.tuples(st.sampled_from("+-"), inner).map("".join),
+        st.tuples(st.sampled_from(["", *FUNCTIONS]), inner).map(lambda p: f"{p[0]}({p[1]})"),
+    ),
+    max_leaves=12,
+)
+
+
+@given(text=_texts, t=st.floats(-10.0, 10.0))
+def test_values_are_those_of_python(text: str, t: float) -> None:
+    try:
+        expression = parse(text)
+    except ExpressionError as error:
+        # The generator writes nothing but the grammar: only a constant may be refused.
+        assume(not re.search("division by zero|has no finite value", str(error)))
+        raise
+    # On float64 scalars Python neither raises nor turns to complex numbers; the tree is its own.
+    python = _NUMBER.sub(r"number(\g<0>)", text)
+    with np.errstate(all="ignore"):
+        expected = eval(python, _PYTHON_NAMES, {"t": np.float64(t)})  # noqa: S307
+    np.testing.assert_equal(expression.evaluate({"t": t}), float(expected))
+
+
+_grammar_like = st.text("0123456789.e+-*/()^, tpisncox_")
+
+
+@pytest.mark.slow("parses hundreds of texts")
+@given(st.text() | _grammar_like | st.lists(_texts, min_size=2).map("".join))
+def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
+    try:
+        parse(text)
+    except ExpressionError as caught:
+        error = caught
+    else:
+        return
+    assert 1 <= error.column <= len(text) + 1
+    assert f"column {error.column}" in str(error)
+
+
+# Errors ---------------------------------------------------------------------------------------
+
+
+LONG_MESSAGES = """
+omega*t
+    unknown name 'omega' at column 1; known names: t, pi, sin, cos, tan, asin, acos, atan, sinh,
+    cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs, min, max, sign, step, smoothstep, atan2,
+    where
+__import__('os')
+    unknown name '__import__' at column 1; known names: t, pi, sin, cos, tan, asin, acos, atan,
+    sinh, cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs, min, max, sign, step, smoothstep,
+    atan2, where
+1,5
+    unexpected ',' at column 2; write decimals with a point; only min, max, step, smoothstep, atan2,
+    where take several arguments
+atan2(t)
+    function 'atan2' at column 1 takes two arguments, as in 'atan2(y, x)', the angle of the point
+    (x, y) in rad, got 1
+sign(t, 1)
+    function 'sign' at column 1 takes one argument, got another after ',' at column 7
+1 + step(t)
+    function 'step' at column 5 takes two arguments, as in 'step(t, 1)', which is 0 before t = 1 and
+    1 after, got 1
+where(t, 1, 2)
+    function 'where' at column 1 takes a comparison and two values, as in 'where(t < 1, 0, 2)', got
+    no comparison at column 7
+where(t < 1, 2)
+    function 'where' at column 1 takes a comparison and two values, as in 'where(t < 1, 0, 2)', got
+    no more
+t < 1
+    unexpected '<' at column 3; a comparison may only be the first argument of 'where', as in
+    'where(t < 1, 0, 2)'
+where(0 < t < 1, 2, 3)
+    unexpected '<' at column 13; a comparison may only be the first argument of 'where', as in
+    'where(t < 1, 0, 2)'
+where(t < 1 and t > 0, 2, 3)
+    unexpected 'and' at column 13; write one 'where' within another
+smoothstep(t, 3, 1)
+    'smoothstep' at column 1 must rise from a smaller to a larger number, got 3 and 1
+sin(t, 2)
+    function 'sin' at column 1 takes one argument, got another after ',' at column 6
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        *cases(LONG_MESSAGES),
+        ("", "expected an expression at column 1, got an empty text"),
+        ("  \n", "expected an expression at column 1, got an empty text"),
+        ("2 + sinn(t)", "unknown name 'sinn' at column 5; did you mean 'sin'?"),
+        ("arcsin(t)", "unknown name 'arcsin' at column 1; did you mean 'asin'?"),
+        ("PI", "unknown name 'PI' at column 1; did you mean 'pi'?"),
+        ("e**t", "unknown name 'e' at column 1; write 'exp(1)' for Euler's number"),
+        ("ln(t)", "unknown name 'ln' at column 1; the natural logarithm is 'log'"),
+        ("pow(t, 2)", "unknown name 'pow' at column 1; write 'a**b' for a power"),
+        ("math.sin(t)", "unknown name 'math' at column 1; write 'sin' for 'math.sin'"),
+        ("np.sin(t)", "unknown name 'np' at column 1; write 'sin' for 'np.sin'"),
+        ("t^2", "unexpected character '^' at column 2; write '**' for a power"),
+        ("atan2(0, 0)", "'atan2' at column 1 has no finite value (got nan)"),
+        ("min(t)", "function 'min' at column 1 takes two or more arguments, got 1"),
+        ("max()", "function 'max' at column 1 takes two or more arguments, got none"),
+        ("2·t", "unexpected character '·' at column 2; write '*'"),
+        ("t − 1", "unexpected character '−' at column 3; write '-'"),
+        ("−1", "unexpected character '−' at column 1; write '-'"),
+        ("2*π", "unexpected character 'π' at column 3; write 'pi'"),
+        ("t²", "unexpected character '²' at column 2; write '**2'"),
+        ("t;", "unexpected character ';' at column 2"),
+        ("t\x00", "unexpected character '\\x00' at column 2"),
+        ("2t", "missing operator between '2' and 't' at column 2; write '2*t' to multiply"),
+        ("t t", "missing operator between 't' and 't' at column 3; write 't*t' to multiply"),
+        ("t(1)", "missing operator between 't' and '(' at column 2; write 't*(' to multiply"),
+        ("(t)(t)", "missing operator between ')' and '(' at column 4; write ')*(' to multiply"),
+        ("sin(2 t)", "missing operator between '2' and 't' at column 7; write '2*t' to multiply"),
+        ("1_000", "missing operator between '1' and '_000' at column 2"),
+        ("0x10", "missing operator between '0' and 'x10' at column 2"),
+        ("1e", "missing operator between '1' and 'e' at column 2"),
+        ("2*(t + 1", "the '(' at column 3 is never closed"),
+        ("sin(t", "the '(' at column 4 is never closed"),
+        ("t + 1)", "the ')' at column 6 has no matching '('"),
+        ("2*", "expected a number, a name or '(' at column 3, but the expression ends"),
+        ("*2", "expected a number, a name or '(' at column 1, but got '*'"),
+        ("1//2", "expected a number, a name or '(' at column 3, but got '/'"),
+        ("()", "expected a number, a name or '(' at column 2, but got ')'"),
+        ("sin t", "function 'sin' at column 1 needs its argument in parentheses, as in 'sin(t)'"),
+        ("sin()", "function 'sin' at column 1 takes one argument, got none"),
+        ("1e400", "number '1e400' at column 1 is too large"),
+        ("t/0", "division by zero at column 2"),
+        ("t*(1/(1/0.0))", "division by zero at column 8"),
+        ("1/(1 - 1)", "division by zero at column 2"),
+        ("log(0)*t", "'log' at column 1 has no finite value (got -inf)"),
+        ("1/exp(1000)", "'exp' at column 3 has no finite value (got inf)"),
+        ("(-8)**(1/3)", "'**' at column 5 has no finite value (got nan)"),
+        ("10**400", "'**' at column 3 has no finite value (got inf)"),
+    ],
+)
+def test_message(text: str, message: str) -> None:
+    assert _message(text) == message
+
+
+def test_a_constant_knows_no_t() -> None:
+    with pytest.raises(ExpressionError, match=r"^unknown name 't' at column 3; known names: pi,"):
+        constant("2*t")
+
+
+def test_long_words_are_shortened() -> None:
+    assert _message("x" * 500).startswith(f"unknown name '{'x' * 27}...' at column 1; ")
+    assert _message(f"2{'0' * 500}") == f"number '2{'0' * 26}...' at column 1 is too large"
+
+
+# Limits ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("hostile", ["(" * 5000, "-" * 5000, "2**" * 3000, "sin(" * 2000])
+def test_deep_nesting_is_refused(hostile: str) -> None:
+    assert f"the expression is nested more than {MAX_NESTING} deep at column " in _message(hostile)
+
+
+def test_the_deepest_nesting_allowed() -> None:
+    depth = MAX_NESTING - 1
+    assert constant("(" * depth + "1" + ")" * depth) == 1.0
+
+
+def test_nesting_side_by_side_does_not_add_up() -> None:
+    assert constant("+".join(["((1))"] * MAX_NESTING)) == MAX_NESTING
+
+
+def test_a_long_text_is_refused() -> None:
+    assert _message("1" * (MAX_LENGTH + 1)) == (
+        "the expression goes on at column 10001; expected at most 10000 characters"
+    )
+
+
+def test_a_long_sum_is_no_deep_nesting() -> None:
+    text = "+".join(["t"] * (MAX_LENGTH // 2))
+    assert parse(text).evaluate({"t": 1.0}) == MAX_LENGTH // 2
+
+
+def test_a_long_sum_travels() -> None:
+    expression = parse("+".join(["t"] * (MAX_LENGTH // 2)))
+    assert copy.deepcopy(expression) == expression
+    assert pickle.loads(pickle.dumps(expression)).evaluate({"t": 1.0}) == MAX_LENGTH // 2
+
+
+def test_expressions_with_equal_text_are_equal() -> None:
+    assert parse("sin(t)") == parse("sin(t)")
+    assert len({parse("sin(t)"), parse("sin(t)"), parse("cos(t)")}) == 2
+
+
+def test_the_tree_carries_columns() -> None:
+    tree = parse("1 +  t").tree
+    assert (tree.what, tree.column) == ("+", 3)
+    assert [part.column for part in tree.operands] == [1, 6]
+
+
+def test_atan2_is_that_of_numpy_at_every_size():
+    rng = np.random.default_rng(0)
+    x, y = rng.normal(size=(2, 2000)) * 10.0 ** rng.integers(-150, 150, size=(2, 2000))
+    expected = np.arctan2(y, x)
+    found = parse("atan2(y, x)", ("x", "y")).evaluate({"x": x, "y": y})
+    # Of the quotient, of atan and of the sum: half a unit in the last place each.
+    assert (np.abs(found - expected) <= 2 * np.spacing(np.abs(expected))).all()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("3.5e5*exp(-((t - 3)/1e-5)**2/2)", "tanh((t - 3)/1e-5)", "1/(1 + (1e5*(t - 3))**2)"),
+        *("exp(-1e7*(t**2 - 9)**2)", "exp(1e10*(cos(t - 3) - 1))", "cos(t - 3)**1e10"),
+        "sin(5*t) + exp(-((t - 3)/1e-5)**2)",
+    ],
+)
+def test_the_sides_of_a_short_pulse_are_instants(text):
+    before, within, after = parse(text).instants(5.0)
+    assert 3 - 1e-2 < before < 3 - 3e-5 < within == pytest.approx(3, abs=1e-8)
+    assert 3 + 3e-5 < after < 3 + 1e-2
+
+
+def test_several_pulses_are_found():
+    many = parse("exp(-1e9*cos(pi*t/2)**2)").instants(8.0)
+    assert many[1::3] == pytest.approx([1, 3, 5, 7], abs=1e-8)
+    two = parse("exp(-((t - 3)/1e-5)**2) - exp(-((t - 5)/1e-5)**2)").instants(10.0)
+    assert two[1::3] == (3.0, 5.0)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("cos(t - 3)", "sin(1e5*(t - 3))", "exp(-(t - 3)**2)", "(t - 3)**2", "1/(t - 3)"),
+        *("5 + cos(t)*sin(3*t)", "sqrt(t - 1)", "abs(t - 3) + log(t)"),
+    ],
+)
+def test_a_slow_or_lasting_change_has_no_instants(text):
+    assert parse(text).instants(10.0) == ()

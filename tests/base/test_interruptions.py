@@ -1,0 +1,161 @@
+"""Signals become exceptions where they can be raised, and are never lost."""
+
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from typing import Annotated
+
+import pytest
+from pydantic import BaseModel, BeforeValidator, Discriminator, Tag, TypeAdapter
+
+from eqt_cli.base.process import ASKED_BY, Interrupted, as_exceptions
+
+
+@pytest.fixture(autouse=True)
+def handlers():
+    """Signals mean again what they meant before: who was told to stop ignores more."""
+    before = {number: signal.getsignal(number) for number in ASKED_BY}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+class Told:
+    """Receives a signal while it is finalised, where Python ignores exceptions."""
+
+    def __del__(self):
+        signal.raise_signal(signal.SIGTERM)
+        time.sleep(0)
+
+
+def told_while_finalised():
+    with as_exceptions(lambda: None):
+        Told()
+        for _ in range(1000):  # until it is told, or 10 s
+            time.sleep(0.01)
+
+
+def test_a_signal_in_a_finaliser_is_not_lost(capsys):
+    hook = sys.unraisablehook
+    with pytest.raises(Interrupted) as raised:
+        told_while_finalised()
+    assert raised.value.exit_code == 143
+    assert capsys.readouterr().err == ""
+    assert sys.unraisablehook is hook
+
+
+def kind(value):
+    """Of a section of `Asking`: pydantic swallows what it raises while a model is dumped."""
+    if not isinstance(value, dict):
+        signal.raise_signal(signal.SIGTERM)
+        time.sleep(0)
+    return "pair"
+
+
+class Asking(BaseModel):
+    value: Annotated[
+        Annotated[tuple[int, int], Tag("pair")] | Annotated[int, Tag("one")], Discriminator(kind)
+    ]
+
+
+def test_a_signal_that_a_library_swallows_is_raised_again(capsys):
+    model, waited = Asking.model_construct(value=(1, 2)), []
+
+    def dump_and_wait():
+        with as_exceptions(lambda: None):
+            dumped = model.__pydantic_serializer__.to_python(model, warnings="none")
+            assert dumped == {"value": (1, 2)}
+            time.sleep(10)
+            waited.append("to the end")
+
+    with pytest.raises(Interrupted) as raised:
+        dump_and_wait()
+    assert raised.value.exit_code == 143
+    assert waited == []
+    assert capsys.readouterr().err == ""
+
+
+def test_a_signal_during_an_import_ends_the_wait_after_it(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    name, waited = f"told_{tmp_path.name}", []
+    (tmp_path / f"{name}.py").write_text("import signal; signal.raise_signal(signal.SIGTERM)")
+
+    def load_and_wait():
+        with as_exceptions(lambda: None):
+            importlib.import_module(name)
+            time.sleep(10)
+            waited.append("to the end")
+
+    with pytest.raises(Interrupted):
+        load_and_wait()
+    assert waited == []
+    assert name in sys.modules
+
+
+def told(value):
+    signal.raise_signal(signal.SIGTERM)
+    time.sleep(0)
+    return value
+
+
+def test_a_signal_while_a_value_is_checked_is_no_error_of_the_value():
+    checked = []
+
+    def check_and_wait():
+        with as_exceptions(lambda: None):
+            checked.append(TypeAdapter(Annotated[str, BeforeValidator(told)]).validate_json('"a"'))
+            time.sleep(10)
+            checked.append("to the end")
+
+    with pytest.raises(Interrupted):
+        check_and_wait()
+    assert checked == ["a"]
+
+
+def test_a_folder_called_pydantic_is_not_pydantic():
+    code = compile("signal.raise_signal(signal.SIGTERM)", "/home/me/pydantic/mine.py", "exec")
+    with pytest.raises(Interrupted), as_exceptions(lambda: None):
+        exec(code, {"signal": signal, "__name__": "mine"})
+
+
+def test_other_ignored_exceptions_are_told_as_before():
+    class Broken:
+        def __del__(self):
+            raise ValueError("told")
+
+    sys_hook, told = sys.unraisablehook, []
+    sys.unraisablehook = told.append
+    try:
+        with as_exceptions(lambda: None):
+            Broken()
+    finally:
+        sys.unraisablehook = sys_hook
+    assert [str(ignored.exc_value) for ignored in told] == ["told"]
+
+
+DEAF = """
+import signal, sys, time
+from eqt_cli.base.process import ONE_MOMENT, Interrupted, as_exceptions
+with as_exceptions(lambda: None):
+    try:
+        signal.raise_signal(signal.SIGTERM)
+    except Interrupted:
+        signal.raise_signal(signal.SIGTERM)  # of the same moment
+        time.sleep(1.2 * ONE_MOMENT)
+        assert signal.getsignal(signal.SIGTERM) != signal.SIG_DFL
+        signal.raise_signal(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+        assert signal.getsignal(signal.SIGINT) == signal.SIG_DFL
+        print("told", flush=True)
+        signal.raise_signal(signal.SIGTERM)
+        print("deaf", flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
+def test_after_a_second_signal_the_system_ends_the_process():
+    done = subprocess.run([sys.executable, "-c", DEAF], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGTERM, "told\n", "")

@@ -1,0 +1,451 @@
+"""Files that nobody should have to trust; each is made with h5py, or by spoiling bytes."""
+
+import os
+import struct
+from mmap import ACCESS_READ, mmap
+
+import h5py
+import numpy as np
+import pytest
+
+from eqt_cli.base.errors import ResultError
+from eqt_cli.base.store_reader import Refusal, open_results, read_heaps
+from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.base.version import __version__
+
+AGAIN = "copy it again or run the experiment again"
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory, table):
+    path = tmp_path_factory.mktemp("written") / "results.h5"
+    write(path, table)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def path(tmp_path, content):
+    (tmp_path / "results.h5").write_bytes(content)
+    return tmp_path / "results.h5"
+
+
+def refusal(path):
+    with pytest.raises(ResultError) as caught, open_results(path):
+        pass
+    return str(caught.value)
+
+
+def refused_as(path, reason):
+    return f"{path}: refused: {reason}; eqt writes no such file: {AGAIN}"
+
+
+def spoil(path, old, new):
+    """Replace the only occurrence of some bytes."""
+    content = path.read_bytes()
+    assert content.count(old) == 1
+    path.write_bytes(content.replace(old, new))
+
+
+def test_a_missing_path(tmp_path):
+    path = tmp_path / "none"
+    assert refusal(path) == f"{path}: not found; give a result folder or its results.h5"
+
+
+def test_a_folder_without_results(tmp_path):
+    assert refusal(tmp_path) == (
+        f"{tmp_path}: the folder holds no results.h5; run its experiment to the end first"
+    )
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    path = tmp_path / "results.h5"
+    os.mkfifo(path)
+    assert refusal(tmp_path) == f"{path}: is not a file; give a result folder or its results.h5"
+
+
+def test_a_path_through_a_file(path):
+    below = path / "results.h5"
+    assert refusal(below) == (
+        f"{below}: cannot be read: Not a directory; check the path and its permissions"
+    )
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89HDF", b"name: paper\n", bytes(range(256)) * 40])
+def test_a_file_of_another_kind(tmp_path, content):
+    path = tmp_path / "results.h5"
+    path.write_bytes(content)
+    assert refusal(path) == f"{path}: is not an HDF5 file; give the results.h5 that eqt wrote"
+
+
+def test_an_hdf5_file_of_another_program(tmp_path):
+    path = tmp_path / "other.h5"
+    with h5py.File(path, "w") as file:
+        file["group/data"] = 1.0
+    assert refusal(path) == (
+        f"{path}: is an HDF5 file, but not one of eqt's (it has no attribute 'eqt_format'); "
+        "give the results.h5 that eqt wrote"
+    )
+
+
+@pytest.mark.parametrize(
+    ("version", "said"),
+    [
+        (np.bytes_("0.9.1"), "eqt 0.9.1"),
+        (np.bytes_("\x1b[31m"), "the version of eqt that wrote it"),
+        ("0.9.1" * 1000, "the version of eqt that wrote it"),
+        (7, "the version of eqt that wrote it"),
+        (None, "the version of eqt that wrote it"),
+    ],
+)
+def test_another_format(path, version, said):
+    with h5py.File(path, "r+") as file:
+        assert file.attrs["eqt_version"] == __version__.encode()
+        file.attrs["eqt_format"] = 2
+        del file.attrs["eqt_version"]
+        if version is not None:
+            file.attrs["eqt_version"] = version
+    assert refusal(path) == (
+        f"{path}: has format 2, but eqt {__version__} reads format 1; read it with {said}"
+    )
+
+
+@pytest.mark.parametrize("kept", [0.25, 0.9, -1])
+def test_a_file_cut_short(path, kept):
+    content = path.read_bytes()
+    path.write_bytes(content[: kept if kept < 0 else int(kept * len(content))])
+    assert refusal(path) == f"{path}: is cut short; {AGAIN}"
+
+
+def test_only_a_signature(tmp_path):
+    path = tmp_path / "results.h5"
+    path.write_bytes(b"\x89HDF\r\n\x1a\n" + np.random.default_rng(0).bytes(5000))
+    assert refusal(path) == f"{path}: is damaged; {AGAIN}"
+
+
+def test_spoiled_metadata(path):
+    spoil(path, b"control torque", b"cOntrol torque")  # a heap: without a checksum, yet well-formed
+    with open_results(path) as results:
+        assert results.long_name("torque") == "cOntrol torque τ"
+    spoil(path, b"settling_time", b"settling-time")  # an object header: with one
+    assert refusal(path) == f"{path}: is damaged; {AGAIN}"
+
+
+def test_text_that_is_no_utf8(path):
+    spoil(path, b"control torque", b"\xffontrol torque")
+    assert refusal(path) == f"{path}: is damaged; {AGAIN}"
+
+
+def test_a_chunk_beyond_the_end(tmp_path, table):
+    path = tmp_path / "results.h5"
+    write(path, table, "gzip")
+    with h5py.File(path) as file:
+        address = file["torque"].id.get_chunk_info(0).byte_offset
+    spoil(path, struct.pack("<Q", address), struct.pack("<Q", 2**40))
+    assert refusal(path) == refused_as(path, "'torque' lies beyond the end of the file")
+
+
+NO_KIND = "'evil' holds neither numbers nor variable-length strings"
+VALUES = {
+    "soft link": (h5py.SoftLink("/torque"), "'evil' is a soft link"),
+    "external link": (h5py.ExternalLink("/etc/other.h5", "/data"), "'evil' is an external link"),
+    "named type": (np.dtype("f8"), "'evil' is a named type"),
+    "compound": (np.zeros(5, dtype=[("a", "f8"), ("b", "i4")]), NO_KIND),
+    "boolean": (np.zeros(5, dtype=bool), NO_KIND),
+    "fixed width text": (np.array([b"eqt", b"gt"]), NO_KIND),
+    "no shape": (h5py.Empty("f8"), "'evil' has no shape"),
+    "without dimension": (np.zeros(5), "'evil' has an axis without a dimension"),
+}
+"""What would be called evil in a file, and what is said of it."""
+NO_DATA = "'evil' has the shape {} and holds no data"
+HUGE = (2**34,)
+DATASETS = {
+    "external storage": (
+        {"shape": 5, "dtype": "f8", "external": [("/etc/passwd", 0, 40)]},
+        "'evil' keeps its data in another file",
+    ),
+    "numbers of variable length": ({"shape": 5, "dtype": h5py.vlen_dtype(np.float64)}, NO_KIND),
+    "other filter": (
+        {"data": np.zeros(50), "compression": "lzf"},
+        "'evil' uses filters other than shuffle and gzip",
+    ),
+    "huge": ({"shape": HUGE, "dtype": "f8"}, NO_DATA.format(HUGE)),
+    "huge in chunks": ({"shape": HUGE, "dtype": "f8", "chunks": (1000,)}, NO_DATA.format(HUGE)),
+    "beyond 64 bits": (
+        {"shape": (2**40, 2**40), "dtype": "f8", "chunks": (1000, 1000)},
+        NO_DATA.format((2**40, 2**40)),
+    ),
+    "text in chunks": (
+        {"shape": 5, "dtype": h5py.string_dtype(), "chunks": (5,)},
+        "'evil' does not hold its strings in one piece",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", VALUES)
+def test_a_value_that_eqt_never_writes_is_refused(path, case):
+    value, reason = VALUES[case]
+    with h5py.File(path, "r+") as file:
+        file["evil"] = value
+    assert refusal(path) == refused_as(path, reason)
+
+
+@pytest.mark.parametrize("case", DATASETS)
+def test_a_dataset_that_eqt_never_writes_is_refused(path, case):
+    options, reason = DATASETS[case]
+    with h5py.File(path, "r+") as file:
+        file.create_dataset("evil", **options)
+    assert refusal(path) == refused_as(path, reason)
+
+
+def _group(file):
+    file.create_group("evil")
+
+
+def _strange_name(file):
+    file["\x1b[31m"] = 1.0
+
+
+def _virtual(file):
+    layout = h5py.VirtualLayout((5,), "f8")
+    layout[:] = h5py.VirtualSource("/etc/other.h5", "data", (5,))
+    file.create_virtual_dataset("evil", layout)
+
+
+def _reference(file):
+    file["evil"] = np.array([file.ref] * 5, dtype=h5py.ref_dtype)
+
+
+def _two_deflations(file):
+    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    creation.set_chunk((50,))
+    creation.set_deflate(9)
+    creation.set_deflate(9)
+    kind, space = h5py.h5t.IEEE_F64LE, h5py.h5s.create_simple((50,))
+    h5py.h5d.create(file.id, b"evil", kind, space, creation)
+
+
+def _one_chunk_of_many(file):
+    file.create_dataset("evil", (2**34,), "f8", chunks=(1000,))[:1000] = 1.0
+
+
+def _one_compressed_chunk_of_many(file):
+    file.create_dataset("evil", (2**34,), "f8", chunks=(1000,), compression="gzip")[:1000] = 1.0
+
+
+def _of_another_size(file):
+    file["evil"] = np.zeros(6)
+    file["evil"].dims[0].attach_scale(file["run"])
+
+
+def _two_dimensions_on_an_axis(file):
+    file["torque"].dims[0].attach_scale(file["run"])
+
+
+def _attached_to_no_dataset(file):
+    attached = file["run"].attrs["REFERENCE_LIST"]
+    attached[0] = (file.ref, 0)
+    file["run"].attrs["REFERENCE_LIST"] = attached
+
+
+def _attached_beyond_the_last_axis(file):
+    attached = file["run"].attrs["REFERENCE_LIST"]
+    attached[0] = (attached[0][0], 4)
+    file["run"].attrs["REFERENCE_LIST"] = attached
+
+
+def _attached_by_text(file):
+    del file["run"].attrs["REFERENCE_LIST"]
+    file["run"].attrs["REFERENCE_LIST"] = "torque"
+
+
+def _scale_with_two_axes(file):
+    file["evil"] = np.zeros((5, 5))
+    file["evil"].make_scale("evil")
+
+
+def _twice_the_same(file):
+    file["evil"] = file["torque"]
+
+
+def _array_attribute(file):
+    file["torque"].attrs["evil"] = np.zeros(3)
+
+
+def _huge_attribute(file):
+    file.attrs.create("evil", np.zeros(10**6))
+
+
+BUILDERS = {
+    _group: "'evil' is a group",
+    _strange_name: "it holds something called '\\x1b[31m'",
+    _virtual: "'evil' is a virtual dataset",
+    _reference: "'evil' holds neither numbers nor variable-length strings",
+    _two_deflations: "'evil' uses filters other than shuffle and gzip",
+    _one_chunk_of_many: "'evil' declares 137438960000 bytes and holds 8000",
+    _one_compressed_chunk_of_many: "'evil' declares 137438960000 bytes and holds 41",
+    _of_another_size: "'evil' has 6 entries along 'run', which has 5",
+    _two_dimensions_on_an_axis: "'run' is attached where it cannot be",
+    _attached_to_no_dataset: "'run' is attached where it cannot be",
+    _attached_beyond_the_last_axis: "'run' is attached where it cannot be",
+    _attached_by_text: "'run' is attached in an unknown way",
+    _scale_with_two_axes: "'evil' is a dimension scale of shape (5, 5)",
+    _twice_the_same: "two of its datasets share the same bytes",
+    _array_attribute: "its attribute 'evil' of 'torque' is not one number or string",
+    _huge_attribute: "its attribute 'evil' is not one number or string",
+}
+
+
+@pytest.mark.parametrize("build", BUILDERS, ids=lambda build: build.__name__.strip("_"))
+def test_what_eqt_never_writes_is_refused(path, build):
+    with h5py.File(path, "r+") as file:
+        build(file)
+    assert refusal(path) == refused_as(path, BUILDERS[build])
+
+
+def test_the_layout_without_checksums(tmp_path):
+    path = tmp_path / "results.h5"
+    with h5py.File(path, "w", libver=("earliest", "v108")) as file:
+        file.attrs["eqt_format"] = 1
+    assert refusal(path) == refused_as(path, "it has an HDF5 layout without checksums")
+
+
+def test_a_broken_heap_does_not_hang(tmp_path):
+    """The HDF5 library itself loops for ever on this file (its issue 1707)."""
+    path = tmp_path / "results.h5"
+    write(path, Table({}, attributes={"note": "something to find"}))
+    size = struct.pack("<Q", len("something to find"))
+    spoil(path, size + b"something to find", bytes(8) + b"something to find")
+    assert refusal(path) == refused_as(path, "its strings are damaged")
+
+
+@pytest.fixture
+def texts(tmp_path):
+    """A file with many short strings and one long, and where the references to them are."""
+    path = tmp_path / "results.h5"
+    data = np.array(["x" * 100_000] + ["short"] * 99)
+    write(path, Table({"message": Variable(("run",), data)}))
+    with h5py.File(path) as file:
+        return path, file["message"].id.get_offset()
+
+
+def test_many_references_to_one_long_string(texts):
+    """100 strings of 100 kB each, 10 MB, from a file of about 100 kB."""
+    path, offset = texts
+    content = bytearray(path.read_bytes())
+    content[offset : offset + 1600] = bytes(content[offset : offset + 16]) * 100
+    path.write_bytes(content)
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results["message"]
+    declared = f"'message' declares 10000000 bytes of text in a file of {len(content)}"
+    assert str(caught.value) == refused_as(path, declared)
+
+
+@pytest.mark.parametrize(
+    "reference",
+    [
+        struct.pack("<IQI", 5, 8, 1),  # where there is no heap
+        struct.pack("<IQI", 2**32 - 1, 0, 0)[:4],  # longer than what is there
+    ],
+    ids=["elsewhere", "too long"],
+)
+def test_a_reference_to_a_string_that_is_not_there(texts, reference):
+    path, offset = texts
+    content = bytearray(path.read_bytes())
+    content[offset : offset + len(reference)] = reference
+    path.write_bytes(content)
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results["message"]
+    assert str(caught.value) == refused_as(path, "'message' has damaged strings")
+
+
+def test_spoiled_compressed_data(tmp_path, table):
+    path = tmp_path / "results.h5"
+    write(path, table, "gzip")
+    with h5py.File(path) as file:
+        chunk = file["torque"].id.get_chunk_info(0)
+    content = bytearray(path.read_bytes())
+    content[chunk.byte_offset : chunk.byte_offset + 20] = bytes(20)
+    path.write_bytes(content)
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results["torque"]
+    assert str(caught.value) == f"{path}: 'torque' is damaged; {AGAIN}"
+
+
+def test_more_than_the_memory_holds(path, monkeypatch):
+    def fail(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", fail)
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results["torque"]
+    assert str(caught.value) == f"{path}: 'torque' does not fit the memory; read it in parts"
+
+
+# Heaps of strings
+
+
+def header(size):
+    return b"GCOL\x01\0\0\0" + struct.pack("<Q", size)
+
+
+def entry(index, size, room):
+    return struct.pack("<HHIQ", index, 1, 0, size) + bytes(room)
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(content, gaps=None):
+        path = tmp_path / "heap"
+        path.write_bytes(content)
+        with path.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as view:
+            return read_heaps(view, gaps or [(0, len(content))])
+
+    return read
+
+
+GOOD = header(88) + entry(3, 5, 8) + entry(1, 0, 0) + entry(0, 24, 8) + bytes(8)
+
+
+def test_finds_every_string_of_every_collection(read):
+    content = b"before" + GOOD + b"between" + GOOD
+    assert read(content) == {6: {3: 5, 1: 0, 0: 24}, 101: {3: 5, 1: 0, 0: 24}}
+
+
+def test_looks_only_where_no_data_are(read):
+    content = GOOD + header(7)  # the second would be broken
+    assert list(read(content, [(0, 88)])) == [0]
+
+
+def test_refuses_a_collection_that_reaches_into_data(read):
+    with pytest.raises(Refusal, match="its strings are damaged"):
+        read(GOOD, [(0, 80)])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        header(32) + entry(0, 0, 0),
+        header(32) + entry(0, 8, 0),
+        header(64) + entry(1, 5, 8) + entry(1, 5, 8),
+        header(40) + entry(1, 9, 16),
+        header(32) + entry(1, 2**64 - 1, 0),
+        header(8) + bytes(100),
+        header(0) + bytes(100),
+        header(200) + bytes(100),
+        header(2**64 - 1) + bytes(100),
+    ],
+    ids=[
+        "free space of no size, on which HDF5 loops",
+        "free space smaller than its header",
+        "an index twice",
+        "an object beyond the end of the collection",
+        "a size that wraps around 64 bits",
+        "a collection smaller than its header",
+        "a collection of no size",
+        "a collection beyond the end of the file",
+        "a collection that wraps around 64 bits",
+    ],
+)
+def test_refuses_what_hdf5_would_trust(read, content):
+    with pytest.raises(Refusal, match="its strings are damaged"):
+        read(content)

@@ -1,0 +1,195 @@
+"""Feasible motions of bodies that are pushed along one axis."""
+
+import numpy as np
+import pytest
+from case_tables import cases, refusal
+from scipy.interpolate import PPoly
+
+from eqt_cli.base.errors import EqtError, Problems
+from eqt_cli.components.flat import FlatReference, Knot, _smallest
+from eqt_cli.components.forces import Restoring
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.motions import PlantModel
+
+MASS, WEIGHT = 2.0, 19.62
+GROUPS = {name: group_named(name) for name in ("SE2", "SE3")}
+KNOTS = [(0.0, [0, 0, 0]), (1.0, [1, 0, 1]), (2.5, [1, 1, 0.5]), (4.0, [0, 0, 1])]
+POINTS = [(0, [0, 0, 0]), (1, [0.3, 0.2, 0.1]), (2.2, [0.1, 0.2, 0.3])]
+ALONG = {"SE2": [0.0, 1.0], "SE3": [0.0, 0.0, 1.0]}
+
+
+def options(way, n):
+    """Options of a reference, and of its heading in space."""
+    found = {
+        "helix": {"position": ["0.4*t", "0.4*sin(pi*t)", "0.6*cos(pi*t)"][-n:]},
+        "ahead": {"position": ["2*sin(t)", "-cos(t)", "0.3*t"][:n]},
+        "minimum snap": {"minimum_snap": [Knot(t, p[:n]) for t, p in KNOTS]},
+        "waypoints": {
+            "of": {
+                "kind": "waypoints",
+                "points": [{"t": t, "pose": {"position": p[:n]}} for t, p in POINTS],
+            }
+        },
+        "path": {
+            "of": {
+                "kind": "path",
+                "factors": [
+                    {"axis": "vx", "by": "sin(t)"},
+                    {"axis": "w" if n == 2 else "wz", "by": "0.7*t"},
+                    {"axis": "vy", "by": "t**3/10"},
+                ],
+            }
+        },
+    }[way]
+    heading = {"helix": "pi*t", "ahead": "velocity", "path": "free"}.get(way)
+    return found | ({"heading": heading} if n == 3 else {})
+
+
+def known(name, horizon=2.1, along=None, **given):
+    G = GROUPS[name]
+    inertia = np.diag([*np.linspace(1.0, 1.5, G.rotations), *[MASS] * G.space])
+    weight = Restoring(WEIGHT).of_run(G, None)
+    reference, problems = FlatReference(**given).with_files({}), Problems()
+    reference.check(G, problems)
+    problems.raise_if_any()
+    law = Inertia(inertia, np.linalg.inv(inertia))
+    plant = PlantModel(law, (weight,), None, True, horizon, along=along or ALONG[name])
+    found = reference.knowing(G, plant, problems)
+    problems.raise_if_any()
+    return found, law, weight
+
+
+def difference(function, t, h=1e-3):
+    """By a fourth-order difference, whose error is h⁴/30 of the fifth derivative."""
+    near, far = function(t + h) - function(t - h), function(t + 2 * h) - function(t - 2 * h)
+    return (8 * near - far) / (12 * h)
+
+
+@pytest.mark.parametrize("way", ["helix", "ahead", "minimum snap", "waypoints", "path"])
+@pytest.mark.parametrize("name", GROUPS)
+def test_rates_are_those_of_the_pose_and_the_force_is_along_the_axis(name, way):
+    reference, law, weight = known(name, **options(way, GROUPS[name].space))
+    G, t = GROUPS[name], np.array([0.3, 0.77, 1.9])
+    Q, V, V_dot = reference.motion(G, t)
+    turned = G.inverse(Q) @ difference(lambda t: reference.motion(G, t)[0], t)
+    np.testing.assert_allclose(G.hat(V), turned, rtol=0, atol=1e-6)
+    slope = difference(lambda t: reference.motion(G, t)[1], t)
+    np.testing.assert_allclose(V_dot, slope, rtol=0, atol=1e-6)
+    force = law.momentum(V_dot) - G.ad_star(V, law.momentum(V)) - weight.in_body(G, t, Q, V)
+    np.testing.assert_allclose(force[:, G.rotations : -1], 0.0, atol=1e-12)
+    position, heading = reference.flat_output(G, t)
+    for k in range(4):
+        slope = difference(lambda t, k=k: reference.flat_output(G, t).position[..., k, :], t)
+        np.testing.assert_allclose(position[..., k + 1, :], slope, rtol=0, atol=1e-6)
+    if heading is not None:
+        ahead = np.stack([np.cos(heading[..., 0]), np.sin(heading[..., 0])], axis=-1)
+        np.testing.assert_allclose((Q[:, :2, 1] * ahead).sum(axis=-1), 0.0, atol=1e-14)
+    one, held = reference.motion(G, 0.77), reference.held(G, 0.77)
+    for k, part in enumerate(one):
+        np.testing.assert_allclose(part, (Q, V, V_dot)[k][1], rtol=0, atol=1e-14)
+        if held is not None:
+            np.testing.assert_array_equal(held.motion(G, 0.77)[k], part)
+
+
+def test_minimum_snap_has_no_jump_of_six_derivatives_and_the_least_snap():
+    G, h = GROUPS["SE3"], 1e-9
+    reference, *_ = known("SE3", minimum_snap=[Knot(t, p) for t, p in KNOTS])
+    for t, point in KNOTS:
+        both = [reference.flat_output(G, t + side * h).position for side in (-1, 1)]
+        np.testing.assert_allclose(both[1][0], point, atol=1e-8)
+        inner = slice(None) if 0 < t < 4 else slice(4)  # the snap begins and ends with a jump
+        np.testing.assert_allclose(both[0][inner], both[1][inner], rtol=0, atol=1e-5)
+    starts, c = reference.prepared(G, reference._pieces)
+    found = PPoly(c[1:-1, ::-1, 0].T, starts[1:]).derivative(4)
+    bump = PPoly.from_bernstein_basis(_bump()).derivative(4)
+    grid = np.linspace(0, 4, 20001)
+    cost = [np.trapezoid((found(grid) + s * bump(grid)) ** 2, grid) for s in (-0.01, 0, 0.01)]
+    assert cost[1] < min(cost[0], cost[2])
+
+
+def _bump():
+    """A motion that is 0 with three derivatives at both ends, and at the knots in between."""
+    from scipy.interpolate import BPoly
+
+    zero = np.zeros(4)
+    values = [
+        np.array([0.0, v, 0.0, 0.0]) * (0 < i < 3) + zero for i, v in enumerate([0, 1, -1, 0])
+    ]
+    return BPoly.from_derivatives([t for t, _ in KNOTS], values)
+
+
+BODY = {
+    "group": "SE3",
+    "inertia": "[1, 1, 2, 2, 2, 2]",
+    "controllers": "[eqt]",
+    "initial": "{pose: haar, velocity: normal}",
+    "model": "{forces: [{kind: restoring, weight: 19.62}]}",
+    "time": "{duration: 2, samples: 5}",
+}
+HOVER = "position: [0, 0, 1]"
+REFUSED = """
+{position: [0, 0, '-4.9*t**2'], along: [0, 0, 1]}
+    reference: needs a thrust of 0.02 N at 0 s: no attitude follows; change the motion there
+{position: ['2*(t-1.3003)**3', 0, '-4.905*t**2'], along: [0, 0, 1]}
+    reference: needs a thrust of 0 N at 1.3 s: no attitude follows; change the motion there
+{position: [0, 0, 1]}
+    reference.along: missing; nothing says in which direction the body is pushed; give it in the
+    body frame, such as along: [0, 0, 1]
+{position: [0, 0, 1], along: [0, 1]}
+    reference.along: expected a direction of 3 numbers, got [0.0, 1.0]
+{position: [0, 0, 1], along: [0, 0, 1], heading: velocity}
+    reference.heading: has no direction at 0 s, where the velocity is 0 m/s horizontally; give an
+    expression
+{position: ['(t - 1.3003)**2', 0, t], along: [0, 0, 1], heading: velocity}
+    reference.heading: has no direction at 1.3 s, where the velocity is
+{position: [0, '5*t**2', '-4.905*t**2'], along: [0, 0, 1], heading: pi/2}
+    reference.heading: is along the thrust at 0 s: no attitude follows; choose another heading
+{position: [0, 0]}
+    reference.position: expected 3 expressions for SE3, got 2
+{heading: 0}
+    reference: expected one of position, minimum_snap, of, got none
+{minimum_snap: [{t: 1, position: [0, 0]}]}
+    reference.minimum_snap: expected at least two points, got 1
+{minimum_snap: [{t: 1, position: [0, 0]}]}
+    reference.minimum_snap[0].position: expected 3 numbers, got 2
+{minimum_snap: [{t: 1, position: [0, 0, 0]}, {t: 1, position: [0, 0, 0]}]}
+    reference.minimum_snap[1].t: expected a time after 1 s, got 1 s
+{of: {kind: slew, to: identity, duration: 2}}
+    reference.of: a reference of kind slew has no jerk and snap everywhere; use path, waypoints or
+    log, or minimum_snap
+"""
+
+
+@pytest.mark.parametrize(("options", "said"), cases(REFUSED))
+def test_what_no_motion_follows_from_is_said_before_a_run(experiment, options, said):
+    assert said in refusal(EqtError, experiment, **BODY, reference="{kind: flat, " + options[1:])
+
+
+@pytest.mark.parametrize(("at", "shown"), [(1.3, 1.3), (0.4, 0.4), (-0.3, 0.0), (3.3, 3.0)])
+def test_the_smallest_force_is_found_between_samples(at, shown):
+    """Of a line with the distance 0.2 from the origin."""
+    times = np.arange(4.0)
+    line = np.stack([2 * (times - at), 0.2 + 0 * times], axis=1)
+    smallest, largest, t = _smallest(times, line, np.array([[2.0, 0.0]] * 4))
+    assert (smallest, t) == (pytest.approx(0.2), pytest.approx(shown, abs=1e-12))
+    assert largest == pytest.approx(np.hypot(2 * max(at, 3 - at), 0.2))
+
+
+def test_a_rate_reaches_half_a_step():
+    values, rates = np.array([[4.0, 3.0]] * 3), np.array([[-4.0, 0.0]] * 3)
+    assert _smallest(np.arange(3.0), values, rates)[0] == pytest.approx(np.hypot(2, 3))
+
+
+def test_known_forces_must_not_turn_with_the_body(experiment):
+    drag = "{kind: drag, linear: [0, 0, 0, 0.1, 0.1, %s]}"
+    reference = f"{{kind: flat, {HOVER}, along: [0, 0, 1]}}"
+    for last in ("0.1", "0.3"):
+        model = f"{{forces: [{drag % last}, {{kind: restoring, weight: 19.62}}]}}"
+        sections = BODY | {"model": model, "reference": reference}
+        if last == "0.1":
+            assert experiment(**sections).initial_pose[2, 3] == 1
+            continue
+        assert "needs known forces that do not depend on the attitude, and drag does" in refusal(
+            EqtError, experiment, **sections
+        )

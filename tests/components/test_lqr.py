@@ -1,0 +1,367 @@
+"""LQR against closed forms, dense Riccati equations written here, and the cost of runs.
+
+With x = (ε, e), Q = Q_d exp(ε) and V = V_d + ad_{V_d}ε + e to first order, ε̇ = e and
+ė = ∂V̇/∂V (ad_{V_d}ε + e) − ad_{V̇_d}ε − ad_{V_d}e + 𝕀⁻¹u, where 𝕀V̇ = ad*_V 𝕀V.
+"""
+
+import numpy as np
+import pytest
+import yaml
+from case_tables import refusal, slow
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm, logm, solve_discrete_are
+
+import eqt_cli
+from eqt_cli.base.errors import ConfigError
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.laws import LinearPlant
+from eqt_cli.components.lqr import Eqr, _Design
+from eqt_cli.components.mechanics import Gains, Tracking
+from eqt_cli.config.read_study import law_names
+from eqt_cli.engines.engine import Problem
+from eqt_cli.engines.solve_ivp import SolveIvp
+
+J = np.array([1.0, 2.0, 3.0])
+BODY = {
+    "group": "SO3",
+    "inertia": J.tolist(),
+    "gains": {"kp": 1.0, "kd": 1.0},
+    "reference": {"kind": "constant"},
+    "controllers": ["lqr"],
+    "initial": {"pose": {"kind": "angle", "angle": 0.1}, "velocity": {"kind": "normal", "std": 0}},
+    "time": {"duration": 20.0},
+}
+PERIOD, LAG = 0.1, 0.2
+LATE = {
+    "control": {"period": PERIOD, "delay": 2},
+    "actuators": [{"kind": "lag", "time_constant": LAG}],
+}
+WEIGHTS = {"pose": [4.0, 1.0, 2.0], "velocity": 0.5, "torque": [1.0, 2.0, 3.0]}
+RATES = ["0.5*cos(2*pi*t/5)", "0.3", "0.4*sin(2*pi*t/5)"]
+
+# Differences of the loop give A and B to 1e-12; measured 7e-15 where they are exact.
+GAINS = 1e-10
+
+
+def law_of(**changes):
+    return eqt_cli.load_experiment({**BODY, **changes}).experiment(0).loops["lqr"].controller
+
+
+def hat(w):
+    return np.cross(np.eye(3), w)
+
+
+def test_gains_at_rest_are_the_closed_form():
+    """S solves 1 = k_ε² and J k_e² = J + 2J k_ε J⁻¹ … for each axis: k_ε = 1, k_e² = 1 + 2J."""
+    gain = law_of().regulator.gain
+    np.testing.assert_allclose(gain[:, :3], np.eye(3), rtol=0, atol=GAINS)
+    np.testing.assert_allclose(gain[:, 3:], np.diag(np.sqrt(1 + 2 * J)), rtol=0, atol=GAINS)
+
+
+def test_weights_are_numbers_diagonals_or_matrices():
+    weights = {**WEIGHTS, "velocity": (0.5 * np.eye(3)).tolist()}
+    one, other = (
+        law_of(controllers=[{"kind": "lqr", "weights": each}]).regulator.gain
+        for each in (WEIGHTS, weights)
+    )
+    np.testing.assert_array_equal(one, other)
+    stiffness = np.sqrt(np.array([4.0, 1.0, 2.0]) / np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(one[:, :3], np.diag(stiffness), rtol=0, atol=GAINS)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_sampled_late_loop_has_the_gains_of_the_dense_equation(axis):
+    """States ε, e, the lag's, and the commands of two periods on their way."""
+    A = np.array([[0, 1, 0], [0, 0, 1 / J[axis]], [0, 0, -1 / LAG]])
+    B = np.array([[0], [0], [1 / LAG]])
+    both = expm(PERIOD * np.block([[A, B], [np.zeros((1, 4))]]))
+    late, add = np.zeros((5, 5)), np.eye(5)[:, 4:]
+    late[:3, :4], late[3, 4] = both[:3], 1.0
+    Q, R = PERIOD * np.diag([1.0, 1, 0, 0, 0]), PERIOD * np.eye(1)
+    S = solve_discrete_are(late, add, Q, R)
+    expected = np.linalg.solve(R + add.T @ S @ add, add.T @ S @ late)[0]
+    row = law_of(**LATE).regulator.gain[axis]
+    # Its own order: errors, the queue of commands, whose oldest is spent, then lags.
+    found = [row[axis], row[3 + axis], row[15 + axis], row[9 + axis], row[12 + axis]]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=GAINS)
+    assert np.abs(row[6:9]).max() < GAINS
+
+
+def test_along_a_periodic_reference_gains_are_those_of_the_periodic_solution():
+    """The gain of each piece against −Ṡ = AᵀS + SA − SBBᵀS + Q, after two periods."""
+    rates = {"kind": "rates", "rates": RATES}
+    table = law_of(
+        controllers=[{"kind": "lqr", "pieces": 200}], reference=rates, time={"duration": 5.0}
+    ).table
+    inverse, B = np.diag(1 / J), np.vstack([np.zeros((3, 3)), np.diag(1 / J)])
+    rate = 2 * np.pi / 5
+
+    def plant(t):
+        w = np.array([0.5 * np.cos(rate * t), 0.3, 0.4 * np.sin(rate * t)])
+        w_dot = rate * np.array([-0.5 * np.sin(rate * t), 0.0, 0.4 * np.cos(rate * t)])
+        slope = inverse @ (hat(J * w) - hat(w) * J)
+        lower = [slope @ hat(w) - hat(w_dot), slope - hat(w)]
+        return np.block([[np.zeros((3, 3)), np.eye(3)], lower])
+
+    def riccati(before, flat):
+        S, A = flat.reshape(6, 6), plant(-before)
+        return (A.T @ S + S @ A - S @ B @ B.T @ S + np.eye(6)).ravel()
+
+    found = solve_ivp(riccati, (0, 15), np.eye(6).ravel(), rtol=1e-6, atol=1e-8, dense_output=True)
+    middles = table.knots + 5.0 / 400
+    expected = [B.T @ found.sol(15 - t).reshape(6, 6) for t in middles]
+    # A is held over pieces of 25 ms: to second order, measured 3.7e-4.
+    np.testing.assert_allclose(table.gains, expected, rtol=0, atol=6e-4)
+
+
+@pytest.mark.parametrize("last", [0.99, 0.8], ids=["from above", "from below"])
+def test_a_regulator_that_decays_slowly_over_a_period_is_periodic(last):
+    """Against one recursion over 300 periods of three pieces, of three instants each.
+
+    S begins with the constant gain of the last piece, and the first period reaches neither bound.
+    """
+    A, B = np.array([0.95, 1.01, last])[:, None, None], np.ones((3, 1, 1))
+    Q, R, middles = np.array([[1.0]]), np.array([[400.0]]), []
+    plant = LinearPlant(0.3 * np.arange(3) + 0.15, A, B, 0.1, 0.3, 3, True)
+    table = _Design(plant, Q, R).over_time()
+    S = 1.0
+    for instant in reversed(range(9 * 300)):
+        a = A[instant // 3 % 3, 0, 0]
+        S = 0.1 * Q[0, 0] + a * S * a * (1 - S / (0.1 * R[0, 0] + S))
+        if instant < 9 and instant % 3 == 2:
+            middles.append((S * a / (0.1 * R[0, 0] + S), S))
+    gains, values = np.array(middles[::-1]).T
+    np.testing.assert_allclose(table.values[:, 0, 0], values, rtol=1e-8)
+    np.testing.assert_allclose(table.gains[:, 0, 0], gains, rtol=1e-8)
+    np.testing.assert_allclose(table.knots, 0.3 * np.arange(3), atol=1e-15)
+
+
+@pytest.mark.parametrize("vehicle", [{}, LATE], ids=["continuous", "sampled"])
+def test_the_cost_of_a_small_error_is_x_s_x(vehicle):
+    """To 1e-3, because errors of 1e-3 leave the linear loop by their square only."""
+    loop = eqt_cli.load_experiment({**BODY, **vehicle}).experiment(0).loops["lqr"]
+    Q, V = loop.group.exp(np.array([1e-3, -2e-3, 1.5e-3])), np.array([1e-3, 1e-3, -2e-3])
+    start = loop.initial_state(Q, V, loop.group.identity, np.zeros(3))
+    times = np.linspace(0.0, 14.0, 1_401 if not vehicle else 141)
+    states = SolveIvp().solve(Problem(loop, start[None], times)).states[0]
+    s = loop.tracking(times, states)
+    torque = loop.command(s)
+    rates = sum((x**2).sum(axis=-1) for x in (loop.group.log(s.Q), s.V, torque))
+    cost = np.trapezoid(rates, times) if not vehicle else PERIOD * rates.sum()
+    x = np.concatenate([loop.group.log(Q), V])
+    value = loop.controller.regulator.value[:6, :6]
+    assert cost == pytest.approx(x @ value @ x, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "vehicle",
+    [pytest.param({}, id="continuous"), slow("its cost is tried above", LATE, id="sampled")],
+)
+def test_the_cost_to_come_falls_near_the_reference(vehicle):
+    """L falls by what the interval cost, to 1 %, while it is above rounding."""
+    loop = eqt_cli.load_experiment({**BODY, **vehicle}).experiment(0).loops["lqr"]
+    Q, V = loop.group.exp(np.array([1e-3, -2e-3, 1.5e-3])), np.array([1e-3, 1e-3, -2e-3])
+    start = loop.initial_state(Q, V, loop.group.identity, np.zeros(3))
+    times = np.arange(101) * PERIOD
+    s = loop.tracking(times, SolveIvp().solve(Problem(loop, start[None], times)).states[0])
+    L = loop.lyapunov(s)
+    assert (np.diff(L) < 0).all() and L[-1] < 0.1 * L[0]
+
+
+# A heavy body that is coupled, along a constant velocity.
+COUPLED = yaml.safe_load("""
+group: SE3
+inertia: [[0.28, 0, 0, 0, -0.23, 0], [0, 0.28, 0, 0.23, 0, 0], [0, 0, 0.28, 0, 0, 0],
+  [0, 0.23, 0, 17.0, 0, 0], [-0.23, 0, 0, 0, 24.2, 0], [0, 0, 0, 0, 0, 26.07]]
+reference: {kind: constant, velocity: [0, 0, 0.3, 0.15, 0, 0]}
+controllers: [{kind: lqr, weights: {pose: [8, 8, 8, 4, 4, 4], torque: 0.1}}]
+""")
+
+
+def coupled():
+    """A, B, Q and R of that loop, by hand: ė = (∂V̇ − ad_{V_d})e + (∂V̇ ad_{V_d})ε."""
+    inertia, V = np.array(COUPLED["inertia"]), np.array([0, 0, 0.3, 0.15, 0, 0])
+    P, none = inertia @ V, np.zeros((3, 3))
+    ad = np.block([[hat(V[:3]), none], [hat(V[3:]), hat(V[:3])]])
+    free = np.block([[hat(P[:3]), hat(P[3:])], [hat(P[3:]), none]]) + ad.T @ inertia
+    slope = np.linalg.solve(inertia, free)
+    A = np.block([[np.zeros((6, 6)), np.eye(6)], [slope @ ad, slope - ad]])
+    B = np.vstack([np.zeros((6, 6)), np.linalg.inv(inertia)])
+    return A, B, np.diag([8.0] * 3 + [4.0] * 3 + [1.0] * 6), 0.1 * np.eye(6)
+
+
+def test_gains_of_a_coupled_body_follow_from_the_stable_subspace():
+    """S = Y X⁻¹ of the eigenvectors (X, Y) of the Hamiltonian with negative real parts."""
+    A, B, Q, R = coupled()
+    values, vectors = np.linalg.eig(np.block([[A, -B @ np.linalg.solve(R, B.T)], [-Q, -A.T]]))
+    X, Y = np.split(vectors[:, values.real < 0], 2)
+    expected = np.linalg.solve(R, B.T @ (Y @ np.linalg.inv(X)).real)
+    gain = law_of(**COUPLED).regulator.gain
+    np.testing.assert_allclose(gain, expected, rtol=0, atol=GAINS * np.abs(expected).max())
+
+
+def test_gains_of_a_coupled_body_are_those_of_python_control():
+    control = pytest.importorskip("control", reason="make oracles installs it")
+    A, B, Q, R = coupled()
+    expected = control.lqr(A, B, Q, R)[0]
+    gain = law_of(**COUPLED).regulator.gain
+    np.testing.assert_allclose(gain, expected, rtol=0, atol=GAINS * np.abs(expected).max())
+
+
+@pytest.mark.slow("compiles the loops")
+@pytest.mark.parametrize("vehicle", [{}, LATE], ids=["continuous", "sampled"])
+def test_gains_that_change_at_knots_are_the_same_by_both_engines(vehicle, tmp_path):
+    rates = {"kind": "rates", "rates": RATES}
+    config = {**BODY, **vehicle, "reference": rates, "time": {"duration": 5.0, "samples": 51}}
+    config["controllers"] = [{"kind": "lqr", "pieces": 20}]
+    found = [
+        eqt_cli.open_results(
+            eqt_cli.run(
+                config | {"solver": {"engine": engine, "cross_check": 0}}, tmp_path / engine
+            )
+        )
+        for engine in ("native", "solve_ivp")
+    ]
+    for name in ("pose", "velocity", "torque"):
+        # Both steps are accurate to 1e-9.
+        np.testing.assert_allclose(*(each[name].values for each in found), rtol=0, atol=1e-7)
+
+
+def test_swept_weights_have_no_name_of_a_law():
+    """Also where a registered law, such as `quaternion`, is not for the group."""
+    swept = {"sweep": [{"grid": {"controllers[0].weights.torque": [0.1, 0.2]}}]}
+    study = eqt_cli.load_experiment({**BODY, **COUPLED, **swept})
+    assert law_names(study).tolist() == [[""], [""]]
+
+
+SEMI, DEFINITE = "expected a positive semidefinite matrix", "expected a positive definite matrix"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"weights": {"torque": -1}}, f".weights.torque: {DEFINITE}, got an eigenvalue of -1"),
+        ({"weights": {"torque": 0}}, f".weights.torque: {DEFINITE}, got an eigenvalue of 0"),
+        ({"weights": {"pose": -1}}, f".weights.pose: {SEMI}, got an eigenvalue of -1"),
+        ({"weights": {"velocity": [1, -2, 1]}},
+         f".weights.velocity: {SEMI}, got an eigenvalue of -2"),
+        ({"weights": {"pose": [1, 2]}},
+         ".weights.pose: expected 3 diagonal entries for SO3, got 2"),
+        ({"weights": {"pose": [[1, 0], [0, 1]]}}, ".weights.pose: expected 3×3 for SO3, got 2×2"),
+        ({"weights": {"pose": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}}, ".weights.pose: expected a "
+         "symmetric matrix, got [[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"),
+        ({"weights": {"poses": 1}}, ".weights.poses: unknown key; did you mean 'pose'?"),
+        ({"weights": 3}, ".weights: expected a mapping, got 3"),
+        ({"pieces": 0}, ".pieces: expected a whole number of at least 1, got 0"),
+        ({"weights": {"pose": 0}}, ": the loop to first order has no stabilising regulator: an "
+         "error that does not decay by itself is moved by no command, or has no weight; give "
+         "weights.pose a weight along every axis, and check the actuators"),
+    ],
+)  # fmt: skip
+def test_weights_that_give_no_regulator_are_refused(options, message):
+    place, _, said = refusal(
+        ConfigError, law_of, controllers=[{"kind": "lqr", **options}]
+    ).partition(": ")
+    assert place.startswith("config:") and said == f"controllers[0]{message}"
+
+
+def test_laws_that_read_no_gains_need_none_and_compensate_known_forces():
+    """At hover the command is the weight, and the plant stays where it is."""
+    weight = {"kind": "restoring", "weight": 9.81}
+    body = {"group": "SE3", "inertia": [0.1, 0.2, 0.3, 1, 1, 1], "model": {"forces": [weight]}}
+    config = {**BODY, **body, "initial": {"pose": {"kind": "exp_normal", "std": 0}}}
+    del config["gains"]
+    loop = eqt_cli.load_experiment(config).experiment(0).loops["lqr"]
+    at = np.eye(4)[None], np.zeros((1, 6))
+    s = loop.tracking(0.0, loop.initial_state(*at, *at))
+    np.testing.assert_array_equal(loop.command(s), [[0, 0, 0, 0, 0, 9.81]])
+    np.testing.assert_array_equal(loop.acting_and_rates(s)[0], np.zeros((1, 6)))
+
+
+# EqR, in other coordinates ------------------------------------------------------------------------
+
+
+RIGID_BODY = {
+    "group": "SE3",
+    "inertia": [1.0, 2.0, 3.0, 4.0, 4.0, 4.0],
+    "reference": {"kind": "constant", "velocity": [0.3, -0.2, 0.5, 1.0, 0.4, -0.7]},
+    "controllers": ["lqr", {"kind": "eqr", "symmetry": "direct_product"}],
+    "initial": {"pose": {"kind": "angle", "angle": 0.1}},
+    "time": {"duration": 2.0},
+}
+LARGE = np.array([1.2, -0.8, 1.5, 2.0, -3.0, 1.0, 0.4, 1.0, -0.6, 2.0, -1.0, 0.5])
+
+
+def shift(x):
+    """A vector under addition, as a matrix."""
+    return np.block([[np.eye(3), x[:, None]], [0, 0, 0, 1]])
+
+
+def log(X):
+    """The logarithm of a matrix; that of a shift is exact, since (X − I)² = 0."""
+    N = X - np.eye(len(X))
+    return (logm(X).real if (N @ N).any() else N).ravel()
+
+
+def element(symmetry, Q, V):
+    """The factors of X, with v in space and w in the body."""
+    R, x, w = Q[:3, :3], Q[:3, 3], V[3:]
+    if symmetry == "direct_product":
+        return [R, shift(x), shift(R @ w)]
+    if symmetry == "pose_velocity":
+        return [Q, shift(w)]
+    extended = np.eye(5)
+    extended[:3] = np.column_stack([R, x, R @ w])
+    return [extended]
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "frame"),
+    [
+        ("direct_product", "body"),
+        ("pose_velocity", "body"),
+        ("extended_pose", "body"),
+        ("extended_pose", "space"),
+    ],
+)
+def test_errors_are_the_logarithm_in_the_coordinates_of_lqr_to_first_order(symmetry, frame):
+    G, Vd = group_named("SE3"), np.array(RIGID_BODY["reference"]["velocity"])
+    Qd = G.exp(np.array([0.5, 1.0, -0.7, 3.0, -1.0, 2.0]))
+
+    def at(x):
+        """A motion whose errors in the coordinates of lqr are x."""
+        Q_L = G.exp(x[:6])
+        return Qd @ Q_L, x[6:] + G.Ad(G.inverse(Q_L), Vd)
+
+    def error(x):
+        """The logarithm, and e_Ω, which belongs to no symmetry."""
+        pairs = zip(element(symmetry, *at(x)), element(symmetry, Qd, Vd), strict=True)
+        inverse = np.linalg.inv
+        found = [X @ inverse(X_d) if frame == "space" else inverse(X_d) @ X for X, X_d in pairs]
+        return np.concatenate([*map(log, found), x[6:9]])
+
+    h = 1e-4  # whose square, 1e-8, is what differences leave of errors of 1
+    tangent = np.array([error(h * e) - error(-h * e) for e in np.eye(12)]) / (2 * h)
+    expected = np.linalg.lstsq(tangent.T, error(LARGE), rcond=None)[0]
+    Q, V = at(LARGE)
+    one = Inertia(np.eye(6), np.eye(6))
+    s = Tracking(G, one, Gains(np.eye(4), np.eye(6)), 0.0, Q, V, Qd, Vd, np.zeros(6))
+    found = np.concatenate(Eqr(symmetry=symmetry).errors(s))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
+    assert np.abs(found - LARGE).max() > 0.1
+
+
+def test_along_a_constant_velocity_the_gains_are_constant_and_those_of_lqr():
+    loops = eqt_cli.load_experiment(RIGID_BODY).experiment(0).loops
+    np.testing.assert_array_equal(*(each.controller.regulator.gain for each in loops.values()))
+
+
+def test_a_group_without_a_position_is_refused():
+    body = {**RIGID_BODY, "group": "SO3", "inertia": 1.0, "reference": {"kind": "constant"}}
+    with pytest.raises(ConfigError) as caught:
+        eqt_cli.load_experiment({**body, "controllers": ["eqr"]})
+    assert str(caught.value) == (
+        "config:5:15: controllers[0]: eqr needs a group of one rotation and one translation, "
+        "SE2 or SE3, got SO3"
+    )

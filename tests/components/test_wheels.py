@@ -1,0 +1,230 @@
+"""Reaction wheels against a plain program, against Basilisk, and by conservation."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import linprog
+
+from eqt_cli.base.errors import ConfigError, Problems
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.wheels import Bias, Friction, Wheels
+from eqt_cli.config.horizon import (
+    along_reference,
+    limits_below_reference,
+    reference_over_horizon,
+    wheels_needed,
+)
+
+INERTIA = np.array([[0.03, 0.001, 0.0], [0.001, 0.025, 0.0], [0.0, 0.0, 0.01]])
+SPIN = 2e-5
+WHEELS = (
+    "{kind: wheels, pyramid: 54.7 deg, limit: 2 mN m, speed: 600, inertia: 2.0e-5, friction: "
+    "{viscous: 5.0e-9, coulomb: 2.0e-6}, start: [4 mN m s, -3 mN m s, 4 mN m s, 1 mN m s]}"
+)
+TEXT = f"""
+group: SO3
+inertia: {INERTIA.tolist()}
+gains: {{kp: 0.004, kd: 0.01}}
+reference: {{kind: torque, torque: [0, 0, 0]}}
+controllers: [lee2010]
+actuators: [{WHEELS}]
+control: {{period: 0.1}}
+initial:
+  pose: {{kind: exp_normal, std: 0.0, centre: [0.9, -0.5, 0.7]}}
+  velocity: {{kind: fixed, coordinates: [0.05, -0.04, 0.1]}}
+time: {{duration: 6.0, samples: 61}}
+solver: {{engine: native, rtol: 1.0e-12, atol: 1.0e-15}}
+"""
+
+
+def pyramid():
+    angle = np.radians(54.7)
+    rows = [
+        [sx * np.sin(angle) / np.sqrt(2), sy * np.sin(angle) / np.sqrt(2), np.cos(angle)]
+        for sx, sy in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    ]
+    return np.array(rows).T
+
+
+def hat(v):
+    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+def states_of(solved, text):
+    problem, solution = solved(text, label="lee2010")
+    assert not any(solution.messages)
+    s = problem.loop.tracking(problem.times, solution.states)
+    h, speed = problem.loop.vehicle.wheel_states(s.G, s.V, s.vehicle)
+    return s, h[0], speed[0]
+
+
+def test_states_are_those_of_a_plain_program(solved):
+    """Limits of torque and speed, friction: RK45 by SciPy at 1e-12 from tick to tick."""
+    s, h, speed = states_of(solved, TEXT)
+    A, h_most, T = pyramid(), 600 * SPIN, 0.1
+    y = np.concatenate([s.Q[0, 0].ravel(), s.V[0, 0], [4e-3, -3e-3, 4e-3, 1e-3]])
+    found, at_limit = [y], []
+    for _ in range(60):
+        Q, w, momentum = y[:9].reshape(3, 3), y[9:12], y[12:]
+        error = 0.004 * np.array([(Q - Q.T)[2, 1], (Q - Q.T)[0, 2], (Q - Q.T)[1, 0]])
+        command = -error - 0.01 * w + np.cross(w, INERTIA @ w)
+        u = np.clip(np.linalg.pinv(A) @ command, -2e-3, 2e-3)
+        u = np.clip(u, (momentum - h_most) / T, (momentum + h_most) / T)
+        at_limit.append(np.abs(u).max() > 1.99e-3)
+
+        def rate(t, y, u=u):
+            Q, w, momentum = y[:9].reshape(3, 3), y[9:12], y[12:]
+            relative = momentum / SPIN - A.T @ w
+            pull = u + 5e-9 * relative + 2e-6 * np.tanh(relative)
+            turn = np.cross(INERTIA @ w + A @ momentum, w) + A @ pull
+            return np.concatenate([(Q @ hat(w)).ravel(), np.linalg.solve(INERTIA, turn), -pull])
+
+        y = solve_ivp(rate, (0, T), y, method="DOP853", rtol=1e-12, atol=1e-15).y[:, -1]
+        found.append(y)
+    found = np.array(found)
+    assert any(at_limit)
+    np.testing.assert_allclose(s.Q[0].reshape(-1, 9), found[:, :9], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[0], found[:, 9:12], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(h, found[:, 12:], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(speed, found[:, 12:] / SPIN - found[:, 9:12] @ A, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("engine", "sampled"),
+    [
+        ("native", False),
+        ("solve_ivp", True),
+        pytest.param("native", True, marks=pytest.mark.slow("the same by the other engine")),
+        pytest.param("solve_ivp", False, marks=pytest.mark.slow("the same by the other engine")),
+    ],
+)
+def test_the_total_momentum_is_constant(solved, engine, sampled):
+    text = TEXT.replace("engine: native", f"engine: {engine}")
+    if not sampled:
+        text = text.replace("control: {period: 0.1}\n", "").replace("speed: 600, ", "")
+    s, h, _ = states_of(solved, text)
+    total = np.einsum("tij,tj->ti", s.Q[0], s.V[0] @ INERTIA + h @ pyramid().T)
+    assert np.abs(total - total[0]).max() < 1e-12
+    assert np.abs(h - h[0]).max() > 1e-3
+
+
+def test_min_max_is_the_least_largest_torque():
+    """Against the linear programme: least t with A u = τ and |u_i| ≤ t, for five wheels."""
+    random = np.random.default_rng(1)
+    axes = random.standard_normal((5, 3)).tolist()
+    wheels = Wheels(axes=axes, allocation="min_max").of_run(group_named("SO3"), None)
+    for command in random.standard_normal((20, 3)):
+        u = wheels.allocated(command)
+        A, one = wheels.matrix, np.ones((5, 1))
+        found = linprog(
+            [0] * 5 + [1],
+            A_ub=np.block([[np.eye(5), -one], [-np.eye(5), -one]]),
+            b_ub=np.zeros(10),
+            A_eq=np.hstack([A, np.zeros((3, 1))]),
+            b_eq=command,
+            bounds=[(None, None)] * 6,
+        )
+        np.testing.assert_allclose(A @ u, command, atol=1e-12)
+        assert np.abs(u).max() == pytest.approx(found.x[-1], rel=1e-7)
+
+
+def test_a_bias_moves_the_wheels_and_not_the_body():
+    G, target = group_named("SO3"), [5e-3, -5e-3, 5e-3, -5e-3]
+    wheels = Wheels(pyramid=np.radians(54.7), bias=Bias(target, 20.0)).of_run(G, None)
+    h = np.array([1e-3, 2e-3, 0.0, -1e-3])
+    command = np.array([1e-3, 0.0, -2e-3])
+    np.testing.assert_allclose(wheels.output(G, command, h), command, atol=1e-15)
+    rate, null = wheels.state_rate(G, command, h), np.array([1, -1, 1, -1]) / 2
+    # Along the null vector, ḣ = (b − h)/T.
+    assert null @ rate == pytest.approx(null @ (np.array(target) - h) / 20, rel=1e-12)
+
+
+def test_margins_leave_the_momentum_of_the_start(experiment_of):
+    """A spinning wheel turns a body that is pushed: the gyroscopic term is in the linear loop."""
+    from eqt_cli.loop.linearised import linearised
+
+    experiment = experiment_of(
+        TEXT.replace("control: {period: 0.1}\n", "").replace("speed: 600, ", "")
+    )
+    [loop] = experiment.loops.values()
+    found = linearised(loop, *along_reference(experiment, reference_over_horizon(experiment)))
+    H = pyramid() @ [4e-3, -3e-3, 4e-3, 1e-3]
+    inverse = np.linalg.inv(INERTIA)
+    hand = np.block(
+        [[np.zeros((3, 3)), np.eye(3)], [-0.008 * inverse, inverse @ (hat(H) - 0.01 * np.eye(3))]]
+    )
+    np.testing.assert_allclose(found.closed[0], hand, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "expected either axes or pyramid, got neither"),
+        ({"axes": [[1, 0, 0], [0, 1, 0]]}, "no torque about one direction; add a wheel"),
+        (
+            {"axes": [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0]], "allocation": "min_max"},
+            "min_max needs axes of which no three lie in a plane; use pseudo_inverse",
+        ),
+        ({"pyramid": 0.9, "limit": [1e-3] * 3}, "expected 4 entries, one for each wheel, got 3"),
+        ({"pyramid": 0.9, "friction": Friction(1e-9)}, "needs inertia; give the inertia"),
+        ({"pyramid": 0.9, "momentum": 1.0, "speed": 2.0, "inertia": 1.0}, "not both"),
+        ({"pyramid": 0.9, "axes": np.eye(3).tolist()}, "either axes or pyramid, got both"),
+        ({"axes": [[1, 0, 0], [0, 0, 0], [0, 0, 1]]}, "not all 0, got [0, 0, 0]"),
+        ({"pyramid": 0.9, "bias": Bias([0.0] * 3, 1.0)}, "expected 4 entries, one for each wheel"),
+        ({"axes": np.eye(3).tolist(), "bias": Bias([0.0] * 3, 1.0)}, "three wheels have no"),
+    ],
+)
+def test_what_does_not_fit_is_said(options, message):
+    problems = Problems()
+    Wheels(**options).check(group_named("SO3"), problems)
+    assert [message in problem.message for problem in problems] == [True]
+
+
+def test_wheels_may_spin_either_way_at_the_start(noted):
+    fitting = Wheels(pyramid=0.9, start=-1.0, limit=1.0, speed=2.0, inertia=1.0)
+    assert noted(fitting, group_named("SO3")) == []
+
+
+def test_a_torque_or_a_momentum_is_at_its_limit():
+    G, limits = group_named("SO3"), {"limit": [1.0, 2.0, 3.0], "momentum": 1.0}
+    wheels = Wheels(axes=np.eye(3).tolist(), **limits).of_run(G, None)
+    torques = np.array([[0.9, 1.9, -2.9], [1.0, 0, 0], [0, -2.5, 0], [0, 0, 0], [0, 0, 0]])
+    h = np.array([[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, -1.0, 0], [0.9, -0.9, 0.9]])
+    found = wheels.at_limit(G, torques, np.concatenate([0 * h, h], axis=1))
+    assert found.tolist() == [False, True, True, True, False]
+
+
+def test_nothing_acts_behind_wheels(experiment_of):
+    with pytest.raises(ConfigError, match="acts behind the wheels, whose torque is final"):
+        experiment_of(TEXT.replace(f"[{WHEELS}]", f"[{WHEELS}, {{kind: limit, limit: 1}}]"))
+
+
+def test_what_wheels_need_is_as_by_hand(experiment_of):
+    """At rest, a torque of 1 µN m about x for 120 s, and the slew of the CubeSat.
+
+    The slew is a polynomial of fifth degree: its largest rate is 15/8 θ/T, its largest acceleration
+    10/√3 θ/T². Torques of the orbit change a wheel by less than 0.02 mN m s.
+    """
+    share = 1 / (2 * np.sqrt(2) * np.sin(np.radians(54.7)))
+    text = TEXT.replace("duration: 6.0", "duration: 120.0")
+    text += "plant: {forces: [{kind: constant, force: [1.0e-6, 0, 0]}]}\n"
+    text = text.replace(", start: [4 mN m s, -3 mN m s, 4 mN m s, 1 mN m s]", "")
+    experiment = experiment_of(text)
+    found = wheels_needed(experiment, reference_over_horizon(experiment))
+    np.testing.assert_allclose(np.abs(found.momentum[-1]), 1.2e-4 * share, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(found.torque), 1e-6 * share, rtol=1e-9)
+    assert not found.are_too_much
+    cubesat = (Path(__file__).parents[2] / "configs" / "cubesat.yaml").read_text(encoding="utf-8")
+    experiment = experiment_of(cubesat)
+    found = wheels_needed(experiment, reference_over_horizon(experiment))
+    rate, acceleration = 1.875 * np.pi / 3 / 60, 10 / np.sqrt(3) * np.pi / 3 / 3600
+    most = np.abs(found.momentum).max()
+    assert most == pytest.approx(4e-3 + 0.042 * rate * share, abs=2e-5)
+    assert np.abs(found.torque).max() == pytest.approx(0.042 * acceleration * share, rel=0.05)
+    weak = experiment_of(cubesat.replace("momentum: 15 mN m s", "momentum: 4.5 mN m s"))
+    [said] = limits_below_reference(weak)
+    assert said.startswith(
+        "actuators: the reference, with the forces of the plant, needs 4.6 of 4.5"
+    )

@@ -1,0 +1,310 @@
+"""The JSON schema that editors check a configuration with, and what else keys say of themselves."""
+
+from dataclasses import is_dataclass
+from pathlib import Path
+
+import jsonschema
+import pytest
+import yaml
+
+from eqt_cli.base.errors import ConfigError
+from eqt_cli.base.option_types import Scale, option_names
+from eqt_cli.base.registry import KINDS, Registry, registry
+from eqt_cli.components.initial_states import pose_distributions, velocity_distributions
+from eqt_cli.components.laws import controllers
+from eqt_cli.components.references import references
+from eqt_cli.config import shipped
+from eqt_cli.config.designs import designs
+from eqt_cli.config.json_schema import json_schema, scale_of
+from eqt_cli.config.read_study import study
+from eqt_cli.config.schema import SolverChecks
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.config.yaml_source import load
+from eqt_cli.engines.engine import engines
+
+
+@pytest.fixture(scope="module")
+def schema():
+    """Without plugins that other tests have loaded."""
+    with pytest.MonkeyPatch.context() as patch:
+        for kind in KINDS:
+            patch.setattr(registry(kind), "_plugins", {})
+        return json_schema()
+
+
+@pytest.fixture(scope="module")
+def validator(schema):
+    return jsonschema.Draft202012Validator(schema)
+
+
+def paper(**changes):
+    data = load(shipped.text("paper"), "paper.yaml").data | changes
+    return {key: value for key, value in data.items() if value is not None}
+
+
+@pytest.mark.slow("checks all of it; what configurations need of it is checked by their tests")
+def test_it_is_a_schema(schema):
+    jsonschema.Draft202012Validator.check_schema(schema)
+
+
+@pytest.mark.parametrize("name", shipped.names())
+def test_shipped_configurations_fit(validator, name):
+    validator.validate(load(shipped.text(name), name).data)
+
+
+def test_an_editor_may_read_them_as_plain_yaml(validator):
+    validator.validate(yaml.safe_load(shipped.text("paper")))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"gian": 1},
+        {"group": 3},
+        {"group": None},
+        {"inertia": True},
+        {"inertia": [[1, 0], "x", 3]},
+        {"inertia": {"matrx": [[1]]}},
+        {"inertia": {"initial": 1}},
+        {"gains": {"kp": 1}},
+        {"gains": {"kp": 1, "kd": 1, "ki": 1}},
+        {"reference": {}},
+        {"reference": {"torqe": [0, 0, 0]}},
+        {"reference": {"kind": "constant", "torque": [0, 0, 0]}},
+        {"reference": {"torque": "cos(t)"}},
+        {"reference": {"kind": "konstant"}},
+        {"controllers": []},
+        {"controllers": "eqt"},
+        {"controllers": ["eqq"]},
+        {"controllers": [{"label": "a"}]},
+        {"controllers": [{"kind": "family", "giroscopic": 1}]},
+        {"controllers": [{"kind": "family", "damping": "sideways"}]},
+        {"controllers": [{"kind": "eqt", "gyroscopic": 1}]},
+        {"initial": {"pose": "harr"}},
+        {"initial": {"pose": ["harr"]}},
+        {"initial": {"pose": {"kind": "haar", "sequence": "ZYX"}}},
+        {"initial": {"pose": {"kind": "haar", "position": {"sdt": 1}}}},
+        {"initial": {"velocity": 3}},
+        {"ensemble": {"runs": 0}},
+        {"ensemble": {"seed": -1}},
+        {"time": {"duration": 0}},
+        {"time": {"duration": 1, "samples": 1}},
+        {"time": {"samples": 5}},
+        {"solver": {"method": "RK4"}},
+        {"solver": {"rtol": 0}},
+        {"solver": {"rtoll": 1}},
+        {"solver": {"engine": "solveivp"}},
+        {"solver": {"block": 0}},
+        {"store": {"trajectories": "some"}},
+        {"store": {"trajectories": -1}},
+        {"store": {"compression": "zip"}},
+        {"target": {"pse": "identity"}},
+        {"task": "stabilize"},
+        {"plugins": "law.py"},
+        {"name": "../up"},
+        {"settling_threshold": 0},
+    ],
+)
+def test_what_is_wrong_does_not_fit(validator, changes):
+    assert validator.is_valid(paper())
+    assert not validator.is_valid(paper(**changes))
+
+
+def kinds(place):
+    """The options by kind among the alternatives at a place of the schema."""
+    return {
+        entry["properties"]["kind"]["const"]: set(entry["properties"]) - {"kind"}
+        for entry in place["anyOf"]
+        if "properties" in entry
+    }
+
+
+@pytest.mark.parametrize(
+    ("registry", "path", "common"),
+    [
+        (controllers, ["properties", "controllers", "items"], {"label", "gains"}),
+        (references, ["properties", "reference"], set()),  # each says what it starts from
+        (pose_distributions, ["$defs", "PoseDistribution"], set()),
+        (velocity_distributions, ["$defs", "InitialSection", "properties", "velocity"], set()),
+    ],
+    ids=lambda value: value.kind if isinstance(value, Registry) else "",
+)
+def test_every_component_is_there_with_all_its_options(schema, registry, path, common):
+    place = schema
+    for step in path:
+        place = place[step]
+    assert kinds(place) == {
+        component.name: {*option_names(component), *getattr(component, "starts_from", common)}
+        for component in registry.all()
+    }
+
+
+def test_every_engine_is_there_with_all_its_options(schema):
+    solver = schema["properties"]["solver"]["properties"]
+    owners = [SolverChecks, *engines.all()]
+    assert all(is_dataclass(owner) for owner in owners)
+    assert set(solver) == {"engine", *(name for owner in owners for name in option_names(owner))}
+    assert solver["engine"]["enum"] == engines.names()
+
+
+# Sweeps: the schema accepts what the parser accepts -----------------------------------------------
+
+RANGE = {"low": 0.5, "high": 2}
+GOOD_BLOCKS = [
+    {"grid": {"gains.kp": [1]}},
+    {"grid": {"gains.kp": [1, [1, 2, 3]], "gains.kd": {**RANGE, "points": 3}}},
+    {"grid": {"gains.kp": {**RANGE, "points": 2, "scale": "log"}}},
+    {"grid": {"gains.kp": {"low": "pi/4", "high": "pi", "points": 2, "scale": "linear"}}},
+    {"grid": {"controllers[0].label": ["a"]}},
+    {"grid": {"inertia[0][0]": [0.9, 1]}},
+    {"grid": {"solver.rtol": [1e-6]}},
+    {"zip": {"gains.kp": [1, 2], "gains.kd": [1, 2]}},
+    {"zip": {"gains.kp": [1, 2], "gains.kd": {**RANGE, "points": 2}}},
+    {"random": {"points": 1, "axes": {"gains.kp": RANGE}}},
+    {"lhs": {"points": 3, "seed": 1, "axes": {"gains.kp": {**RANGE, "scale": "log"}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"low": 1, "high": 3, "integer": True}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"low": "1", "high": 3.0, "integer": True}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {**RANGE, "integer": False}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": [1, 2]}}}},
+    {"concat": [{"grid": {"gains.kp": [1]}}]},
+    {"concat": [{"grid": {"gains.kp": [1]}}, [{"zip": {"gains.kp": [2]}}]]},
+    {"concat": [{"concat": [{"grid": {"gains.kp": [1]}}]}]},
+    {"cases": {"one": {}, "the other": {"gains.kp": 2, "inertia[0][0]": 0.9}}},
+    {"cases": {"one": {"control": {"period": 0.1}}}},
+    {"concat": [{"cases": {"one": {"gains.kp": 2}}}]},
+]
+BAD_BLOCKS = [
+    "grid",
+    [],
+    {},
+    {"grdi": {"gains.kp": [1]}},
+    {"grid": {"gains.kp": [1]}, "zip": {"gains.kd": [1]}},
+    {"grid": None},
+    {"grid": {}},
+    {"grid": [1, 2]},
+    {"grid": {"gains.kp": []}},
+    {"grid": {"gains.kp": 1}},
+    {"grid": {"gains.kp": {}}},
+    {"grid": {"gains.kp": RANGE}},
+    {"grid": {"gains.kp": {"high": 1, "points": 2}}},
+    {"grid": {"gains.kp": {**RANGE, "points": 1}}},
+    {"grid": {"gains.kp": {**RANGE, "points": 2.5}}},
+    {"grid": {"gains.kp": {**RANGE, "points": True}}},
+    {"grid": {"gains.kp": {**RANGE, "points": "3"}}},
+    {"grid": {"gains.kp": {**RANGE, "points": 3, "scale": "lin"}}},
+    {"grid": {"gains.kp": {**RANGE, "points": 3, "integer": True}}},
+    {"grid": {"gains.kp": {"low": 0, "high": 1, "points": 3, "scale": "log"}}},
+    {"grid": {"gains.kp": {"low": False, "high": 1, "points": 3}}},
+    {"grid": {"gains.kp": {"low": [0], "high": 1, "points": 3}}},
+    {"grid": {"gains.kp": {"values": [1]}}},
+    {"grid": {"gain.kp": [1]}},
+    {"grid": {"gains..kp": [1]}},
+    {"grid": {"gains.kp[x]": [1]}},
+    {"grid": {"name": ["a", "b"]}},
+    {"grid": {"store.decimate": [1, 2]}},
+    {"grid": {"ensemble.runs": [1, 2]}},
+    {"zip": {}},
+    {"zip": {"gains.kp": "1, 2"}},
+    {"random": {"axes": {"gains.kp": RANGE}}},
+    {"random": {"points": 0, "axes": {"gains.kp": RANGE}}},
+    {"random": {"points": 4}},
+    {"random": {"points": 4, "axes": {}}},
+    {"random": {"points": 4, "axes": {"gains.kp": [1, 2]}}},
+    {"random": {"points": 4, "seed": -1, "axes": {"gains.kp": RANGE}}},
+    {"random": {"points": 4, "seed": None, "axes": {"gains.kp": RANGE}}},
+    {"random": {"points": 4, "sed": 1, "axes": {"gains.kp": RANGE}}},
+    {"lhs": {"points": 4, "axes": {"gains.kp": {**RANGE, "points": 3}}}},
+    {"lhs": {"points": 4, "axes": {"gains.kp": {**RANGE, "integer": "yes"}}}},
+    {"lhs": {"points": 4, "axes": {"gains.kp": {**RANGE, "integer": True}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": []}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": 3}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": [1], "low": 1}}}},
+    {"concat": []},
+    {"concat": [[]]},
+    {"concat": {"grid": {"gains.kp": [1]}}},
+    {"concat": [{"grid": {"gains.kp": []}}]},
+    {"cases": {}},
+    {"cases": [{"gains.kp": 2}]},
+    {"cases": {"one": None}},
+    {"cases": {"one": {"gain.kp": 2}}},
+    {"cases": {"one": {"ensemble.runs": 2}}},
+]
+
+
+def is_accepted(block):
+    """By the parser; what a schema cannot say (the same keys twice, …) is not in the tables."""
+    data = paper(sweep=[block], controllers=[{"kind": "eqt", "label": "eqt"}])
+    try:
+        study(ConfigSource(load("{}", "paper.yaml"), data, Path()))
+    except ConfigError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("block", GOOD_BLOCKS, ids=str)
+def test_the_schema_accepts_what_the_parser_accepts(validator, block):
+    assert is_accepted(block)
+    validator.validate(paper(sweep=[block]))
+
+
+@pytest.mark.parametrize("block", BAD_BLOCKS, ids=str)
+def test_the_schema_refuses_what_the_parser_refuses(validator, block):
+    assert not is_accepted(block)
+    assert not validator.is_valid(paper(sweep=[block]))
+
+
+def test_every_design_is_in_the_tables():
+    assert {next(iter(block)) for block in GOOD_BLOCKS} == set(designs.names())
+
+
+@pytest.mark.parametrize("sweep", [None, []])
+def test_no_sweep_fits(validator, sweep):
+    validator.validate(paper() | {"sweep": sweep})
+
+
+def test_the_keys_of_an_axis_are_offered(schema):
+    offered = schema["$defs"]["SweepBlock"]["properties"]["grid"]["properties"]
+    assert {"gains.kp", "controllers[0].gyroscopic", "initial.pose.std", "solver.rtol"} <= set(
+        offered
+    )
+    assert offered["gains.kd"]["description"].startswith("Rayleigh tensor")
+    assert not {"name", "sweep", "store.decimate", "ensemble.runs"} & set(offered)
+
+
+# What options say of themselves along an axis of a figure
+
+CONFIG = {
+    "controllers": [{"kind": "family"}, {"kind": "eqt"}],
+    "plant": {"forces": [{"kind": "gravity_gradient"}], "inertia": {"relative": 0.1}},
+    "actuators": [{"kind": "rate_limit"}, {"kind": "of_a_plugin"}],
+    "initial": {"velocity": {"kind": "speed", "translation": {"speed": 1.0}}},
+    "solver": {"engine": "native"},
+}
+
+
+@pytest.mark.parametrize(
+    ("key", "scale"),
+    [
+        ("plant.forces[0].rate", Scale("rate of the orbit", "rad/s")),
+        ("actuators[0].rate", Scale("limit of the torque's rate", "torque/s")),
+        ("actuators[1].rate", None),
+        ("actuators[2].rate", None),
+        ("controllers[0].gyroscopic", Scale("gyroscopic weight g")),
+        ("controllers[1].gains.kp", Scale("k_p", "stiffness", is_symbol=True)),
+        ("gains.kp", Scale("k_p", "stiffness", is_symbol=True)),
+        ("gains.kp[0]", None),
+        ("plant.inertia.relative", Scale("relative error of the inertia")),
+        ("initial.velocity.speed", Scale("initial angular speed", "rad/s")),
+        ("initial.velocity.translation.speed", Scale("initial speed of translation", "m/s")),
+        ("solver.rtol", Scale("relative tolerance")),
+        ("control.period", Scale("control period", "s")),
+        ("group", None),
+    ],
+)
+def test_a_key_has_the_scale_of_its_option(key, scale):
+    assert scale_of(CONFIG, key) == scale
+
+
+def test_a_configuration_that_cannot_be_read_leaves_what_no_component_says():
+    assert scale_of(None, "time.duration") == Scale("horizon", "s")
+    assert scale_of(None, "actuators[0].rate") is None

@@ -1,0 +1,128 @@
+"""Numerically ill experiments say so, with numbers that are near what is measured."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from slow_cases import mostly_slow
+
+from eqt_cli.components.initial_states import draw_initial_states
+from eqt_cli.config import horizon, shipped
+from eqt_cli.config.build import build
+from eqt_cli.config.horizon import reference_over_horizon, remarks
+from eqt_cli.config.source import read_config
+from eqt_cli.engines.engine import Problem, engines
+from eqt_cli.loop.linearised import flow
+
+OF_MANY = pytest.mark.slow("one of many pairs")
+METHODS_AND_GAINS = [
+    ("solve_ivp, method: DOP853", "kd"),
+    ("solve_ivp, method: RK45", "kp"),
+    ("native", "kd"),
+    pytest.param("solve_ivp, method: DOP853", "kp", marks=OF_MANY),
+    pytest.param("solve_ivp, method: RK45", "kd", marks=OF_MANY),
+    pytest.param("solve_ivp, method: RK23", "kd", marks=OF_MANY),
+    pytest.param("solve_ivp, method: RK23", "kp", marks=OF_MANY),
+    pytest.param("native", "kp", marks=OF_MANY),
+]
+STIFF = {"kd": "{kp: 1.0, kd: 1000.0}", "kp": "{kp: 20000.0, kd: 600.0}"}
+
+
+@pytest.mark.parametrize(("method", "gains"), METHODS_AND_GAINS)
+def test_the_work_that_is_told_is_within_a_factor_of_two(experiment, method, gains):
+    if engines.get(method.split(",")[0]).unavailable():
+        pytest.skip(f"{method} is not installed")
+    made = experiment(gains=STIFF[gains], solver=f"{{engine: {method}, rtol: 1.0e-4}}")
+    loop, duration = made.loops["gt"], made.config.time.duration
+    Qd, Vd = made.initial_pose, made.initial_velocity
+    rates = np.linalg.eigvals(flow(loop, np.zeros(1), Qd[None], Vd[None]))
+    told = made.engine.work_for_stability(rates, duration)
+    Q, V = draw_initial_states(
+        made.group, made.poses, made.velocities, Qd=Qd, Vd=Vd, seed=1, runs=[0]
+    )
+    problem = Problem(loop, loop.initial_state(Q, V, Qd, Vd), np.array([0.0, duration]))
+    alone = dataclasses.replace(made.engine, block=1) if hasattr(made.engine, "block") else None
+    [measured] = (alone or made.engine).solve(problem).steps
+    assert told / 2 < measured < told * 2
+
+
+def test_a_stiff_loop_says_what_it_takes_and_what_others_would(experiment):
+    made = experiment("gains.kd=10000", "time.duration=20", "controllers=[eqt]")
+    [remark] = map(str, remarks(made))
+    before, after = remark.split(" evaluations a run; ")
+    assert before == (
+        "c.yaml:3:1: gains: the loop of 'eqt' is stiff: its errors decay at up to 1e+04 1/s, for "
+        "which engine solve_ivp takes about 370,000"
+    )
+    assert after.startswith("`solver.method: Radau` about ")
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ["gains.kd=10"],
+        ["time.duration=100000"],  # long, and not stiff
+        ["gains.kd=10000", "time.duration=20", "solver.method=Radau"],
+    ],
+)
+def test_nothing_is_said_of_what_is_not_stiff(experiment, settings):
+    assert remarks(experiment(*settings)) == []
+
+
+def test_a_lag_that_is_short_makes_a_loop_stiff(experiment):
+    lag = "[{kind: lag, time_constant: 0.0001}]"
+    made = experiment("time.duration=20", "controllers=[eqt]", actuators=lag)
+    assert "is stiff: its errors decay at up to 1e+04 1/s" in str(remarks(made)[0])
+
+
+SKEWED = 1e-8
+NEARLY_DEPENDENT = [[1.0, 1 - SKEWED, 0.0], [1 - SKEWED, 1.0, 0.0], [0.0, 0.0, 1.0]]
+
+
+def test_an_inertia_that_rounding_spoils(experiment):
+    made = experiment("rigid=false", "solver.rtol=1e-9", inertia=str(NEARLY_DEPENDENT))
+    remark = str(remarks(made)[0])
+    assert remark == (
+        "c.yaml:2:1: inertia: its condition number is 2e+08, so that rounding alone "
+        "changes velocities by 4e-08 of their size, more than solver.rtol = 1e-09; "
+        "choose other axes, or increase solver.rtol"
+    )
+    loose = experiment("rigid=false", "solver.rtol=1e-6", inertia=str(NEARLY_DEPENDENT))
+    assert horizon.ill_conditioned(loose) == ""
+
+
+def test_rounding_changes_velocities_by_as_much():
+    """V = 𝕀⁻¹P in doubles, of the P that belongs to a V that is known."""
+    inertia = np.array(NEARLY_DEPENDENT)
+    random = np.random.default_rng(0)
+    V = random.normal(size=(1000, 3))
+    changed = np.linalg.norm((V @ inertia) @ np.linalg.inv(inertia) - V, axis=1).max()
+    told = 2e8 * np.finfo(float).eps
+    assert told / 10 < changed < told * 10
+
+
+def test_units_spoil_nothing(experiment):
+    made = experiment("rigid=false", "solver.rtol=1e-9", inertia="[1e-9, 1, 1]")
+    assert horizon.ill_conditioned(made) == ""
+
+
+def test_an_inertia_that_is_ill_later_says_when(experiment):
+    entry = "1 - 1e-10 - 0.5*(t - 1)**2"
+    matrix = f"[[1, '{entry}', 0], ['{entry}', 1, 0], [0, 0, 1]]"
+    made = experiment("rigid=false", "solver.rtol=1e-9", inertia=f"{{matrix: {matrix}}}")
+    assert " at t = 1 s, so that rounding alone" in horizon.ill_conditioned(made)
+
+
+@mostly_slow("name", shipped.names(), ["paper", "se3_bluerov2"], "integrates every reference")
+def test_shipped_configurations_are_well_conditioned(name):
+    made = build(read_config(Path(shipped.folder() / f"{name}.yaml"), []))
+    found = [str(remark) for remark in remarks(made, reference_over_horizon(made))]
+    unstable = {  # their runs oscillate, at 1 Hz and at 2.5 Hz
+        "se3_bluerov2_flies": "'gt' is unstable: small errors grow at 0.497 ",
+        "se3_bluerov2_thrusters": "'eqt' is unstable: small errors grow at 0.653 ",
+    }
+    if name in unstable:
+        assert f"controllers: the loop of {unstable[name]}" in "".join(found)
+    else:
+        assert found == []

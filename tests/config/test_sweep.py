@@ -1,0 +1,321 @@
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter
+from said import cases
+
+from eqt_cli.base.errors import Problems
+from eqt_cli.config.designs import Choices, DrawnRange, Spaced
+from eqt_cli.config.sweep import Sweep
+
+
+def sweep(*blocks):
+    problems = Problems()
+    found = Sweep.read(list(blocks), problems)
+    assert not problems
+    return found
+
+
+def points(found):
+    return [found.point(k) for k in range(len(found))]
+
+
+def test_grid_changes_its_last_axis_fastest():
+    assert points(sweep({"grid": {"a": [1, 2], "b": ["x", "y"]}})) == [
+        {"a": 1, "b": "x"},
+        {"a": 1, "b": "y"},
+        {"a": 2, "b": "x"},
+        {"a": 2, "b": "y"},
+    ]
+
+
+def test_grid_takes_ranges_on_linear_and_logarithmic_scales():
+    found = sweep(
+        {
+            "grid": {
+                "a": {"low": 0, "high": 1, "points": 3},
+                "b": {"low": 0.01, "high": 100, "points": 3, "scale": "log"},
+            }
+        }
+    )
+    assert [p["a"] for p in points(found)[::3]] == [0.0, 0.5, 1.0]
+    np.testing.assert_allclose([p["b"] for p in points(found)[:3]], [0.01, 1, 100], rtol=1e-14)
+
+
+def test_zip_changes_all_axes_together():
+    assert points(sweep({"zip": {"a": [1, 2], "b": [3, 4]}})) == [
+        {"a": 1, "b": 3},
+        {"a": 2, "b": 4},
+    ]
+
+
+def test_blocks_multiply_and_the_first_changes_slowest():
+    found = sweep({"zip": {"a": [1, 2], "b": [3, 4]}}, {"grid": {"c": [5, 6, 7]}})
+    assert len(found) == 6
+    assert points(found)[2] == {"a": 1, "b": 3, "c": 7}
+    assert points(found)[3] == {"a": 2, "b": 4, "c": 5}
+
+
+def test_concat_adds():
+    found = sweep(
+        {
+            "concat": [
+                {"grid": {"a": [1, 2], "b": [3]}},
+                [{"grid": {"b": [4]}}, {"grid": {"a": [5]}}],
+            ]
+        }
+    )
+    assert points(found) == [{"a": 1, "b": 3}, {"a": 2, "b": 3}, {"a": 5, "b": 4}]
+    assert found.place(1, "a") == (0, "concat", 0, "grid", "a", 1)
+    assert found.place(2, "b") == (0, "concat", 1, 0, "grid", "b", 0)
+    assert found.sets == found.always == ("a", "b")
+
+
+def test_what_parts_that_are_added_always_change():
+    parts = [{"cases": {"x": {"a": 1, "b": 1}, "y": {"a": 2}}}, {"cases": {"z": {"a": 3, "c": 1}}}]
+    found = sweep({"concat": parts})
+    assert [found.point(k)["case"] for k in range(3)] == ["x", "y", "z"]
+    settings = [{"a": 1, "b": 1}, {"a": 2}, {"a": 3, "c": 1}]
+    assert [found.settings(k) for k in range(3)] == settings
+    assert (found.sets, found.always) == (("a", "b", "c"), ("a",))
+
+
+def test_concat_of_parts_of_different_lengths():
+    found = sweep({"concat": [{"grid": {"a": list(range(n))}} for n in (3, 1, 2)]})
+    assert [point["a"] for point in points(found)] == [0, 1, 2, 0, 0, 1]
+
+
+def test_cases_change_what_they_name_and_multiply_like_any_block():
+    found = sweep({"cases": {"ideal": {}, "late": {"b.c": 2, "d": 1}}}, {"grid": {"a": [1, 2]}})
+    assert [found.point(k)["case"] for k in range(4)] == ["ideal", "ideal", "late", "late"]
+    settings = [found.settings(k) for k in range(4)]
+    assert settings == [{"a": 1}, {"a": 2}, {"b.c": 2, "d": 1, "a": 1}, {"b.c": 2, "d": 1, "a": 2}]
+    assert (found.sets, found.always) == (("b.c", "d", "a"), ("a",))
+    assert found.place(2, "d") == (0, "cases", "late", "d")
+    assert found.first_place("d") == (0, "cases", "late", "d")
+
+
+def test_some_points_of_a_sweep_are_a_sweep():
+    found = sweep({"cases": {"ideal": {}, "late": {"b": 2}}}, {"grid": {"a": [1, 2]}}).only([3, 0])
+    assert points(found) == [{"case": "late", "a": 2}, {"case": "ideal", "a": 1}]
+    assert found.place(0, "a") == (1, "grid", "a", 1)
+
+
+@pytest.mark.parametrize("kind", ["random", "lhs", "sobol"])
+def test_sampled_points_stay_within_their_axes(kind):
+    axes = {
+        "linear": {"low": -1, "high": 2},
+        "log": {"low": 0.1, "high": 10, "scale": "log"},
+        "whole": {"low": 1, "high": 3, "integer": True},
+        "choice": {"values": ["p", "q"]},
+    }
+    found = points(sweep({kind: {"points": 200, "seed": 3, "axes": axes}}))
+    assert all(-1 <= p["linear"] <= 2 and 0.1 <= p["log"] <= 10 for p in found)
+    assert {p["whole"] for p in found} == {1, 2, 3}
+    assert {p["choice"] for p in found} == {"p", "q"}
+    # Half of the points lie below the middle of the logarithmic scale; 4 σ of a binomial is 28.
+    assert abs(sum(p["log"] < 1 for p in found) - 100) < 28
+
+
+@pytest.mark.parametrize("kind", ["random", "sobol"])
+@pytest.mark.parametrize(("few", "many"), [(5, 6), (8, 9), (1, 100)])
+def test_more_points_keep_the_earlier_ones(kind, few, many):
+    def design(count):
+        axes = {"a": {"low": 0, "high": 1}, "b": {"low": 0, "high": 1}}
+        return points(sweep({kind: {"points": count, "seed": 7, "axes": axes}}))
+
+    assert design(many)[:few] == design(few)
+
+
+def test_lhs_has_one_point_in_every_share():
+    axes = {"a": {"low": 0, "high": 10}, "b": {"low": 0, "high": 10}}
+    found = points(sweep({"lhs": {"points": 10, "axes": axes}}))
+    for key in axes:
+        assert sorted(int(p[key]) for p in found) == list(range(10))
+
+
+def test_seeds_make_designs_differ():
+    axes = {"a": {"low": 0, "high": 1}}
+    one, other = (sweep({"sobol": {"points": 4, "seed": s, "axes": axes}}) for s in (1, 2))
+    assert points(one) != points(other)
+
+
+def test_a_million_points_are_not_listed():
+    axis = {"low": 0, "high": 1, "points": 1000}
+    found = sweep({"grid": {"a": axis, "b": axis}})
+    assert len(found) == 1_000_000
+    assert found.point(999_999) == {"a": 1.0, "b": 1.0}
+
+
+@given(st.integers(0, 2**20 - 1))
+def test_points_do_not_depend_on_the_order_of_asking(point):
+    blocks = (
+        {"grid": {"a": {"low": 0, "high": 1, "points": 2**10}}},
+        {"sobol": {"points": 2**10, "axes": {"b": {"low": 0, "high": 1}}}},
+    )
+    found = sweep(*blocks)
+    assert found.point(point) == pickle.loads(pickle.dumps(found)).point(point)
+    assert found.point(point)["a"] == (point >> 10) / 1023
+
+
+@pytest.mark.parametrize(
+    ("blocks", "said"),
+    [
+        *cases(r"""
+[] → expected a list of blocks such as {grid: {gains.kp: [1, 2]}}, got []
+[{grdi: {}}] → [0].grdi: unknown design 'grdi'; did you mean 'grid'?
+[{grid: {a: []}}] → [0].grid.a: expected at least 1 entry, got []
+[{grid: {a: {low: 0, high: 1, points: 1}}}] →
+    [0].grid.a.points: expected a whole number of at least 2, got 1
+[{zip: {a: [1], b: [1, 2]}}] → [0].zip.b: expected 1 values, as many as a has, got 2
+[{sobol: {points: 0, axes: {a: {low: 0, high: 1}}}}] →
+    [0].sobol.points: expected a whole number of at least 1, got 0
+[{lhs: {points: 4, axes: {a: {low: 2, high: 1}}}}] →
+    [0].lhs.axes.a.high: expected more than 2, the value of low, got 1
+[{random: {points: 4, axes: {a: {low: 0, high: 1, scale: log}}}}] →
+    [0].random.axes.a.low: expected a number greater than 0 on a log scale, got 0
+[{random: {points: 4, axes: {a: {low: 0, high: .inf}}}}] →
+    [0].random.axes.a.high: expected a finite number, got .inf
+[{random: {points: 4, axes: {a: {lo: 0, high: 1, low: 0}}}}] →
+    [0].random.axes.a.lo: unknown key; did you mean 'low'?
+[{grid: {a: [1]}}, {grid: {a.b: [1]}}] →
+    [1].grid.a.b: a.b overlaps with a, which is swept by an earlier block; remove one of them
+[{grid: {a: [1]}}, {concat: [{grid: {a: [1]}}, {grid: {a: [2]}}]}] →
+    [1].concat[0].grid.a: a is swept by an earlier block; remove one of them
+[{grid: {a: [1]}}, {grid: {a: {low: 0, high: 1, points: 2}}}] →
+    [1].grid.a: a is swept by an earlier block; remove one of them
+[{concat: [{grid: {a: [1]}}, {grid: {b: [1]}}]}] →
+    [0].concat[1]: expected the same keys as in the first part: a
+[{cases: {one: {a.b: 1}, other: {c: 1}}}, {grid: {a: [1]}}] →
+    [1].grid.a: a overlaps with a.b, which is swept by an earlier block; remove one of them
+[{cases: {one: {}}}, {cases: {other: {}}}] →
+    [1].cases: case is swept by an earlier block; remove one of them
+[{cases: {one: {a: 1, "a[0]": 2}}}] → [0].cases.one.a[0]: a[0] overlaps with a; remove one of them
+[{cases: {one: {a: 1}, other: {a: 1}}}] →
+    [0].cases.other: changes the same as 'one'; remove one of them
+[{cases: {"": {}}}] → [0].cases.: expected a name of 1 to 40 printable characters, got ''
+[{cases: {one: {a..b: 1}}}] →
+    [0].cases.one.a..b: expected a key such as gains.kp or controllers[0].label, got 'a..b'
+[{cases: {one: [a]}}] → [0].cases.one: expected a mapping, got ['a']
+[{grid: {a: [1, [{b: 2}]]}}] →
+    [0].grid.a[1]: expected a number, a text, a list of numbers or one mapping, got [{b: 2}]; give
+        each list a name: sweep: [{cases: {NAME: {KEY: VALUE}, …}}]
+[{random: {points: 4, axes: {a: {low: 1, high: 2.5, integer: true}}}}] →
+    [0].random.axes.a.low: expected whole numbers as low and high, since integer is true
+[{random: {points: 4, axes: {a: {low: 0.5, high: 2, integer: true}}}}] →
+    [0].random.axes.a.low: expected whole numbers as low and high, since integer is true
+[{random: {points: 4, axes: {a: {low: 1, high: 1}}}}] →
+    [0].random.axes.a.high: expected more than 1, the value of low, got 1
+[{grid: {a: {low: 1, high: 0, points: 2}}}] →
+    [0].grid.a.high: expected more than 1, the value of low, got 0
+[{zip: {a: {low: 1, high: 0, points: 2}}}] →
+    [0].zip.a.high: expected more than 1, the value of low, got 0
+[{grid: {a: {low: 0, high: 1, points: "3"}}}] → [0].grid.a.points: expected a whole number, got '3'
+[{random: {points: 4, axes: {a: {low: 1, high: 3, integer: "yes"}}}}] →
+    [0].random.axes.a.integer: expected true or false, got 'yes'
+[{random: {points: 4, axes: {a: {values: []}}}}] →
+    [0].random.axes.a.values: expected at least 1 entry, got []
+[{grid: {}}] → [0].grid: expected at least 1 entry, got {}
+[{cases: {}}] → [0].cases: expected at least 1 entry, got {}
+[{random: {points: 4, axes: {}}}] → [0].random.axes: expected at least 1 entry, got {}
+[{cases: {xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx: {}}}] →
+    [0].cases.xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx: expected a name of 1 to 40 printable
+        characters, got 'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx'
+[{cases: {"a\nb": {}}}] →
+    [0].cases.a
+    b: expected a name of 1 to 40 printable characters, got 'a\nb'
+[{cases: {" ": {}}}] → [0].cases. : expected a name of 1 to 40 printable characters, got ' '
+[{cases: {one: {"": 1}}}] → [0].cases.one.: expected a key of the configuration, got ''
+[{concat: []}] → [0].concat: expected a list of blocks, got []
+[{concat: {}}] → [0].concat: expected a list of blocks, got {}
+[x] →
+    [0]: expected one design, such as {grid: {…}}, and one only; known: cases, concat, grid, lhs,
+        random, sobol, zip
+[{}] →
+    [0]: expected one design, such as {grid: {…}}, and one only; known: cases, concat, grid, lhs,
+        random, sobol, zip
+[{grid: {a: [1]}, zip: {b: [1]}}] →
+    [0]: expected one design, such as {grid: {…}}, and one only; known: cases, concat, grid, lhs,
+        random, sobol, zip
+[{grid: {a: [2, 1, 1.0]}}] → [0].grid.a[2]: 1.0 is listed twice; give each value once
+[{grid: {a: [x, true, true]}}] → [0].grid.a[2]: True is listed twice; give each value once
+# Nothing is counted of a design with an error.
+[{grid: {a: [1, 1], b: {low: 0, high: 1, points: 10000000}}}] →
+    [0].grid.a[1]: 1 is listed twice; give each value once
+[{grid: {a: {low: 0, high: 1, points: 1000000}, b: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]}}] →
+    [0].grid: has 11,000,000 points; expected at most 10,000,000
+"""),
+        (
+            [{"random": {"points": 4, "axes": {"a": {"low": 0, "high": 10**400}}}}],
+            f"[0].random.axes.a.high: expected a number, got 1{56 * '0'}...",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_at_its_place(blocks, said):
+    problems = Problems()
+    assert Sweep.read(blocks, problems) is None
+    assert [f"{each.path}: {each.message}".removeprefix(": ") for each in problems] == [said]
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        {"zip": {"a": [1, 2]}},
+        {"grid": {"a": [[1, 2], [3, 4], {"kind": "b"}]}},
+        {"grid": {"a": [1, True, "1"]}},  # three values, and not one three times
+        {"cases": {40 * "x": {}}},
+        {"grid": {"a": {"low": 0, "high": 1, "points": 10**6}, "b": [*range(10)]}},
+        {"random": {"points": 4, "axes": {"a": {"low": 1, "high": 2, "integer": True}}}},
+    ],
+)
+def test_what_is_just_right_is_accepted(block):
+    assert len(sweep(block)) > 0
+
+
+@pytest.mark.parametrize("kind", ["random", "lhs", "sobol"])
+def test_a_seed_is_0_unless_told(kind):
+    options = {"points": 4, "axes": {"a": {"low": 0, "high": 1}}}
+    assert points(sweep({kind: options})) == points(sweep({kind: {**options, "seed": 0}}))
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.6, 1.0])
+def test_a_drawn_value_knows_how_far_along_its_way_it_is(scale, share):
+    axis = DrawnRange(low=2.0, high=50.0, scale=scale)
+    assert axis.share(axis.at(share)) == pytest.approx(share, abs=1e-12)
+
+
+@pytest.mark.parametrize("value", [2, 3, 7])
+def test_a_whole_number_is_in_the_middle_of_its_part(value):
+    axis = DrawnRange(low=2.0, high=7.0, integer=True)
+    assert axis.share(value) == pytest.approx((value + 0.5 - 2) / 6)
+    assert axis.at(axis.share(value)) == value
+
+
+@pytest.mark.parametrize(
+    ("share", "value"), [(0.0, "p"), (0.33, "p"), (0.34, "q"), (0.67, "r"), (1.0, "r")]
+)
+def test_choices_have_equal_parts_of_the_way_and_the_end_belongs_to_the_last(share, value):
+    assert Choices(["p", "q", "r"]).at(share) == value
+
+
+@pytest.mark.parametrize("axis", [Spaced, DrawnRange])
+def test_an_editor_is_told_that_a_logarithm_takes_positive_numbers(axis):
+    [narrower, *_] = TypeAdapter(axis).json_schema()["allOf"]
+    assert narrower["if"] == {"properties": {"scale": {"const": "log"}}, "required": ["scale"]}
+    kinds = narrower["then"]["properties"]["low"]["anyOf"]
+    assert {"type": "number", "exclusiveMinimum": 0} in kinds
+    options = {"points": 3} if axis is Spaced else {}
+    for low, problems in ((0.0, Problems()), (1e-3, Problems())):
+        axis(low=low, high=1.0, scale="log", **options).check(problems)
+        assert bool(problems) == (low == 0.0)
+
+
+def test_an_editor_is_told_that_whole_numbers_have_whole_bounds():
+    [_, narrower] = TypeAdapter(DrawnRange).json_schema()["allOf"]
+    assert narrower["if"] == {"properties": {"integer": {"const": True}}, "required": ["integer"]}
+    whole = {"type": ["integer", "string"]}  # a text is an expression
+    assert narrower["then"] == {"properties": {"low": whole, "high": whole}}

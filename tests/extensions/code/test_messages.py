@@ -1,0 +1,172 @@
+"""What is said of C that cannot be used: where, what, and what to do."""
+
+from pathlib import Path
+
+import pytest
+
+from eqt_cli.config import yaml_source
+from eqt_cli.engines import compiler
+from eqt_cli.extensions.firmware import own_code
+
+EVERYWHERE = "t = 0.5, pose = {"
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "said"),
+    [
+        ([], {"function": "leee_torque"}, "controllers[0]: lee.c does not define the function "
+         "leee_torque; it defines lee_torque; name the function with the key `function`"),
+        ([("void lee_torque", "void lee_moment")], {}, "controllers[0]: lee.c does not define the "
+         "function lee_torque; it defines no function X_torque; name the function with the key "
+         "`function`"),
+        ([], {"numbers": {"kQ": 1.0}}, "controllers[0]: numbers: lee_numbers in lee.c has no field "
+         "kQ; it has kR, kW, J"),
+        ([], {"numbers": {"J": [1.0, 2.0]}}, "controllers[0]: numbers.J: lee_numbers in lee.c has "
+         "3 of it, got 2"),
+        ([], {"memory": ["ei"]}, "controllers[0]: memory: lee_memory in lee.c has no field ei; it "
+         "has unused"),
+        ([], {"memory": ["e i"]}, "controllers[0].memory[0]: expected a name in C, got 'e i'"),
+        ([("real unused;", "real ei[3], more;")], {"memory": ["ei"]}, "controllers[0]: memory: "
+         "lee_memory in lee.c has 4 numbers, and the fields that are named have 3: ei (3); name "
+         "all of its fields"),
+        ([("real unused;", "real ei[2];")], {"memory": ["ei"], "as": "goodarzi2013"},
+         "controllers[0]: lee_memory in lee.c has 2 numbers that are named in `memory`, and "
+         "goodarzi2013 keeps 3: integral (3)"),
+        ([], {"real": "float"}, "controllers[0]: real: the numbers of lee_input in lee.c are "
+         "double, not float; set `real: double`"),
+        ([("desired_acceleration[3];\n", "desired_acceleration[6];\n")], {}, "controllers[0]: "
+         "lee_input in lee.c has 6 numbers in desired_acceleration; expected 3"),
+        ([("real torque[3])\n{", "float torque[3])\n{")], {}, "controllers[0]: lee_torque in lee.c "
+         "has other arguments; expected void lee_torque(const lee_numbers *, lee_memory *, const "
+         "lee_input *, double *)"),
+        ([], {"function": "lee"}, "controllers[0].function: expected a name X_torque, got 'lee'"),
+        ([], {"function": "lee()_torque"}, "controllers[0].function: expected a name in C, got "
+         "'lee()_torque'"),
+        ([], {"numbers": {"kR; system": 1.0}}, "controllers[0].numbers.kR; system: expected a name "
+         "in C, got 'kR; system'"),
+        ([], {"file": "no.c"}, "controllers[0].file: {cwd}/no.c: not found; C file paths are "
+         "relative to the configuration's folder"),
+        ([], {"as": "lee201"}, "controllers[0].as: unknown controller 'lee201'; did you mean "
+         "'lee2012'?"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit(changes, options, said, written, config, told):
+    written(*changes)
+    assert told(config(**options)) == said.replace("{cwd}", str(Path.cwd()))
+
+
+def test_what_the_compiler_says(written, config, told):
+    written(body="torque[0] = in->velocty[0];")
+    assert "controllers[0]: lee.c cannot be compiled: lee.c:5:" in told(config())
+
+
+def test_no_compiler(written, config, told, monkeypatch):
+    written()
+    monkeypatch.setattr(compiler, "missing", lambda: "there is none")
+    assert told(config(numbers={"kR": 1.25})) == (
+        "controllers[0].file: lee.c is C, and this machine has no C compiler; install gcc or "
+        "clang, or 'pip install ziglang' (extra native), a clang in a wheel"
+    )
+
+
+# Code that does not come back, in a process of its own ------------------------------------------
+
+
+def test_a_crash_names_function_and_input(written, config, told):
+    written(body="if (in->t > 0) *(volatile real *)0 = 1;")
+    said = told(config())
+    assert said.startswith(f"controllers[0]: lee_torque in lee.c crashed (SIGSEGV) at {EVERYWHERE}")
+    assert said.endswith("}; call it with this input in a debugger")
+
+
+def test_a_function_that_does_not_return(written, config, told, monkeypatch):
+    monkeypatch.setattr(own_code, "TRIAL_SECONDS", 0.5)
+    written(body="while (in->t >= 0) *(volatile real *)torque = 0;")
+    said = told(config())
+    where = f"controllers[0]: lee_torque in lee.c did not return within 0.5 s at {EVERYWHERE}"
+    assert said.startswith(where)
+
+
+def test_a_function_that_ends_the_process(written, config, told):
+    written(body="exit(3);", more="#include <stdlib.h>")
+    said = told(config())
+    where = f"controllers[0]: lee_torque in lee.c ended the process with code 3 at {EVERYWHERE}"
+    assert said.startswith(where)
+
+
+def test_a_crash_of_the_start(written, config, told):
+    start = "void lee_start(const lee_numbers *n, lee_memory *m, const lee_input *in)"
+    written(body="", more=f"{start}\n{{ *(volatile real *)0 = 1; }}")
+    where = f"controllers[0]: lee_start in lee.c crashed (SIGSEGV) at {EVERYWHERE}"
+    assert told(config()).startswith(where)
+
+
+# When it is called -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["native"])
+def test_only_solve_ivp_calls_code_at_any_time(engine, written, config, told):
+    written()
+    over = {"control": None, "solver": {"engine": engine}}
+    assert told(config(over=over)) == (
+        f"controllers[0]: engine {engine} compiles the law into the loop, and code is called; set "
+        "control.period, at which it is called, or use engine solve_ivp"
+    )
+
+
+def test_memory_needs_a_period(written, config, told):
+    written(("real unused;", "real ei[3];"))
+    assert told(config(over={"control": None}, memory=["ei"], **{"as": None})) == (
+        "controllers[0].memory: goes on by a period at every call; set control.period, at which "
+        "the code is called"
+    )
+
+
+# What it includes --------------------------------------------------------------------------------
+
+
+def test_a_header_that_includes_itself(written, config, told):
+    written()
+    Path("lee.h").write_text('#include "lee.h"\n', encoding="utf-8")
+    said = told(config())
+    assert said.startswith("controllers[0].file: lee.c cannot be compiled: lee.h:1:")
+    assert said.endswith("; compile it with your own compiler to see all of it")
+
+
+def test_headers_without_end_are_bounded(written, config, told):
+    """Each includes the next one three times, 18 deep."""
+    written(body="", more='#include "h0.h"')
+    for k in range(18):
+        Path(f"h{k}.h").write_text(f'#include "h{k + 1}.h"\n' * 3, encoding="utf-8")
+    Path("h18.h").touch()
+    assert "lee.c cannot be compiled: " in told(config())
+
+
+def test_a_device_that_never_ends_is_bounded(written, config, told):
+    written(body="", more='#include "/dev/zero"')
+    assert "lee.c cannot be compiled: " in told(config())
+
+
+def test_a_header_of_the_current_folder_is_foreign(written, config, told, monkeypatch, tmp_path):
+    written(body="", more='#include "gain.h"')
+    Path("c.yaml").write_text(yaml_source.dump(config()), encoding="utf-8")
+    (tmp_path / "foreign").mkdir()
+    monkeypatch.chdir("foreign")
+    Path("gain.h").touch()
+    said = told("../c.yaml")
+    assert "controllers[0].file: lee.c cannot be compiled: lee.c:2:" in said and "gain.h" in said
+
+
+def test_a_header_of_another_folder_is_not_kept(written, config, told, tmp_path_factory):
+    path = tmp_path_factory.mktemp("other") / "gain.h"
+    path.touch()
+    written(body="", more=f'#include "{path}"')
+    assert told(config()) == (
+        f"controllers[0].file: lee.c includes {path}, which is not in its folder; a result keeps "
+        "what is in this folder and below; copy the file there"
+    )
+
+
+def test_of_a_file_of_another_system_nothing_is_known_without_nm(monkeypatch):
+    monkeypatch.setattr(own_code.shutil, "which", lambda name: None)
+    assert own_code.kept(b"\xcf\xfa\xed\xfe") is None

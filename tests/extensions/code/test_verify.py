@@ -1,0 +1,211 @@
+"""`eqt verify` judges C against the law that it claims to be, and names what is missing."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from eqt_cli.config import yaml_source
+
+DOUBLE = "torque of Lee 2010, double, at random states"
+SAME = "the same as in the law: "
+E = "E[3 * j + i] * in->desired_velocity[j]"
+A = "E[3 * j + i] * in->desired_acceleration[j]"
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_law_that_was_typed_in_well(real, written, config, judged):
+    written(real=real)
+    assert judged(config(real=real)) == {}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ([("- n->J[i] * (WxW[i] - A[i])", "")], "lacks desired acceleration: coefficient 0.00 of "
+         "1, transport: coefficient 0.00 of 1; "
+         f"{SAME}stiffness, damping, damping of the desired velocity, gyroscopic"),
+        pytest.param([("(in->velocity[i] - W[i])", "in->velocity[i]")], "lacks damping of the "
+            "desired velocity: coefficient 0.00 of 1; "
+            f"{SAME}stiffness, damping, desired acceleration, gyroscopic, transport",
+            marks=pytest.mark.slow("one of several faults")),
+        pytest.param([("+ gyro[i]", "- gyro[i]")], "has gyroscopic: coefficient -1.00 of 1 (the "
+            "sign is wrong); "
+            f"{SAME}stiffness, damping, damping of the desired velocity, desired acceleration, "
+            "transport", marks=pytest.mark.slow("one of several faults")),
+        pytest.param([("-n->kR", "-0.999*n->kR")], "has stiffness: coefficient 0.999 of 1; "
+            f"{SAME}damping, damping of the desired velocity, desired acceleration, gyroscopic, "
+            "transport", marks=pytest.mark.slow("one of several faults")),
+        pytest.param([(E, E.replace("E[3 * j + i]", "(i == j)")),
+            (A, A.replace("E[3 * j + i]", "(i == j)"))], "V_d is not carried to the body frame",
+            marks=pytest.mark.slow("one of several faults")),
+        ([("E[3 * j + i]", "E[3 * i + j]")], "V_d is carried the wrong way, by Q_d⁻¹Q for Q⁻¹Q_d"),
+        pytest.param([(E, E.replace("[j]", "[2] * (j == 2)")),
+            (A, A.replace("[j]", "[2] * (j == 2)"))], "V_d is read on axis 3 only",
+            marks=pytest.mark.slow("one of several faults")),
+        pytest.param([("in->desired_pose[3 * k + i] * in->pose[3 * k + j]", "in->pose[3 * i + k] * "
+            "in->desired_pose[3 * j + k]")], "the frames are exchanged: the pose error is in the "
+            "other frame, Q Q_d⁻¹ for Q_d⁻¹Q, wherever it occurs",
+            marks=pytest.mark.slow("test_exported.py has a fast one")),
+        pytest.param([("(E[7] - E[5]) / 2", "E[7] / 2"), ("(E[2] - E[6]) / 2", "E[2] / 2"),
+            ("(E[3] - E[1]) / 2", "E[3] / 2")], "has stiffness: coefficient 0.50 of 1; has "
+            "symmetric part of the pose error: coefficient 0.50 of 0 (the difference of Q_d⁻¹Q to "
+            "its transpose is missing, or is of "
+            f"other matrices); {SAME}damping, damping of the desired velocity, desired "
+            "acceleration, gyroscopic, transport", marks=pytest.mark.slow("one of several faults")),
+        ([("const real eR[3]", "const float eR[3]")], "within the bound of float: constants or "
+         "operations are float; make them double"),
+        ([("n->kR * eR[i]", "n->kR * eR[i] * eR[i]")], "no sum of the law's parts in any frame: 13 "
+         "% of the torque is none of them"),
+    ],
+)  # fmt: skip
+def test_what_is_said_of_a_fault(changes, said, written, config, judged):
+    written(*changes)
+    assert judged(config()) == {DOUBLE: said}
+
+
+def test_what_is_not_finite_without_an_error(written, config, judged):
+    written(("const real eR[3] = {", "const real eR[3] = {0 / (3 - E[0] - E[4] - E[8]) + "))
+    rows = judged(config())
+    assert rows["finite torque at half turns and without an error"] == "no error: [nan, 0.0, 0.0]"
+    assert re.match(r"at \d+ of \d+ states, for example at t = ", rows[DOUBLE])
+
+
+OTHER = pytest.mark.slow("another branch is tried fast")
+
+
+@pytest.mark.parametrize(
+    ("condition", "outcome"),
+    [
+        ("in->t > 4.8 && in->t <= 5", "(in->t > 4.8 && in->t <= 5) is true"),
+        pytest.param("in->t > 150000", "in->t > 150000 is true", marks=OTHER),
+        pytest.param(
+            "!(1e-9 < W[0] - 3 * W[1])", "(!(1e-9 < W[0] - 3 * W[1])) is true", marks=OTHER
+        ),
+        ("(W[1] - 3.21) * (W[1] - 3.21) < 1e-9", "(W[1] - 3.21) * (W[1] - 3.21) < 1e-9 is true"),
+    ],
+)
+def test_a_branch_that_few_states_take(condition, outcome, written, config, judged):
+    """Also one that only a search along its comparison finds."""
+    written(("+ gyro[i]", f"+ (({condition}) ? -gyro[i] : gyro[i])"))
+    [said] = judged(config()).values()
+    place = re.escape(f", all of them where {outcome} (lee.c, line 33)")
+    assert re.fullmatch(rf"at \d+ of \d+ states{place}", said)
+
+
+def test_a_line_that_was_never_run(written, config, judged):
+    written(("cross(in->velocity, Jw", "if (n->kR < 0) Jw[0] = 0;\n    cross(in->velocity, Jw"))
+    said = judged(config())[DOUBLE]
+    assert said.startswith("undecided: lee.c, line 28: n->kR < 0 was never true; ")
+    assert re.search(r"; \d+ states; a fault at more than 0.\d+ % of states like these", said)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("static real s = 0; s += 1e-3;", marks=pytest.mark.slow("an array is fast")),
+        "static struct { int k; } s[2]; ++s[0].k;",
+    ],
+)
+def test_a_state_of_its_own(name, written, config, judged):
+    """It is told by its name, even if it changes nothing."""
+    written(("int i, j, k;", f"int i, j, k; {name}"))
+    rows = judged(config())
+    assert rows["equal inputs give equal torques"] == (
+        "it keeps s from call to call; put it into memory, or make it const"
+    )
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (
+            "1e-9 * m->unused",
+            "it reads what is neither input nor named memory, as a variable without a value",
+        ),
+        ("0 * rand()", "undecided: it calls rand, which may keep a state"),
+    ],
+)
+def test_a_state_elsewhere(more, said, written, config, judged):
+    written(("+ gyro[i]", f"+ gyro[i] + {more}"), ("#include", "#include <stdlib.h>\n#include"))
+    assert judged(config())["equal inputs give equal torques"] == said
+
+
+def test_a_function_in_a_table_that_no_state_calls(written, config, judged):
+    """A function that nothing names is none of the law's."""
+    more = (
+        "static double idle(double x) { return x > 1; }\n"
+        "static double same(double x) { return x; }\n"
+        "static double other(double x) { return 2 * x; }\n"
+        "static double (*const table[2])(double) = {same, other};\n"
+    )
+    written(
+        ("-n->kR", "-table[0 * (int)in->t](n->kR)"),
+        ("static void cross", f"{more}static void cross"),
+    )
+    said = judged(config())[DOUBLE]
+    assert said.startswith("undecided: lee.c, line 5: other was never reached; ")
+
+
+def test_code_that_claims_nothing(written, config, judged):
+    written()
+    assert judged(config(**{"as": None})) == {
+        "torque of the law": "name the law that it claims to be with `as`"
+    }
+
+
+# The command ------------------------------------------------------------------------------------
+
+MOVING = yaml.safe_load("""
+gains: {kp: 4.0, kd: 4.0}
+reference: {kind: path, factors: [{axis: wz, by: 2*sin(2*t)}, {axis: wx, by: 1.5*sin(3*t)}]}
+initial: {pose: haar, velocity: fixed}
+control: {period: 0.05}
+time: {duration: 10*pi, samples: 101}
+ensemble: {runs: 2, seed: 1}
+solver: {engine: native, cross_check: 0}
+""")
+
+
+@pytest.mark.slow("compiles two closed loops and flies them through 630 control instants")
+def test_the_simplified_lee_law_fails(written, config, eqt):
+    """Without transport and desired acceleration it does not follow a reference that moves."""
+    written(("- n->J[i] * (WxW[i] - A[i])", ""))
+    law = {"controllers": ["lee2010"]}
+    Path("c.yaml").write_text(yaml_source.dump(config(over=MOVING) | law), encoding="utf-8")
+    numbers = "controllers[0].numbers={kR: 8, kW: 4, J: [1, 2, 3]}"
+    asked = ("verify", "c.yaml", "--code", "lee.c", "--as", "lee2010", "--set", numbers, "--json")
+    done = eqt(*asked)
+    assert done.code == 4, done.err
+    fails = {row["name"] for row in json.loads(done.out)["rows"] if row["verdict"] == "FAILS"}
+    assert {DOUBLE, "torque of Lee 2010, double, along runs"} <= fails
+    assert "tracks" in fails
+    written()
+    assert eqt(*asked).code == 0
+
+
+def test_what_the_command_says(written, eqt, config):
+    written()
+    Path("c.yaml").write_text(yaml_source.dump(config()), encoding="utf-8")
+    assert eqt("verify", "c.yaml", "--as", "lee2010").err == (
+        "eqt: --as names the law that a C file claims to be; give the file with --code\n"
+    )
+    assert eqt("verify", "c.yaml", "--code", "no.c", "--as", "lee2010").err == (
+        "eqt: no.c: not found; give a C file with --code\n"
+    )
+    said = eqt("verify", "c.yaml", "--code", "lee.c", "--as", "lee201").err
+    assert said == (
+        "eqt: --code: controllers[0].as: unknown controller 'lee201'; did you mean 'lee2012'?\n"
+    )
+
+
+def test_a_torque_that_is_no_number_anywhere(written, config, judged):
+    written(
+        body="(void)in; torque[0] = torque[1] = torque[2] = 0 * n->kR / (m->unused - m->unused);"
+    )
+    assert judged(config())[DOUBLE] == (
+        "at none of these states it is a number; give what it divides by as `numbers`, or define "
+        "X_defaults in the file"
+    )

@@ -1,0 +1,245 @@
+"""`eqt export`: what it writes and says, and what it refuses."""
+
+import ctypes
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from case_tables import slow
+from exported_laws import FLAGS, compilers, made, written
+
+import eqt_cli
+from eqt_cli.base.errors import EqtError
+from eqt_cli.extensions.firmware import export as readme
+from eqt_cli.extensions.firmware.export_laws import exported
+from eqt_cli.extensions.firmware.program_error import DOUBLE
+
+CONFIG = """\
+name: flight
+group: SO3
+inertia: [1, 2, 2.5]
+gains: {kp: 1, kd: 0.5}
+reference: {kind: rates, rates: ["0.1", "0", "0.2*cos(t)"]}
+controllers: [lee2010, {kind: eqt, label: "ours, kp=1"}]
+initial: {pose: haar, velocity: normal}
+ensemble: {runs: 2, seed: 1}
+time: {duration: 0.5, samples: 3}
+solver: {engine: solve_ivp, cross_check: 0}
+"""
+
+
+@pytest.fixture
+def config(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(readme, "compiler", lambda: None)
+    path = tmp_path / "flight.yaml"
+    path.write_text(CONFIG, encoding="utf-8")
+    return path
+
+
+def test_it_writes_the_files_of_every_law_and_says_what_is_known(config, invoke):
+    done = invoke("export", "flight.yaml")
+    folder = config.parent / "exported" / "flight"
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "README.md",
+        *("lee2010.c", "lee2010.h", "lee2010_check.c"),
+        *("ours_kp_1.c", "ours_kp_1.h", "ours_kp_1_check.c"),
+    ]
+    assert re.search(r"lee2010 +lee2010\.c +285 +\S+e-1[3-6] +0 +- +-", done.stdout)
+    assert done.stdout.endswith(f"exported  {Path('exported', 'flight')}\n")
+    page = (folder / "README.md").read_text(encoding="utf-8")
+    assert '\nIn C, "ours, kp=1" is `ours_kp_1`.\n' in page
+    assert "| `velocity` | 3 | rad/s: V, the body velocity as it was measured |" in page
+    assert "- **Order of coordinates.** ωx, ωy, ωz." in page
+    assert (
+        "Cost on Cortex-M4: not measured: no compiler for Cortex-M4 was found (arm-none-eabi-gcc, "
+        "or pip install ziglang)." in page
+    )
+    assert re.search(r"\*\*Lee 2010\*\*: L = .* Identities: \d+ hold, 0 fail\.", page)
+
+
+def test_a_label_changes_nothing_but_names(config, invoke):
+    label = "$functions */ <b>`|_[c](d)"
+    text = CONFIG.replace('lee2010, {kind: eqt, label: "ours, kp=1"}', "LAW")
+    law = json.dumps({"kind": "eqt", "label": label})
+    config.write_text(text.replace("LAW", law), encoding="utf-8")
+    invoke("export", "flight.yaml", "--out", "out")
+    assert {path.stem for path in Path("out").glob("*.h")} == {"functions_b_c_d"}
+    for command in compilers()[:1]:
+        made = ["-c", "out/functions_b_c_d.c", "-o", "law.o"]
+        subprocess.run([*command, *FLAGS, *made], check=True)
+    page = Path("out", "README.md").read_text(encoding="utf-8")
+    escaped = r"\$functions \*/ \<b\>\`\|\_\[c\](d)"
+    assert f"- **{escaped}** (`functions_b_c_d.h`, `functions_b_c_d.c`)" in page
+    assert f'"{escaped}" is `functions_b_c_d`' in page
+
+
+def test_json_has_a_record_for_each_law(config, invoke):
+    done = invoke("export", "flight.yaml", "--controller", "lee2010", "--real", "float", "--json")
+    found = json.loads(done.stdout)
+    assert found["files"] == ["lee2010.h", "lee2010.c", "lee2010_check.c", "README.md"]
+    [law] = found["laws"]
+    assert {law["label"], law["name"], law["real"]} == {"lee2010", "float"}
+    assert law["operations"] == 285
+    assert len(law["bound"]) == 3 and 0 < max(law["bound"]) < 1e-3
+    assert law["flash"] is None
+
+
+@pytest.mark.slow("compiles several exports")
+def test_it_replaces_its_own_files_and_no_others(config, invoke):
+    command = ["export", "flight.yaml", "--out", "out", "--controller", "lee2010"]
+    invoke(*command)
+    invoke(*command)
+    mine = config.parent / "out" / "lee2010.h"
+    mine.write_text("/* my own */\n")
+    before = (config.parent / "out" / "lee2010.c").stat().st_mtime_ns
+    done = invoke(*command, code=2)
+    assert done.stderr == (
+        f"eqt: {Path('out', 'lee2010.h')}: exists, and is no file that eqt wrote; choose "
+        "another place with --out\n"
+    )
+    assert mine.read_text() == "/* my own */\n"
+    assert (config.parent / "out" / "lee2010.c").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--controller", "lee201"], "controller 'lee201' is not in this experiment; expected "
+         "lee2010, ours, kp=1; did you mean 'lee2010'?"),
+        (["--real", "half"], "--real: expected double or float, got 'half'"),
+        (["--out", "flight.yaml"], "flight.yaml/README.md: cannot be written: not a directory; "
+         "choose another folder with --out"),
+        (["--reference"], "--reference: the reference 'rates' is integrated: its Q_d follows from "
+         "a differential equation, and no formula gives it at a time. Integrate it on the vehicle, "
+         "or use a reference in closed form: constant, flat, log, path, slew or waypoints"),
+        (["--set", "controllers=[goodarzi2013]"], "goodarzi2013: the law has memory (integral), "
+         "which goes on by one period; the configuration has no period; set control.period to the "
+         "period of your vehicle in s"),
+    ],
+)  # fmt: skip
+def test_what_it_refuses(config, invoke, words, said):
+    assert invoke("export", "flight.yaml", *words, code=2).stderr == f"eqt: {said}\n"
+    assert not (config.parent / "exported").exists()
+
+
+PLUGIN = '''
+from dataclasses import dataclass
+from eqt_cli.extend import Controller
+
+
+@dataclass(frozen=True)
+class Careful(Controller):
+    """Brakes where it is fast."""
+
+    name = "careful"
+
+    def torque(self, s):
+        return -2.0 * s.V_tilde {rest}
+'''
+
+
+@pytest.fixture
+def export_plugin(config, invoke):
+    """Exports the law of a plugin whose torque goes on by some text."""
+
+    def export(rest, *words, offered="", code=0):
+        text = PLUGIN.replace("{rest}", rest).replace("Controller\n", f"Controller{offered}\n", 1)
+        (config.parent / "careful.py").write_text(text, encoding="utf-8")
+        own = ["--set", "controllers=[careful]", "--set", "plugins=[careful.py]"]
+        return invoke("export", "flight.yaml", *own, *words, code=code)
+
+    return export
+
+
+def test_a_plugin_is_exported_too(config, export_plugin):
+    export_plugin("")
+    header = (config.parent / "exported" / "flight" / "careful.h").read_text(encoding="utf-8")
+    assert "Brakes where it is fast." in header
+
+
+FUNCTIONS = """* (1 + 0.1 * sin(50.0 * s.V) + exp(-s.V**2) + log(1 + s.V**2) + (
+            2.0 + s.V**2) ** 1.3)
+"""
+
+
+@pytest.mark.parametrize("real", ["double", slow("as test_files.py has it", "float")])
+def test_a_plugin_has_the_functions_that_it_calls(config, export_plugin, real):
+    export_plugin(FUNCTIONS, "--real", real, offered=", exp, log, sin")
+    folder = config.parent / "exported" / "flight"
+    source = (folder / "careful.c").read_text(encoding="utf-8")
+    assert "eqt_pow(" in source and "eqt_sin(" in source
+    assert "eqt_asin(" not in source
+    for command in compilers():
+        files = [str(folder / f"careful{end}.c") for end in ("", "_check")]
+        program = str(folder / "check")
+        subprocess.run([*command, *FLAGS, *files, "-o", program, "-lm"], check=True)
+        subprocess.run([program], check=True, capture_output=True)
+
+
+def test_a_law_that_cannot_be_traced_says_why(export_plugin):
+    done = export_plugin("if s.V_tilde[..., 0].max() > 1 else s.V_tilde", code=2)
+    assert done.stderr == (
+        "eqt: controller 'careful' cannot be compiled: TypeError: '>' not supported between "
+        "instances of 'Symbol' and 'int' at careful.py:13: return -2.0 * s.V_tilde if s.V_tilde["
+        "..., 0].max() > 1 else s.V_tilde; write it with operators, @ and the functions of "
+        "eqt_cli.base.arrays, or use `engine: solve_ivp`\n"
+    )
+
+
+def test_an_unknown_type_in_python():
+    with pytest.raises(EqtError, match=r"^real: expected double or float, got 'half'$"):
+        eqt_cli.export("configs/paper.yaml", real="half")
+
+
+REFERENCES = {
+    "slew": {"kind": "slew", "from": {"rotvec": [0, 0, 0.1]}, "to": {"rotvec": [0.5, 0.3, 0.2]},
+        "start": 0.1, "duration": 0.4},
+    "waypoints": {"kind": "waypoints",
+        "points": [{"t": 0, "pose": "identity"}, {"t": 0.3, "pose": {"rotvec": [0, 0, 0.4]}},
+        {"t": 0.6, "pose": {"rotvec": [0.2, 0, 0.4]}}]},
+    "constant": {"kind": "constant"},
+    "path": {"kind": "path", "factors": [{"axis": [1, 1, 0], "by": "0.5*sin(t)"}]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        kind if kind in ("waypoints", "path") else slow("others are tried fast", kind)
+        for kind in REFERENCES
+    ],
+)
+def test_a_closed_reference_has_the_values_of_the_law(tmp_path, kind):
+    experiment = made("SO3", ["lee2010"], reference=REFERENCES[kind])
+    [law] = exported(experiment, [], DOUBLE, reference=True)
+    folder = written(law, tmp_path)
+    made_file, source = str(folder / "law.so"), str(folder / "lee2010.c")
+    flags = [*FLAGS, "-O1", "-fPIC", "-shared"]
+    subprocess.run([*compilers()[0], *flags, source, "-o", made_file], check=True)
+    function = ctypes.CDLL(made_file).lee2010_reference
+    for t in (0.0, 0.05, 0.1, 0.25, 0.3, 0.31, 0.5, 0.6, 0.9):
+        found = np.full(31, np.nan)
+        function(ctypes.c_double(t), found.ctypes.data_as(ctypes.c_void_p))
+        Q, V, V_dot = law.loop.reference.motion(law.loop.group, t)
+        assert found[0] == t
+        assert np.isnan(found[1:13]).all()  # what is measured is left to the vehicle
+        for values, expected in ((found[13:22], Q), (found[22:25], V), (found[25:28], V_dot)):
+            np.testing.assert_allclose(values, np.ravel(expected), rtol=0, atol=1e-13)
+
+
+def test_it_follows_no_link(config, invoke):
+    other = config.parent / "other.h"
+    other.write_text("/* Exported by eqt: somebody else's */\n", encoding="utf-8")
+    (config.parent / "out").mkdir()
+    (config.parent / "out" / "lee2010.h").symlink_to(other)
+    done = invoke("export", "flight.yaml", "--out", "out", "--controller", "lee2010", code=2)
+    assert done.stderr == (
+        f"eqt: {Path('out', 'lee2010.h')}: is a symbolic link; expected a file that eqt wrote, or "
+        "no such entry; rename or remove it\n"
+    )
+    assert other.read_text(encoding="utf-8") == "/* Exported by eqt: somebody else's */\n"
+    assert len(list((config.parent / "out").iterdir())) == 1

@@ -1,0 +1,323 @@
+"""Exported laws, allocations and filters: within the bound of their header, and eqt's own bits."""
+
+import ctypes
+import functools
+import re
+import subprocess
+
+import numpy as np
+import pytest
+from case_tables import refusal, slow
+from exported_laws import ALL, FLAGS, IN_TURN, checked, compilers, law_of, library, made, written
+
+import eqt_cli
+from eqt_cli.base.errors import EqtError
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.thrusters import Thrusters
+from eqt_cli.components.wheels import Wheels
+from eqt_cli.config.study import Study
+from eqt_cli.engines import compiler
+from eqt_cli.engines import library as native_library
+from eqt_cli.engines.library import Rows
+from eqt_cli.engines.traced_loop import at_instants, held_rows, parameter_rows, trace
+from eqt_cli.extensions.firmware.export import bounds_in_words
+from eqt_cli.extensions.firmware.export_laws import _random, exported
+from eqt_cli.extensions.firmware.program_error import ARITHMETICS
+from eqt_cli.loop.law_program import MEMORY, NUMBER, TOLD
+from eqt_cli.numbers.program import evaluated
+from eqt_cli.runs.batches import batches
+
+STATES = 400
+NEAR = 100
+"""The bound is no larger than so many times the largest error that is seen."""
+
+
+def torques(law, path, states):
+    """What the exported law gives at some states."""
+    real = {"double": ctypes.c_double, "float": ctypes.c_float}[law.by.name]
+    compiled, program = ctypes.CDLL(str(path)), law.program
+    numbers = ctypes.c_char.in_dll(compiled, f"{law.name}_defaults")
+    told = np.concatenate([states[TOLD + each.name] for each in program.told], axis=1)
+    memory = [states[MEMORY + each.name] for each in program.memory] or [np.zeros((len(told), 1))]
+    told, memory = (x.astype(law.by.dtype) for x in (told, np.concatenate(memory, axis=1)))
+    found = np.empty((len(told), program.torque.size), dtype=law.by.dtype)
+    function = getattr(compiled, f"{law.name}_torque")
+    for k in range(len(told)):
+        rows = [np.ascontiguousarray(each[k]) for each in (memory, told)]
+        given = [row.ctypes.data_as(ctypes.POINTER(real)) for row in rows]
+        function(ctypes.byref(numbers), *given, found[k].ctypes.data_as(ctypes.POINTER(real)))
+    return found.astype(float)
+
+
+def errors_and_bounds(law, folder, count):
+    """Those of the exported law at random states, and which of them are near singularities."""
+    path = library(law, written(law, folder), compilers()[0])
+    runs = law.states.at(slice(0, law.states.along))
+    drawn = _random(runs, law.loop.group, np.random.default_rng(99))
+    states = {name: values[-count:] for name, values in drawn.items()}
+    numbers = {NUMBER + name: values.reshape(-1) for name, values in law.numbers.items()}
+    exact = np.array(
+        [
+            [float(x) for x in evaluated(law.program.step, {**state, **numbers})["torque"]]
+            for k in range(count)
+            for state in [{name: values[k] for name, values in states.items()}]
+        ]
+    )
+    # What a double loses of the exact number.
+    lost = 2.0**-53 * np.abs(exact)
+    error = np.abs(torques(law, path, states) - exact)
+    found = law.bounded(law.program.step, states)["torque"]
+    return error, lost, found
+
+
+@pytest.mark.parametrize(
+    ("law", "group", "real"), [("lee2010", "SE3", "double"), ("logarithmic", "SE2", "float")]
+)
+def test_a_law_is_within_its_bound(tmp_path, law, group, real):
+    judge(law_of(group, law, real), tmp_path, 80)
+
+
+@pytest.mark.slow("every law, at hundreds of states in decimals")
+@pytest.mark.parametrize(("law", "group", "real"), IN_TURN)
+def test_every_law_is_within_its_bound(tmp_path, law, group, real):
+    judge(law_of(group, law, real), tmp_path, STATES)
+
+
+LATE = {
+    "reference": {"kind": "constant", "velocity": [0, 0, 0.1]},
+    "control": {"period": 0.1, "delay": 1},
+    "actuators": [{"kind": "lag", "time_constant": 0.2}],
+}
+
+
+@functools.cache
+def regulator(real):
+    """LQR of a late loop, with its model of the delay and the lag."""
+    [law] = exported(made("SO3", ["lqr"], **LATE), [], ARITHMETICS[real])
+    return law
+
+
+@pytest.mark.parametrize("real", ["double", slow("laws in float are fast", "float")])
+def test_a_regulator_with_a_model_of_its_actuators_is_within_its_bound(tmp_path, real):
+    law = regulator(real)
+    gain = law.program.values(law.loop)["regulator_gain"]
+    np.testing.assert_array_equal(gain, law.loop.controller.regulator.gain)
+    assert [(entry.name, entry.size) for entry in law.program.memory] == [("actuators", 9)]
+    judge(law, tmp_path, 60)
+    status, said = checked(law, tmp_path, compilers()[0])
+    assert status == 0, said
+
+
+def test_a_regulator_whose_gains_change_at_knots_is_refused():
+    assert refusal(EqtError, exported, made("SO3", ["lqr"]), [], ARITHMETICS["double"]) == (
+        "lqr: the numbers of lqr change at instants of the run, and C code has one set of them; "
+        "export another law, or lqr for a reference that does not change its loop"
+    )
+
+
+def judge(law, folder, count):
+    """The bound of the header holds, and is near; so does that of each state."""
+    error, lost, found = errors_and_bounds(law, folder, count)
+    far = ~found.singular
+    assert far.mean() > 0.9
+    assert (error[far] <= (law.torque_bound + lost)[far]).all()
+    assert (error <= found.errors + lost).all()
+    ratio = law.torque_bound.max() / error[far].max()
+    print(f"ratio {law.name} {law.loop.group.name} {law.by.name} {ratio:.1f}")
+    assert ratio < NEAR
+
+
+def test_the_header_states_the_bound_rounded_up():
+    law = law_of("SE2", "logarithmic")
+    said = bounds_in_words(law)
+    printed = [float(word.split()[1]) for word in said.split(";")[0].split(", ")]
+    assert (law.torque_bound <= printed).all()
+    assert (np.array(printed) <= 1.1 * law.torque_bound).all()
+    assert said.endswith("; N m (rotation), N (translation)")
+
+
+def test_states_near_a_half_turn_are_counted_apart():
+    """The quaternion's torque jumps there, so that no bound is small."""
+    law = law_of("SO3", "quaternion", "float")
+    assert 0 < np.count_nonzero(law.singular) <= 100
+    assert law.singular_bound.max() > 0.1
+    assert law.torque_bound.max() < 1e-4
+
+
+# The allocation -----------------------------------------------------------------------------------
+
+
+CONFIG = {
+    "group": "SO3",
+    "inertia": [0.04, 0.04, 0.01],
+    "gains": {"kp": 0.001, "kd": 0.01},
+    "reference": {"kind": "torque", "torque": [0, 0, 0]},
+    "controllers": ["lee2010"],
+    "initial": {"pose": {"kind": "exp_normal", "std": 0.1}},
+    "time": {"duration": 1},
+    "ensemble": {"runs": 2},
+}
+MATRIX = [[1.0, -1.0, 0.5, 0.0], [0.0, 0.3, 1.0, -1.0], [0.2, 0.0, 0.4, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("section", "part"),
+    [
+        ({"kind": "wheels", "pyramid": 0.9, "limit": 0.02}, Wheels(pyramid=0.9, limit=0.02)),
+        (
+            {"kind": "thrusters", "matrix": MATRIX, "low": -0.02, "high": 0.03},
+            Thrusters(matrix=MATRIX, low=-0.02, high=0.03),
+        ),
+    ],
+)
+def test_an_exported_allocation_is_that_of_the_actuator(tmp_path, section, part):
+    """Within the bound of the header, for torques within and beyond the limits."""
+    if compiler.missing():
+        pytest.skip("no C compiler")
+    eqt_cli.export({**CONFIG, "actuators": [section]}, tmp_path / "law")
+    made, source = tmp_path / "law.so", tmp_path / "law" / "lee2010.c"
+    flags = [*FLAGS, "-fPIC", "-shared", str(source), "-o", str(made)]
+    subprocess.run([*compilers()[0], *flags], check=True)
+    allocate = ctypes.CDLL(str(made)).lee2010_allocate
+    header = (tmp_path / "law" / "lee2010.h").read_text(encoding="utf-8")
+    bound = float(re.search(r"rounding moves them by at\s+most (\S+);", header).group(1))
+    assert 1e-17 < bound < 1e-14
+    G = group_named("SO3")
+    part = part.of_run(G, None)
+    for torque in 0.02 * np.random.default_rng(1).standard_normal((40, 3)):
+        found = (ctypes.c_double * 4)()
+        allocate((ctypes.c_double * 3)(*torque), found)
+        x = np.zeros(part.states(G))
+        expected = (part.thrust if section["kind"] == "thrusters" else part_torques(part))(
+            G, torque, x
+        )
+        # Both sums round.
+        assert np.abs(np.array(found) - expected).max() <= 2 * bound * np.abs(torque).max()
+
+
+def part_torques(part):
+    """The torques of wheels, called as the thrusts of thrusters."""
+    return lambda G, torque, x: part.torques(torque, x)
+
+
+# Filters ------------------------------------------------------------------------------------------
+
+
+def filtered(kind, real="double", **timing):
+    """A law with memory on SO(3), which reads an estimate."""
+    pose = {"kind": "noise", "std": 0.02, "period": 0.2, "dropout": 0.3, **timing}
+    velocity = [{"kind": "noise", "std": 0.01}, {"kind": "bias", "value": 0.05}]
+    sensors, estimator = {"pose": [pose], "velocity": velocity}, {"kind": kind}
+    config = made("SO3", ["goodarzi2013"], sensors=sensors, estimator=estimator)
+    [found] = exported(config, [], ARITHMETICS[real])
+    return found
+
+
+@pytest.mark.skipif(not compilers(), reason="no C compiler")
+@pytest.mark.parametrize(
+    ("kind", "real"),
+    [
+        ("invariant", "double"),
+        pytest.param("complementary", "double", marks=pytest.mark.slow("one of each is fast")),
+        pytest.param("eqf", "float", marks=pytest.mark.slow("one of each is fast")),
+    ],
+)
+def test_a_filter_in_c_estimates_what_eqt_estimates(tmp_path, kind, real):
+    law = filtered(kind, real)
+    folder, compiler = written(law, tmp_path / "c"), compilers()[0]
+    code, said = checked(law, folder, compiler)
+    assert (code, " states pass; " in said) == (0, True), said
+    source = folder / f"{law.name}.c"
+    text = source.read_text(encoding="utf-8")
+    kept = "*filter = next;"
+    off = "0.1" if real == "float" else "1e-6"
+    spoiled = text.replace(kept, f"{kept} filter->bias[0] += {off};")
+    source.write_text(spoiled, encoding="utf-8")
+    code, said = checked(law, folder, compiler)
+    assert code == 1
+    assert said.startswith(f"{law.name}: filter, instant 1 of 40: number ")
+
+
+def test_a_filter_whose_measurements_arrive_late_is_refused():
+    with pytest.raises(EqtError) as error:
+        filtered("eqf", delay=1)
+    assert str(error.value) == (
+        "goodarzi2013: a filter whose measurements arrive late is not written as C; remove `delay` "
+        "from the sensors, or the key estimator"
+    )
+
+
+# What native evaluates at an instant has the bits of the exported law -----------------------------
+
+
+class Vehicle:
+    """Calls an exported law with the structures of its header."""
+
+    def __init__(self, law, path):
+        self.law, self.library = law, ctypes.CDLL(str(path))
+
+        def structure(entries):
+            fields = [(each.name, ctypes.c_double * each.size) for each in entries]
+            return type("Structure", (ctypes.Structure,), {"_fields_": fields})
+
+        program = law.program
+        self.input, self.numbers = structure(program.told), structure(program.numbers)
+        self.memory = structure(program.memory)
+        self.defaults = self.numbers.in_dll(self.library, f"{law.name}_defaults")
+
+    def __call__(self, told, memory):
+        given = self.input(*[tuple(np.ravel(told[each.name])) for each in self.law.program.told])
+        kept = self.memory(*[tuple(memory[each.source]) for each in self.law.program.memory])
+        torque = (ctypes.c_double * self.law.program.torque.size)()
+        references = [ctypes.byref(each) for each in (self.defaults, kept, given)]
+        getattr(self.library, f"{self.law.name}_torque")(*references, torque)
+        after = [np.array(getattr(kept, each.name)) for each in self.law.program.memory]
+        return np.array(torque), np.concatenate([np.empty(0), *after])
+
+
+@pytest.mark.parametrize(("law", "group"), [("goodarzi2013", "SO3"), ("logarithmic", "SE2")])
+def test_an_instant_of_native_has_the_bits_of_the_exported_law(tmp_path, law, group):
+    compare(tmp_path, law, group)
+
+
+@pytest.mark.slow("every law is compiled twice")
+@pytest.mark.parametrize(("law", "group"), ALL)
+def test_an_instant_of_native_has_the_bits_of_every_exported_law(tmp_path, law, group):
+    compare(tmp_path, law, group)
+
+
+def compare(tmp_path, law, group):
+    """The torque and the memory of both, after an instant."""
+    if compiler.missing():
+        pytest.skip("no C compiler")
+    found = law_of(group, law)
+    loop = found.loop
+    vehicle = Vehicle(found, library(found, written(found, tmp_path), compilers()[0]))
+    [batch] = batches(Study(None, found.experiment), law, np.arange(2))
+    problem, parts = batch.problem, at_instants(batch.problem.loop)
+    G, states = loop.group, problem.states.copy()
+    if "desired_pose" in loop.layout.slices:  # a pose in which no entry is 0 or 1
+        turned = G.exp(0.3 * np.arange(1, 1 + G.dimension))
+        states[:, loop.layout.slices["desired_pose"]] = G.pack(turned)
+    if found.program.memory:  # as if it had flown
+        where = loop.layout.slices["controller.integral"]
+        states[:, where] = 0.1 * np.arange(1, 1 + where.stop - where.start)
+    rows = [
+        Rows(states, by_run=True),
+        Rows(np.array([0.0])),
+        Rows(parameter_rows(problem), by_run=True),
+        Rows(held_rows(loop, np.array([0.0]))[0]),
+    ]
+    lengths = tuple(each.length for each in rows)
+    told = native_library.evaluation(parts.told, lengths)(problem.runs, 1, rows)
+    instant = native_library.evaluation(trace(loop).after_instant, lengths)
+    after = instant(problem.runs, 1, rows)["state"][:, 0]
+    memory, later = loop.memory(states), loop.memory(after)
+    for run in range(problem.runs):
+        one = {name: values[run, 0] for name, values in told.items()}
+        torque, kept = vehicle(one, {name: z[run] for name, z in memory.items()})
+        asked = loop.vehicle.last_command(loop.group, loop.tracking(0.0, after[run]).vehicle)
+        assert torque.tobytes() == asked.tobytes()
+        assert np.abs(torque).max() > 1e-3
+        for z in later.values():
+            assert kept.tobytes() == z[run].tobytes()

@@ -1,0 +1,449 @@
+"""Numbers of a plant that are fitted to recordings, and recorded wrenches that drive it again."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import eqt_cli
+from eqt_cli.api.loading import source_from
+from eqt_cli.base.errors import ConfigError, EqtError, InputError
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.log_table import LogMapping
+from eqt_cli.components.recording_check import read_recording
+from eqt_cli.components.references import LogReference
+from eqt_cli.config.build import build
+from eqt_cli.extensions.recordings.prediction import Replay
+from tests.extensions.recordings.conftest import DRAG, NOISE, RELATIVE, model, true_plant
+
+INERTIA, ABOUT, ALONG = (
+    "plant.inertia.relative",
+    "plant.forces[0].linear[0:3]",
+    "plant.forces[0].linear[3:6]",
+)
+TRUE = {INERTIA: RELATIVE, ABOUT: DRAG["SE3"][0], ALONG: DRAG["SE3"][3]}
+
+
+def test_the_true_numbers_are_found(recorded):
+    """Without noise, as exactly as derivatives by differences allow."""
+    recorded(noise=0.0)
+    found = eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA, ABOUT], horizon=0.6)
+    assert [n.value for n in found.numbers] == pytest.approx([RELATIVE, 0.05], rel=1e-5)
+    assert found.config.as_posix() == "results/model-fitted/fitted.yaml"
+    written = eqt_cli.load_experiment(found.config).base.resolved
+    assert written["plant"]["inertia"]["relative"] == found.numbers[0].value
+    assert written["plant"]["forces"][0]["linear"] == [found.numbers[1].value] * 3
+
+
+def test_noise_is_all_that_is_left(recorded):
+    found = eqt_cli.fit(model("SO3"), recorded(), [INERTIA, ABOUT], horizon=0.6)
+    assert all(n.low < TRUE[n.key] < n.high for n in found.numbers)
+    rotation, rate = found.residuals
+    for one, size in ((rotation, NOISE["rotation"]), (rate, NOISE["rate"])):
+        # The deviation of 3·101 numbers is right to 1/√(2·3·101) = 4 %.
+        assert [one.after, one.noise] == pytest.approx([size, size], rel=0.15)
+    assert rate.before > 2 * rate.after
+
+
+@pytest.mark.slow("fits ten recordings")
+def test_intervals_hold_the_truth(recorded):
+    """95 % intervals of ten recordings: fewer than 7 of them hold a number once in 970 times."""
+    keys = [INERTIA, ABOUT, ALONG]
+    held, values, widths = np.zeros(len(keys)), [], []
+    for seed in range(10):
+        recorded("SE3", duration=8.0, period=0.04, seed=seed)
+        # The velocity of a run is that of the body.
+        found = eqt_cli.fit(model("SE3"), "flight.csv", keys, {"velocity": "body"}, horizon=0.4)
+        held += [n.low <= TRUE[n.key] <= n.high for n in found.numbers]
+        values.append([n.value for n in found.numbers])
+        widths.append([n.high - n.low for n in found.numbers])
+    assert (held >= 7).all()
+    # No bias beyond four standard errors, and intervals as wide as the spread asks for.
+    spread = np.std(values, axis=0, ddof=1)
+    truth = np.array([TRUE[key] for key in keys])
+    assert (abs(np.mean(values, axis=0) - truth) < 4 * spread / np.sqrt(10)).all()
+    np.testing.assert_allclose(np.mean(widths, axis=0) / (2 * 1.96), spread, rtol=0.5)
+
+
+def test_first_velocities_that_were_not_recorded_are_found(recorded):
+    recorded(columns="t qx qy qz qw tx ty tz", noise=0.1)
+    found = eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA], horizon=0.6, out="found")
+    (inertia,) = found.numbers
+    assert inertia.low < RELATIVE < inertia.high
+    assert [each.part for each in found.residuals] == ["rotation"]
+
+
+MISTAKES = {
+    "gains.kp: expected a number of the plant, such as plant.inertia.relative or "
+    "plant.forces[0].linear, or delay": ["gains.kp"],
+    "plant.mass: is not in the configuration; add it with a value to start at": ["plant.mass"],
+    "plant.forces[0].linear: expected a key that holds a number, got [0.0, 0.0, 0.0]; give an "
+    "entry, such as plant.forces[0].linear[0]": ["plant.forces[0].linear"],
+    "plant.forces[0].kind: expected a key that holds a number, got 'drag'": [
+        "plant.forces[0].kind"
+    ],
+    "expected different keys, got none": [],
+    f"expected different keys, got {INERTIA}, {INERTIA}": [INERTIA, INERTIA],
+    "inertia[0]: has no influence on the prediction of flight.csv; leave it out, give a recording "
+    "in which it acts, or start at a value of its magnitude": [ABOUT, "inertia[0]"],
+}
+
+
+@pytest.mark.parametrize("message", MISTAKES)
+def test_keys_that_cannot_be_fitted(recorded, message):
+    recorded()
+    config = model("SO3")
+    if "inertia[0]" in MISTAKES[message]:
+        config["plant"]["inertia"] = 0.3  # in the place of the one that a law believes in
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.fit(config, "flight.csv", MISTAKES[message], horizon=0.6)
+    assert str(caught.value) == message
+
+
+def test_numbers_that_act_alike_are_named(recorded):
+    recorded()
+    drag = {"kind": "drag", "linear": 0.0}
+    config = model("SO3", plant={"forces": [drag, drag]})
+    keys = ["plant.forces[0].linear", "plant.forces[1].linear"]
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.fit(config, "flight.csv", keys, horizon=0.6)
+    assert str(caught.value).startswith(
+        "plant.forces[0].linear and plant.forces[1].linear: flight.csv cannot distinguish them, "
+        "because a change of one acts like a change of the others (smallest singular value "
+    )
+    assert str(caught.value).endswith("); leave one out")
+
+
+def test_few_windows_give_no_interval(recorded):
+    recorded()
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA], horizon=1.0)
+    assert str(caught.value) == (
+        "flight.csv: has 3 windows of 1 s that share no row; intervals need at least 5, so give a "
+        "shorter horizon"
+    )
+
+
+@pytest.mark.parametrize(
+    ("is_link", "said"),
+    [
+        (False, "exists, and is no file that eqt wrote; choose another place with out=…"),
+        (True, "is a symbolic link; expected a file that eqt wrote, or no such entry; rename or "
+         "remove it"),
+    ],
+)  # fmt: skip
+def test_a_file_of_another_is_not_replaced(recorded, tmp_path, is_link, said):
+    recorded()
+    (tmp_path / "mine").mkdir()
+    theirs = tmp_path / "theirs.yaml" if is_link else tmp_path / "mine" / "fitted.yaml"
+    theirs.write_text("mine\n")
+    if is_link:
+        (tmp_path / "mine" / "fitted.yaml").symlink_to(theirs)
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA], horizon=0.6, out="mine")
+    assert str(caught.value) == f"mine/fitted.yaml: {said}"
+    assert theirs.read_text() == "mine\n"
+
+
+@pytest.mark.slow("fits a plant again")
+def test_the_command_prints_what_the_function_finds(recorded, invoke, tmp_path):
+    recorded()
+    (tmp_path / "model.yaml").write_text(json.dumps(model("SO3")))
+    words = f"fit model.yaml --measured flight.csv --over {INERTIA},{ABOUT} --horizon 0.6"
+    printed, found = (
+        invoke(*words.split(), "--json"),
+        eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA, ABOUT], horizon=0.6),
+    )
+    document = json.loads(printed.stdout)
+    assert document["numbers"] == [vars(each) for each in found.numbers]
+    assert document["singular_values"] == found.singular_values
+    assert document["config"] == "results/model-fitted/fitted.yaml"
+
+
+@pytest.mark.slow("compiles a plant and fits three numbers")
+def test_the_delay_of_a_wrench_is_found(recorded):
+    recorded(late=1, noise=0.0)
+    found = eqt_cli.fit(model("SO3"), "flight.csv", ["delay", ABOUT, INERTIA], horizon=0.6)
+    assert [n.key for n in found.numbers] == [ABOUT, INERTIA, "delay"]
+    assert [n.value for n in found.numbers] == pytest.approx([0.05, RELATIVE, 0.04], rel=1e-5)
+
+
+def is_said_late(note):
+    number = r"0\.0[34]\d*"
+    return re.fullmatch(
+        rf"The errors are smaller with the wrench of {number} s later \(95 % interval \[{number}, "
+        rf"{number}\]\): it was recorded with another delay than the motion, or acts with one\. "
+        r"Fit it: --over …,delay\.",
+        note,
+    )
+
+
+def test_a_wrench_that_was_recorded_a_row_late_is_told(recorded):
+    recorded(late=1)
+    perfect, words = model("SO3", plant=true_plant("SO3")), {"horizon": 0.5, "windows": 20}
+    assert is_said_late(eqt_cli.replay(perfect, "flight.csv", **words).notes[-1])
+    assert not eqt_cli.replay(perfect, "flight.csv", **words, delay=0.04).notes
+
+
+@pytest.mark.slow("fits a longer recording")
+def test_a_delay_that_is_not_fitted_is_told_apart_from_drag(recorded):
+    recorded(duration=8.0, late=1, noise=0.5)
+    found = eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA, ABOUT])
+    assert found.numbers[1].low > TRUE[ABOUT]
+    assert is_said_late(found.notes[-1])
+
+
+def test_slow_noise_is_told_from_white_noise(recorded):
+    perfect = model("SO3", plant=true_plant("SO3"))
+    recorded(slow=0.95)
+    [said] = eqt_cli.replay(perfect, "flight.csv", horizon=0.5, windows=10).notes
+    assert re.fullmatch(
+        r"The errors are correlated from row to row: rotation \(0\.\d\d\), rotation rate "
+        r"\(0\.\d\d\)\. Such errors come from the model, from slow errors of the sensors or from a "
+        "wrench at another time; `noise` counts only what is independent from row to row.",
+        said,
+    )
+    recorded()
+    assert not eqt_cli.replay(perfect, "flight.csv", horizon=0.5, windows=10).notes
+
+
+def test_what_takes_no_part_is_said(recorded):
+    recorded()
+    config = model("SO3", plant=true_plant("SO3"), control={"period": 0.01})
+    found = eqt_cli.replay(config, "flight.csv", horizon=0.5, windows=1)
+    assert found.notes == (
+        "control of the configuration are left out: the recorded wrench acts when it was recorded.",
+    )
+
+
+# A recorded wrench drives a plant again, and the recorded motion is its reference -----------------
+
+
+AGAIN = 1e-8
+"""Of poses of a few rad and velocities of a few rad/s: that of the integrator, 1e-9 a step."""
+
+
+def replayed(engine="solve_ivp", **changes):
+    """The configuration of a recording that drives the true plant."""
+    file = {"file": "flight.csv"}
+    return (
+        model(
+            "SO3",
+            reference={"kind": "log", **file},
+            controllers=[{"kind": "replay", **file}],
+            plant=true_plant("SO3"),
+            time={"duration": 2.0, "samples": 51},
+            solver={"engine": engine, "cross_check": 0},
+        )
+        | changes
+    )
+
+
+@pytest.mark.parametrize(
+    "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.slow("compiles"))]
+)
+def test_a_true_plant_repeats_the_motion(recorded, engine):
+    recorded(noise=0.0)
+    data = eqt_cli.open_results(eqt_cli.run(replayed(engine), "again"))
+    assert float(data.pose_error.max()) < AGAIN
+    assert float(abs(data.velocity - data.desired_velocity).max()) < AGAIN
+
+
+def rows(*numbers, names="t,qx,qy,qz,qw,tx,ty,tz"):
+    lines = (",".join(map(str, row)) for row in numbers)
+    return "\n".join([names, *lines]) + "\n"
+
+
+STEPS = rows((0, 0, 0, 0, 1, 1, 0, 0), (0.5, 0, 0, 0, 1, 3, 0, 0), (1, 0, 0, 0, 1, 2, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("hold", "expected"), [("zero", [1, 1, 3, 3, 2]), ("linear", [1, 2, 3, 2.5, 2])]
+)
+def test_the_wrench_between_rows(hold, expected, loop_on_so3):
+    law = Replay(file="a.csv", hold=hold).with_files({"a.csv": STEPS})
+    times = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    loop = loop_on_so3(law)
+    np.testing.assert_allclose(found := torque(loop, times), expected, rtol=1e-15)
+    held = [torque(loop.holding(t), t) for t in times]
+    np.testing.assert_array_equal(held, found)
+    np.testing.assert_array_equal(loop.instants(1.0), [0.0, 0.5, 1.0])
+
+
+@pytest.mark.parametrize("start", [-1e6, 0.0, 1e6])
+def test_a_step_that_begins_a_rounding_early_takes_the_row_that_begins(start, loop_on_so3):
+    """Engines take the time of a row for the one that it is but for rounding."""
+    text = rows(*((start + t, 0, 0, 0, 1, wrench, 0, 0) for t, wrench in ((0, 1), (1, 3), (2, 2))))
+    law = Replay(file="a.csv").with_files({"a.csv": text})
+    early = np.array([np.nextafter(start + 1, -np.inf), start + 1 - 1e-4, start - 1])
+    np.testing.assert_array_equal(torque(loop_on_so3(law), early), [3, 1, 1])
+
+
+def torque(loop, t):
+    states = np.zeros((*np.shape(t), loop.state_length))
+    return loop.torque(loop.tracking(t, states))[..., 0]
+
+
+@pytest.fixture
+def loop_on_so3():
+    base = build(source_from(model("SO3", plant=None), {}))
+    return lambda law: replace(next(iter(base.loops.values())), controller=law)
+
+
+def test_a_recorded_reference_has_the_pose_and_the_velocity_of_each_row():
+    random, G = np.random.default_rng(2), group_named("SE3")
+    quaternions = random.normal(size=(5, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1)[:, None]
+    numbers = np.c_[np.cumsum(random.uniform(0.1, 0.3, 5)), quaternions, random.normal(size=(5, 9))]
+    text = rows(*numbers.tolist(), names="t,qx,qy,qz,qw,x,y,z,wx,wy,wz,vx,vy,vz")
+    log = read_recording(text, "a.csv", "csv", G, LogMapping())
+    Q, V, _ = LogReference(file="a.csv").with_files({"a.csv": text}).motion(G, log.times)
+    np.testing.assert_allclose(Q, log.poses, atol=1e-12)  # rounding of exp and log
+    np.testing.assert_allclose(V, log.velocities, atol=1e-9)
+
+
+def test_theorems_do_not_cover_it(recorded):
+    recorded(noise=0.0)
+    found = eqt_cli.verify(replayed(plant=None, time={"duration": 0.2, "samples": 5}))
+    said = {row.name: row.verdict for row in found.rows if row.controller == "replay"}
+    assert {said[name] for name in ("decrease of L", "Q → Q_d", "the law is covered")} == {
+        "not covered"
+    }
+    assert not found.failures
+
+
+UNLIKE = {
+    "no wrench": (
+        {"columns": "t qx qy qz qw wx wy wz"},
+        {},
+        ["controllers[0].file: flight.csv:1: missing column tx, ty, tz; a wrench on SO3 has "
+         "tx, ty, tz"],
+    ),
+    "a gap": (
+        {"without": (20, 40)},
+        {},
+        [
+            f"{key}: has a gap of 0.84 s after t = 0.76 s, within the run; end the run there, "
+            "`time: {duration: 0.76}`, or begin after it, `mapping: {time: {begin: …, offset: "
+            "first}}`"
+            for key in ("reference", "controllers[0]")
+        ],
+    ),
+    "too long": (
+        {},
+        {"time": {"duration": 9}},
+        [
+            f"time.duration: expected at most 4 s, the end of the {what}, got 9"
+            for what in ("reference", "recording of controllers[0]")
+        ],
+    ),
+    "another group": (
+        {},
+        {"group": "SE3", "inertia": 1.0, "plant": None},
+        [
+            f"{key}: flight.csv:1: missing column x, y, z; a pose of SE3 has qx, qy, qz, qw, x, y, "
+            "z (or yaw, pitch, roll, x, y, z, or the coordinates wx, wy, wz, vx, vy, vz)"
+            for key in ("reference.file", "controllers[0].file")
+        ],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", UNLIKE)
+def test_mistakes(recorded, mistake):
+    how, changes, expected = UNLIKE[mistake]
+    recorded(**how)
+    with pytest.raises(ConfigError) as caught:
+        eqt_cli.load_experiment(replayed(**changes))
+    found = [f"{problem.path}: {problem.message}" for problem in caught.value.problems]
+    assert sorted(found) == sorted(expected)
+
+
+@pytest.mark.slow("compiles")
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+def test_a_sampled_wrench_is_the_same_by_both_engines(recorded, hold):
+    recorded()
+    laws = [{"kind": "replay", "file": "flight.csv", "hold": hold}]
+    first, second = (
+        eqt_cli.open_results(
+            eqt_cli.run(replayed(each, control={"period": 0.05}, controllers=laws), each)
+        )
+        for each in ("native", "solve_ivp")
+    )
+    for name in ("pose", "velocity", "torque"):
+        np.testing.assert_allclose(first[name].values, second[name].values, rtol=0, atol=AGAIN)
+
+
+def test_a_recorded_wrench_is_not_exported(recorded):
+    recorded()
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.export(replayed(control={"period": 0.05}), out="exported")
+    assert str(caught.value) == (
+        "replay: the numbers of replay change at instants of the run, and C code has one set of "
+        "them; export another law, or lqr for a reference that does not change its loop"
+    )
+
+
+# The growth of the error.
+
+
+def test_a_true_plant_predicts_to_the_noise(recorded):
+    found = eqt_cli.replay(
+        model("SO3", plant=true_plant("SO3")), recorded(), horizon=0.4, windows=50
+    )
+    assert found.parts == ("rotation", "rotation rate")
+    # 10 windows have no common row. So many squares of 3 coordinates are right to √(2/30) = 26 %,
+    # and their root to 13 %.
+    np.testing.assert_allclose(found.rms.mean(axis=1), found.noise.mean(axis=1), rtol=0.26)
+
+
+@pytest.mark.slow("computes an experiment several times")
+def test_errors_of_a_wrong_plant_grow(recorded):
+    found = eqt_cli.replay(model("SO3"), recorded(), horizon=1.0, windows=10, out="figures")
+    assert (np.diff(found.median[0, 2:]) > 0).all()  # before, noise is as large
+    assert (found.low <= found.median).all() and (found.median <= found.high).all()
+    assert found.median[0, -1] > 5 * found.noise[0, -1]
+    assert {path.name for path in (recorded().parent / "figures").iterdir()} == {
+        "replay.pdf",
+        "replay.svg",
+        "replay.png",
+    }
+
+
+REFUSED_REPLAYS = {
+    "flight.csv: its longest stretch without a gap has 4 s; give a horizon of at most that, got "
+    "5 s": {"horizon": 5.0},
+    "flight.csv: a window of 0.1 s has 4 rows; give a longer horizon, of at least 5 rows": {
+        "horizon": 0.1
+    },
+    "horizon: expected a time greater than 0 s, got 0": {"horizon": 0.0},
+    "windows: expected 1 or more, got 0": {"windows": 0},
+    "hold: expected one of zero, linear, got 'cubic'": {"hold": "cubic"},
+}
+
+
+@pytest.mark.parametrize("message", REFUSED_REPLAYS)
+def test_what_is_refused(recorded, message):
+    recorded()
+    with pytest.raises(InputError if "hold" in message else EqtError) as caught:
+        eqt_cli.replay(model("SO3"), "flight.csv", **REFUSED_REPLAYS[message])
+    assert str(caught.value) == message
+
+
+UNKNOWN = {
+    "plant.forces[0]: is drawn for each run; give a number to replay a recording": {
+        "plant": {"forces": [{"kind": "drag", "linear": {"uniform": [0, 1]}}]}
+    },
+    "actuators[0]: has a state that the recording does not hold; remove the actuator, and record "
+    "the wrench that it applies": {"actuators": [{"kind": "lag", "time_constant": 0.1}]},
+}
+
+
+@pytest.mark.parametrize("message", UNKNOWN)
+def test_plants_of_which_a_recording_does_not_tell_all(recorded, message):
+    recorded()
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.replay(model("SO3", **UNKNOWN[message]), "flight.csv")
+    assert str(caught.value) == message

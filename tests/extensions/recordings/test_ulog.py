@@ -1,0 +1,242 @@
+"""Flights of PX4: files are made here, byte by byte, as the format asks for."""
+
+import struct
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from case_tables import refusal
+from scipy.spatial.transform import Rotation
+
+import eqt_cli
+from eqt_cli.base.errors import EqtError, InputError
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.log_table import LogMapping, recording_text
+from eqt_cli.components.recording import read_log
+from eqt_cli.extensions.recordings import ulog
+from eqt_cli.extensions.recordings.check import check_text
+from eqt_cli.extensions.recordings.ulog import table_of
+
+needs_pyulog = pytest.mark.skipif(find_spec("pyulog") is None, reason="pyulog is not installed")
+START = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)
+STEP = 1e-5
+
+
+def message(kind, content):
+    return struct.pack("<HB", len(content), ord(kind)) + content
+
+
+def flight(*topics, flags=b""):
+    """A file with topics: a name, a format of fields, and rows of numbers."""
+    definitions = [message("B", flags.ljust(40, b"\0"))]
+    definitions += [message("F", f"{name}:{form}".encode()) for name, form, _ in topics]
+    data = []
+    for index, (name, form, rows) in enumerate(topics):
+        data.append(message("A", struct.pack("<BH", 0, index) + name.encode()))
+        codes = "".join(
+            {"uint64_t": "Q", "float": "f", "bool": "?", "uint8_t": "B"}[kind.partition("[")[0]]
+            * int(kind.partition("[")[2].rstrip("]") or 1)
+            for kind in (field.split()[0] for field in form.split(";") if field)
+        )
+        for row in rows:
+            whole = [int(x) if code in "QB?" else x for x, code in zip(row, codes, strict=True)]
+            data.append(message("D", struct.pack(f"<H{codes}", index, *whole)))
+    return START + b"".join(definitions + data)
+
+
+def attitude(t):
+    return Rotation.from_euler("ZYX", np.c_[0.8 * t, 0.4 * np.cos(1.3 * t), 0.6 * np.sin(t)])
+
+
+def place(t):
+    return np.c_[np.cos(t), np.sin(2 * t), -0.3 * t]
+
+
+def topics(attitudes=None, valid=1):
+    """A motion whose topics have different rates, and times that do not coincide."""
+    a = np.arange(0.003, 10, 0.02) if attitudes is None else attitudes
+    p, w, c = np.arange(0.05, 10, 0.05), np.arange(0.001, 10, 0.008), np.arange(1.0, 10, 0.1)
+    us = 1e6
+    v = (place(p + STEP) - place(p - STEP)) / (2 * STEP)
+    rates = (attitude(w - STEP).inv() * attitude(w + STEP)).as_rotvec() / (2 * STEP)
+    quaternion = np.roll(attitude(a).as_quat(), 1, axis=1)
+    times = "uint64_t timestamp;uint64_t timestamp_sample;"
+    local = "float x;float y;float z;float vx;float vy;float vz;bool xy_valid;bool z_valid;"
+    known = np.tile([1, valid], (len(p), 1))
+    return [
+        # Published 2 ms after the measurement, whose time counts.
+        ("vehicle_attitude", times + "float[4] q;", np.c_[us * a + 2000, us * a, quaternion]),
+        ("vehicle_local_position", times + local, np.c_[us * p + 2000, us * p, place(p), v, known]),
+        ("vehicle_angular_velocity", times + "float[3] xyz;", np.c_[us * w + 9, us * w, rates]),
+        ("vehicle_torque_setpoint", times + "float[3] xyz;", np.c_[us * c + 9, us * c, c, c, c]),
+    ]
+
+
+@pytest.fixture(scope="module")
+def content():
+    return flight(*topics())
+
+
+@needs_pyulog
+def test_topics_meet_at_the_times_of_the_position(content):
+    log = read_log(table_of(content, "f.ulg"), "f.ulg", "csv", group_named("SE3"), LogMapping())
+    t = np.arange(0.05, 9.96, 0.05)  # the first attitude is later than the first position
+    assert log.times == pytest.approx(t, abs=1.1e-6)  # times are whole microseconds
+    R = log.poses[:, :3, :3]
+    # A chord of the rotation over 20 ms: |ω̇| h²/8, and what single precision leaves.
+    assert np.abs(R - attitude(t).as_matrix()).max() < 3 * 0.02**2 / 8
+    assert log.poses[:, :3, 3] == pytest.approx(place(t), abs=1e-6)
+    named = zip(log.sheet.headings, log.sheet.names, log.sheet.units.values(), strict=True)
+    assert list(named)[:2] == [
+        ("vehicle_local_position.timestamp_sample", "t", "us"),
+        ("vehicle_local_position.x", "x", "m"),
+    ]
+
+
+@needs_pyulog
+def test_setpoints_hold_and_are_no_torques(content):
+    header, *rows = table_of(content, "f.ulg").splitlines()
+    column = header.split(",").index("vehicle_torque_setpoint.xyz[0] (normalised)")
+    held = np.array([float(row.split(",")[column]) for row in rows])
+    t = np.array([float(row.split(",")[0]) for row in rows]) / 1e6
+    assert np.isnan(held[t < 1]).all()
+    assert held[t >= 1] == pytest.approx(np.floor(10 * t[t >= 1] + 1e-6) / 10, abs=1e-6)
+
+
+@needs_pyulog
+def test_velocities_of_a_flight_fit_its_poses(tmp_path, content):
+    Path(tmp_path / "f.ulg").write_bytes(content)
+    found = eqt_cli.check_log(tmp_path / "f.ulg")
+    assert (found.format, found.group, found.gaps, found.problems) == ("ulog", "SE3", [], [])
+    axes = ", ".join(f"vehicle_torque_setpoint.xyz[{axis}]" for axis in range(3))
+    assert found.notes == [f"columns {axes} are not used"]
+
+
+@needs_pyulog
+def test_nothing_is_interpolated_across_a_gap():
+    a = np.arange(0.0, 10, 0.02)
+    text = table_of(flight(*topics(a[(a < 4) | (a > 4.5)])), "f.ulg")
+    [(begin, length)] = check_text(text, "f.ulg", "csv", LogMapping()).gaps
+    assert (begin, length) == pytest.approx((3.95, 0.6))
+
+
+@needs_pyulog
+def test_positions_that_px4_does_not_know_are_left_out():
+    found = check_text(table_of(flight(*topics(valid=0)), "f.ulg"), "f.ulg", "csv", LogMapping())
+    assert (found.group, found.rows) == ("SO3", 500)
+    assert found.rate == pytest.approx(50.0)
+
+
+@needs_pyulog
+@pytest.mark.parametrize(("frame", "kept"), [(1, True), (3, False)], ids=["NED", "body"])
+def test_odometry_takes_the_place_of_what_is_missing(frame, kept):
+    form = (
+        "uint64_t timestamp;uint8_t pose_frame;float[3] position;float[4] q;"
+        "uint8_t velocity_frame;float[3] velocity;"
+    )
+    t = np.arange(1.0, 4.0, 0.02)
+    rows = [[1e6 * s, 1, s, 0, 0, 1, 0, 0, 0, frame, 1, 0, 0] for s in t]
+    found = check_text(
+        table_of(flight(("vehicle_odometry", form, rows)), "f"), "f", "csv", LogMapping()
+    )
+    uses = {each.use for each in found.columns}
+    assert found.group == "SE3" and ("velocity" in uses) == kept
+
+
+def test_without_pyulog_the_message_says_how_to_get_it(monkeypatch):
+    monkeypatch.setattr(ulog, "find_spec", lambda name: None)
+    assert refusal(EqtError, table_of, START, "f.ulg") == (
+        "f.ulg: a PX4 ULog needs pyulog (extra logs); install it with: pip install pyulog"
+    )
+
+
+QUATERNIONS = "uint64_t timestamp;float[4] q;"
+FILES = {
+    "of something else": (b"t,x\n", "f.ulg: not a PX4 ULog; such a file begins with 'ULog'"),
+    "empty": (b"", "f.ulg: not a PX4 ULog; such a file begins with 'ULog'"),
+    "cut in the header": (START[:12], "f.ulg: cannot be read as a PX4 ULog: Invalid file format "
+        "(Header too short)"),
+    "without topics": (START, "f.ulg: holds no poses; expected the topics vehicle_attitude and "
+        "vehicle_local_position, or vehicle_odometry"),
+    "of a later format": (flight(flags=b"\0" * 8 + b"\2"), "f.ulg: cannot be read as a PX4 ULog: "
+        "Unknown incompatible flag set: cannot parse the log"),
+    "whose time goes back": (flight(("vehicle_attitude", QUATERNIONS,
+        [[k, 1, 0, 0, 0] for k in (10, 20, 15)])), "f.ulg: the time of vehicle_attitude goes back "
+        "to 0.000015 s"),
+    "with no rotations": (flight(("vehicle_attitude", QUATERNIONS,
+        [[k, 0.5, 0, 0, 0] for k in (10, 20, 30)])), "f.ulg: vehicle_attitude: expected "
+        "quaternions of norm 1, got norm 0.5 at 0.000010 s"),
+    "of parts at different times":
+        (flight(("vehicle_attitude", QUATERNIONS, [[k, 1, 0, 0, 0] for k in (10, 20, 30)]),
+        ("vehicle_local_position", "uint64_t timestamp;float x;float y;float z;",
+        [[k, 0, 0, 0] for k in (50, 60, 70)])), "f.ulg: position, attitude were recorded at no "
+        "common time"),
+    "that asks for much": (START + message("F", b"a:float[65535] x;") +
+        message("F", b"b:a[65535] y;"), "f.ulg: expected at most 2000 fields in a message, got "
+        "more in 'a'"),
+    "that holds itself": (START + message("F", b"a:uint64_t timestamp;a again;"), "f.ulg: expected "
+        "at most 2000 fields in a message, got more in 'a'"),
+    "of which little can be read": (START + b"\xff" * 200_000, "f.ulg: too damaged to be read"),
+}  # fmt: skip
+
+
+@needs_pyulog
+@pytest.mark.parametrize("kind", FILES)
+def test_a_file_that_is_no_flight(kind):
+    given, expected = FILES[kind]
+    assert refusal(InputError, table_of, given, "f.ulg") == expected
+
+
+@needs_pyulog
+def test_damage_is_told(content):
+    broken = bytearray(content)
+    middle = len(content) // 2
+    broken[middle : middle + 400] = b"\0" * 400
+    found = check_text(table_of(bytes(broken), "f.ulg"), "f.ulg", "csv", LogMapping())
+    assert found.notes[0] == "parts of the file are damaged and were skipped"
+
+
+@needs_pyulog
+def test_any_change_of_bytes_gives_a_table_or_a_message(content):
+    """The flight is accepted before, and a table is read on: as numbers, or to a message."""
+    mapping, rng = LogMapping(), np.random.default_rng(0)
+    assert not check_text(table_of(content, "f.ulg"), "f.ulg", "csv", mapping).problems
+    outcomes = set()
+    for k in range(24):
+        broken = bytearray(content)
+        # The definitions of the topics are at the beginning; all that follows is their data.
+        for place_of in rng.integers(16, 1500 if k % 2 else len(content), size=8):
+            broken[place_of] = rng.integers(256)
+        try:
+            table = table_of(bytes(broken), "f.ulg")
+            found = check_text(table, "f.ulg", "csv", mapping)
+            outcomes.add("problems" if found.problems else "accepted")
+        except EqtError as error:
+            outcomes.add("refused" if str(error).startswith("f.ulg: ") else str(error))
+    assert {"accepted", "refused"} <= outcomes <= {"accepted", "refused", "problems"}
+
+
+@needs_pyulog
+def test_a_configuration_takes_a_flight_and_keeps_its_table(tmp_path, content):
+    (tmp_path / "f.ulg").write_bytes(content)
+    (tmp_path / "c.yaml").write_text(
+        "{group: SE3, inertia: [1, 1, 1, 1, 1, 1], gains: {kp: 1, kd: 1}, controllers: [eqt],"
+        " time: {duration: 2}, reference: {kind: waypoints, file: f.ulg,"
+        " mapping: {world: NED to ENU, body: FRD to FLU, time: {offset: first}}}}"
+    )
+    experiment = eqt_cli.load_experiment(tmp_path / "c.yaml")
+    assert experiment.source.files["f.ulg"].startswith("vehicle_local_position.timestamp_sample")
+
+
+@needs_pyulog
+def test_the_table_of_a_flight_is_no_larger_than_other_files_may_be(tmp_path, content):
+    (tmp_path / "f.ulg").write_bytes(content)
+    size = len(table_of(content, "f.ulg"))
+    assert len(recording_text(tmp_path / "f.ulg", "", EqtError, size, "cut it")) == size
+    assert refusal(
+        EqtError, recording_text, tmp_path / "f.ulg", "", EqtError, size - 1, "cut it"
+    ) == (
+        f"{tmp_path / 'f.ulg'}: cannot be read: expected at most {size - 1:,} bytes, got {size:,}; "
+        "log fewer topics, or a part of the flight"
+    )

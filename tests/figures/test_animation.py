@@ -1,0 +1,227 @@
+"""Runs as moving pictures: what moves, and what the files hold."""
+
+from io import BytesIO
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+from said import error_of
+
+import eqt_cli
+from eqt_cli.base.errors import EqtError
+from eqt_cli.figures.animation import (
+    CORNERS,
+    FACES,
+    MOST_CONTROLLERS,
+    TRAIL,
+    _Stage,
+    block,
+    camera,
+    flat,
+    gif,
+    motion,
+    scene_of,
+    tips,
+)
+from eqt_cli.report.document import animation
+from eqt_cli.results.result import open_result
+
+
+@pytest.fixture(scope="module")
+def results(paper_result):
+    with open_result(paper_result) as opened:
+        yield opened
+
+
+def test_motion_is_that_of_the_result(results):
+    shown = motion(results, 7, ["gt", "eqt"])
+    assert [ensemble.label for ensemble in shown.ensembles] == ["eqt", "gt"]
+    assert np.array_equal(shown.body.rotation[1], results.read("pose", controller=1, run=7))
+    assert np.array_equal(
+        shown.norms["torque_norm"][0], results.read("torque_norm", controller=0, run=7)
+    )
+    assert not shown.has_translation
+    assert (shown.extent, scene_of(shown).length) == (0.0, 1.0)
+
+
+def test_all_controllers_unless_told_otherwise(results):
+    assert len(motion(results, 0).ensembles) == min(4, MOST_CONTROLLERS)
+
+
+@pytest.fixture(scope="module")
+def rotors(tmp_path_factory):
+    """Three thrusters on a body in the plane, which starts beside its reference."""
+    places = [{"at": [x, 0.0], "along": [0, 2]} for x in (0.1, -0.2)]
+    places.append({"at": [0.0, 0.1], "along": [1, 0]})
+    config = {
+        "name": "rotors",
+        "group": "SE2",
+        "inertia": [0.01, 0.5, 0.5],
+        "gains": {"kp": 1, "kd": 1},
+        "reference": {"kind": "constant"},
+        "controllers": ["eqt"],
+        "actuators": [{"kind": "thrusters", "thrusters": places}],
+        "initial": {"pose": {"kind": "fixed", "coordinates": [0.2, 0.0, -0.3]}},
+        "ensemble": {"runs": 1},
+        "time": {"duration": 0.5, "samples": 6},
+        "solver": {"rtol": 1e-6, "cross_check": 0, "error_estimate": False},
+    }
+    folder = tmp_path_factory.mktemp("rotors") / "out"
+    eqt_cli.run(config, folder)
+    with open_result(folder) as opened:
+        yield opened
+
+
+def test_thrusts_begin_at_their_thrusters_and_are_in_proportion(rotors):
+    lines = motion(rotors, 0).thrusts
+    assert lines.shape == (1, 6, 3, 2, 3)
+    foot, tip = lines[0, ..., 0, :], lines[0, ..., 1, :]
+    assert (foot == [[0.5, 0, 0], [-1.0, 0, 0], [0, 0.5, 0]]).all()
+    thrust = rotors.read("thrust", controller=0, run=0)
+    along = np.array([[0, 1, 0], [0, 1, 0], [1, 0, 0]])
+    expected = (thrust / np.abs(thrust).max())[..., None] * along
+    np.testing.assert_allclose(tip - foot, expected, atol=1e-14)
+    stage = _Stage(scene_of(motion(rotors, 0)), 1.0)
+    for sample in (0, 5):
+        stage.picture(sample)
+    page = animation(rotors, 0)
+    assert "Dots are thrusters" in page and '"thrusts": [[[0.5, 0.0, 0.0, ' in page
+
+
+def test_a_vehicle_without_thrusters_shows_none(results):
+    assert motion(results, 0).thrusts.size == 0
+    assert "Dots are thrusters" not in animation(results, 0)
+
+
+def test_run_that_is_not_stored(results):
+    assert error_of(motion, results, 60) == (
+        f"{results.path}: the trajectory of run 60 is not stored; stored are runs 0 to 59"
+    )
+
+
+def test_group_without_a_body_to_show(results, monkeypatch):
+    none = SimpleNamespace(parts=())
+    monkeypatch.setattr("eqt_cli.figures.animation.group_named", lambda name: none)
+    assert error_of(motion, results, 0) == (
+        f"{results.path}: a pose of SO3 is neither a rotation nor a place in metres, so no body "
+        "can be shown; `eqt plot --figure runs` draws its runs"
+    )
+
+
+def test_unknown_controller(results):
+    with pytest.raises(EqtError, match=r"finds no controller 'eq'; did you mean 'eqt'\?$"):
+        motion(results, 0, ["eq"])
+
+
+def test_camera_is_a_rotation():
+    assert camera() @ camera().T == pytest.approx(np.eye(3), abs=1e-15)
+    assert np.linalg.det(camera()) == pytest.approx(1)
+
+
+def test_faces_are_flat_and_counted_around():
+    for face in FACES:
+        a, b, c, d = CORNERS[list(face)]
+        assert a + c == pytest.approx(b + d)  # a parallelogram, whose diagonals halve each other
+
+
+def test_at_most_three_faces_of_a_block_are_seen():
+    generator = np.random.default_rng(1)
+    for _ in range(20):
+        rotation = np.linalg.qr(generator.normal(size=(3, 3)))[0]
+        faces = block(rotation, np.zeros(3), 1.0)
+        assert len(faces) == 3  # almost surely: one of each pair
+        assert all(0 <= light <= 1 for _, light in faces)
+
+
+def test_axes_of_a_frame_are_its_columns():
+    rotation = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    place = np.array([1.0, 2, 3])
+    expected = flat(np.array([place + 2 * rotation[:, k] for k in range(3)]))
+    assert tips(rotation, place, 2.0) == pytest.approx(expected)
+
+
+def test_gif_has_its_pictures_and_repeats(results, told):
+    picture = Image.open(BytesIO(gif(results, 3, ["eqt"], seconds=0.5, rate=10)))
+    assert (picture.n_frames, picture.info["duration"], picture.info["loop"]) == (5, 100, 0)
+    assert told.steps == [("pictures drawn", 5)]
+    assert told.total("pictures drawn") == 5
+
+
+@pytest.mark.slow("draws every picture twice")
+def test_gif_moves_and_is_the_same_again(results):
+    first, second = (gif(results, 3, ["eqt"], seconds=0.3, rate=10) for _ in range(2))
+    assert first == second
+    picture = Image.open(BytesIO(first))
+    start = np.asarray(picture.convert("RGB"))
+    picture.seek(2)
+    assert (start != np.asarray(picture.convert("RGB"))).any()
+    assert (start[0, 0] == 255).all()  # the paper is white
+
+
+def test_a_body_that_fails_is_said_to(altered, paper_result, opened):
+    pose = opened(paper_result)["pose"].copy()
+    pose[0, 0, 5:] = np.nan
+    stage = _Stage(scene_of(motion(altered(paper_result, pose=pose), 0)), 1.0)
+    for sample, failed in ((0, False), (9, True)):
+        stage.picture(sample)
+        assert [body.gone.get_visible() for body in stage.bodies] == [failed, False, False, False]
+
+
+@pytest.fixture(scope="module")
+def flight(se3):
+    """A run on SE3 as a scene."""
+    with open_result(se3) as opened:
+        yield scene_of(motion(opened, 2))
+
+
+def test_rotation_and_translation_have_curves_of_their_own(flight):
+    assert list(flight.motion.norms) == [
+        "pose_error_rotation",
+        "pose_error_translation",
+        "torque_norm_rotation",
+        "torque_norm_translation",
+    ]
+
+
+def test_the_camera_follows_and_keeps_body_and_target_in_sight(flight):
+    shown = flight.motion
+    away = np.ptp(flight.centre, axis=1)
+    assert (np.linalg.norm(away, axis=-1) > 0).all()
+    for places in (shown.body.position, shown.reference.position):
+        seen = flat(places - flight.centre)
+        assert (np.abs(seen) < flight.reach[:, None]).all()
+
+
+def test_the_ground_is_level_and_below_all_bodies(flight):
+    heights = np.unique(flight.ground[..., 2])
+    assert heights.size == 1
+    assert heights[0] < flight.motion.places[:, 2].min() - flight.length
+
+
+def test_a_trail_shows_the_last_seconds(flight):
+    times = flight.motion.times
+    late = len(times) - 1
+    shown = flight.trail(1, late)
+    assert len(shown) == np.count_nonzero(times >= times[late] - TRAIL)
+    assert np.array_equal(shown[-1], flight.motion.body.position[1, late])
+
+
+def test_bodies_that_only_turn_leave_the_trail_of_their_x_axis(results):
+    scene = scene_of(motion(results, 1, ["eqt"]))
+    np.testing.assert_allclose(np.linalg.norm(scene.trails[0], axis=-1), 1, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("count", "columns"), [(1, 1), (2, 2), (4, 2)])
+def test_bodies_stand_two_by_two(count, columns, results):
+    labels = ["eqt", "gt", "nog", "asym"][:count]
+    assert scene_of(motion(results, 0, labels)).columns == columns
+
+
+def test_the_gif_says_how_fast_it_is_played_and_names_of_curves_stand_right_of_bodies(flight):
+    stage = _Stage(flight, 2.5)
+    stage.picture(0)
+    assert stage.clock.get_text() == "run 2,  $t$ = 0.0 s,  2.5 times as fast.  Grey: reference"
+    bodies = [each.axes.get_window_extent() for each in stage.bodies]
+    names = [each.now.axes.yaxis.label.get_window_extent() for each in stage.curves]
+    assert max(box.x1 for box in bodies) < min(box.x0 for box in names)

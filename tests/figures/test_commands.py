@@ -1,0 +1,130 @@
+"""The figure of commands, and what figures say of a loop that is not the paper's."""
+
+import numpy as np
+import pytest
+from said import error_of
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.figures.time_figures import Commands, Paper
+
+pytestmark = pytest.mark.usefixtures("unarranged")
+
+FLIES = {
+    "actuators": [{"kind": "limit", "limit": 1.0}, {"kind": "lag", "time_constant": 0.1}],
+    "control": {"period": 0.1},
+    "controllers": ["eqt", "gt"],
+}
+
+
+@pytest.fixture
+def flown(simulate, opened):
+    return opened(simulate(**FLIES))
+
+
+def test_what_is_asked_is_drawn_over_what_is_given(flown):
+    drawing = Commands(run=2).draw([flown])
+    axes = {panel.get_label(): panel for panel in drawing.axes}
+    for k, name in enumerate(["ωx", "ωy", "ωz"]):
+        given, asked = axes[f"{name} gt"].lines[-2:]
+        np.testing.assert_array_equal(given.get_ydata(), flown["torque"][1, 2, :, k])
+        np.testing.assert_array_equal(asked.get_ydata(), flown["command"][1, 2, :, k])
+
+
+def shaded(panel, times):
+    """At which samples a panel is shaded."""
+    inside = np.zeros(len(times), dtype=bool)
+    for patch in panel.patches:
+        start, end = patch.get_x(), patch.get_x() + patch.get_width()
+        inside |= (times >= start) & (times <= end)
+    return inside
+
+
+def test_each_axis_is_shaded_at_its_own_limit(flown):
+    drawing = Commands().draw([flown])
+    axes = {panel.get_label(): panel for panel in drawing.axes}
+    asked, found = flown["command"][0, 0], []
+    for k, name in enumerate(["ωx", "ωy", "ωz"]):
+        panel = axes[f"{name} eqt"]
+        found.append(shaded(panel, flown.times))
+        np.testing.assert_array_equal(found[-1], np.abs(asked[:, k]) >= 1.0)
+        ends = [line.get_ydata()[0] for line in panel.lines if "limit" in line.get_label()]
+        assert ends == ([-1.0, 1.0] if np.abs(flown["torque"][0, 0, :, k]).max() >= 0.5 else [])
+    assert len({each.tobytes() for each in found}) > 1
+    assert drawing.get_supxlabel().endswith("Run 0.")
+
+
+def test_a_limit_of_another_kind_shades_all_axes(simulate, opened, picture):
+    limit = {"kind": "limit", "limit": 1.0, "norm": True}
+    result = opened(simulate(actuators=[limit], controllers=["eqt"]))
+    at_limit = result["at_limit"][0, 0] > 0
+    assert at_limit.any() and not at_limit.all()
+    for panel in picture(Commands(controllers=["eqt"]), result).axes:
+        np.testing.assert_array_equal(shaded(panel, result.times), at_limit)
+
+
+def test_a_loop_without_actuators_is_refused(so3, opened):
+    assert error_of(Commands().draw, [opened(so3)]) == (
+        f"{so3}: figure 'commands' finds no actuators in this loop, so what a law asks for is what "
+        "acts; figure 'torque' shows it"
+    )
+
+
+def test_a_run_that_failed_is_named(flown, altered):
+    status = flown["status"].copy()
+    status[1, 3] = 1
+    with pytest.raises(EqtError, match="cannot show run 3 of gt, which failed"):
+        Commands(run=3).draw([altered(flown.path, status=status)])
+
+
+def test_a_run_that_is_not_stored_is_named(flown):
+    with pytest.raises(EqtError, match="the trajectory of run 9 is not stored; stored are runs 0"):
+        Commands(run=9).draw([flown])
+
+
+def test_a_figure_says_what_the_loop_contains(flown):
+    assert (
+        Paper()
+        .draw([flown])
+        .get_supxlabel()
+        .replace("\n", " ")
+        .startswith("Loop: sampled every 0.1 s; actuators: limit, lag. ")
+    )
+
+
+def test_of_the_papers_loop_there_is_nothing_to_say(so3, opened, picture):
+    assert picture(Paper(), opened(so3)).get_supxlabel() == "Curves: mean over 6 runs."
+
+
+THRUSTERS = {
+    "kind": "thrusters",
+    "matrix": [[1, 0, 0, 0.5], [0, 1, 0, 0.5], [0, 0, 1, 0.5]],
+    "low": [-1, -1, -1, -0.5],
+    "high": {"uniform": [1.0, 2.0]},
+    "time_constant": 0.1,
+}
+
+
+@pytest.mark.slow("flies a vehicle with thrusters")
+def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened, picture):
+    result = opened(simulate(actuators=[THRUSTERS]))
+    drawing = picture(Commands(run=2, thrusters=True), result)
+    axes = {panel.get_label(): panel for panel in drawing.axes}
+    highs = set()
+    for k in range(4):
+        panel = axes[f"thruster {k + 1} eqt"]
+        *limits, line = panel.lines
+        np.testing.assert_array_equal(line.get_ydata(), result["thrust"][0, 2, :, k])
+        for limit in limits:
+            end = limit.get_ydata()[0]
+            if end < 0:
+                assert end == (-0.5 if k == 3 else -1.0)
+            else:
+                highs.add(end)
+        assert panel.get_ylabel().split("\n") == [f"thruster {k + 1}", "(N)"]
+    assert len(highs) == 1 and 1.0 < highs.pop() < 2.0
+
+
+def test_without_thrusters_the_figure_says_so(flown):
+    assert error_of(Commands(thrusters=True).draw, [flown]).removeprefix(str(flown.path)) == (
+        ": figure 'commands' finds no thrusters on this vehicle; leave out the option 'thrusters'"
+    )

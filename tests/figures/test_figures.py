@@ -1,0 +1,369 @@
+"""What holds for every figure of the registry."""
+
+import logging
+import os
+import subprocess
+import sys
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
+from functools import cache
+from io import StringIO
+from string import ascii_lowercase
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+from said import error_of
+from slow_cases import mostly_slow
+
+from eqt_cli.analysis.verification import verify_stored
+from eqt_cli.extensions.recordings.figures import MeasuredFigure
+from eqt_cli.figures.comparison_figures import Certificates
+from eqt_cli.figures.figure import Extras, OfCertificates, OfReference, OfSweep, OverTime, figures
+from eqt_cli.figures.layout import freeze
+from eqt_cli.figures.render import encode, render
+from eqt_cli.figures.run_figures import EstimateFigure
+from eqt_cli.figures.search_figures import Fronts, WorstFigure
+from eqt_cli.figures.style import WIDTHS, house_style
+from eqt_cli.figures.time_figures import Commands
+from eqt_cli.results.result import open_result
+
+FORMATS = ("pdf", "svg", "png")  # the pixels of the last one are looked at
+
+# Figures of sweeps, searches, certificates, recordings, actuators and estimates have tests of their
+# own.
+OTHERS = (
+    OfSweep | OfCertificates | Fronts | WorstFigure | MeasuredFigure | Commands | EstimateFigure
+)
+NAMES = [name for name in figures.names() if not issubclass(figures.get(name), OTHERS)]
+
+
+def every(of):
+    """Runs a test for each of some figures.
+
+    All tests of a figure come in a row, so that the processes of the tests share the drawings out.
+    """
+    names = [name for name in NAMES if of(figures.get(name))]
+    why = "finds places for the panels of one of several figures"
+    return mostly_slow("name", names, ["paper"], why, scope="module")
+
+
+every_figure = every(lambda kind: True)
+every_figure_of_runs = every(lambda kind: not issubclass(kind, OfReference))
+every_figure_over_time = every(lambda kind: issubclass(kind, OverTime))
+unarranged = pytest.mark.usefixtures("unarranged")
+
+
+AGAIN = pytest.mark.slow("draws figures again, which are drawn once in fast tests")
+
+
+@dataclass
+class Drawn:
+    """A figure, drawn once for all tests that only look at it."""
+
+    drawing: Figure
+    files: dict[str, bytes] = field(default_factory=dict)
+    texts: list[tuple[str, Bbox]] = field(default_factory=list)  # and where they are, in pixels
+    said: str = ""  # on the way, on any stream or in a log
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    @cache
+    def draw(name, path, width="column"):
+        said, log = StringIO(), logging.getLogger()
+        listener = logging.StreamHandler(said)
+        log.addHandler(listener)
+        try:
+            with open_result(path) as results, redirect_stdout(said), redirect_stderr(said):
+                found = Drawn(figures.get(name)().draw([results], width))
+                for format in formats_of(name):
+                    with recorded_texts() as found.texts:
+                        found.files[format] = encode(found.drawing, format)
+        finally:
+            log.removeHandler(listener)
+        found.said = said.getvalue()
+        return found
+
+    return draw
+
+
+def formats_of(name):
+    """All, of one figure; of others one, as they share what writes the formats."""
+    return FORMATS if name == "paper" else ("png",)
+
+
+@contextmanager
+def recorded_texts():
+    """Every text that is drawn meanwhile, and its box."""
+    found, draw = {}, Text.draw
+
+    def record(text, renderer):
+        if text.get_visible() and text.get_text().strip():
+            # Without the line from a name to its curve.
+            found[text] = (text.get_text(), Text.get_window_extent(text, renderer))
+        draw(text, renderer)
+
+    boxes = []
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Text, "draw", record)
+        yield boxes
+    boxes += found.values()
+
+
+@every_figure
+def test_nothing_sticks_out_of_the_sheet(name, se3, drawn):
+    assert_inside(drawn(name, se3).drawing, "column")
+
+
+# Each figure on one of them, and the paper's on both.
+OTHER_SHEETS = [
+    ("paper", "odd_names", "column"),
+    pytest.param("paper", "so3", "page", marks=AGAIN),
+    *(
+        pytest.param(name, *(("odd_names", "column"), ("so3", "page"))[k % 2], marks=AGAIN)
+        for k, name in enumerate(NAMES)
+        if name != "paper"
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "result", "width"), OTHER_SHEETS)
+def test_other_sheets_are_as_good(name, result, width, drawn, request):
+    found = drawn(name, request.getfixturevalue(result), width)
+    assert_inside(found.drawing, width)
+    assert_apart(found.texts)
+
+
+def assert_inside(drawing, width):
+    """All that is drawn lies on a sheet of this width."""
+    with house_style():
+        inked = drawing.get_tightbbox()
+    assert drawing.get_figwidth() == WIDTHS[width]
+    # Half a line width of a frame, 0.5 pt, may touch the edge.
+    slack = 0.01
+    assert inked.x0 >= -slack
+    assert inked.y0 >= -slack
+    assert inked.x1 <= drawing.get_figwidth() + slack
+    assert inked.y1 <= drawing.get_figheight() + slack
+
+
+@every_figure
+def test_texts_do_not_overlap(name, se3, drawn):
+    assert_apart(drawn(name, se3).texts)
+
+
+@pytest.mark.slow("draws many panels")
+@pytest.mark.parametrize("width", ["column", "page"])
+@pytest.mark.parametrize("name", ["commands", "estimate"])
+def test_panels_of_a_vehicle_fit_the_sheet(name, width, simulate, drawn):
+    vehicle = simulate(
+        controllers=["eqt", "gt"],
+        actuators=[{"kind": "limit", "limit": 1.0}, {"kind": "lag", "time_constant": 0.1}],
+        control={"period": 0.1},
+        sensors={
+            "pose": [{"kind": "noise", "std": 0.1, "period": 0.4}],
+            "velocity": [{"kind": "noise", "std": 0.1}, {"kind": "bias", "value": 0.1}],
+        },
+        estimator={"kind": "invariant"},
+    )
+    assert_inside(drawn(name, vehicle, width).drawing, width)
+    assert_apart(drawn(name, vehicle, width).texts)
+
+
+def assert_apart(boxes):
+    """No text covers another."""
+    assert len(boxes) > 10
+    for index, (text, box) in enumerate(boxes):
+        for other, other_box in boxes[:index]:
+            overlap = Bbox.intersection(box, other_box)
+            # Boxes hold the room of ascenders and descenders too, a quarter of 8 pt at 300 dpi.
+            assert overlap is None or min(overlap.width, overlap.height) < 9, (text, other)
+
+
+@pytest.mark.slow("draws every figure twice, in processes of their own")
+def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
+    formats = {name: FORMATS if name == "paper" else ("svg",) for name in NAMES}
+    code = (
+        "from pathlib import Path\n"
+        "from eqt_cli.figures.render import render\n"
+        "from eqt_cli.results.result import open_result\n"
+        f"with open_result({str(so3)!r}) as results:\n"
+        f"    for name, formats in {formats}.items():\n"
+        "        render([results], name, Path.cwd(), formats)\n"
+    )
+    for folder, changes in (
+        ("one", {"PYTHONHASHSEED": "1", "SOURCE_DATE_EPOCH": "0", "TZ": "UTC"}),
+        ("two", {"PYTHONHASHSEED": "2", "SOURCE_DATE_EPOCH": "2000000000", "TZ": "Asia/Tokyo"}),
+    ):
+        (tmp_path / folder).mkdir()
+        command = [sys.executable, "-W", "error", "-c", code]
+        environment = {**os.environ, **changes}
+        done = subprocess.run(
+            command, cwd=tmp_path / folder, env=environment, stderr=subprocess.PIPE, check=False
+        )
+        assert done.returncode == 0, done.stderr.decode()
+    for name in NAMES:
+        for format in formats[name]:
+            one, two = (tmp_path / folder / f"{name}.{format}" for folder in ("one", "two"))
+            assert one.read_bytes() == two.read_bytes(), (name, format)
+
+
+@mostly_slow("name", NAMES, ["phase"], AGAIN.args[0])
+@unarranged
+def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened):
+    expected = encode(figures.get(name)().draw([opened(so3)]), "png")
+    with matplotlib.rc_context({"axes.facecolor": "black", "font.size": 20, "savefig.dpi": 50}):
+        assert encode(figures.get(name)().draw([opened(so3)]), "png") == expected
+        assert matplotlib.rcParams["font.size"] == 20
+
+
+@pytest.mark.slow("writes every format")
+@unarranged
+def test_every_format_is_drawn_once(so3, opened, monkeypatch):
+    drawing, own, drawn = figures.get("paper")().draw([opened(so3)]), Figure.draw, []
+
+    def draw(figure, renderer):
+        drawn.append(figure)
+        own(figure, renderer)
+
+    monkeypatch.setattr(Figure, "draw", draw)
+    for format in FORMATS:
+        encode(drawing, format)
+    assert len(drawn) == len(FORMATS)
+
+
+@every_figure
+def test_drawing_says_nothing(name, se3, drawn):
+    assert drawn(name, se3).said == ""
+
+
+@every_figure_over_time
+@unarranged
+def test_missing_trajectories_say_what_to_do(name, so3, altered, opened):
+    whole = opened(so3)
+    results = altered(so3, **{v: None for v in whole.names if "time" in whole.dims(v)})
+    assert error_of(figures.get(name)().draw, [results]) == (
+        f"{results.path}: figure '{name}' needs the trajectories of 'lyapunov', which the result "
+        "does not hold; set store.trajectories to all and run the experiment again"
+    )
+
+
+@every_figure_of_runs
+@unarranged
+def test_no_good_run_at_all_is_an_error(name, so3, altered, opened):
+    results = altered(so3, status=np.ones_like(opened(so3)["status"]))
+    assert error_of(figures.get(name)().draw, [results]) == (
+        f"{results.path}: figure '{name}' has nothing to show, since every run failed; "
+        "see `eqt show`"
+    )
+
+
+@every_figure_of_runs
+@unarranged
+def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
+    status = np.zeros_like(opened(so3)["status"])
+    status[1, [3, 4]] = 3  # the first run is what figures of one run show
+    status[2] = 1
+    drawing = figures.get(name)().draw([altered(so3, status=status)])
+    assert drawing.get_supxlabel().splitlines()[:2] == [
+        "GT: 2 of 6 runs failed; left out.",
+        "nog: 6 of 6 runs failed; left out.",
+    ]
+
+
+@every_figure_over_time
+@unarranged
+def test_the_number_of_stored_runs_is_said(name, odd_names, opened, picture):
+    drawing = picture(figures.get(name)(), opened(odd_names))
+    assert drawing.get_supxlabel().splitlines()[0] == "Trajectories of the first 4 of 6 runs."
+
+
+@every_figure
+def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, se3, drawn):
+    drawing = drawn(name, se3).drawing
+    averaged = name in ("paper", "runs", "torque", "distributions")
+    assert ("over 6 runs" in drawing.get_supxlabel()) == averaged
+    assert len(drawing.get_supxlabel().splitlines()) == (averaged or name == "sphere")  # its axis
+
+
+@every_figure
+def test_panels_of_several_are_lettered(name, se3, drawn):
+    axes = drawn(name, se3).drawing.axes
+    letters = [panel.get_title(loc="left") for panel in axes]
+    assert letters == [f"({letter})" for letter in ascii_lowercase[: len(axes)]]
+
+
+@every_figure
+@unarranged
+def test_unknown_controllers_are_refused(name, so3, opened):
+    assert error_of(figures.get(name)(controllers=["eqt", "eq"]).draw, [opened(so3)]) == (
+        f"{so3}: figure '{name}' finds no controller 'eq'; did you mean 'eqt'?"
+    )
+
+
+@every_figure_over_time
+@unarranged
+def test_a_single_sample_is_no_curve(name, so3, altered, opened, tmp_path):
+    results = opened(so3)
+    over_time = [v for v in (*results.names, "time") if "time" in results.dims(v)]
+    single = {v: results.read(v, time=[0]) for v in over_time}
+    assert error_of(figures.get(name)().draw, [altered(so3, **single)]) == (
+        f"{tmp_path / 'altered.h5'}: figure '{name}' needs trajectories of two samples or more, "
+        "and the result holds one; decrease store.decimate and run the experiment again"
+    )
+
+
+@mostly_slow("name", NAMES, ["phase"], AGAIN.args[0])
+@unarranged
+def test_signals_that_are_zero_throughout_can_be_drawn(name, so3, altered, opened):
+    results = opened(so3)
+    over_time = [v for v in results.names if "time" in results.dims(v)]
+    zeros = altered(so3, **{v: np.zeros_like(results[v]) for v in over_time})
+    options = {"log": True} if hasattr(figures.get(name), "log") else {}
+    assert encode(figures.get(name)(**options).draw([zeros]), "pdf")
+
+
+def test_figures_are_found_by_scanning():
+    assert {"certificates", "paper", "pareto", "runs", "sweep", "torque"} <= set(figures.names())
+
+
+@unarranged
+def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):
+    files = render([opened(so3)], "paper", tmp_path / "new" / "figures", ["svg", "json"])
+    assert [path.relative_to(tmp_path).as_posix() for path in files] == [
+        "new/figures/paper.svg",
+        "new/figures/paper.json",
+    ]
+    assert sorted(files) == sorted((tmp_path / "new" / "figures").iterdir())
+
+
+@pytest.mark.slow("verifies a result on SE(3)")
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("result", ["so3", "se3"])
+def test_certificates_of_a_verified_result_fit_the_sheet(result, width, opened, request):
+    results = opened(request.getfixturevalue(result))
+    rows = verify_stored(results, trust_plugins=False).rows
+    drawing = Certificates().draw([results], width, extras=Extras(rows))
+    with house_style():
+        drawing.set_dpi(matplotlib.rcParams["savefig.dpi"])  # hinting depends on it
+        inked = drawing.get_tightbbox()
+    assert inked.x0 >= -0.01 and inked.x1 <= WIDTHS[width] + 0.01  # half a line's width
+    assert encode(drawing, "pdf") == encode(drawing, "pdf")
+
+
+def test_the_name_of_a_colour_scale_stays_beside_its_numbers():
+    """A bar is narrower than its place in the layout, and gets its width when it is drawn."""
+    with house_style():
+        drawing = Figure(figsize=(7.0, 2.3))
+        panels = drawing.subplots(1, 3)
+        image = panels[-1].imshow(np.eye(3))
+        bar = drawing.colorbar(image, ax=panels, label="share (%)").ax
+        freeze(drawing)
+        drawing.draw_without_rendering()
+        name = bar.yaxis.label.get_window_extent()
+        numbers = [label.get_window_extent() for label in bar.get_yticklabels()]
+    assert not any(name.overlaps(number) for number in numbers)

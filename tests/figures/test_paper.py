@@ -1,0 +1,249 @@
+"""The paper's figure: what is drawn is what the result holds."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba
+from said import cases, error_of
+from scipy.stats import bootstrap
+
+from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.figures.time_figures import Paper
+
+pytestmark = pytest.mark.usefixtures("unarranged")
+
+SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
+
+
+def test_lines_are_the_means_over_runs(so3, opened, picture):
+    results = opened(so3)
+    drawing = picture(Paper(), results)
+    assert len(drawing.axes) == 4
+    for axes, signal in zip(drawing.axes, SIGNALS, strict=True):
+        for index, line in enumerate(axes.lines):
+            np.testing.assert_array_equal(line.get_xdata(), results["time"])
+            np.testing.assert_array_equal(line.get_ydata(), results[signal][index].mean(axis=0))
+
+
+def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_own(
+    simulate, opened, curve_names, picture
+):
+    drawing = picture(Paper(), opened(simulate(controllers=["eqt", "goodarzi2013", "slotine_li"])))
+    shown = [[line.get_label() for line in axes.lines] for axes in drawing.axes]
+    assert shown == [["eqt", "goodarzi2013", "slotine_li"]] * 3 + [["eqt", "slotine_li"]]
+    assert curve_names(drawing) == ["EqT", "Goodarzi 2013", "Slotine–Li"]
+    assert drawing.get_supxlabel().splitlines() == [
+        "Gains not matched: Goodarzi 2013, Slotine–Li.",
+        "Without L, since the law does not claim that it falls: Goodarzi 2013.",
+        "Curves: mean over 6 runs.",
+    ]
+
+
+def test_failed_runs_are_left_out_of_the_means(so3, altered, opened, curve_names):
+    signals = {signal: opened(so3)[signal] for signal in SIGNALS}
+    status = np.zeros_like(opened(so3)["status"])
+    status[0, 2], status[1] = 2, 3
+    for values in signals.values():
+        values[status != 0] = np.nan
+    drawing = Paper().draw([altered(so3, status=status, **signals)])
+    for axes, signal in zip(drawing.axes, SIGNALS, strict=True):
+        good = [0, 1, 3, 4, 5]
+        assert len(axes.lines) == 3
+        np.testing.assert_array_equal(
+            axes.lines[0].get_ydata(), signals[signal][0, good].mean(axis=0)
+        )
+    assert curve_names(drawing) == ["EqT", "nog", "asym"]
+    assert drawing.get_supxlabel().splitlines()[-1] == (
+        "Curves: mean over runs: 5 (EqT), 6 (nog), 6 (asym)."
+    )
+
+
+def test_stored_runs_are_paired_with_their_own_status(odd_names, altered, opened):
+    status = np.zeros_like(opened(odd_names)["status"])
+    status[0, 1], status[0, 5] = 1, 1  # run 5 has no stored trajectory
+    drawing = Paper().draw([altered(odd_names, status=status)])
+    mean = opened(odd_names)["lyapunov"][0, [0, 2, 3]].mean(axis=0)
+    np.testing.assert_array_equal(drawing.axes[3].lines[0].get_ydata(), mean)
+    assert "_hidden: 1 of 4 runs failed; left out." in drawing.get_supxlabel()
+
+
+def test_axes_carry_symbols_and_units(so3, opened, picture):
+    drawing = picture(Paper(), opened(so3))
+    assert [axes.get_ylabel() for axes in drawing.axes] == [
+        r"$\|I - Q_{\mathrm{E}}\|_{\mathrm{F}}$",
+        r"$\|V - V_{\mathrm{d}}\|$ $(\mathrm{rad/s})$",
+        r"$\|\tau\|$ $(\mathrm{N\,m})$",
+        r"$\mathcal{L}$ $(\mathrm{J})$",
+    ]
+    assert [axes.get_xlabel() for axes in drawing.axes] == [
+        "",
+        "",
+        r"$t$ $(\mathrm{s})$",
+        r"$t$ $(\mathrm{s})$",
+    ]
+
+
+def test_rotation_and_translation_are_shown_apart(se3, opened, picture):
+    results = opened(se3)
+    drawing = picture(Paper(), results)
+    signals = [
+        f"{norm}_{part}"
+        for norm in ("pose_error", "velocity_error", "torque_norm")
+        for part in ("rotation", "translation")
+    ]
+    for axes, signal in zip(drawing.axes, [*signals, "lyapunov"], strict=True):
+        np.testing.assert_array_equal(axes.lines[1].get_ydata(), results[signal][1].mean(axis=0))
+    assert [axes.get_ylabel() for axes in drawing.axes] == [
+        r"$\|I - R_{\mathrm{E}}\|_{\mathrm{F}}$",
+        r"$\|p_{\mathrm{E}}\|$ $(\mathrm{m})$",
+        r"$\|\omega - \omega_{\mathrm{d}}\|$ $(\mathrm{rad/s})$",
+        r"$\|v - v_{\mathrm{d}}\|$ $(\mathrm{m/s})$",
+        r"$\|\tau\|$ $(\mathrm{N\,m})$",
+        r"$\|f\|$ $(\mathrm{N})$",
+        r"$\mathcal{L}$ $(\mathrm{J})$",
+    ]
+    assert [axes.get_title() for axes in drawing.axes[:2]] == ["rotation", "translation"]
+
+
+def test_parts_of_extended_poses_have_symbols_of_their_own(simulate, opened, picture):
+    brief = {"controllers": ["eqt"], "time": {"duration": 0.1, "samples": 3}}
+    results = opened(simulate(group="SE23", inertia=1.0, reference={"kind": "constant"}, **brief))
+    labels = [axes.get_ylabel().split(" $(")[0] for axes in picture(Paper(), results).axes[:6]]
+    assert labels == [
+        r"$\|I - R_{\mathrm{E}}\|_{\mathrm{F}}$",
+        r"$\|v_{\mathrm{E}}\|$",
+        r"$\|p_{\mathrm{E}}\|$",
+        r"$\|\omega - \omega_{\mathrm{d}}\|$",
+        r"$\|V - V_{\mathrm{d}}\|_{v}$",
+        r"$\|V - V_{\mathrm{d}}\|_{p}$",
+    ]
+
+
+def test_a_norm_without_parts_says_the_units_of_all_parts(se3, altered, opened):
+    parts = [name for name in opened(se3).names if name.endswith(("_rotation", "_translation"))]
+    drawing = Paper().draw([altered(se3, **dict.fromkeys(parts))])
+    units = r"($\mathrm{rad/s}$ and $\mathrm{m/s}$)"
+    assert drawing.axes[1].get_ylabel() == r"$\|V - V_{\mathrm{d}}\|$ " + units
+
+
+def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened, picture):
+    results = opened(so3)
+    drawing = picture(Paper(bands="quantiles"), results)
+    panel = next(axes for axes in drawing.axes if axes.get_label() == "torque_norm asym")
+    band = panel.collections[0].get_paths()[0].vertices
+    expected = np.quantile(results["torque_norm"][3], [0.1, 0.9], axis=0)
+    for time, low, high in zip(results["time"], *expected, strict=True):
+        at_time = band[band[:, 0] == time, 1]
+        assert (at_time.min(), at_time.max()) == (low, high)
+
+
+def test_log_leaves_a_torque_of_less_than_a_decade_linear_unless_asked(so3, opened, picture):
+    for options, of_torque in (({}, "linear"), ({"log_torque": True}, "log")):
+        drawing = picture(Paper(log=True, **options), opened(so3))
+        scales = [axes.get_yscale() for axes in drawing.axes]
+        assert scales == ["log", "log", of_torque, "log"]
+
+
+REST = {"torque": ["0", "0", "0"]}
+
+
+def test_log_is_of_a_torque_that_spans_a_decade_too(simulate, opened):
+    rest = opened(
+        simulate(reference=REST, time={"duration": 30, "samples": 31}, controllers=["eqt"])
+    )
+    for options, of_torque in (({}, {"log"}), ({"log_torque": False}, {"linear"})):
+        drawing = Paper(log=True, **options).draw([rest])
+        torques = [axes for axes in drawing.axes if axes.get_label().startswith("torque_norm")]
+        assert {axes.get_yscale() for axes in torques} == of_torque
+
+
+def test_laws_panels_and_times_are_chosen(so3, opened, picture):
+    chosen = {"controllers": ["EqT", "asym"], "panels": ["lyapunov"], "start": 1.0, "end": 2.0}
+    (panel,) = picture(Paper(**chosen), opened(so3)).axes
+    assert [line.get_label() for line in panel.lines] == ["eqt", "asym"]
+    assert panel.get_xlim() == (1.0, 2.0)
+    result = opened(so3)
+    within = (result.times >= 1 - 1e-9) & (result.times <= 2 + 1e-9)
+    expected = result["lyapunov"][3].mean(axis=0)[within]
+    np.testing.assert_array_equal(panel.lines[1].get_ydata(), expected)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    cases("""
+{start: 9.0} →
+    {path}: figure 'paper' needs two samples or more in the time that it shows, got 9 s to 4 s; the
+        result holds 0 s to 4 s
+{panels: [energy]} →
+    figure 'paper': panels: no panel 'energy'; there are: pose_error, velocity_error, torque_norm,
+        lyapunov
+{focus: [pid]} →
+    {path}: figure 'paper' has no controller 'pid' to focus on; there are: eqt, gt, nog, asym
+"""),
+)
+def test_what_cannot_be_chosen_is_said(options, message, so3, opened):
+    assert error_of(Paper(**options).draw, [opened(so3)]) == message.format(path=so3)
+
+
+def test_linear_scales_begin_at_zero(so3, opened, picture):
+    assert [axes.get_ylim()[0] for axes in picture(Paper(), opened(so3)).axes] == [0, 0, 0, 0]
+
+
+def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(
+    odd_names, so3, opened, curve_names, picture
+):
+    laws = curve_names(picture(Paper(), opened(so3)))
+    assert laws == ["EqT", "GT", "nog", "asym"]
+    names = curve_names(picture(Paper(), opened(odd_names)))
+    assert [name.replace("\n", " ") for name in names] == [
+        "_hidden",
+        "g = $\\frac{1}{2}$",
+        "5 \\$\\oops\\$",
+        ("a long name " * 6).strip(),
+    ]
+
+
+@pytest.fixture
+def legend(curve_names):
+    return lambda results: curve_names(Paper().draw([results]))
+
+
+def test_a_law_that_is_only_called_like_another_has_no_title(simulate, opened, legend):
+    laws = [{"kind": "family", "label": "gt"}, {"kind": "gt", "label": "theirs"}, "eqt"]
+    results = opened(simulate(controllers=laws, ensemble={"runs": 1, "seed": 1}))
+    assert legend(results) == ["gt", "theirs", "EqT"]
+
+
+def test_results_without_titles_take_those_of_laws_of_that_name(so3, opened, tmp_path, legend):
+    results = opened(so3)
+    attributes = {k: v for k, v in results.attributes.items() if k != "titles"}
+    variables, coordinates = (
+        {n: Variable(results.dims(n), results[n], {"units": results.units(n)}) for n in names}
+        for names in (results.names, results.coordinates)
+    )
+    write(tmp_path / "old.h5", Table(variables, coordinates, attributes))
+    assert legend(opened(tmp_path / "old.h5")) == ["EqT", "GT", "nog", "asym"]
+
+
+@pytest.mark.parametrize("chosen", [["nog"], ["nog", "eqt"]])
+def test_chosen_controllers_keep_their_looks(chosen, so3, opened, picture):
+    lines = picture(Paper(), opened(so3)).axes[0].lines
+    every = dict(zip(["eqt", "gt", "nog", "asym"], lines, strict=True))
+    drawing = picture(Paper(controllers=chosen), opened(so3))
+    shown = [label for label in every if label in chosen]
+    for label, line in zip(shown, drawing.axes[0].lines, strict=True):
+        assert to_rgba(line.get_color()) == to_rgba(every[label].get_color())
+        np.testing.assert_array_equal(line.get_ydata(), every[label].get_ydata())
+
+
+def test_bootstrap_bands_are_the_intervals_of_the_means(so3, opened, picture):
+    """Against SciPy's own bootstrap, whose resamples and correction for small n differ."""
+    results = opened(so3)
+    axes = picture(Paper(bands="bootstrap", controllers=["gt"]), results).axes[0]
+    corners = axes.collections[0].get_paths()[0].vertices
+    found = corners[np.isclose(corners[:, 0], 2.0)][:, 1]
+    values = results["pose_error"][1, :, 20]
+    other = bootstrap((values,), np.mean, n_resamples=9999, random_state=1).confidence_interval
+    mean = values.mean()
+    assert found.min() < mean < found.max()
+    # Expanded by sqrt(6/5) t_5 / z = 1.44 for 6 runs; the rest is the noise of 2000 resamples.
+    assert 1.1 < (found.max() - found.min()) / (other.high - other.low) < 1.8

@@ -1,0 +1,258 @@
+"""The styles of figures and the looks of curves."""
+
+import itertools
+
+import matplotlib
+import matplotlib.style
+import pytest
+from matplotlib.colors import to_rgb
+from said import error_of
+from slow_cases import mostly_slow
+
+from eqt_cli.figures.figure import figures
+from eqt_cli.figures.render import encode, render
+from eqt_cli.figures.style import WIDTHS, CurvePlace, Style, distinct, house_style, ink, line_style
+
+unarranged = pytest.mark.usefixtures("unarranged")
+
+
+@pytest.fixture
+def style(tmp_path):
+    """The style of a sheet of these lines."""
+
+    def of(*lines):
+        path = tmp_path / "mine.mplstyle"
+        path.write_text("\n".join(lines), encoding="utf-8")
+        return Style((str(path),))
+
+    return of
+
+
+def test_the_sheet_holds_inside_and_leaves_nothing_behind():
+    before = dict(matplotlib.rcParams)
+    with house_style():
+        assert matplotlib.rcParams["pdf.fonttype"] == 42
+        assert matplotlib.rcParams["mathtext.fontset"] == "stix"
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_24_curves_look_different():
+    with house_style():
+        looks = {str(line_style(index)) for index in range(24)}
+    assert len(looks) == 24
+
+
+def test_four_neighbours_differ_in_dashes_and_colour():
+    with house_style():
+        looks = [line_style(index) for index in range(8)]
+    for four in zip(*(looks[k:] for k in range(4)), strict=False):
+        for one, other in itertools.combinations(four, 2):
+            assert one["linestyle"] != other["linestyle"]
+            assert one["color"] != other["color"]
+
+
+def test_colours_stand_out_from_white_paper():
+    # WCAG 2's relative luminance; 2 : 1 is what Okabe and Ito's lightest colour here reaches.
+    with house_style():
+        for index in range(7):
+            channels = [
+                c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
+                for c in to_rgb(line_style(index)["color"])
+            ]
+            luminance = 0.2126 * channels[0] + 0.7152 * channels[1] + 0.0722 * channels[2]
+            assert 1.05 / (luminance + 0.05) > 2
+
+
+def test_later_sheets_win_and_eqts_own_comes_first(style):
+    mine = style("font.size: 9", "text.color: blue").sheets
+    with house_style(Style(("dark_background", *mine))):
+        assert matplotlib.rcParams["font.size"] == 9
+        assert matplotlib.rcParams["text.color"] == "blue"
+        assert matplotlib.rcParams["axes.facecolor"] == "black"
+        assert matplotlib.rcParams["mathtext.fontset"] == "stix"
+    with house_style(Style((*mine, "dark_background"))):
+        assert matplotlib.rcParams["text.color"] == "white"
+
+
+def test_colours_come_from_the_cycle_and_dashes_from_eqt(style):
+    # Four colours and four dashes: all sixteen pairs occur before one repeats.
+    with house_style(style('axes.prop_cycle: cycler(color=["k", "0.4", "r", "b"])')):
+        looks = [line_style(index) for index in range(16)]
+        assert [look["color"] for look in looks[:5]] == [
+            "#000000",
+            "#666666",
+            "#ff0000",
+            "#0000ff",
+            "#000000",
+        ]
+        assert len({str(look) for look in looks}) == 16
+
+
+def test_dashes_come_from_the_cycle_where_it_has_them(style):
+    cycle = 'cycler(color=["k", "k", "r"], linestyle=["-", ":", "--"])'
+    with house_style(style(f"axes.prop_cycle: {cycle}")):
+        looks = [line_style(index) for index in range(4)]
+    # The fourth is not drawn as the first is: it gets the next dashes of eqt.
+    assert [look["linestyle"] for look in looks] == ["-", ":", "--", (0, (4.5, 1.5))]
+    assert [look["color"] for look in looks] == ["#000000", "#000000", "#ff0000", "#000000"]
+
+
+CYCLES = {
+    "two colours": 'color=["k", "r"]',
+    "two looks": 'color=["k", "r"], linestyle=["-", "--"]',
+    "one look": 'color=["k"], linestyle=["dotted"]',
+    "dashes": 'linestyle=["-", (0, (3, 1))]',
+    "markers": 'marker=["o", "s"]',
+}
+
+
+@pytest.mark.parametrize("cycle", CYCLES)
+def test_no_two_curves_look_alike_whatever_the_style(style, cycle):
+    with house_style(style(f"axes.prop_cycle: cycler({CYCLES[cycle]})")):
+        for variants, grey in ((1, None), (3, None), (1, 0)):
+            places = [
+                CurvePlace(law, variant, variants, None if grey is None else law)
+                for law in range(12 // variants)
+                for variant in range(variants)
+            ]
+            looks = distinct(places)
+            assert len({str(line_style(look)) for look in looks}) == len(places)
+            assert len({(look.colour, look.marker) for look in looks}) == len(places)
+
+
+def test_a_cycle_of_dashes_alone_is_drawn_in_the_colour_of_text(style):
+    with house_style(style("text.color: blue", 'axes.prop_cycle: cycler(ls=["-", ":"])')):
+        assert line_style(1) == {"color": "#0000ff", "linestyle": ":"}
+
+
+@pytest.mark.parametrize(
+    ("lines", "full", "half"),
+    [
+        ([], "#000000", "#808080"),
+        (["text.color: white", "axes.facecolor: black"], "#ffffff", "#808080"),
+        (["axes.facecolor: none", "figure.facecolor: FF0000"], "#000000", "#800000"),
+    ],
+)
+def test_ink_is_the_colour_of_text_and_its_tints_are_on_the_paper(style, lines, full, half):
+    with house_style(style(*lines)):
+        assert (ink(), ink(0.5)) == (full, half)
+
+
+@unarranged
+def test_what_belongs_to_no_controller_is_drawn_in_ink(so3, opened):
+    style = Style(("dark_background",))
+    for name, options in (("runs", {}), ("torque", {"share": "total"})):
+        drawing = figures.get(name)(**options).draw([opened(so3)], style=style)
+        colours = {line.get_color() for axes in drawing.axes for line in axes.lines}
+        assert colours & {"#ffffff", "#404040"}  # ink, and the tint of it behind torques
+        assert "black" not in colours
+
+
+def test_a_grid_as_dark_as_text_is_drawn_as_a_tint():
+    with house_style(Style(("grayscale",))):
+        assert matplotlib.rcParams["grid.color"] == "#e2e2e2"
+    with house_style(Style(("ggplot",))):
+        assert matplotlib.rcParams["grid.color"] == "white"
+
+
+@unarranged
+def test_a_sheet_changes_neither_width_nor_names_in_files(style, so3, opened, picture):
+    greedy = style("savefig.bbox: tight", "svg.hashsalt: other", "figure.autolayout: True")
+    drawing = figures.get("paper")().draw([opened(so3)], style=greedy)
+    plain = picture(figures.get("paper")(), opened(so3))
+    assert encode(drawing, "svg", style=greedy) == encode(plain, "svg")
+
+
+@unarranged
+def test_a_style_holds_for_the_file_too(style, so3, opened):
+    grey = style("figure.facecolor: 123456", "svg.fonttype: none")
+    drawing = figures.get("paper")().draw([opened(so3)], style=grey)
+    svg = encode(drawing, "svg", style=grey)
+    assert b"fill: #123456" in svg
+    assert b"EqT</text>" in svg
+
+
+@pytest.mark.slow("draws every format twice")
+@unarranged
+def test_equal_styles_give_equal_files(style, so3, opened, tmp_path):
+    mine = style("font.size: 9", "axes.grid: False").sheets
+    results, found = [opened(so3)], []
+    for folder in ("one", "two"):
+        files = render(results, "paper", tmp_path / folder, ["svg"], style=Style(("bmh", *mine)))
+        found.append([file.read_bytes() for file in files])
+    assert found[0] == found[1]
+
+
+# With frames and fonts that differ most; the others are variations of them.
+DISTINCT = ("classic", "seaborn-v0_8-poster")
+COLOURS = {"axes.prop_cycle", "patch.facecolor"}
+
+
+# A few of many; those of colours alone find place as others do.
+OTHERS = [
+    each
+    for each in matplotlib.style.available
+    if each not in DISTINCT and not set(matplotlib.style.library[each]) <= COLOURS
+][::4]
+
+
+@mostly_slow("name", [*DISTINCT, *OTHERS], DISTINCT[:1], "draws other figures")
+def test_figures_can_be_drawn_in_every_style_of_matplotlib(name, so3, opened, caplog):
+    style = Style((name,))
+    drawing = figures.get("paper")().draw([opened(so3)], style=style)
+    assert drawing.get_figwidth() == WIDTHS["column"]
+    with house_style(style):
+        inked = drawing.get_tightbbox()
+    # Half a line width of a frame, 2 pt in the widest of them, may touch the edge.
+    assert inked.x0 >= -0.02
+    assert inked.x1 <= WIDTHS["column"] + 0.02
+    assert not caplog.records
+
+
+def test_type_that_leaves_no_room_is_an_error(style, so3, opened):
+    huge = style("legend.fontsize: 90", "axes.labelsize: 200")
+    assert error_of(figures.get("paper")().draw, [opened(so3)], style=huge) == (
+        "the font size of the style leaves no room for the panels in a figure 3.5 in wide; "
+        "use a wider figure or smaller type"
+    )
+
+
+def test_fonts_that_are_not_installed_are_passed_over(style):
+    lines = ["font.family: Nowhere, serif", "font.serif: Nowhere Serif, STIXGeneral"]
+    with house_style(style(*lines)):
+        assert matplotlib.rcParams["font.family"] == ["STIXGeneral"]
+
+
+def test_no_font_at_all_is_an_error(style):
+    assert error_of(style("font.family: Nowhere, serif", "font.serif: Nowhere Serif").prepare) == (
+        "none of the fonts that the style asks for is installed: Nowhere, Nowhere Serif; install "
+        "one, or name another in font.family"
+    )
+
+
+def test_keys_of_a_machine_change_nothing(style, recwarn):
+    before = matplotlib.rcParams["toolbar"]
+    with house_style(style("toolbar: None", "font.size: 9")):
+        assert matplotlib.rcParams["toolbar"] == before
+        assert matplotlib.rcParams["font.size"] == 9
+    assert not recwarn.list
+
+
+def test_latex_sets_the_text_where_an_option_or_a_sheet_says_so(style):
+    assert not Style().settings["text.usetex"]
+    assert style("text.usetex: True").settings["text.usetex"]
+    assert Style(("classic",), tex=True).settings["text.usetex"]  # whose sheet says no
+
+
+def test_the_fonts_of_latex_are_not_those_of_matplotlib(style):
+    found = style("text.usetex: True", "font.family: sans-serif", "font.serif: Times").settings
+    assert found["font.family"] == ["sans-serif"]
+    assert found["font.serif"][0] == "Computer Modern Roman"
+    assert style("text.usetex: True", "font.family: Times").settings["font.family"] == ["serif"]
+
+
+def test_the_preamble_of_a_sheet_follows_that_of_eqt(style):
+    found = style("text.usetex: True", r"text.latex.preamble: \usepackage{newtxmath}").settings
+    assert found["text.latex.preamble"] == (
+        "\\usepackage[T1]{fontenc}\\usepackage{amsmath}\n\\usepackage{newtxmath}"
+    )

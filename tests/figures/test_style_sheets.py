@@ -1,0 +1,141 @@
+"""Style sheets as files: what is read, and what is said of lines that are wrong."""
+
+import matplotlib
+import pytest
+from said import error_of, said_of
+
+from eqt_cli.figures import style
+
+OF_A_MACHINE = ("animation.", "keymap.", "agg.", "docstring.", "_internal.")
+
+
+@pytest.fixture
+def sheet(tmp_path):
+    """The path of a sheet of these lines."""
+
+    def write(*lines):
+        path = tmp_path / "mine.mplstyle"
+        path.write_text("\n".join(lines), encoding="utf-8")
+        return path
+
+    return write
+
+
+def refused(path):
+    return error_of(style.read, str(path)).removeprefix(f"{path}:")
+
+
+def test_the_last_line_of_a_key_holds(sheet):
+    path = sheet("lines.linewidth: 1", "lines.linewidth: 2  # a comment")
+    assert style.read(str(path)) == {"lines.linewidth": 2.0}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "open('harm', 'w')",
+        "cycler(color=[(lambda: open('harm', 'w'))()])",
+        "cycler(color=[f for f in (g.gi_frame.f_back.f_globals for g in [1])])",
+        '"cycler(color=[f for f in (g.gi_frame.f_back.f_globals for g in [1])])"',
+        "cycler(color=f\"{''.__class__}\")",
+        "(" * 5000,
+    ],
+)
+def test_no_version_of_matplotlib_executes_a_sheet(sheet, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert refused(sheet("font.size: 9", f"axes.prop_cycle: {text}")).startswith(
+        "2: the style sheet is wrong: axes.prop_cycle is no cycler of literal values: "
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.mplstyle"]
+
+
+@pytest.mark.parametrize(
+    "text", ["cycler(color='rgb').by_key()", "cycler(c=[g.gi_frame for g in [1]])", "cycler("]
+)
+def test_cyclers_with_attributes_never_reach_matplotlib(sheet, text, monkeypatch):
+    def validate(value):
+        raise AssertionError("reached Matplotlib, which may evaluate it")
+
+    monkeypatch.setitem(matplotlib.RcParams.validate, "axes.prop_cycle", validate)
+    assert refused(sheet(f"axes.prop_cycle: {text}")) == (
+        f"1: the style sheet is wrong: axes.prop_cycle is no cycler of literal values: {text}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    said_of("""
+lines.linewidth: thick → Key lines.linewidth: Could not convert 'thick' to float
+line.linewidth: 1 → Matplotlib has no key line.linewidth; did you mean 'lines.linewidth'?
+font.size 9 → expected 'key: value'
+font.family: "STIX → a closing quotation mark is missing
+axes.facecolor: #EEEEEE → Key axes.facecolor: '' does not look like a color arg
+root:x:0:0:root → expected a key of Matplotlib
+""").items(),
+)
+def test_a_wrong_line_is_refused(sheet, line, said, caplog):
+    assert refused(sheet("font.size: 9", line)) == f"2: the style sheet is wrong: {said}"
+    assert not caplog.records
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        *said_of("""
+path.sketch: 1, 1e-9, 1 → Key path.sketch: says nothing of how a figure looks; remove the line
+figure.hooks: os:abort → Key figure.hooks: says nothing of how a figure looks; remove the line
+animation.ffmpeg_path: ./program →
+    Key animation.ffmpeg_path: says nothing of how a figure looks; remove the line
+savefig.dpi: 1e9 → Key savefig.dpi: expected numbers of at most 2400, got 1e+09
+font.size: inf → Key font.size: expected numbers of at most 300, got inf
+font.size: nan → Key font.size: expected numbers of at most 300, got nan
+figure.figsize: 1, 1e6 → Key figure.figsize: expected numbers of at most 50, got 1e+06
+lines.linewidth: 1e-9 → Key lines.linewidth: expected 0 or at least 0.05, got 1e-09
+lines.dashed_pattern: 1e-9, 1e-9 →
+    Key lines.dashed_pattern: expected dashes and gaps of 0.5 or more together, got 2e-09
+axes.prop_cycle: cycler(linestyle=[(0, (1e-9, 1e-9))]) →
+    Key axes.prop_cycle: expected dashes and gaps of 0.5 or more together, got 2e-09
+axes.prop_cycle: cycler('lw', [1]*1000000000) →
+    axes.prop_cycle is no cycler of literal values: cycler('lw', [1]*1000000000)
+""").items(),
+        (
+            "axes.prop_cycle: "
+            + "*".join(f"cycler({key}={[1] * 20})" for key in ("lw", "ms", "mew")),
+            "Key axes.prop_cycle: expected at most 1000 entries, got 8000",
+        ),
+    ],
+)
+def test_a_sheet_sets_only_what_a_style_may(sheet, line, said):
+    assert refused(sheet(line)) == f"1: the style sheet is wrong: {said}"
+
+
+def test_the_sheets_of_matplotlib_are_within_the_bounds(sheet):
+    """And its own settings."""
+    for settings in ({}, *matplotlib.style.library.values()):
+        for key, value in {**matplotlib.rcParamsDefault, **settings}.items():
+            if not key.startswith(OF_A_MACHINE):
+                style.check(key, value, matplotlib.rcParamsDefault[key])
+
+
+def test_files_that_cannot_be_read_are_errors(tmp_path):
+    missing = tmp_path / "no.mplstyle"
+    assert refused(missing) == " cannot be read as a style sheet: no such file or directory"
+    (tmp_path / "bytes.mplstyle").write_bytes(b"\xff\xfe")
+    assert refused(tmp_path / "bytes.mplstyle") == (
+        " cannot be read as a style sheet: it is no text in UTF-8"
+    )
+
+
+def test_misspelt_names_are_corrected():
+    assert refused("grayscal") == (
+        "style sheet 'grayscal' is neither a file nor one of Matplotlib's; did you mean "
+        "'grayscale'?"
+    )
+
+
+def test_other_names_say_which_there_are():
+    said = refused("journal")
+    assert said.startswith(
+        "style sheet 'journal' is neither a file nor one of Matplotlib's; Matplotlib has: Solarize"
+    )
+    assert "grayscale, " in said

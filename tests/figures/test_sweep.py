@@ -1,0 +1,516 @@
+"""The figures of sweeps."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from said import error_of
+
+from eqt_cli.analysis.fronts import front
+from eqt_cli.analysis.intervals import Resampling, relative_difference, share
+from eqt_cli.analysis.maps import compare_map
+from eqt_cli.base.errors import EqtError
+from eqt_cli.figures import sweep_figures as region
+from eqt_cli.figures.cells import FEW, number_values
+from eqt_cli.figures.comparison_figures import Forest
+from eqt_cli.figures.curves import name_points
+from eqt_cli.figures.shown import ShownSweep
+from eqt_cli.figures.sweep_figures import Envelope, Pareto, Region, SweepFigure, Winners
+from eqt_cli.results.result import briefly
+
+pytestmark = pytest.mark.usefixtures("unarranged")
+
+ONE = [{"grid": {"gains.kd": [0.25, 0.5, 1, 2]}}]
+TWO = [{"grid": {"gains.kp": [1, 2, 4]}}, {"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]
+BOTH = [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}]
+LINKED = [{"zip": {"gains.kd": [0.5, 1], "gains.kp": [1, 2]}}]
+
+
+@pytest.fixture
+def swept(simulate, opened):
+    def of(sweep, **changes):
+        return opened(simulate(sweep=sweep, controllers=["eqt", "gt"], **changes))
+
+    return of
+
+
+def test_one_key_gives_curves_of_means_with_bands(swept, picture):
+    results = swept(ONE)
+    drawing = picture(SweepFigure(metric="effort"), results)
+    (panel,) = drawing.axes
+    assert panel.get_xscale() == "log"
+    assert panel.get_xlabel() == r"$k_d$ $(\mathrm{N\,m\,s})$"
+    for controller, line in enumerate(panel.lines):
+        np.testing.assert_array_equal(line.get_xdata(), [0.25, 0.5, 1, 2])
+        expected = results["effort"][:, controller].mean(axis=-1)
+        np.testing.assert_allclose(line.get_ydata(), expected, rtol=1e-14)
+    assert len(panel.collections) == 2
+
+
+def test_few_values_are_the_ticks_and_no_marker_is_cut(swept, picture):
+    (panel,) = picture(SweepFigure(), swept(ONE)).axes
+    assert [text.get_text() for text in panel.get_xticklabels()] == ["0.25", "0.5", "1", "2"]
+    assert panel.get_xticks(minor=True).size == 0
+    low, high = panel.get_xlim()
+    assert low < 0.25 and high > 2
+
+
+def test_controllers_have_markers_of_their_own_which_hide_no_other(swept, picture):
+    (panel,) = picture(SweepFigure(), swept(ONE)).axes
+    assert [line.get_marker() for line in panel.lines] == ["o", "s"]
+    assert {line.get_markerfacecolor() for line in panel.lines} == {"none"}
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ([0.1, 0.11, 5], ["0.1", "", "5"]),
+        ([-1, 0, 1], [r"$\mathdefault{-1}$", "0", "1"]),
+        ([1e-5, 1], [r"$1 \times 10^{-5}$", "1"]),
+    ],
+)
+def test_values_are_written_where_there_is_room(values, texts):
+    axes = Figure().add_subplot()
+    number_values(axes, np.array(values, dtype=float), 3.0)
+    assert [text.get_text() for text in axes.get_xticklabels()] == texts
+    assert list(axes.get_xticks()) == values
+
+
+def test_many_values_get_round_numbers():
+    axes = Figure().add_subplot()
+    values = np.linspace(0.123, 1, FEW + 1)
+    number_values(axes, values, 3.0)
+    assert values[0] not in axes.get_xticks()
+
+
+def test_two_keys_give_a_map_per_controller_on_one_scale(swept, picture):
+    results = swept(TWO)
+    drawing = picture(SweepFigure(), results)
+    maps = [axes.collections[0] for axes in drawing.axes[:2]]
+    for controller, image in enumerate(maps):
+        found = results["mean_pose_error"][:, controller].mean(axis=-1).reshape(3, 2)
+        np.testing.assert_allclose(np.asarray(image.get_array()).reshape(2, 3), found.T)
+    assert maps[0].get_clim() == maps[1].get_clim()
+    assert [tick.get_text() for tick in drawing.axes[0].get_yticklabels()] == [
+        "[1, 2, 3]",
+        "[1, 1, 1]",
+    ]
+
+
+def test_numbers_in_cells_keep_their_colours_in_a_report(swept, picture):
+    """A report takes white for the background and black for the text of its page."""
+    figure = picture(SweepFigure(), swept(TWO))
+    written = {text.get_color() for panel in figure.axes for text in panel.texts}
+    assert written and not written & {"white", "black"}
+
+
+def test_keys_that_change_together_are_one_axis(swept):
+    assert [axis.key for axis in ShownSweep(swept(LINKED), "sweep").axes] == ["gains.kd"]
+
+
+def test_pareto_shows_every_point_and_the_front(swept, picture):
+    results = swept(ONE)
+    (panel,) = picture(Pareto(), results).axes
+    cost = results["effort"].mean(axis=-1)
+    np.testing.assert_allclose(panel.collections[0].get_offsets()[:, 0], cost[:, 0], rtol=1e-14)
+    assert len(panel.lines) == 2
+
+
+def test_points_of_few_fronts_carry_what_was_swept(swept, picture):
+    results = swept(BOTH)
+    assert not picture(Pareto(), results).axes[0].texts
+    drawing = picture(Pareto(), results, width="page")
+    (panel,) = drawing.axes
+    cost, error = (results[name].mean(axis=-1) for name in ("effort", "mean_pose_error"))
+    names = [f"kd {kd}, kp {kp}" for kd in ("0.5", "1") for kp in ("1", "2")]
+    found = {(text.get_text(), *np.round(text.xy, 12)) for text in panel.texts}
+    assert found and found <= {
+        (names[point], *np.round((cost[point, k], error[point, k]), 12))
+        for k in range(2)
+        for point in front(cost[:, k], error[:, k])
+    }
+
+
+def test_names_of_points_hide_nothing():
+    drawing = Figure(figsize=(7, 3))
+    axes = drawing.add_subplot()
+    points = np.array([[0.5, 0.5], [0.51, 0.5], [0.5, 0.52]])
+    axes.plot(*points.T, "o")
+    name_points(axes, points, ["one", "two", "three"], ["k"] * 3, points)
+    boxes = [Text.get_window_extent(text) for text in axes.texts]
+    assert len(boxes) == 3
+    for box in boxes:
+        assert box.count_overlaps(boxes) == 1  # itself
+        assert not any(box.contains(*place) for place in axes.transData.transform(points))
+
+
+def test_a_point_without_room_has_no_name():
+    axes = Figure(figsize=(1, 1)).add_subplot()
+    everywhere = np.stack(np.meshgrid(*[np.linspace(0, 1, 12)] * 2), axis=-1).reshape(-1, 2)
+    name_points(axes, everywhere[:1], ["name"], ["k"], everywhere)
+    assert not axes.texts
+
+
+def test_the_front_is_what_none_betters():
+    cost = np.array([3.0, 1.0, 2.0, 2.5, np.nan, 4.0])
+    error = np.array([1.0, 3.0, 2.0, 2.5, 0.0, 1.0])
+    assert front(cost, error).tolist() == [1, 2, 0]
+
+
+def test_pareto_is_of_design_choices(swept):
+    results = swept(NEAR_A_HALF_TURN, **STARTS)
+    assert error_of(Pareto().draw, [results]) == (
+        f"{results.path}: figure 'pareto' shows a trade-off between design choices, which are "
+        "gains and options of laws; here is swept: initial.pose.angle, initial.velocity.speed"
+    )
+
+
+def test_equal_best_cells_are_all_framed(swept, altered):
+    def equal(errors):
+        errors[:] = 1.0
+        errors[3] = 2.0  # one point is worse
+        return errors
+
+    result = altered_sweep(swept, altered, BOTH, mean_pose_error=equal)
+    drawing = SweepFigure(controllers=["eqt"]).draw([result])
+    assert len(drawing.axes[0].patches) == 2 * 3  # each frame is seen on every colour
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        (['{"torque": [0, 1]}', '{"torque": ["cos(t)", -1]}'], ["[0, 1]", "[cos(t), −1]"]),
+        (['[{"kind": "lag", "time_constant": 0.1}]', "[]"], ["lag, time constant 0.1", "none"]),
+        (['[{"kind": "lag", "k": 1}]', '[{"kind": "lag", "k": 2}]'], ["1", "2"]),
+        (["ideal", "limit"], ["ideal", "limit"]),
+    ],
+)
+def test_swept_mappings_are_in_words(texts, words):
+    assert briefly(texts) == words
+
+
+@pytest.mark.parametrize("figure", [SweepFigure(), Pareto()])
+def test_a_single_experiment_is_refused(figure, so3, opened):
+    with pytest.raises(EqtError, match="shows sweeps, and this is a single experiment"):
+        figure.draw([opened(so3)])
+
+
+def test_more_keys_than_two_are_refused(swept):
+    three = [{"grid": {"gains.kp": [1, 2], "gains.kd": [1, 2], "ensemble.seed": [1, 2]}}]
+    results = swept(three, ensemble={"runs": 1}, time={"duration": 0.1, "samples": 3})
+    with pytest.raises(EqtError, match=r"one or two swept keys, and here are 3 \("):
+        SweepFigure().draw([results])
+
+
+def test_an_unknown_metric_is_named(swept):
+    with pytest.raises(EqtError, match="finds no metric 'efort'; did you mean 'effort'"):
+        SweepFigure(metric="efort").draw([swept(ONE)])
+
+
+def altered_sweep(swept, altered, sweep=TWO, **arrays):
+    """A sweep some of whose numbers are replaced."""
+    results = swept(sweep)
+    changed = {name: change(results[name].copy()) for name, change in arrays.items()}
+    return altered(results.path, **changed)
+
+
+def failed(status, place=(1, 0, 0)):
+    """Of one run at the second point."""
+    status[place] = 1
+    return status
+
+
+def unsettled(settling):
+    """At the first point one run settles, and sooner than any other run; at the others all do."""
+    settling[:] = 0.5
+    settling[0] = np.nan
+    settling[0, :, 0] = 0.1
+    return settling
+
+
+def test_a_point_of_which_one_run_settles_is_not_the_best(swept, altered):
+    results = altered_sweep(swept, altered, settling_time=unsettled)
+    runs, horizon = results.runs, results.horizon
+    drawing = SweepFigure(metric="settling_time").draw([results])
+    cells = np.asarray(drawing.axes[0].collections[0].get_array()).reshape(2, 3)
+    assert cells[0, 0] == pytest.approx((0.1 + (runs - 1) * horizon) / runs)
+    assert cells[0, 0] == cells.max() > 0.5
+    count = 2 * (runs - 1)
+    assert drawing.get_supxlabel().replace("\n", " ") == (
+        f"Mean at each point over {runs} runs. settling_time: {count} runs unsettled at "
+        f"{horizon:g} s count as {horizon:g} s; means are lower bounds."
+    )
+
+
+def test_a_point_at_which_a_run_failed_has_no_mean(swept, altered):
+    results = altered_sweep(swept, altered, status=failed)
+    drawing = SweepFigure().draw([results])
+    first, second = (
+        np.ma.filled(axes.collections[0].get_array(), np.nan) for axes in drawing.axes[:2]
+    )
+    assert (np.isnan(first).sum(), np.isnan(second).sum()) == (1, 0)
+    assert drawing.get_supxlabel().splitlines()[1] == "1 run failed; 1 of 12 means left out."
+    results = altered_sweep(swept, altered, BOTH, status=failed)
+    offsets = Pareto().draw([results]).axes[0].collections[0].get_offsets()
+    assert np.ma.count_masked(np.ma.masked_invalid(offsets)) == 2
+
+
+def test_curves_leave_out_points_at_which_a_run_failed(swept, altered):
+    (panel,) = SweepFigure().draw([altered_sweep(swept, altered, ONE, status=failed)]).axes
+    assert [np.isnan(line.get_ydata()).tolist() for line in panel.lines] == [
+        [False, True, False, False],
+        [False] * 4,
+    ]
+
+
+def test_a_sweep_in_which_runs_fail_everywhere_has_no_figure(swept, altered):
+    results = altered_sweep(swept, altered, status=lambda status: failed(status, (..., 0)))
+    with pytest.raises(EqtError, match="finds no point at which every run has a mean_pose_error"):
+        SweepFigure().draw([results])
+
+
+# Names, marks and winners -------------------------------------------------------------------------
+
+
+def test_a_range_that_asks_for_a_logarithmic_scale_gets_one(swept, picture):
+    axes = {"gains.kd": {"low": 0.1, "high": 1, "scale": "log"}}
+    (panel,) = picture(SweepFigure(), swept([{"lhs": {"points": 3, "axes": axes}}])).axes
+    assert panel.get_xscale() == "log"
+
+
+def test_the_best_cell_of_a_map_has_a_frame(swept, picture):
+    results = swept(BOTH)
+    panel = picture(SweepFigure(), results).axes[0]
+    means = results["mean_pose_error"][:, 0].mean(axis=-1)
+    rows, columns = {0.5: 0, 1: 1}, {1: 0, 2: 1}
+    kd, kp = (results.coordinate(f"gains.{key}")[means.argmin()] for key in ("kd", "kp"))
+    keys = [axis.key for axis in results.swept_keys]
+    place = {"gains.kd": rows[kd], "gains.kp": columns[kp]}
+    frame = panel.patches[-1].get_bbox()
+    assert [(frame.x0 + frame.x1) / 2, (frame.y0 + frame.y1) / 2] == pytest.approx(
+        [place[key] for key in keys]
+    )
+
+
+def test_cells_with_failed_runs_are_hatched_and_are_not_the_best(swept, altered):
+    results = swept(BOTH)
+    best = int(results["mean_pose_error"][:, 0].mean(axis=-1).argmin())
+    status = np.zeros_like(results["status"])
+    status[best, 0, 0] = 1
+    changed = altered(results.path, status=status)
+    panel = SweepFigure().draw([changed]).axes[0]
+    hatched = [patch for patch in panel.patches if patch.get_hatch()]
+    assert [patch.get_hatch() for patch in hatched] == ["xxxx"]
+    cell, frame = (patch.get_bbox() for patch in (hatched[0], panel.patches[-1]))
+    assert abs(cell.x0 - frame.x0) > 0.5 or abs(cell.y0 - frame.y0) > 0.5
+
+
+def test_winners_are_those_of_the_comparison(swept, picture):
+    results = swept(TWO)
+    found = compare_map(results, "effort", Resampling(confidence=0.9, resamples=999))
+    image = picture(Winners(metric="effort", confidence=0.9), results).axes[0].collections[0]
+    drawn = np.asarray(image.get_array()).reshape(2, 3)
+    assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]
+
+
+def test_cells_over_one_key_are_as_high_as_the_panel(swept, picture):
+    panel = picture(Winners(metric="effort"), swept(ONE)).axes[0]
+    box = panel.collections[0].get_window_extent()
+    assert box.height == pytest.approx(panel.get_window_extent().height, rel=1e-3)
+
+
+CASES = [{"cases": {"ideal": {}, "soft": {"gains.kp": 0.5}, "stiff": {"gains.kp": 4}}}]
+MORE_RUNS = {"ensemble": {"runs": 8, "seed": 1}, "settling_threshold": "40 deg"}
+
+
+def test_a_forest_has_a_row_for_each_case_with_paired_differences_and_shares(swept, picture):
+    results = swept(CASES, **MORE_RUNS)
+    drawing = picture(Forest(metric="effort", confidence=0.5), results)
+    left, right = drawing.axes
+    (notes,) = (text.get_text() for text in drawing.texts if "per row" in text.get_text())
+    assert " ".join(notes.split()).startswith(
+        "8 runs per row. Left of 0: EqT is better. Intervals of 50 %, each by itself; filled where "
+        "they exclude 0."
+    )
+    assert [text.get_text() for text in left.get_yticklabels()] == ["ideal", "soft", "stiff"]
+    assert left.get_ylim()[0] > left.get_ylim()[1]  # the first case is on top
+    effort = results["effort"]
+    expected = [relative_difference(one - other, other, 0.5) for one, other in effort]
+    drawn = {
+        y: x
+        for line in left.lines
+        if line.get_marker() == "D"
+        for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
+    }
+    np.testing.assert_allclose([drawn[k] for k in range(3)], [100 * e.value for e in expected])
+    (bars,) = left.collections
+    ends = np.array(bars.get_segments())[:, :, 0]
+    np.testing.assert_allclose(ends, [[100 * e.low, 100 * e.high] for e in expected])
+    (filled,) = (line for line in left.lines if line.get_label() == "EqT − GT, without 0")
+    assert 0 < len(filled.get_ydata()) < 3
+    assert list(filled.get_ydata()) == [k for k, e in enumerate(expected) if e.low * e.high > 0]
+    settled = np.isfinite(results["settling_time"]).mean(axis=-1)
+    assert 0 < settled.min() < settled.max()
+    for law, line in enumerate(right.lines[:2]):
+        np.testing.assert_allclose(line.get_xdata(), settled[:, law])
+
+
+def test_a_forest_is_of_two_laws(swept):
+    results = swept(CASES, **MORE_RUNS)
+    with pytest.raises(EqtError, match="figure 'forest' compares two laws, and here is one: EqT"):
+        Forest(controllers=["eqt"]).draw([results])
+
+
+def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):
+    results = swept(TWO)
+    status = results["status"].copy()
+    status[0, 0, 0] = 1
+    drawing = Winners(metric="effort").draw([altered(results.path, status=status)])
+    first, second, *_ = drawing.get_supxlabel().split("\n")
+    assert first == "Numbers: lead over the next law in per cent of its mean."
+    assert second.startswith("6 points tested, ")
+    assert "1 run failed; 1 of 12 means left out." in drawing.get_supxlabel()
+
+
+# Shares of runs.
+
+FLIES = {"actuators": [{"kind": "lag", "time_constant": 0.1}], "settling_threshold": 1.0}
+LAGS = [{"grid": {"actuators[0].time_constant": [0.05, 0.2, 1.0]}}]
+
+
+def settled_by(results, time):
+    """How many runs have, ``(points, controllers)``."""
+    return (results["settling_time"] <= time).sum(axis=-1)
+
+
+@pytest.mark.slow("computes a sweep of its own")
+def test_an_envelope_shows_the_share_that_settles_with_its_intervals(swept, picture):
+    results = swept(LAGS, **FLIES)
+    (panel,) = picture(Envelope(), results).axes
+    counts = settled_by(results, np.inf)
+    assert counts.min() < counts.max()  # else the figure would show nothing
+    for controller, line in enumerate(panel.lines):
+        np.testing.assert_array_equal(line.get_xdata(), [0.05, 0.2, 1.0])
+        np.testing.assert_allclose(line.get_ydata(), counts[:, controller] / 6)
+        edges = panel.collections[controller].get_paths()[0].vertices[:, 1]
+        ends = [share(int(n), 6, 0.95)[1:] for n in counts[:, controller]]
+        np.testing.assert_allclose([edges.min(), edges.max()], [np.min(ends), np.max(ends)])
+
+
+@pytest.mark.slow("computes an experiment several times")
+def test_an_envelope_may_ask_for_an_earlier_time(swept, picture):
+    results = swept(LAGS, **FLIES)
+    (panel,) = picture(Envelope(by=2.0), results).axes
+    np.testing.assert_allclose(panel.lines[0].get_ydata(), settled_by(results, 2.0)[:, 0] / 6)
+    assert panel.get_ylabel() == "share settled by 2 s (%)"
+
+
+def test_a_failed_run_has_not_settled(swept, altered):
+    results = swept(LAGS, **FLIES)
+    status, times = results["status"].copy(), results["settling_time"].copy()
+    times[:] = 0.0
+    status[0, 0, 0] = 1
+    drawing = Envelope().draw([altered(results.path, status=status, settling_time=times)])
+    assert drawing.axes[0].lines[0].get_ydata()[0] == pytest.approx(5 / 6)
+    assert "1 run failed; counted as not settled." in drawing.get_supxlabel()
+
+
+def test_a_second_key_has_a_panel_for_each_value(swept, picture):
+    drawing = picture(Envelope(), swept(BOTH))
+    assert [axes.get_title() for axes in drawing.axes] == ["$k_p$ 1 N m", "$k_p$ 2 N m"]
+
+
+def test_runs_are_not_asked_beyond_their_end(swept):
+    with pytest.raises(EqtError, match="option 'by': the runs last 4 s, got 5"):
+        Envelope(by=5.0).draw([swept(ONE)])
+
+
+def test_an_envelope_needs_a_number_across(swept):
+    with pytest.raises(EqtError, match="shows a swept number and at most one more key, and here"):
+        Envelope().draw([swept(CASES, **MORE_RUNS)])
+
+
+STARTS = {
+    "initial": {
+        "pose": {"kind": "angle", "angle": 1.0},
+        "velocity": {"kind": "speed", "speed": 0.0},
+    },
+    "settling_threshold": "60 deg",
+}
+NEAR_A_HALF_TURN = [
+    {"grid": {"initial.pose.angle": ["90 deg", "179 deg"], "initial.velocity.speed": [0, 1, 3]}}
+]
+
+
+def test_a_region_has_the_share_that_settles_in_every_cell_with_its_interval(swept, picture):
+    results = swept(NEAR_A_HALF_TURN, **STARTS)
+    drawing = picture(Region(), results)
+    # Counted directly, from the errors at the end: ‖I − R‖_F is 2√2 sin(θ/2).
+    within = results["final_pose_error"] <= 2 * np.sqrt(2) * np.sin(np.radians(30))
+    counts = within.sum(axis=-1)
+    assert len(np.unique(counts)) > 2
+    for law, panel in enumerate(drawing.axes[:2]):
+        drawn = np.asarray(panel.collections[0].get_array()).reshape(3, 2)
+        np.testing.assert_allclose(drawn.T.ravel(), 100 * counts[:, law] / 6)
+        texts = [text.get_text() for text in panel.texts if "\n" in text.get_text()]
+        ends = [share(int(n), 6, 0.95)[1:] for n in counts[:, law]]
+        expected = [
+            f"{100 * n / 6:.0f}\n{np.floor(100 * low):.0f}–{np.ceil(100 * high):.0f}"
+            for n, (low, high) in zip(counts[:, law], ends, strict=True)
+        ]
+        assert texts == expected
+    top, bottom, _ = drawing.axes
+    assert [text.get_text() for text in bottom.get_xticklabels()] == ["90", "179"]
+    assert (bottom.get_xlabel(), bottom.get_ylabel()) == (
+        "initial angle $(\\mathrm{deg})$",
+        "initial angular speed $(\\mathrm{rad/s})$",
+    )
+    assert (top.get_title(), bottom.get_title()) == ("EqT", "GT")
+    said = "A cell per tested value, of 6 runs; below the share, its 95 % Wilson interval."
+    assert drawing.get_supxlabel() == said
+
+
+@pytest.mark.parametrize("figure", [Region(), SweepFigure()])
+def test_the_lowest_map_of_each_column_is_numbered(simulate, opened, figure):
+    results = opened(
+        simulate(sweep=BOTH, controllers=["eqt", "gt", "nog"], ensemble={"runs": 2, "seed": 1})
+    )
+    panels = figure.draw([results]).axes[:3]  # two, and one below the first
+    written = [
+        [text.get_text() for text in axes.get_xticklabels() if text.get_visible()]
+        for axes in panels
+    ]
+    assert written == [[], ["0.5", "1"], ["0.5", "1"]]
+    assert [axes.xaxis.label.get_visible() for axes in panels] == [False, True, True]
+
+
+def test_a_region_is_of_two_keys(swept):
+    assert error_of(Region().draw, [swept(ONE)]).endswith(
+        ": figure 'region' shows two swept keys, and here are 1 (gains.kd); figure 'envelope' "
+        "shows a swept number"
+    )
+
+
+@pytest.mark.parametrize(
+    ("share", "said"), [(0, "0"), (0.04, "0.04"), (49.6, "50"), (99.96, "99.96"), (100, "100")]
+)
+def test_a_share_of_nearly_all_runs_is_not_that_of_all(share, said):
+    assert region._per_cent(share) == said
+
+
+def test_an_interval_in_a_cell_is_no_narrower_than_it_is():
+    found = [region._interval(*ends) for ends in ((94.55, 99.82), (0.0, 3.2), (99.98, 99.99))]
+    assert found == ["94–100", "0–4", "99.98–99.99"]
+
+
+def test_bands_of_a_share_are_its_intervals(swept, picture):
+    results = swept(LAGS, **FLIES)
+    (panel,) = picture(SweepFigure(metric="settled"), results).axes
+    counts = settled_by(results, np.inf)[:, 0]
+    edges = panel.collections[0].get_paths()[0].vertices[:, 1]
+    assert edges.max() == pytest.approx(max(share(int(n), 6, 0.95).high for n in counts))
+
+
+def test_a_map_of_shares_says_how_well_they_are_known(swept, picture):
+    drawing = picture(SweepFigure(metric="settled"), swept(TWO))
+    assert "(intervals to ±0." in drawing.axes[-1].get_ylabel()

@@ -1,0 +1,157 @@
+"""The figure of torque components."""
+
+import numpy as np
+import pytest
+from said import error_of
+
+from eqt_cli.figures.figure import ShownRuns
+from eqt_cli.figures.layout import EMPTY
+from eqt_cli.figures.style import WIDTHS
+from eqt_cli.figures.time_figures import Torque, _places
+
+pytestmark = pytest.mark.usefixtures("unarranged")
+
+
+def _drawn(axes):
+    return {line.get_label(): line.get_ydata() for line in axes.lines}
+
+
+def test_panels_show_the_mean_of_every_law_and_the_desired_torque(so3, altered, opened):
+    status = np.zeros_like(opened(so3)["status"])
+    status[2, 0] = 2
+    results = altered(so3, status=status)
+    for axis, axes in enumerate(Torque(share="total").draw([results]).axes):
+        drawn = _drawn(axes)
+        assert list(drawn) == ["eqt", "gt", "nog", "asym", "desired"]
+        for controller, label in enumerate(results.labels):
+            values = results["torque"][controller, status[controller] == 0, :, axis]
+            np.testing.assert_array_equal(drawn[label], values.mean(axis=0))
+        np.testing.assert_array_equal(drawn["desired"], results["desired_torque"][:, axis])
+
+
+@pytest.mark.parametrize(
+    ("group", "share"),
+    [
+        ("so3", "total"),
+        pytest.param("se3", "feedback", marks=pytest.mark.slow("draws six panels twice")),
+    ],
+)
+def test_units_of_a_user_change_what_is_drawn_and_nothing_else(group, share, request, opened):
+    result = opened(request.getfixturevalue(group))
+    usual, other = (
+        Torque(share=share).draw([one]).axes for one in (result, result.in_units(["mN m", "deg/s"]))
+    )
+    for before, after in zip(usual, other, strict=True):
+        turns = "N m" in before.get_ylabel().replace(r"\ ", " ").replace(r"\,", " ")
+        assert turns == ("mN" in after.get_ylabel())
+        for label, values in _drawn(before).items():
+            drawn = _drawn(after)[label]
+            np.testing.assert_allclose(drawn, (1e3 if turns else 1) * values, rtol=1e-12)
+
+
+def test_bands_are_drawn_on_request(so3, opened, picture):
+    assert not any(axes.collections for axes in picture(Torque(), opened(so3)).axes)
+    drawing = picture(Torque(bands="quantiles"), opened(so3))
+    assert [len(axes.collections) for axes in drawing.axes] == 12 * [1]  # a column for each law
+    assert [axes.get_title() for axes in drawing.axes[:4]] == ["EqT", "GT", "nog", "asym"]
+    assert drawing.get_supxlabel() == (
+        "Curves: mean of the signed feedback over 6 runs; bands: 10–90 % of runs."
+    )
+
+
+def test_feedback_and_feedforward_add_up_to_the_torque(so3, opened, picture):
+    whole, forward, back = (
+        _drawn(picture(Torque(share=share), opened(so3)).axes[1])
+        for share in ("total", "feedforward", "feedback")
+    )
+    assert "desired" not in back
+    for label in ("eqt", "gt", "nog", "asym"):
+        assert np.abs(back[label]).max() > 0.1
+        np.testing.assert_allclose(forward[label] + back[label], whole[label], atol=1e-14)
+
+
+def test_feedback_is_what_the_gains_give(simulate, opened, picture):
+    # Without errors there is none: the run starts on the reference.
+    path = simulate(
+        initial={
+            "pose": {"kind": "fixed", "coordinates": [0.0, 0.0, 0.0]},
+            "velocity": {"kind": "fixed", "coordinates": [0.0, 0.0, 0.0]},
+        },
+        ensemble={"runs": 1, "seed": 1},
+        solver={"rtol": 1e-9, "atol": 1e-12, "cross_check": 0, "error_estimate": False},
+        time={"duration": 1.0, "samples": 11},
+    )
+    drawn = _drawn(picture(Torque(share="feedback"), opened(path)).axes[0])
+    assert max(np.abs(values).max() for values in drawn.values()) < 1e-6
+
+
+def test_a_law_that_does_not_say_what_is_feedforward_is_refused(simulate, opened):
+    path = simulate(controllers=["eqt", "logarithmic"])
+    assert error_of(Torque(share="feedback").draw, [opened(path)]) == (
+        f"{path}: figure 'torque' cannot separate the feedforward of logarithmic: the law does "
+        "not say which of its terms are feedforward; choose others with the option 'controllers'"
+    )
+
+
+@pytest.mark.parametrize("share", ["feedback", "feedforward"])
+def test_a_torque_about_the_only_axis_has_no_name_of_an_axis(
+    simulated_once, opened, share, picture
+):
+    wheel = {"group": "SO2", "inertia": 1.0, "reference": {"kind": "constant"}}
+    result = opened(simulated_once("so2", **wheel, controllers=["eqt"]))
+    [panel] = picture(Torque(share=share), result).axes
+    assert panel.get_ylabel().startswith(
+        rf"$\tau_{{\mathrm{{{'fb' if share == 'feedback' else 'ff'}}}}}$"
+    )
+
+
+def test_torques_and_forces_have_their_own_symbols_units_and_panels(se3, opened, picture):
+    labels = [axes.get_ylabel() for axes in picture(Torque(), opened(se3), width="page").axes]
+    assert labels == [
+        *(rf"$\tau_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N\,m}})$" for axis in "xyz"),
+        *(rf"$f_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N}})$" for axis in "xyz"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("width", "places"),
+    [("page", [["ω", EMPTY], ["vx", "vy"]]), ("column", [["ω", "vx"], [EMPTY, "vy"]])],
+)
+def test_parts_of_different_size_leave_places_empty(width, places, simulate, opened):
+    plane = simulate(
+        group="SE2",
+        inertia=1.0,
+        reference={"torque": ["cos(t)", "1", "0"]},
+        ensemble={"runs": 1, "seed": 1},
+        controllers=["eqt"],
+    )
+    assert _places(dict(ShownRuns([opened(plane)], "torque").axes), width) == places
+
+
+def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog, picture):
+    product = simulate(
+        group="SO2*R1",
+        inertia=1.0,
+        gains={"kp": [1.0, 1.0], "kd": 0.5},
+        reference={"torque": ["cos(t)", "1"]},
+        initial={
+            "pose": [{"kind": "haar"}, {"kind": "exp_normal", "std": 1.0}],
+            "velocity": {"kind": "normal", "std": 1.0},
+        },
+        controllers=["eqt"],
+    )
+    assert [axes.get_ylabel() for axes in picture(Torque(), opened(product)).axes] == [
+        r"$\tau_{1,\mathrm{fb}}$ $(\mathrm{N\,m})$",
+        r"$f_{1_{2},\mathrm{fb}}$ $(\mathrm{N})$",
+    ]
+    assert not caplog.records  # Matplotlib would say which letters its fonts lack
+
+
+@pytest.mark.slow("arranges a figure for each number")
+@pytest.mark.parametrize("width", WIDTHS)
+def test_any_number_of_controllers_shares_the_panels(width, simulate, opened, picture):
+    path = simulate(
+        controllers=[{"kind": "family", "label": label} for label in "abcdefghi"],
+        ensemble={"runs": 1, "seed": 1},
+    )
+    assert len(picture(Torque(), opened(path), width=width).axes) == 3

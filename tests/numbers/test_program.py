@@ -1,0 +1,327 @@
+"""A function as a program: the same numbers, by as few operations as its structure allows."""
+
+import re
+
+import numpy as np
+import pytest
+
+from eqt_cli.base import arrays
+from eqt_cli.base.arrays import FUNCTIONS, less, smooth_less, where
+from eqt_cli.base.expressions import parse
+from eqt_cli.numbers.jets import series
+from eqt_cli.numbers.program import (
+    COMPARISONS,
+    Chain,
+    Constant,
+    Input,
+    Operation,
+    c_function,
+    c_name,
+    distinct,
+    fused,
+)
+from eqt_cli.numbers.symbols import traced
+
+NUMPY = {
+    "fma": lambda a, b, c: a * b + c,
+    "negative": np.negative,
+    "pow": np.power,
+    "select": lambda holds, a, b: a if holds else b,
+    **dict.fromkeys(COMPARISONS, np.less),
+    **{name: getattr(np, name) for name in ("add", "subtract", "multiply", "divide", *FUNCTIONS)},
+}
+
+
+def evaluated(program, **inputs):
+    """What a program returns, by NumPy."""
+    values = []
+    for value in program.values:
+        if isinstance(value, Input):
+            values.append(inputs[value.group][value.number])
+        elif isinstance(value, Constant):
+            values.append(np.float64(value.number))
+        else:
+            values.append(NUMPY[value.name](*(values[operand] for operand in value.operands)))
+    return {
+        output.name: np.array([values[place] for place in output.entries]).reshape(output.shape)
+        for output in program.outputs
+    }
+
+
+def program_of(function, length=4):
+    """The program of a function of a vector."""
+    return traced(lambda given: {"y": np.asarray(function(given["x"]))}, {"x": length})
+
+
+def operations(function):
+    """The names of the operations of a function, in their order."""
+    return names(program_of(function))
+
+
+def names(program):
+    return [value.name for value in program.values if isinstance(value, Operation)]
+
+
+def everything(x):
+    """Every operation, on what each is defined for."""
+    a, b, c, d = x
+    rotation = np.array([[a, -b, 1.0], [b, a, 0.0], [c, -d, -1.0]], dtype=x.dtype)
+    return arrays.stack(
+        [
+            *(rotation[:, None] * rotation * np.array([d, -c, 2.0], dtype=x.dtype))
+            .sum(axis=-1)
+            .flat,
+            (a - b) / (c - 3.0) + (b - a) * -d - -a / 7.0 + 2.0 / -b,
+            1.0 - (d - 0.5) / 4.0,
+            where(less(a, b), c, -d) - where(less(b, a), c, -d),
+            where(smooth_less(c * d, 0.1), arrays.absolute(a - b), 0.5),
+            arrays.clip(a * 3, -b, b),
+            *(
+                getattr(np, name)(a) if x.dtype == float else arrays.apply(name, a)
+                for name in FUNCTIONS
+                if name != "acosh"
+            ),
+            arrays.apply("acosh", 1 + a * a),
+            a**2.5,
+        ]
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_program_rounds_as_its_function_does(seed):
+    """Bit for bit: nothing is regrouped."""
+    x = np.random.default_rng(seed).uniform(0.05, 0.95, 4)
+    program = program_of(everything)
+    known = "add subtract multiply divide negative less smooth_less select pow".split()
+    assert {*names(program)} >= {*known, *FUNCTIONS} - {"abs"}
+    np.testing.assert_array_equal(evaluated(program, x=x)["y"], everything(x))
+
+
+@pytest.mark.parametrize(
+    ("function", "expected"),
+    {
+        "equal operations": (lambda x: x[0] * x[1] + x[1] * x[0], "multiply add"),
+        "0 and 1 in sums and products": (lambda x: 0.0 + 1.0 * x[0] - 0.0 * x[1], ""),
+        "minus 1": (lambda x: x[0] + -1.0 * x[1], "subtract"),
+        "signs of products": (lambda x: -x[0] * x[1] + (-x[2]) * (-x[3]),
+            "multiply multiply subtract"),
+        "signs of quotients": (lambda x: -x[0] / x[1] - x[0] / x[1], "divide add negative"),
+        "a difference and its negative":
+            (lambda x: [x[0] - x[1], x[1] - x[0]], "subtract negative"),
+        "a negative of a negative": (lambda x: -(0.0 - x[0]), ""),
+        "a sign and a number": (lambda x: -(2.0 * x[0]), "multiply"),
+        "numbers alone": (lambda x: x[0] * ((x[1] * 0 + 3.0) / 7.0 - 3.0 / 7.0), ""),
+        "a product with a power of 2": (lambda x: x[0] / 4.0 + x[0] * 0.25, "multiply add"),
+        "and with its negative": (lambda x: x[0] / -4.0 + x[1] + x[0] * -0.25, "multiply add add"),
+        "a quotient that overflows": (lambda x: x[0] / 2.0**-1074, "divide"),
+        "what nothing needs": (lambda x: [x[0] * x[1], x[2]][1], ""),
+        "equal choices": (lambda x: where(less(x[0], x[1]), x[2], x[2]), ""),
+        "a comparison of numbers": (lambda x: where(less(x[0] * 0, 1.0), x[2], x[3]), ""),
+        "a comparison of equal numbers":
+            (lambda x: where(less(x[0] * 0 + 1.0, 1.0), x[2] * x[3], x[3]), ""),
+        "whole powers": (lambda x: x[0] ** 5 + x[0] ** 4, "multiply multiply multiply add"),
+        "negative powers": (lambda x: x[0] ** -2, "multiply divide"),
+        "half powers": (lambda x: x[0] ** 0.5 + x[1] ** 0, "sqrt add"),
+        "other powers": (lambda x: x[0] ** -2.5, "pow divide"),
+        "a function of a number": (lambda x: arrays.sin(0 * x[0] + 0.5), "sin"),
+    }.values(),
+)  # fmt: skip
+def test_operations_that_are_left(function, expected):
+    found = operations(function)
+    assert sorted(found) == sorted(expected.split())
+
+
+def test_equal_functions_have_equal_programs():
+    one, other = (program_of(lambda x: everything(x)) for _ in range(2))
+    assert one == other
+    assert hash(one) == hash(other)
+    assert program_of(lambda x: x[0] + x[1]) == program_of(lambda x: x[1] + x[0])
+    assert program_of(lambda x: x[0] - x[1]) != program_of(lambda x: x[1] - x[0])
+
+
+def test_what_belongs_together_stands_together():
+    """All products first, then their sum: that is how NumPy goes, and would keep 32 numbers."""
+
+    def function(x):
+        products = x[:32] * x[32:]
+        return products.sum()
+
+    values = program_of(function, 64).values
+    last = {
+        operand: place
+        for place, value in enumerate(values)
+        if isinstance(value, Operation)
+        for operand in value.operands
+    }
+    kept = [
+        sum(
+            isinstance(values[at], Operation) and at <= place < last.get(at, at)
+            for at in range(place + 1)
+        )
+        for place in range(len(values))
+    ]
+    assert max(kept) <= 6  # log₂ 32, and one
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x: x[0] * x[1] * x[2] * x[3] + arrays.sin(x[2]),
+        lambda x: arrays.sin(x[2]) + x[0] * x[1] * x[2] * x[3],
+        lambda x: where(less(x[1], x[0]), x[0] * x[1] * x[2] * x[3], arrays.sin(x[2]))[()],
+    ],
+    ids=["first in a sum", "last in a sum", "in a choice"],
+)
+def test_the_longest_chain_is_computed_first(function):
+    """So that the result of a shorter one does not wait for it."""
+    assert operations(function)[:3] == ["multiply"] * 3
+
+
+def test_a_comparison_of_symbols_has_no_truth_value():
+    with pytest.raises(TypeError) as caught:
+        program_of(lambda x: x[0] if less(x[0], x[1]) else x[1])
+    message = "a symbol has no truth value; choose by where(less(a, b), x, y)"
+    assert str(caught.value) == message
+
+
+def test_arrays_that_a_program_returns_keep_their_shapes():
+    program = traced(
+        lambda given: {"sum": given["x"].sum(), "matrix": np.outer(given["x"], given["z"])},
+        {"x": 2, "unused": 1, "z": 3},
+    )
+    found = evaluated(program, x=[1.0, 2.0], z=[3.0, 4.0, 5.0])
+    np.testing.assert_array_equal(found["sum"], 3.0)
+    np.testing.assert_array_equal(found["matrix"], [[3, 4, 5], [6, 8, 10]])
+    assert program.inputs == (("x", 2), ("unused", 1), ("z", 3))
+
+
+def test_derivatives_of_expressions_are_programs():
+    expression = parse("sin(t)**2 + t**3/(1 + t*t) + exp(-t) + sqrt(t) + 2**t")
+
+    def derivatives(x):
+        found = series(expression, {"t": x[0]}, 2)
+        return [found.derivative(k) for k in range(3)]
+
+    program, expected = program_of(derivatives, 1), derivatives([0.7])
+    np.testing.assert_allclose(evaluated(program, x=[0.7])["y"], expected, rtol=1e-14)
+
+
+# In C ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("compiler", ["cc", "c++"])
+def test_c_gives_the_same_as_numpy(in_c, compiler):
+    """But for functions, which the library of C may round in another way, by a last place."""
+    x = np.random.default_rng(1).uniform(0.05, 0.95, 4)
+    program = program_of(everything)
+    found = in_c(program, compiler, x=x)["y"]
+    np.testing.assert_allclose(found, everything(x), rtol=1e-15, atol=0)
+    np.testing.assert_array_equal(found[:14], everything(x)[:14])
+
+
+def test_numbers_in_c_are_exact(in_c):
+    numbers = [0.1, 1 / 3, 1e-320, 1.7e308, -1e-9, 2.0**-1074, np.inf, -np.inf, np.nan, 123456789.0]
+    program = program_of(lambda x: np.array([*numbers, x[0]], dtype=object))
+    found = in_c(program, x=np.full(4, -0.0))["y"]
+    np.testing.assert_array_equal(found.view(np.int64), np.array([*numbers, -0.0]).view(np.int64))
+
+
+def test_zeros_of_either_sign_are_two_numbers_and_nan_is_one():
+    numbers = [0.0, -0.0, np.nan, -np.nan, float("nan"), 0.0]
+    program = program_of(lambda x: np.array(numbers, dtype=object))
+    assert len(program.values) == 3
+    found = evaluated(program, x=np.zeros(4))["y"]
+    np.testing.assert_array_equal(found, numbers)
+    np.testing.assert_array_equal(np.signbit(found[[0, 1, 5]]), [False, True, False])
+
+
+@pytest.mark.parametrize(
+    ("function", "expected"),
+    {
+        "a product and a number": (lambda x: x[0] * x[1] + x[2], "fma"),
+        "less a number": (lambda x: x[0] * x[1] - x[2], "negative fma"),
+        "a number less a product": (lambda x: x[2] - x[0] * x[1], "negative fma"),
+        "two products": (lambda x: x[0] * x[1] + x[2] * x[3], "multiply fma"),
+        "their difference": (lambda x: x[0] * x[1] - x[2] * x[3], "multiply negative fma"),
+        "a product for two sums": (lambda x: [x[0] * x[1] + x[2], x[0] * x[1] - x[3]],
+            "multiply add subtract"),
+        "a product that is returned": (lambda x: [x[0] * x[1], x[0] * x[1] + x[2]], "multiply add"),
+        "no product": (lambda x: x[0] / x[1] + (x[2] - x[3]), "divide subtract add"),
+        "no sum": (lambda x: x[0] * x[1] / x[2], "multiply divide"),
+        "a sum of sums": (lambda x: x[0] * x[1] + x[2] * x[3] + x[0], "multiply fma add"),
+    }.values(),
+)  # fmt: skip
+def test_products_are_fused_with_sums(function, expected):
+    program = program_of(function)
+    found = fused(program)
+    assert sorted(names(found)) == sorted(expected.split())
+    x = np.array([3.0, -5.0, 8.0, 2.0])  # nothing rounds, so that both are exact
+    np.testing.assert_array_equal(evaluated(found, x=x)["y"], evaluated(program, x=x)["y"])
+
+
+@pytest.mark.parametrize(
+    ("function", "kept"),
+    [
+        (lambda x: x[0] * x[1] + x[2] * x[3] * x[3], {2, 3}),
+        (lambda x: x[2] * x[3] * x[3] - x[0] * x[1], {2, 3}),
+        (lambda x: x[0] * x[1] * x[1] + x[2] * x[3], {0, 1}),
+    ],
+)
+def test_of_two_products_in_a_sum_the_one_that_is_computed_first_is_kept(function, kept):
+    """The longer chain comes first; so the other one is known last."""
+    values = fused(program_of(function)).values
+    products = [value for value in values if getattr(value, "name", "") == "multiply"]
+    used = {values[operand] for product in products for operand in product.operands}
+    assert {value.number for value in used if isinstance(value, Input)} == kept
+
+
+def test_names_that_are_none_in_c():
+    program = program_of(lambda x: x)
+    assert "void law(const eqt_real *__restrict in_x, eqt_real *__restrict out_y)" in c_function(
+        program, "law"
+    )
+    with pytest.raises(ValueError, match=re.escape("'a); evil(' is no identifier of C")):
+        c_function(program, "a); evil(")
+
+
+def test_a_chain_simplifies_nothing_across_a_border(in_c):
+    """-0 and infinity come through, where a product with a constant 0 or a sum would lose them."""
+    first = traced(lambda given: {"y": given["x"] * 2.0, "none": np.zeros(1)}, {"x": 2})
+    second = traced(lambda given: {"z": given["y"] + given["n"] * given["y"]}, {"y": 2, "n": 1})
+    chain = Chain({"x": 2})
+    middle = chain.then(first, {"x": chain.given("x")})
+    last = chain.then(second, {"y": middle["y"], "n": middle["none"]})
+    whole = chain.program({"z": ((2,), last["z"])})
+    for x in ([-0.0, 3.0], [np.inf, -0.0], [0.1, -0.3]):
+        y = in_c(first, x=x)
+        expected = in_c(second, y=y["y"], n=y["none"])["z"]
+        assert in_c(whole, x=x)["z"].tobytes() == expected.tobytes()
+
+
+def test_a_chain_has_equal_operations_once_and_no_others():
+    both = traced(lambda given: {"y": given["x"] * given["x"], "z": given["x"] + 1.0}, {"x": 1})
+    chain = Chain({"x": 1})
+    x = chain.given("x")
+    one, other = chain.then(both, {"x": x}), chain.then(both, {"x": x})
+    assert one == other
+    whole = chain.program({"y": ((1,), one["y"])})
+    assert whole.values == (Input("x", 0), Operation("multiply", (0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        *(("lee2010", "lee2010"), ("kp=2", "kp_2"), ("2nd law", "n_2nd_law"), ("int", "int_")),
+        *(("λ", "n"), ("from_", "from_")),
+    ],
+)
+def test_a_text_as_a_name_in_c(text, name):
+    assert c_name(text) == name
+
+
+def test_names_in_c_are_distinct():
+    assert distinct(["a b", "a-b", "period"], taken=("period",)) == ["a_b", "a_b_2", "period_2"]
+    assert distinct(["a", "A"]) == ["a", "A_2"]  # one file on some systems
+    ends = ("", "_check")
+    assert distinct(["a", "a_check"], endings=ends) == ["a", "a_check_2"]
+    assert distinct(["A_check", "a"], endings=ends) == ["A_check", "a_2"]

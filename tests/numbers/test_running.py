@@ -1,0 +1,93 @@
+"""What follows from samples one by one is, to the bit, what follows from all of them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from eqt_cli.base.arrays import less
+from eqt_cli.base.errors import TraceError
+from eqt_cli.numbers.running import Memory, Running, SampledRuns
+from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.quantity import Window
+
+VALUES = arrays(float, st.integers(2, 9), elements=st.floats(-1e6, 1e6))
+
+
+def one_by_one(times, values, of):
+    """A number of values, by a program that is run on floats."""
+
+    def look(memory, columns, value):
+        found = Memory(memory, columns)
+        of(Running(times, found), np.array([value]))
+        return found
+
+    size = 64
+    found = look(np.zeros(size), np.zeros(size), values[0])
+    columns = np.array(found.columns).reshape(-1, len(times))
+    memory = np.array(found.starts)
+    for sample, value in enumerate(values):
+        memory = np.array(look(memory, columns[:, sample], value).after, dtype=float)
+    behind = Memory(memory, np.zeros(size), ended=True)
+    return np.asarray(of(Running(times, behind), np.zeros(1)))[0]
+
+
+NUMBERS = {
+    "integral": lambda over, x: over.integral(x),
+    "simpson": lambda over, x: over.simpson(x * x),
+    "mean": lambda over, x: over.mean(x),
+    "closing mean": lambda over, x: over.closing_mean(x, 0.4),
+    "every other": lambda over, x: over.weighted(np.arange(len(over.times)) % 2.0, x),
+    "largest": lambda over, x: over.largest(x),
+    "smallest": lambda over, x: over.smallest(x),
+    "final": lambda over, x: over.final(x),
+    "from the first": lambda over, x: over.largest(x - over.initial(x)),
+    "from the one before": lambda over, x: over.largest(x - over.before(x)),
+    "latest": lambda over, x: over.latest(over.time + 0 * x, less(0.0, x)),
+}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@settings(max_examples=15)
+@given(VALUES, st.integers(0, 9))
+def test_one_by_one_is_all_at_once(name, values, known):
+    times = 0.5 + np.cumsum(np.linspace(0.1, 0.4, len(values)))
+    values[known:] = np.nan  # of a run that fails
+    with np.errstate(invalid="ignore"):
+        expected = NUMBERS[name](SampledRuns(times), values[None])[0]
+        found = one_by_one(times, values, NUMBERS[name])
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("name", ["settling_time", "early_torque", "peak_torque", "closing_torque"])
+@settings(max_examples=10)
+@given(arrays(float, 21, elements=st.floats(0, 1)))
+def test_a_metric_is_the_same_both_ways(name, values):
+    (metric,) = (each for each in METRICS if each.name == name)
+    times, keys = np.linspace(0, 10, 21), dict.fromkeys(metric.settings, 0.3)
+
+    def of(over: SampledRuns, x):
+        signals = {metric.signals[0]: x}
+        return metric.measure(over, signals, metric.window, **keys)
+
+    expected = of(SampledRuns(times), values[None])[0]
+    np.testing.assert_array_equal(one_by_one(times, values, of), expected)
+
+
+def test_a_window_between_two_samples_cannot_be_found_one_by_one():
+    with pytest.raises(TraceError, match="a window ends between two samples"):
+        Running(np.linspace(0, 10, 11), Memory(np.zeros(9), np.zeros(9))).within(
+            Window(0.0, 3.3).cut, []
+        )
+
+
+@pytest.mark.parametrize("name", ["largest", "smallest", "initial", "final", "before", "latest"])
+def test_only_sums_over_a_window_are_found_one_by_one(name):
+    of = NUMBERS["latest"] if name == "latest" else lambda over, x: getattr(over, name)(x)
+    memory = Memory(np.zeros(9), np.zeros(9))
+    over, (values,) = Running(np.linspace(0, 10, 11), memory).within(
+        Window(0.0, 3.0).cut, [np.ones(1)]
+    )
+    with pytest.raises(TraceError, match="only sums are taken over a window"):
+        of(over, values)

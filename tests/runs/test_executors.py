@@ -1,0 +1,392 @@
+import multiprocessing
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import ExitStack, suppress
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
+
+import pytest
+from said import error_of
+
+from eqt_cli.api import choose_executor, load_experiment
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.process import ASKED_BY, Interrupted, as_exceptions
+from eqt_cli.base.reporting import Reporter, reporting, step
+from eqt_cli.cli.run_report import executor_from
+from eqt_cli.runs import executors as auto
+from eqt_cli.runs.executors import MOST_TRIES, NEEDED, Auto, Local, Outcome, executors
+
+# In a file of its own, where spawned processes find it.
+TASK = """
+import os, signal, time
+from pathlib import Path
+
+from eqt_cli.base.errors import EqtError
+
+
+class Task:
+    def __init__(self, folder):
+        self.folder = folder
+
+    def runs_of(self, item):
+        return 10
+
+    def __call__(self, item, ways):
+        with open(Path(self.folder) / f"{item}-{os.getpid()}-{time.monotonic_ns()}", "w"):
+            pass
+        if item in (13, 17) and (item == 13 or self._tries(item) == 1):
+            os.kill(os.getpid(), signal.SIGKILL)
+        if item == 99:
+            raise EqtError("no")
+        while item == 1000:
+            ways.progress(0.001)
+            time.sleep(0.001)
+        ways.progress(4)
+        return item % 2
+
+    def _tries(self, item):
+        return len(list(Path(self.folder).glob(f"{item}-*")))
+"""
+
+NEEDS_DASK = pytest.mark.skipif(not all(map(find_spec, NEEDED)), reason="needs the extra dask")
+NAMES = [
+    pytest.param(name, marks=[NEEDS_DASK] if name == "dask" else [])
+    for name in ("auto", "serial", "threads", "local", "dask")
+]
+QUICK = [
+    pytest.param(*name.values, marks=[*name.marks, pytest.mark.slow("starts a cluster")])
+    if name.values[0] == "dask"
+    else name
+    for name in NAMES
+]
+"""Dask is tried by contracts/test_executors.py, too."""
+
+SURVIVORS = [name for name in QUICK if name.values[0] in ("local", "dask")]
+POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="has no SIGKILL")
+
+
+@pytest.fixture
+def task(tmp_path, monkeypatch):
+    code = tmp_path / "code"
+    code.mkdir()
+    name = f"task_of_{tmp_path.name}"
+    (code / f"{name}.py").write_text(TASK, encoding="utf-8")
+    monkeypatch.syspath_prepend(code)
+    monkeypatch.setenv("PYTHONPATH", str(code), prepend=":")
+    done = tmp_path / "done"
+    done.mkdir()
+    return __import__(name).Task(str(done))
+
+
+@POSIX
+@pytest.mark.parametrize("name", SURVIVORS)
+def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_path):
+    found = list(executors.get(name)(2).outcomes(task, [1, 17, 3]))
+    assert sorted(o.item for o in found) == [1, 3, 17]
+    assert all(o.failed == 1 for o in found)
+    assert len(list((tmp_path / "done").glob("17-*"))) == 2
+    assert len(list((tmp_path / "done").glob("1-*"))) == 1
+
+
+@pytest.mark.slow("starts processes")
+@POSIX
+@pytest.mark.parametrize("name", SURVIVORS)
+def test_an_item_that_loses_its_worker_again_and_again_is_given_up(name, task, tmp_path, told):
+    with step("runs", 40):
+        found = list(executors.get(name)(1).outcomes(task, [13, 2]))
+    assert sorted(found, key=lambda o: o.item) == [Outcome(2, 0), Outcome(13, None)]
+    assert len(list((tmp_path / "done").glob("13-*"))) == MOST_TRIES
+    assert told.total("runs") == 10  # of the good item alone
+
+
+@pytest.mark.slow("starts processes")
+@NEEDS_DASK
+def test_a_cluster_starts_beside_another(task):
+    """The other one has taken the port where Dask's schedulers show themselves."""
+    with socket.socket() as other:
+        with suppress(OSError):  # there is another one indeed
+            other.bind(("", 8787))
+            other.listen()
+        found = list(executors.get("dask")(1).outcomes(task, [2]))
+    assert found == [Outcome(2, 0)]
+
+
+def test_workers_end_when_nobody_listens_any_more(task):
+    outcomes = executors.get("local")(2).outcomes(task, list(range(1, 10)))
+    next(outcomes)
+    outcomes.close()
+    deadline = time.monotonic() + 10
+    while multiprocessing.active_children() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not multiprocessing.active_children()
+
+
+def test_a_thread_can_take_the_place_of_a_process(task, tmp_path, told):
+    with step("runs", 40):
+        found = list(Local(2).share(task, [1, 2, 3, 4]))
+    assert sorted(found, key=lambda o: o.item) == [Outcome(k, k % 2) for k in (1, 2, 3, 4)]
+    assert told.total("runs") == 40
+    assert str(os.getpid()) in {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
+
+
+def test_an_error_in_this_thread_ends_everything(task):
+    with pytest.raises(EqtError, match="no"):
+        list(Local(1).share(task, [2, 99]))
+
+
+def test_an_interruption_waits_for_the_next_report_of_this_thread(task):
+    class Interrupting(Reporter):
+        def advance(self, amount):
+            raise KeyboardInterrupt
+
+    before = threading.active_count()
+    with pytest.raises(KeyboardInterrupt), reporting(Interrupting()):  # else it would never end
+        list(Local(1).share(task, [1000]))
+    assert threading.active_count() == before
+
+
+@POSIX
+def test_a_signal_while_a_worker_is_started_leaves_none(task, monkeypatch):
+    from multiprocessing.popen_spawn_posix import Popen
+
+    launch = Popen._launch
+
+    def launch_and_tell(process, what):
+        launch(process, what)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(Popen, "_launch", launch_and_tell)
+    before = {number: signal.getsignal(number) for number in ASKED_BY}
+    try:
+        with pytest.raises(Interrupted), as_exceptions(lambda: None):
+            list(executors.get("local")(2).outcomes(task, range(100, 10**6)))
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert not multiprocessing.active_children()
+
+
+@POSIX
+def test_a_worker_that_starts_ignores_ctrl_c(task, tmp_path, monkeypatch, capfd):
+    from multiprocessing.popen_spawn_posix import Popen
+
+    launch = Popen._launch
+
+    def launch_and_tell(process, what):
+        launch(process, what)
+        os.kill(process.pid, signal.SIGINT)
+
+    monkeypatch.setattr(Popen, "_launch", launch_and_tell)
+    found = list(executors.get("local")(1).outcomes(task, [2]))
+    assert found == [Outcome(2, 0)]
+    assert len(list((tmp_path / "done").glob("2-*"))) == 1
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.slow("starts processes")
+@POSIX
+def test_workers_that_nobody_has_ended_end_with_python(task):
+    """As after an interruption of the very moment in which they are ended."""
+    task = f"__import__({type(task).__module__!r}).Task({task.folder!r})"
+    code = (
+        "from eqt_cli.runs.executors import executors\n"
+        "if __name__ == '__main__':\n"
+        f"    open_ended = executors.get('local')(2).outcomes({task}, range(1, 1000))\n"
+        "    next(open_ended)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL, timeout=60, check=True)
+
+
+@POSIX
+@pytest.mark.parametrize(
+    "threads", [False, pytest.param(True, marks=pytest.mark.slow("starts processes"))]
+)
+def test_auto_takes_processes_only_where_they_are_worth_it(threads, task, tmp_path, monkeypatch):
+    def processes():
+        return {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
+
+    items = [1, 2, 3, 4, 5]
+    list(Auto(2, threads).outcomes(task, items))
+    assert processes() == {str(os.getpid())}
+    monkeypatch.setattr(auto, "WORTH_LEAVING_THREADS" if threads else "WORTH_STARTING", 0.0)
+    found = list(Auto(2, threads).outcomes(task, items))
+    assert sorted(outcome.item for outcome in found) == items
+    assert len(processes()) > 1
+
+
+def test_auto_stays_in_threads_that_are_as_fast(task, tmp_path, monkeypatch):
+    monkeypatch.setattr(auto, "WORTH_LEAVING_THREADS", 0.0)
+    list(Auto(2, threads=True, stays=True).outcomes(task, [1, 2, 3]))
+    names = {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
+    assert names == {str(os.getpid())}
+
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.mark.parametrize(
+    ("engine", "workers", "stays"), [("native", 2, True), ("native", 3, False)]
+)
+def test_auto_stays_in_threads_where_that_was_measured(engine, workers, stays):
+    found = choose_executor(
+        load_experiment(CONFIGS / "paper.yaml", {"solver.engine": engine}), workers
+    )
+    assert found == Auto(workers, threads=True, stays=stays)
+
+
+def test_what_is_asked_of_an_executor_rules():
+    found = choose_executor(
+        load_experiment(CONFIGS / "paper.yaml"), 2, "auto", options={"workers": 3, "stays": True}
+    )
+    assert found == Auto(3, threads=False, stays=True)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("lokal", "executor: kind: unknown executor 'lokal'; did you mean 'local'?"),
+        ("auto:threads=3", "executor: threads: expected true or false, got 3"),
+        ("dask:schedular=a", "executor: schedular: unknown key; did you mean 'scheduler'?"),
+        ("local:workers=0", "executor: workers: expected a whole number of at least 1, got 0"),
+        ("local:2", "--executor: expected NAME:KEY=VALUE, got 'local:2'"),
+    ],
+)
+def test_what_is_wrong_with_an_executor_is_said(asked, message):
+    assert (
+        error_of(executor_from, load_experiment(CONFIGS / "paper.yaml"), asked, 2, None) == message
+    )
+
+
+def test_threads_take_an_item_when_it_can_begin(task):
+    """Whoever hands them out sees how long the earlier ones took."""
+    done, seen = [], []
+
+    def handed_out():
+        for item in (2, 4, 6, 8):
+            seen.append(len(done))
+            yield item
+
+    for outcome in executors.get("threads")(2).take(task, handed_out(), 1):
+        done.append(outcome)
+    assert sorted(outcome.item for outcome in done) == [2, 4, 6, 8]
+    assert seen[:2] == [0, 0]
+    assert seen == sorted(seen)
+
+
+@pytest.fixture
+def certificate(tmp_path):
+    """A certificate, its key, and who says that it is valid, in Dask's words and as files."""
+    from distributed import Security
+
+    security = Security.temporary()
+    content = {
+        "tls_ca": security.tls_ca_file,
+        "tls_cert": security.tls_client_cert,
+        "tls_key": security.tls_client_key,
+    }
+    for name, text in content.items():
+        (tmp_path / f"{name}.pem").write_text(text, encoding="utf-8")
+    return security, {name: str(tmp_path / f"{name}.pem") for name in content}
+
+
+@pytest.mark.slow("starts a cluster")
+@NEEDS_DASK
+def test_nobody_else_gives_orders_to_a_local_cluster(monkeypatch, certificate):
+    from distributed import Client
+
+    with ExitStack() as stack:
+        client = executors.get("dask")(1)._client(stack)
+        address = client.scheduler.address
+        assert address.startswith("tls://127.0.0.1:")
+        for way, security in ((address, certificate[0]), (address.replace("tls", "tcp"), None)):
+            with pytest.raises(OSError, match=r"certificate does not match|closed"):
+                Client(way, security=security, timeout=2, set_as_default=False)
+        for told in (client.cluster.scheduler_info, *client.scheduler_info()["workers"].values()):
+            with pytest.raises(HTTPError, match="404"):
+                urlopen(f"http://127.0.0.1:{told['services']['dashboard']}/health")
+
+
+@pytest.mark.slow("starts a cluster")
+@NEEDS_DASK
+def test_a_scheduler_that_asks_for_a_certificate_is_shown_it(task, certificate, monkeypatch):
+    from distributed import LocalCluster
+
+    from eqt_cli.runs import executors as dask
+
+    security, files = certificate
+    with LocalCluster(
+        1, 1, processes=False, protocol="tls", security=security, dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        address = cluster.scheduler_address
+        done = dask.Dask(1, scheduler=address, **files).outcomes(task, [2])
+        assert list(done) == [Outcome(2, 0)]
+        with pytest.raises(EqtError, match=r"^scheduler tls://.*: cannot be reached: TLS expects"):
+            list(dask.Dask(1, scheduler=address).outcomes(task, [2]))
+    with pytest.raises(EqtError, match=r"^scheduler tcp://.*: cannot be reached: encryption requ"):
+        list(dask.Dask(1, scheduler="tcp://127.0.0.1:9", **files).outcomes(task, [2]))
+
+
+@NEEDS_DASK
+def test_files_of_a_certificate_are_given_together(task, tmp_path):
+    given = tmp_path / "ca.pem"
+    given.touch()
+    executor = executors.get("dask")(1, scheduler="tls://a:1", tls_ca=str(given), tls_key="b.pem")
+    assert error_of(list, executor.outcomes(task, [1])) == (
+        "executor dask: tls_cert: expected a PEM file, got none; TLS needs tls_ca, tls_cert, "
+        "tls_key"
+    )
+
+
+@NEEDS_DASK
+def test_a_scheduler_that_does_not_answer_is_named(task, monkeypatch):
+    from eqt_cli.runs import executors as dask
+
+    monkeypatch.setattr(dask, "CONNECT_WITHIN", 0.2)
+    executor = dask.Dask(1, "tcp://127.0.0.1:9")
+    with pytest.raises(EqtError, match=r"^scheduler tcp://127\.0\.0\.1:9: cannot be reached: "):
+        list(executor.outcomes(task, [1]))
+
+
+def test_dask_that_is_missing_is_named(task, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    from eqt_cli.runs import executors as dask
+
+    monkeypatch.setattr(dask, "find_spec", lambda name: None)
+    assert error_of(list, dask.Dask(1).outcomes(task, [1])) == (
+        "executor dask needs distributed and cryptography (extra dask): pip install "
+        "'distributed>=2026.7' 'cryptography>=50.0'"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "items", "each", "at_once", "seconds"),
+    [
+        ("serial", 4, 10.0, 1, 40.0),
+        ("threads", 4, 10.0, 3, 20.0),
+        ("local", 4, 10.0, 3, 20.0),
+        ("auto", 4, 1.0, 1, 4.0),  # not worth starting processes for
+        ("auto", 2, 10.0, 1, 20.0),  # the second is the last
+        ("auto", 5, 10.0, 3, 30.0),  # the first, and then four by three
+        ("auto in threads", 5, 1.0, 3, 2.0),  # three threads, twice
+        ("auto in threads", 8, 10.0, 3, 30.0),  # the first three, and then five by three
+    ],
+)
+def test_expected_time(name, items, each, at_once, seconds, monkeypatch):
+    monkeypatch.setattr(auto, "WORTH_STARTING", 3.0)
+    executor = Auto(3, threads=True) if name == "auto in threads" else executors.get(name)(3)
+    assert executor.at_once(items, each) == at_once
+    assert executor.wall_time(items, each) == seconds
+
+
+def test_threads_share_what_items_leave():
+    assert executors.get("threads")(8).threads_for(3) == 2
+    assert executors.get("serial")(8).threads_for(3) == 8
+    assert Auto(8, threads=True).threads_for(3) == 2
+    assert executors.get("local")(8).threads_for(3) == 1

@@ -1,0 +1,251 @@
+"""The folder of a result: whose it is, what it holds, and that nothing in it is lost."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from said import error_of
+
+from eqt_cli.config.build import build
+from eqt_cli.config.source import read_config
+from eqt_cli.runs.lock import locked
+
+OWN_FIGURE = b"%PDF-1.4\n<< /Creator (eqt 0.0.1) >>"
+
+
+def contents(folder="out"):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(Path(folder).rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture
+def finished(folder, default_result):
+    """What `run` makes without a change lies in the folder `out`, and its configuration beside."""
+    shutil.copytree(default_result.parent, folder, dirs_exist_ok=True)
+
+
+def refusal(run, *overrides, **options):
+    return error_of(run, *overrides, **options)
+
+
+def test_what_it_holds(run):
+    outcome = run()
+    assert list(contents()) == ["config.yaml", "manifest.json", "results.h5"]
+    manifest = json.loads(contents()["manifest.json"])
+    keys = (
+        "name digest points runs controllers plan config begun provenance finished seconds failed"
+    )
+    assert set(manifest) == set(keys.split())
+    assert (manifest["name"], manifest["runs"], manifest["failed"]) == ("c", 3, 0)
+    steps = {"simulation", "writing", "cross-check"}
+    assert set(manifest["seconds"]) == set(outcome.seconds) == steps
+
+
+def test_its_configuration_is_that_of_the_experiment(finished):
+    kept, given = build(read_config(Path("out/config.yaml"))), build(read_config(Path("c.yaml")))
+    assert kept.resolved == given.resolved
+    assert json.loads(contents()["manifest.json"])["digest"] == given.digest
+
+
+def test_a_finished_experiment_is_not_run_again(finished, run):
+    before = contents()
+    again = run("name=other")
+    assert again.was_complete
+    assert (again.runs, again.failed) == (6, 0)
+    assert contents() == before
+
+
+def test_a_lost_result_is_made_again(finished, run):
+    Path("out/results.h5").unlink()
+    assert not run().was_complete
+    assert "results.h5" in contents()
+
+
+def test_another_experiment_is_refused_with_what_differs(finished, run):
+    before = contents()
+    assert refusal(
+        run,
+        "time.duration=2",
+        "solver.block=1",
+        "controllers[1]={kind: family, label: gt, gyroscopic: 0.5}",
+        "inertia=[[2, 0, 0.1], [0, 1, 0], [0.1, 0, 3]]",
+    ) == (
+        "out: holds another experiment, which differs in\n"
+        "  inertia[0]: 2.0 there, [2.0, 0.0, 0.1] here\n"
+        "  inertia[1]: 1.0 there, [0.0, 1.0, 0.0] here\n"
+        "  inertia[2]: 3.0 there, [0.1, 0.0, 3.0] here\n"
+        "  controllers[1].kind: 'gt' there, 'family' here\n"
+        "  controllers[1].gyroscopic: not given there, 0.5 here\n"
+        "  controllers[1].transport: not given there, 1.0 here\n"
+        "  controllers[1].connection: not given there, 0.0 here\n"
+        "  controllers[1].damping: not given there, 'spatial' here\n"
+        "  controllers[1].error: not given there, 'spatial' here\n"
+        "  controllers[1].quadratic: not given there, 0.0 here\n"
+        "  time.duration: 1.0 there, 2.0 here\n"
+        "  solver.block: not given there, 1 here\n"
+        "choose another folder with out=…, or replace it with force=True"
+    )
+    assert contents() == before
+
+
+def test_another_number_of_controllers_is_shown_as_a_whole(finished, run):
+    assert refusal(run, "controllers=[eqt]").splitlines()[1] == (
+        "  controllers: [{kind: 'eqt', label: 'eqt'}, {kind: 'gt', label: 'gt'}] there, "
+        "[{kind: 'eqt', label: 'eqt'}] here"
+    )
+
+
+def test_force_replaces_and_says_what_it_removed(finished, run):
+    Path("out/figures").mkdir()
+    Path("out/figures/paper.pdf").write_bytes(OWN_FIGURE)
+    Path("out/notes.txt").write_text("mine", encoding="utf-8")
+    outcome = run("time.duration=2", force=True)
+    assert outcome.removed == [
+        f"out{os.sep}{name}" for name in ("results.h5", "figures", "config.yaml", "manifest.json")
+    ]
+    assert list(contents()) == ["config.yaml", "manifest.json", "notes.txt", "results.h5"]
+
+
+def test_force_removes_no_drawing_or_page_of_others(finished, run):
+    Path("out/figures/point_3").mkdir(parents=True)
+    Path("out/figures/empty").mkdir()
+    Path("out/figures/paper.pdf").write_bytes(OWN_FIGURE)
+    Path("out/figures/point_3/paper.pdf").write_bytes(OWN_FIGURE)
+    for name in ("figures/mine.pdf", "figures/paper.svg", "report.html"):
+        Path("out", name).write_text("mine", encoding="utf-8")
+    outcome = run("time.duration=2", force=True)
+    assert [Path(path).as_posix() for path in outcome.removed] == (
+        "out/results.h5 out/figures/paper.pdf out/figures/point_3 out/config.yaml out/manifest.json"
+    ).split()
+    kept = ["figures/mine.pdf", "figures/paper.svg", "report.html"]
+    assert [contents()[str(Path(name))] for name in kept] == [b"mine"] * 3
+    assert [path.name for path in sorted(Path("out/figures").iterdir())] == [
+        "empty",
+        "mine.pdf",
+        "paper.svg",
+    ]
+
+
+def test_the_folder_of_other_results_takes_none_itself(finished, run):
+    for name in ("a", "b", "c", "d"):
+        Path("results", name).mkdir(parents=True)
+        Path("results", name, "manifest.json").write_bytes(contents()["manifest.json"])
+    for force in (False, True):
+        assert refusal(run, out="results", force=force) == (
+            "results: is the folder of other results: a, b, c, …; give this one a folder of its "
+            f"own with out=…, such as {Path('results/c')}"
+        )
+    assert not Path("results/results.h5").exists()
+
+
+def test_figures_alone_are_not_lost_either(finished, run):
+    Path("out/figures").mkdir()
+    Path("out/results.h5").unlink()
+    assert refusal(run, "gains.kp=2") == (
+        "out: holds another experiment, which differs in\n"
+        "  gains.kp: 1.0 there, 2.0 here\n"
+        "choose another folder with out=…, or replace it with force=True"
+    )
+
+
+def test_what_was_begun_and_left_without_results_is_replaced(finished, run):
+    Path("out/results.h5").unlink()
+    outcome = run("gains.kp=2")
+    assert outcome.removed == []
+    assert "kp: 2.0" in contents()["config.yaml"].decode()
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "results.h5", "manifest.json"])
+@pytest.mark.parametrize("force", [False, True])
+def test_files_of_others_are_never_replaced(run, name, force):
+    Path("out").mkdir()
+    Path("out", name).write_text("mine", encoding="utf-8")
+    assert refusal(run, force=force) == (
+        f"out: holds {name} that eqt did not write; choose another folder with out=…"
+    )
+    assert contents() == {name: b"mine"}
+
+
+def test_other_files_are_left_alone(run):
+    Path("out").mkdir()
+    Path("out/notes.txt").write_text("mine", encoding="utf-8")
+    run()
+    assert contents()["notes.txt"] == b"mine"
+
+
+def test_a_file_is_no_folder(run):
+    Path("out").write_text("mine", encoding="utf-8")
+    assert refusal(run) == (
+        "out: cannot be used: not a directory; choose another folder with out=…"
+    )
+
+
+def test_a_folder_below_a_file(run):
+    Path("out").write_text("mine", encoding="utf-8")
+    assert refusal(run, out="out/deep/er") == (
+        f"{Path('out/deep/er')}: cannot be used: not a directory; choose another folder with out=…"
+    )
+
+
+def test_a_folder_that_cannot_be_made(run, monkeypatch):
+    def refused(self, *arguments, **options):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "mkdir", refused)
+    assert refusal(run) == (
+        "out: cannot be used: permission denied; choose another folder with out=…"
+    )
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write")
+def test_a_folder_that_is_read_only(run):
+    Path("out").mkdir(mode=0o555)
+    assert refusal(run) == (
+        "out: cannot be used: permission denied; choose another folder with out=…"
+    )
+
+
+def test_a_full_disk_leaves_no_half_result(run, monkeypatch):
+    def full(handle):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    assert refusal(run) == (
+        "out: cannot be used: no space left on device; choose another folder with out=…"
+    )
+    assert list(contents()) == []
+
+
+def test_what_a_kill_after_packing_left_is_tidied_by_the_next_command(run, experiment):
+    first = run("solver.max_steps=20")
+    folder = first.folder
+    manifest = folder.manifest
+    (folder.path / "parts").mkdir()
+    (folder.path / "parts/000001.h5").touch()
+    (folder.path / ".lock").touch()
+    for key in ("finished", "failed", "seconds"):
+        del manifest[key]
+    (folder.path / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    again = run("solver.max_steps=20")
+    assert again.was_complete
+    assert again.failed == first.failed == 6
+    assert sorted(path.name for path in folder.path.iterdir()) == [
+        "config.yaml",
+        "manifest.json",
+        "results.h5",
+    ]
+    assert folder.manifest["failed"] == 6
+    assert "finished" in folder.manifest
+
+
+def test_what_another_process_is_about_is_left_to_it(run):
+    folder = run().folder
+    (folder.path / "parts").mkdir()
+    with locked(folder.path):
+        assert run().was_complete
+        assert (folder.path / "parts").exists()

@@ -1,0 +1,304 @@
+"""Sweeps whose points differ in shape: a group per point, and the metrics of all in the root."""
+
+from functools import partial
+
+import h5py
+import numpy as np
+import pytest
+from faults_harness import assert_equal, contents
+from said import error_of, said_of
+from small_experiment import configuration, study_of
+
+from eqt_cli.base.errors import ResultError
+from eqt_cli.base.store_reader import open_results
+from eqt_cli.config.read_study import MOST_GROUPS, law_names, study
+from eqt_cli.config.source import read_config
+from eqt_cli.engines.engine import Status
+from eqt_cli.results.result import open_result
+from eqt_cli.runs.executors import Executor, Outcome, Serial
+from eqt_cli.runs.run_study import execute
+
+CONFIG = configuration(
+    inertia="2",
+    ensemble="{runs: 5, seed: 1}",
+    time="{duration: 0.5, samples: 6}",
+    solver="{rtol: 1.0e-6, block: 5, cross_check: 1}",
+)
+GROUPS = """\
+sweep:
+  - grid: {gains.kp: [1, 2]}
+  - zip:
+      group: [SO3, SE3]
+      reference.torque: [["cos(t)", "sin(t)", "0"], ["cos(t)", "0", "0", "1", "0", "0"]]
+      initial.pose: [haar, {kind: exp_normal, std: 0.5}]
+"""
+# Shared references and initial states, shapes that take turns.
+TIMES = "sweep: [{grid: {gains.kp: [1, 2], time.samples: [6, 4]}}]\n"
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _small_parts():
+    """Parts of one block, so that every piece has several."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("eqt_cli.engines.engine.Engine.part_runs", 5)
+        yield
+
+
+def study_in(folder, text, *overrides, **more):
+    return study_of(folder, CONFIG + text, *overrides, **more)
+
+
+@pytest.fixture
+def make(tmp_path):
+    return partial(study_in, tmp_path)
+
+
+class Losing(Executor):
+    """Loses every worker that tries one of two items, which are of different shapes."""
+
+    lost = (1, 6)
+
+    def outcomes(self, task, items):
+        good = [item for item in items if item not in self.lost]
+        yield from Serial().outcomes(task, good)
+        yield from (Outcome(item, None) for item in items if item in self.lost)
+
+
+SWEEPS = {"groups": GROUPS, "times": TIMES}
+
+
+@pytest.fixture(
+    scope="module",
+    params=["groups", pytest.param("times", marks=pytest.mark.slow("computes another sweep"))],
+)
+def finished(request, made_once):
+    """The folder of a sweep that was not disturbed, to be read only; and the sweep."""
+    text = SWEEPS[request.param]
+
+    def make(folder):
+        execute(study_in(folder, text), folder / "out")
+
+    return made_once(f"ragged {request.param}", make) / "out", text
+
+
+@pytest.fixture
+def text(finished):
+    return finished[1]
+
+
+@pytest.fixture
+def whole(finished):
+    return contents(finished[0])
+
+
+only = partial(pytest.mark.parametrize, "finished", indirect=True)
+
+
+@only(["groups"])
+def test_the_root_is_that_of_any_sweep_without_what_differs(finished):
+    with open_results(finished[0]) as results:
+        assert dict(results.dimensions) == {"point": 4, "controller": 2, "run": 5}
+        dims = {results.dims(name) for name in results.names}
+        assert dims == {("point", "controller", "run")}
+        assert results["group"].tolist() == ["SO3", "SE3"] * 2
+        assert results["gains.kp"].tolist() == [1, 1, 2, 2]
+        assert results.attributes["group"] == "SO3, SE3"
+        assert results.units("effort") == "mixed"
+        assert results.units("settling_time") == "s"
+        assert results.attributes["cross_check_runs"] == 2
+
+
+@pytest.mark.slow("computes an experiment several times")
+def test_groups_are_the_results_of_single_experiments(make, finished, tmp_path):
+    """Blocks of five hold the runs of one point only, so that even the last bits agree."""
+    found = make(finished[1])
+    with open_results(finished[0]) as results:
+        for point in (0, 3):
+            values = found.sweep.point(point)
+            settings = [f"{key}={value}" for key, value in values.items()]
+            execute(make("", *settings), tmp_path / str(point))
+            group = results.at(point)
+            with open_results(tmp_path / str(point)) as alone:
+                assert dict(group.dimensions) == dict(alone.dimensions)
+                assert (group.names, group.coordinates) == (alone.names, alone.coordinates)
+                assert group.attributes["config"] == alone.attributes["config"]
+                for name in (*alone.names, *alone.coordinates):
+                    np.testing.assert_array_equal(group[name], alone[name], err_msg=name)
+                    assert group.dims(name) == alone.dims(name)
+                    assert group.units(name) == alone.units(name)
+                for name in results.names:
+                    np.testing.assert_array_equal(results[name][point], alone[name])
+
+
+@pytest.mark.slow("computes a sweep anew")
+def test_rerun_failed_mends_lost_parts_bit_for_bit(make, text, whole, tmp_path):
+    out = tmp_path / "out"
+    first = execute(make(text), out, executor=Losing(1))
+    assert first.failed == 10
+    with open_results(out) as results:
+        assert np.count_nonzero(results["status"] == Status.WORKER_LOST) == 10
+        assert sum(np.count_nonzero(results.at(k)["status"]) for k in range(4)) == 10
+    outcome = execute(make(text), out, rerun_failed=True)
+    assert (outcome.failed, outcome.resumed) == (0, 30)
+    assert_equal(out, whole)
+
+
+def test_a_result_runs_again_from_its_own_config(make, finished):
+    folder, text = finished
+    assert study(read_config(folder / "results.h5")).digest == make(text).digest
+
+
+@pytest.mark.slow("as test_execute.py has it of one experiment")
+@only(["times"])
+def test_metrics_only(make, text, tmp_path):
+    execute(make(text, "store.trajectories=none"), tmp_path / "out")
+    with open_results(tmp_path / "out") as results:
+        group = results.at(1)
+        assert not group.has("pose")
+        assert group["initial_pose"].shape[0] == 5
+        np.testing.assert_array_equal(group["effort"], results["effort"][1])
+
+
+@pytest.mark.slow("computes a sweep anew")
+def test_xarray_opens_root_and_groups(finished):
+    xarray = pytest.importorskip("xarray")
+    file = finished[0] / "results.h5"
+    with xarray.open_dataset(file, engine="h5netcdf") as root:
+        assert root.effort.dims == ("point", "controller", "run")
+        assert "gains.kp" in root.effort.coords
+        effort = root.effort.values
+    for point in range(4):
+        with xarray.open_dataset(file, engine="h5netcdf", group=f"point_{point}") as group:
+            assert group.pose.dims == ("controller", "run", "time", "row", "col")
+            late = group.pose_error.sel(controller="gt").isel(time=-1)
+            np.testing.assert_array_equal(late, group.final_pose_error.sel(controller="gt"))
+            np.testing.assert_array_equal(group.effort, effort[point])
+
+
+def test_points_of_one_shape_keep_the_layout_without_groups(make, tmp_path):
+    """And without names of laws, which stay the same."""
+    execute(make("sweep: [{grid: {group: [SO3], gains.kp: [1, 2]}}]\n"), tmp_path / "out")
+    with h5py.File(tmp_path / "out/results.h5") as file:
+        assert "pose" in file
+        assert "law" not in file
+        assert not any(isinstance(entry, h5py.Group) for entry in file.values())
+
+
+@pytest.mark.slow("computes an experiment several times")
+def test_one_point_of_a_sweep_without_groups(make, tmp_path):
+    execute(make("", grids=["gains.kp=1,2"]), tmp_path / "out")
+    execute(make("", "gains.kp=2"), tmp_path / "alone")
+    with (
+        open_result(tmp_path / "out", 1) as point,
+        open_results(tmp_path / "out") as whole,
+        open_results(tmp_path / "alone") as alone,
+    ):
+        assert dict(point.dimensions) == dict(alone.dimensions)
+        assert (point.names, point.coordinates) == (alone.names, alone.coordinates)
+        assert point.attributes["title"] == "config, point 1"
+        assert study(read_config_text(point, tmp_path)).digest == study_digest(alone, tmp_path)
+        for name in point.names:
+            np.testing.assert_array_equal(point[name], alone[name], err_msg=name)
+        chosen = point.read("effort", controller=1, run=slice(1, 3))
+        np.testing.assert_array_equal(chosen, whole["effort"][1, 1, 1:3])
+
+
+def read_config_text(results, folder):
+    path = folder / "again.yaml"
+    path.write_text(str(results.attributes["config"]), encoding="utf-8")
+    return read_config(path)
+
+
+def study_digest(results, folder):
+    return study(read_config_text(results, folder)).digest
+
+
+@only(["groups"])
+def test_points_that_do_not_exist(finished):
+    path = finished[0] / "results.h5"
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results.at(4)
+    assert str(caught.value) == f"{path}: has no point 4; choose one of 0 to 3"
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results.at(0).at(0)
+    assert str(caught.value) == (f"{path}: is no sweep, so it has no point to choose; leave it out")
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"),
+    said_of("""
+ensemble.runs=50,200 →
+    grids[0]: sweep[0].grid.ensemble.runs[0]: ensemble.runs cannot be swept: run k starts from the
+        same state however many runs there are, so the first 50 of 200 runs are the ensemble of 50;
+        set the largest number, and use the first runs of it
+time={duration: 1},{duration: 2} →
+    grids[0]: sweep[0].grid.time[0]: time cannot be swept as a whole; sweep time.duration and
+        time.samples with zip
+task=track,stabilise →
+    grids[0]: sweep[0].grid.task[0]: task cannot be swept: it decides which laws can be used; run
+        one experiment for each value
+name=a,b →
+    grids[0]: sweep[0].grid.name[0]: name cannot be swept: it names the experiment as a whole; run
+        one experiment for each value
+store.decimate=1,2 →
+    grids[0]: sweep[0].grid.store.decimate[0]: store cannot be swept: it decides what the common
+        result file contains; run one experiment for each value
+""").items(),
+)
+def test_what_cannot_be_swept(make, grid, message):
+    assert error_of(make, "", grids=[grid]) == message
+
+
+def test_an_ensemble_of_another_size_at_some_point(make):
+    assert "sweep: point 1: ensemble.runs is 6, but 5 at point 0; ensemble.runs" in error_of(
+        make, "sweep: [{grid: {ensemble: [{runs: 5}, {runs: 6}]}}]\n"
+    )
+
+
+def test_what_is_kept_is_decided_for_all_points_together(make, monkeypatch):
+    monkeypatch.setattr("eqt_cli.config.study.MOST_TRAJECTORIES", 30)
+    whole = make(TIMES)  # 40 runs in two pieces of 20
+    assert (whole.kept, [whole.piece(index).kept for index in range(2)]) == (0, [0, 0])
+
+
+def test_more_groups_than_a_file_should_have(make, tmp_path):
+    values = f"{{low: 1, high: 2, points: {MOST_GROUPS + 1}}}"
+    assert error_of(make, f"sweep: [{{grid: {{time.duration: {values}}}}}]\n") == (
+        f"{tmp_path / 'config.yaml'}:10:1: 1,001 points that differ in group, times or parts are "
+        "too many for one file; sweep at most 1,000, or split the sweep"
+    )
+
+
+# The laws among the points.
+
+
+@pytest.mark.slow("computes a sweep anew")
+def test_points_that_are_registered_laws(make, tmp_path):
+    text = """\
+sweep:
+  - zip:
+      controllers[0]:
+        - {kind: family, gyroscopic: 1, transport: 1, connection: -0.0, label: a}
+        - {kind: family, gyroscopic: 0, transport: 1, connection: 0, label: a}
+        - {kind: family, gyroscopic: 0.5, transport: 0.5, connection: 0.5, label: a, damping: body}
+        - {kind: family, gyroscopic: 0.5, transport: 0.5, connection: 0.5, label: a}
+        - {kind: asym, label: a}
+"""
+    execute(make(text, "gains.kd=[1, 2, 3]"), tmp_path / "out")
+    with open_results(tmp_path / "out") as results:
+        assert results.dims("law") == ("point", "controller")
+        assert results["law"][:, 0].tolist() == ["eqt", "nog", "gt", "", "asym"]
+        assert results["law"][:, 1].tolist() == ["gt"] * 5
+
+
+@pytest.mark.parametrize(
+    ("kd", "swept", "name"),
+    [("0.5", "", "gt"), ("[1, 2, 3]", "", ""), ("0.5", "gains.kp=1,2", "")],
+    ids=["alike from every frame", "with axes of its own", "another key swept"],
+)
+def test_the_frame_of_damping_is_no_difference_where_it_changes_no_torque(make, kd, swept, name):
+    """GT damps in the body frame, and this member of the family in the spatial one."""
+    law = "{kind: family, gyroscopic: 0.5, transport: 0.5, connection: 0.5, label: a}"
+    text = f"sweep: [{{zip: {{'controllers[0]': [{law}]}}}}]\n"
+    found = make(text, f"gains.kd={kd}", grids=[swept] if swept else [])
+    assert law_names(found)[0, 0] == name

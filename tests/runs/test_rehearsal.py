@@ -1,0 +1,145 @@
+"""`config check` finds what a run would fail with, in one message with file and line."""
+
+from pathlib import Path
+
+import pytest
+from plugin_sources import component
+from said import said_of
+from small_experiment import configuration
+
+LAW = component("""
+import numpy as np
+from eqt_cli.extend import dot
+own(eqt_cli.extend.Controller):
+    title: ClassVar[str] = "Own"
+    gain: float = 1.0
+
+    def torque(self, s):
+        return BODY
+""")
+FORCE = component("""
+push(eqt_cli.extend.Force):
+    departs: ClassVar[str] = "a push"
+
+    def acting(self, G, t, Q, V):
+        return BODY
+""")
+CONFIG = configuration(controllers="[eqt, CONTROLLERS]", solver=None, plugins="[own.py]")
+OWN = "{kind: own, gain: 2.0}"
+TOGETHER = "fails when runs are solved together, with every number of a law as an array (runs, 1): "
+
+
+@pytest.fixture
+def check(folder, invoke):
+    """What `config check` says of a law with this torque, or of another text of the plugin."""
+
+    def said(body, *sets, code=2, text=LAW, controllers=OWN, more="", command="config check"):
+        Path("own.py").write_text(text.replace("BODY", body), encoding="utf-8")
+        config = CONFIG.replace("CONTROLLERS", controllers) + more
+        Path("c.yaml").write_text(config, encoding="utf-8")
+        words = [f"--set={each}" for each in sets]
+        done = invoke(*command.split(), "c.yaml", *words, code=code)
+        return done.stderr if code else done.stdout
+
+    return said
+
+
+LAWS = said_of("""
+-self.gain.item() * s.V if hasattr(self.gain, 'item') else -self.gain * s.V →
+    TOGETHER: ValueError: can only convert an array of size 1 to a Python scalar at own.py:14:
+        return -self.gain.item()
+-s.V if self.gain > 1 else -2 * s.V →
+    TOGETHER: ValueError: The truth value of an array with more than one element is ambiguous. Use
+        a.any() or a.all() at own.py:14: return -s.V if self.gain > 1 else -2 * s.V
+-s.V / np.max(np.abs(s.V)) → mixes runs: the rates of a run change by
+0 * s.V / (0 * self.gain) → gives no number at the start: the rate of momentum is nan
+np.sqrt(-1 - s.V**2) → gives no number at the start: the rate of momentum is nan
+""")
+
+
+@pytest.mark.parametrize(("body", "expected"), LAWS.items())
+def test_a_law(check, body, expected):
+    said = check(body)
+    where = "1 error in c.yaml\nc.yaml:5:20: controllers[1]: controller 'own' "
+    assert said.startswith(where + expected.replace("TOGETHER: ", TOGETHER))
+    assert said.count("\n") == 2
+
+
+LYAPUNOV = (
+    LAW.replace("BODY", "-s.V")
+    + """
+    def lyapunov(self, s):
+        return BODY
+"""
+)
+
+
+@pytest.mark.parametrize("text", [LAW, LYAPUNOV], ids=["torque", "lyapunov"])
+def test_a_number_goes_into_a_contraction_and_not_before_one(check, text):
+    """`dot` has no last axis, along which a number of a run would be (runs, 1)."""
+    right, wrong = "dot(self.gain * s.V, s.V)", "self.gain * dot(s.V, s.V)"
+    method, shapes = "16: lyapunov", "(5, 5) for 5 runs; expected (5,)"
+    if text is LAW:
+        right, wrong = (f"-({energy})[..., None] * s.V" for energy in (right, wrong))
+        method, shapes = "13: torque", "(5, 5, 3) for 5 runs; expected (5, 3)"
+    check(right, text=text, code=0)
+    assert check(wrong, text=text).partition("controllers[1]: ")[2] == (
+        "controller 'own' is wrong when runs are solved together, with every number of a law as an "
+        f"array (runs, 1): own.py:{method} returns an array of shape {shapes}; multiply before you "
+        "contract: dot(self.k * z, z), not self.k * dot(z, z)\n"
+    )
+    assert check(wrong, text=text, command="run").count("multiply before") == 1
+
+
+def test_two_instances_of_a_law_are_solved_as_one(check):
+    one, other = "{kind: own, gain: 2.0, label: a}", "{kind: own, gain: 3.0, label: b}"
+    body = "-self.gain * s.V if np.size(self.gain) == 1 or np.ptp(self.gain) == 0 else 1 / 0"
+    said = check(body, controllers=f"{one}, {other}")
+    assert f"controllers[1]: controller 'own' {TOGETHER}ZeroDivisionError: " in said
+
+
+def test_numbers_that_a_sweep_varies(check):
+    body = "-self.gain * s.V if np.ptp(self.gain) == 0 else 1 / 0"
+    check(body, code=0)
+    more = "sweep: [{grid: {'controllers[1].gain': [1, 2, 3]}}]\n"
+    assert f"controller 'own' {TOGETHER}ZeroDivisionError: " in check(body, more=more)
+
+
+def test_a_law_that_cannot_be_compiled(check):
+    body = "-np.maximum(s.V, 0.0)"
+    said = check(body, "solver.engine=native")
+    assert "controllers[1]: controller 'own' cannot be compiled: " in said
+    assert f"own.py:14: return {body}" in said
+    assert said.count("\n") == 2
+    assert "cannot be compiled" not in check(body, "solver.engine=solve_ivp", code=0)
+
+
+def test_a_force(check):
+    said = check(
+        "V.nothing", text=FORCE, controllers="gt", more="plant: {forces: [{kind: push}]}\n"
+    )
+    assert said == (
+        "1 error in c.yaml\nc.yaml:10:18: plant.forces[0]: force 'push' fails at the start of run "
+        "0: AttributeError: 'numpy.ndarray' object has no attribute 'nothing' at own.py:11: return "
+        "V.nothing\n"
+    )
+
+
+def test_a_torque_bound(folder, invoke):
+    Path("c.yaml").write_text(
+        CONFIG.replace("CONTROLLERS", "gt").replace("plugins: [own.py]\n", "")
+    )
+    invoke("config", "check", "c.yaml", "--most-torque", "2")
+    said = invoke("config", "check", "c.yaml", "--most-torque", "0.5", code=2).stderr
+    assert said == (
+        "1 error in c.yaml\nc.yaml:4:1: reference: needs a torque of 1 at t = 0 s, more than 0.5\n"
+    )
+
+
+def test_a_check_keeps_to_its_time(check, monkeypatch):
+    monkeypatch.setattr("eqt_cli.runs.cost.MOST_SECONDS", -1.0)
+    assert "not tried: eqt, own; the laws before took more than -1 s\n" in check("-s.V", code=0)
+
+
+def test_a_law_that_is_right(check):
+    assert "not " not in check("-self.gain * s.V", code=0)

@@ -1,0 +1,87 @@
+"""Sweeps whose points fly differently: with other parts, and so with other states."""
+
+import numpy as np
+import pytest
+from small_experiment import mapping
+
+from eqt_cli import api
+from eqt_cli.results.result import open_result
+
+CONFIG = mapping(
+    name="flies",
+    time={"duration": 0.5, "samples": 6},
+    solver={"cross_check": 0, "error_estimate": False},
+)
+POINTS = [  # what the first case changes, the others leave as it is
+    {"actuators": [{"kind": "limit", "limit": 1.2}]},
+    {},
+    {
+        "control": {"period": 0.1, "delay": 1},
+        "plant": {"inertia": {"relative": {"uniform": [-0.1, 0.1]}}},
+        "sensors": {"pose": [{"kind": "noise", "std": 0.01}]},
+    },
+]
+NAMES = ("limited", "ideal", "measured")
+SWEEP = {"sweep": [{"cases": dict(zip(NAMES, POINTS, strict=True))}]}
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("vehicles")
+    return api.run(api.load_experiment(CONFIG | SWEEP), folder / "sweep").path
+
+
+@pytest.mark.slow("computes each point by itself")
+@pytest.mark.parametrize("point", range(len(POINTS)))
+def test_a_point_is_the_experiment_by_itself(swept, point, tmp_path):
+    alone = api.run(api.load_experiment(CONFIG | POINTS[point]), tmp_path / "alone").path
+    with (
+        api.open_results(swept, "arrays", point=point) as one,
+        api.open_results(alone, "arrays") as other,
+    ):
+        for name in ("pose", "torque", "effort", "settling_time"):
+            np.testing.assert_array_equal(one[name], other[name])
+
+
+def test_what_one_point_stores_all_store(swept):
+    with api.open_results(swept, "arrays") as results:
+        shares = results.metric("saturated_share")
+        assert set(results.metrics) >= {"settled", "closing_torque"}
+    assert (shares[[1, 2]] == 0).all()
+    assert (shares[0] > 0).any()
+
+
+def test_cases_are_called_by_their_names_wherever_points_are(swept):
+    with api.open_results(swept, "arrays") as results:
+        assert results.coordinate("case").tolist() == list(NAMES)
+    with open_result(swept) as result:
+        assert [result.point_name(point) for point in range(3)] == list(NAMES)
+        (key,) = result.swept_keys
+        assert [key.at(point) for point in range(3)] == list(NAMES)
+
+
+def test_the_order_of_points_is_part_of_an_experiment():
+    """Parts of the one order would else be taken for those of the other."""
+    there, back = (dict(order(SWEEP["sweep"][0]["cases"].items())) for order in (list, reversed))
+    one, other = (
+        api.load_experiment(CONFIG | {"sweep": [{"cases": cases}]}).digest
+        for cases in (there, back)
+    )
+    assert one != other
+
+
+def test_a_result_of_cases_runs_again_from_its_own_configuration(swept, tmp_path):
+    """The stored configuration has none of what the first case changes."""
+    again = api.load_experiment(swept)
+    assert again.digest == api.load_experiment(CONFIG | SWEEP).digest
+    assert "actuators" not in again.resolved
+    assert again.experiment(1).config.actuators is None
+
+
+def test_a_swept_delay_changes_the_states_of_its_points(tmp_path):
+    config = CONFIG | {"control": {"period": 0.1}, "ensemble": {"runs": 1, "seed": 1}}
+    config |= {"sweep": [{"grid": {"control.delay": [0, 2]}}]}
+    path = api.run(api.load_experiment(config), tmp_path / "delays").path
+    with api.open_results(path, "arrays", point=1) as late:
+        assert (late["torque"][:, :, :2] == 0).all()  # until the first command arrives
+        assert (late["torque"][:, :, 2] != 0).any()
