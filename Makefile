@@ -13,7 +13,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper wheel figures figures-check sheets test test-all test-lowest faults fuzz mutants oracles bench check format reference docs clean
+.PHONY: help paper wheel figures figures-check sheets test test-all test-lowest faults fuzz mutants oracles bench check hooks format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -54,8 +54,8 @@ fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results 
 oracles: $(VENV)/.stamp-dev ## compare with Basilisk, MuJoCo, Pinocchio, RotorPy and python-control, which it installs
 	$(BIN)/$(PIP) install --group oracles
 	$(BIN)/$(PIP) install --no-deps --group basilisk
-	$(BIN)/python -m pytest tests/mechanics/test_oracles.py tests/vehicle/test_rotors.py tests/vehicle/test_basilisk.py \
-		tests/controllers/test_lqr.py $(ARGS)
+	$(BIN)/python -m pytest tests/components/test_oracles.py tests/components/test_rotors.py tests/components/test_basilisk.py \
+		tests/components/test_lqr.py $(ARGS)
 
 # Goes on where it was stopped; ARGS='--seed 2 --count 100', or '--only metrics --again'
 mutants: $(VENV)/.stamp-dev ## plant small faults in the mathematical core; its tests must tell 95 % of 300
@@ -68,11 +68,17 @@ BEFORE ?= 7cbc8f6^
 bench: $(VENV)/.stamp-base ## measure eqt against other ways to integrate and an earlier commit
 	$(BIN)/python -m benchmarks --before '$(BEFORE)' $(ARGS)
 
-check: $(VENV)/.stamp-dev ## format, lint, types, import layering
+check: $(VENV)/.stamp-dev ## format, lint, types, import layering, subjects of commits
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
+	.ci/subjects
+
+hooks: ## check the subject of each of your commits before it is made
+	mkdir -p "$$(git rev-parse --git-path hooks)"
+	printf '#!/bin/sh\nexec .ci/subjects "$$1"\n' > "$$(git rev-parse --git-path hooks)/commit-msg"
+	chmod +x "$$(git rev-parse --git-path hooks)/commit-msg"
 
 format: $(VENV)/.stamp-dev ## format the code and mend what ruff can mend
 	$(BIN)/ruff format .
