@@ -6,15 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.analysis.certificates import (
-    Identity,
-    LiteralForm,
-    Row,
-    Runs,
-    TrajectoryCheck,
-    Verdict,
-    registered_name,
-)
+from eqt_cli.analysis import certificates
 from eqt_cli.analysis.exact import UNIT, floats, granted, lifted, rate_of, value_of, with_rate
 from eqt_cli.analysis.sample import Sample
 from eqt_cli.base.arrays import Array, apply_matrix, dot, norm, stack, transpose
@@ -47,7 +39,7 @@ PUSH = 1e-3
 """Relative scaling of a rotation that `drift` must detect."""
 
 
-class DualAdjoint(Identity):
+class DualAdjoint(certificates.Identity):
     """⟨Ad*_Q P, U⟩ = ⟨P, Q U^ Q⁻¹⟩, and Q Q⁻¹ = I."""
 
     name: ClassVar[str] = "Ad* is the dual of conjugation"
@@ -63,7 +55,7 @@ class DualAdjoint(Identity):
         yield Q @ G.inverse(Q), G.identity
 
 
-class DualBracket(Identity):
+class DualBracket(certificates.Identity):
     """⟨ad*_V P, U⟩ = ⟨P, V^U^ − U^V^⟩, which fixes the sign of ad*."""
 
     name: ClassVar[str] = "ad* is the dual of the bracket"
@@ -77,7 +69,7 @@ class DualBracket(Identity):
         yield dot(G.ad_star(V, P), U), dot(P, G.vee(bracket))
 
 
-class Exponential(Identity):
+class Exponential(certificates.Identity):
     """exp V = Σ V^ᵏ/k! near 0, exp(V/2)² = exp V further out, and log exp V = V."""
 
     name: ClassVar[str] = "exp and log"
@@ -98,7 +90,7 @@ class Exponential(Identity):
         yield _near(G.log(G.exp(V / 4)), V), V / 4
 
 
-class Drift(Identity):
+class Drift(certificates.Identity):
     """A scaled rotation is not in the group, whichever part of the pose it is."""
 
     name: ClassVar[str] = "drift of every part"
@@ -123,7 +115,7 @@ def _near(closed_form: Array, V: Array) -> Array:
     return lifted(closed_form, CLOSED_FORM_ROUNDINGS * UNIT * size)
 
 
-class SemidirectGroup(Identity):
+class SemidirectGroup(certificates.Identity):
     """(X Y) Z = X (Y Z), X X⁻¹ = (I, 0), and the error gives X back: E X_d = X."""
 
     name: ClassVar[str] = "product and inverse of G ⋉ g*"
@@ -139,7 +131,7 @@ class SemidirectGroup(Identity):
         yield from zip(S.compose(S.error(X, Y), Y), X, strict=True)
 
 
-class LeftInvariance(Identity):
+class LeftInvariance(certificates.Identity):
     """f_U(X) = DL_X[U], where DL_X[U] is the rate of X·(exp(tV), tτ) at t = 0."""
 
     name: ClassVar[str] = "left invariance"
@@ -154,7 +146,7 @@ class LeftInvariance(Identity):
         yield from zip(field, map(rate_of, moved), strict=True)
 
 
-class Equivariance(Identity):
+class Equivariance(certificates.Identity):
     """DR_Y f_U(X) = f_{Ad_{Y⁻¹}U}(X Y), the left side as the rate of X(t)·Y along Ẋ = f_U(X)."""
 
     name: ClassVar[str] = "equivariance"
@@ -173,7 +165,7 @@ class Equivariance(Identity):
 # The error system (§5, Lemma 6.1), and tracking laws (§6, §7): Theorem 6.2, the family, L̇ --------
 
 
-class ErrorDynamics(Identity):
+class ErrorDynamics(certificates.Identity):
     """Ė = f_{U_E}(E) for E = X X_d⁻¹ and U_E = Ad_{X_d}(U − U_d), with free inputs U and U_d."""
 
     name: ClassVar[str] = "error dynamics"
@@ -193,7 +185,7 @@ class ErrorDynamics(Identity):
         yield from zip(rates, lie_poisson(G, *S.error(X, X_d), *U_E), strict=True)
 
 
-class ErrorEnergy(Identity):
+class ErrorEnergy(certificates.Identity):
     """𝕀̄_t V_E = P_E with 𝕀̄_t = Ad*_{Q_d⁻¹} 𝕀_t Ad_{Q_d⁻¹}, and L = ½⟨P_E, V_E⟩ + Υ(Q_E)."""
 
     name: ClassVar[str] = "error velocity and energy"
@@ -211,7 +203,7 @@ class ErrorEnergy(Identity):
         yield s.lyapunov, dot(P_E, V_E) / 2 + potential(G, s.gains.K, Q_E)
 
 
-class SDot(Identity):
+class SDot(certificates.Identity):
     """Ṡ = −ad_{V_d} S = −S ad_{Ad_{Q_d} V_d}, Ṡ by differentiation along the reference."""
 
     name: ClassVar[str] = "rate of Ad_{Q_d⁻¹}"
@@ -227,7 +219,7 @@ class SDot(Identity):
         yield rate, -(S @ G.ad_matrix(G.Ad(s.Qd, s.Vd)))
 
 
-class TrackingFeedforward(Identity):
+class TrackingFeedforward(certificates.Identity):
     """½⟨P_E, d(𝕀̄_t⁻¹)/dt P_E⟩ = −⟨S̄̇*S̄⁻* P_E, V_E⟩ at fixed P_E, with S̄ = S Ad_{Q_d⁻¹}."""
 
     name: ClassVar[str] = "feedforward of the error inertia"
@@ -272,7 +264,7 @@ def claimed_point(law: Controller) -> Point | None:
 
     None for a law outside the family, or one that overrides the family's torque.
     """
-    if (named := MEMBERS.get(registered_name(law))) is not None:
+    if (named := MEMBERS.get(certificates.registered_name(law))) is not None:
         return named
     if not isinstance(law, Family) or type(law).torque is not Family.torque:
         return None
@@ -310,7 +302,7 @@ def tracking_control(s: Tracking) -> Array:
     return S.closed_loop_input(X_d, s.tau_d, (V_E, feedforward(s, P_E) + feedback))
 
 
-class FamilyForm(LiteralForm):
+class FamilyForm(certificates.LiteralForm):
     """τ(g, c, n, q) is the control of Theorem 6.2 with other weights, and K_d in its own frame.
 
     The paper's laws are compared at the weights of the paper, other members at their options.
@@ -342,7 +334,7 @@ class FamilyForm(LiteralForm):
         return tau + spatial - apply_matrix(s.gains.K_d, s.V_tilde)
 
 
-class FeedforwardPower(Identity):
+class FeedforwardPower(certificates.Identity):
     """⟨τ_ff − τ_d, Ṽ⟩ = (c + n)⟨𝕀Ṽ, [V, V_d]⟩ + ⟨Ṡ*S⁻* 𝕀Ṽ, Ṽ⟩, whatever the weight g."""
 
     name: ClassVar[str] = "power of the feedforward"
@@ -366,7 +358,7 @@ class FeedforwardPower(Identity):
         yield dot(sample.loop.controller.torque(loose) - s.tau_d, s.V_tilde), transport + inertia
 
 
-class LyapunovRate(Identity):
+class LyapunovRate(certificates.Identity):
     """dL/dt = −dissipation + ⟨δ, Ṽ⟩ along the closed loop, L differentiated exactly.
 
     δ is the force unknown to the law; it is 0 in an ideal loop.
@@ -385,7 +377,7 @@ class LyapunovRate(Identity):
             outflow: Any = loop.outflow(s, loop.acting_and_rates(s)[0])
             yield rate_of(loop.lyapunov(s)), -outflow
 
-    def check(self, sample: Sample) -> list[Row]:
+    def check(self, sample: Sample) -> list[certificates.Row]:
         """Add the theorem and the function L of the law to the rows."""
         law = sample.loop.controller
         remark = "" if law.energy == Controller.energy else f"L = {law.energy}"
@@ -395,7 +387,7 @@ class LyapunovRate(Identity):
         ]
 
 
-class SmallErrors(Identity):
+class SmallErrors(certificates.Identity):
     """Near a pose at rest the torque is −H x − K_d v: H the Hessian of Υ at I, v the velocity.
 
     The inertia is held constant, so that the compensation of its change does not count as damping.
@@ -445,12 +437,12 @@ class SmallErrors(Identity):
             yield rate_of(law.torque(staying) + still), still
             taken_up = _memory_rates(law, staying)
 
-    def check(self, sample: Sample) -> list[Row]:
+    def check(self, sample: Sample) -> list[certificates.Row]:
         """Check a law with matched gains; for any other law nothing is claimed."""
         if sample.loop.controller.matched:
             return super().check(sample)
         remark = "not matched: the law has gains of its own"
-        return [self.row(Verdict.UNCLAIMED, remark=remark, controller=sample.label)]
+        return [self.row(certificates.Verdict.UNCLAIMED, remark=remark, controller=sample.label)]
 
 
 def _memory_rates(law: Controller, s: Tracking) -> dict[str, Array]:
@@ -481,7 +473,7 @@ FLAT = 1e-9
 """Eigenvalues of a Hessian below this share of the largest count as 0."""
 
 
-class Momentum(Identity):
+class Momentum(certificates.Identity):
     """P = 𝕀_t V: a state made from poses and velocities at a time t returns them at that time."""
 
     name: ClassVar[str] = "momentum of a velocity"
@@ -497,7 +489,7 @@ class Momentum(Identity):
             yield tracked, granted(velocity, lost)
 
 
-class ReferenceMotion(Identity):
+class ReferenceMotion(certificates.Identity):
     """The reference obeys eq. (5) with its own torque: Q̇_d = Q_d V_d^, Ṗ_d = ad*_{V_d} P_d + τ_d.
 
     If the reference keeps its velocity, V̇_d = 0.
@@ -525,7 +517,7 @@ class ReferenceMotion(Identity):
             yield rate_of(Vd), np.zeros(Vd.shape)
 
 
-class InertiaRate(Identity):
+class InertiaRate(certificates.Identity):
     """∂h/∂t = ½⟨P, d(𝕀⁻¹)/dt P⟩ = −⟨Ṡ*S⁻* P, 𝕀⁻¹P⟩, and the inertia law states d𝕀/dt correctly.
 
     If the configuration gives the factor S, also Ṡ*S⁻* P = Ṡ* 𝕀_0 S V with S* 𝕀_0 S V = P.
@@ -554,7 +546,7 @@ class InertiaRate(Identity):
             yield feedforward, apply_matrix(transpose(rate_of(S)), image)
 
 
-class NavigationGradient(Identity):
+class NavigationGradient(certificates.Identity):
     """d/dt Υ(Q) = ⟨L*_Q dΥ, V⟩ along Q̇ = Q V^."""
 
     name: ClassVar[str] = "gradient of Υ"
@@ -568,7 +560,7 @@ class NavigationGradient(Identity):
         yield rate_of(potential(G, K, along)), dot(gradient(G, K, Q), V)
 
 
-class CriticalPoints(Identity):
+class CriticalPoints(certificates.Identity):
     """dΥ = 0 at the known critical points, with the stated Hessian and index."""
 
     name: ClassVar[str] = "critical points of Υ"
@@ -592,7 +584,7 @@ class CriticalPoints(Identity):
             yield np.array([each.index, each.nullity]), np.array([falls.sum(), flat.sum()])
 
 
-class StabilisingControl(LiteralForm):
+class StabilisingControl(certificates.LiteralForm):
     """τ = Ṡ*S⁻* P − K_d V − L*_Q d(Υ ∘ R_{Q_target⁻¹}), the gradient term by term from Υ."""
 
     name: ClassVar[str] = "stabilising control"
@@ -620,7 +612,7 @@ WEAK = 0.1
 """Least share of its median below which a force is remarked: its direction then turns fast."""
 
 
-class CommandedRates(Identity):
+class CommandedRates(certificates.Identity):
     """Ω_c and Ω̇_c are the rates of R_c along the motion of the model, at random states.
 
     Without a heading R_c follows the body, so that only the direction of the push is compared.
@@ -651,19 +643,19 @@ class CommandedRates(Identity):
             yield rate_of(s.Vd), s.Vd_dot
 
 
-class ForceStays(TrajectoryCheck):
+class ForceStays(certificates.TrajectoryCheck):
     """‖F‖ > 0 in all runs, without which no attitude is commanded. Measured: the least ‖F‖/m."""
 
     name: ClassVar[str] = "F is not 0"
     statement: ClassVar[str] = "Lee et al. (2010)"
     section: ClassVar[float] = 7.1
 
-    def applies(self, runs: Runs) -> bool:
+    def applies(self, runs: certificates.Runs) -> bool:
         """Whether the law is a cascade."""
         vehicle = runs.vehicle
         return vehicle is not None and isinstance(vehicle.problem.loop.controller, Cascade)
 
-    def check(self, runs: Runs) -> Row:
+    def check(self, runs: certificates.Runs) -> certificates.Row:
         """Compare the least with the median: samples can miss a zero."""
         assert runs.vehicle is not None
         if not len(runs.vehicle.states):
@@ -675,8 +667,10 @@ class ForceStays(TrajectoryCheck):
         least, typical = float(sizes.min()), float(np.median(sizes))
         angle = turn_of_distance(law.attitude_error(s)[:, 0]).max()
         remark = f"R(0) is up to {np.degrees(angle):.3g}° from R_c(0)"
-        verdict = Verdict.HOLDS if least > WEAK * typical else Verdict.VIOLATED
-        if verdict is Verdict.VIOLATED:
+        verdict = (
+            certificates.Verdict.HOLDS if least > WEAK * typical else certificates.Verdict.VIOLATED
+        )
+        if verdict is certificates.Verdict.VIOLATED:
             t = runs.vehicle.problem.times[sizes.argmin() % sizes.shape[-1]]
             remark += f"; F is nearly 0 at {t:.4g} s: give position.limit below the weight per mass"
         return self.row(verdict, least, WEAK * typical, remark, runs.label)

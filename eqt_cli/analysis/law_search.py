@@ -10,6 +10,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeVar
 
+from eqt_cli.base import files
 from eqt_cli.base.errors import (
     OTHER_FOLDER,
     ConfigError,
@@ -21,20 +22,6 @@ from eqt_cli.base.errors import (
     dotted,
     parse_key,
     suggestion,
-)
-from eqt_cli.base.files import (
-    FOUND_BY,
-    Own,
-    OwnFile,
-    OwnFolder,
-    check_entries,
-    file_name,
-    kind_of,
-    read_record,
-    refusals,
-    remove_left_over,
-    remove_own,
-    write_record,
 )
 from eqt_cli.config.build import build
 from eqt_cli.config.designs import DrawnRange, overlap
@@ -208,7 +195,7 @@ def _own_key(key: str, index: int, keeps: bool) -> str:
 
 def _slug(label: str, taken: Sequence[str]) -> str:
     """Return a file name for a label that differs from the names already taken."""
-    slug = file_name(label, "law")
+    slug = files.file_name(label, "law")
     same = sum(other == slug or other.startswith(f"{slug}-") for other in taken)
     return f"{slug}-{same + 1}" if slug in taken else slug
 
@@ -386,10 +373,10 @@ class Kind:
 TUNE = Kind("tune", "tuning", "tuning.json", "tuned", fits_tuning)
 WORST = Kind("worst", "search for the worst run", "worst.json", "worst", fits_worst, runs=True)
 
-_NUMBERED = OwnFile(r"\d+\.yaml", marked=True)
+_NUMBERED = files.OwnFile(r"\d+\.yaml", marked=True)
 
 
-def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
+def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Own]:
     """Return the entries that eqt writes in the folder of a search, beside those of the result.
 
     Parameters
@@ -400,16 +387,16 @@ def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
         Whether only a configuration with eqt's mark counts, because a user's file may match the
         name.
     """
-    generation = OwnFolder(r"\d{3,}(-case-\d+)?", OWN_RESULT, MANIFEST)
-    one_search = OwnFolder(r"seed-\d+", (generation,))
-    winners = OwnFolder(slug, (*OWN_COPIES, OwnFile(_NUMBERED.name, marked)))
-    run = OwnFolder(slug, OWN_RESULT, MANIFEST)
-    single = OwnFile(rf"({slug})\.yaml", marked)
-    own: tuple[Own, ...] = (*OWN_COPIES, single, run if kind.runs else winners)
+    generation = files.OwnFolder(r"\d{3,}(-case-\d+)?", OWN_RESULT, MANIFEST)
+    one_search = files.OwnFolder(r"seed-\d+", (generation,))
+    winners = files.OwnFolder(slug, (*OWN_COPIES, files.OwnFile(_NUMBERED.name, marked)))
+    run = files.OwnFolder(slug, OWN_RESULT, MANIFEST)
+    single = files.OwnFile(rf"({slug})\.yaml", marked)
+    own: tuple[files.Own, ...] = (*OWN_COPIES, single, run if kind.runs else winners)
     return {
-        kind.record: OwnFile(re.escape(kind.record)),
-        GENERATIONS: OwnFolder(GENERATIONS, (OwnFolder(slug, (one_search,)),)),
-        kind.found: OwnFolder(kind.found, own),
+        kind.record: files.OwnFile(re.escape(kind.record)),
+        GENERATIONS: files.OwnFolder(GENERATIONS, (files.OwnFolder(slug, (one_search,)),)),
+        kind.found: files.OwnFolder(kind.found, own),
     }
 
 
@@ -423,13 +410,13 @@ class SearchFolder:
     @property
     def record(self) -> dict[str, Any] | None:
         """The record of the search; None if the folder has none."""
-        with refusals(self.path, "used", OTHER_FOLDER):
-            return read_record(self.path / self.kind.record, "digest")
+        with files.refusals(self.path, "used", OTHER_FOLDER):
+            return files.read_record(self.path / self.kind.record, "digest")
 
     def write_record(self, record: dict[str, Any]) -> None:
         """Write the record atomically."""
-        with refusals(self.path, "used", OTHER_FOLDER):
-            write_record(self.path / self.kind.record, record)
+        with files.refusals(self.path, "used", OTHER_FOLDER):
+            files.write_record(self.path / self.kind.record, record)
 
     def generation(self, law: LawSearch, seed: int, number: int, cases: int = 1) -> list[Path]:
         """Return the folders of one generation, one for each case; each holds an ordinary sweep."""
@@ -454,15 +441,15 @@ class SearchFolder:
             Lines to write above each configuration; each begins with ``#``.
         """
         names = found_files(self.kind, law, len(studies), numbered)
-        mark = FOUND_BY.format(self.kind.command) + comment
-        with refusals(self.path, "used", OTHER_FOLDER):
+        mark = files.FOUND_BY.format(self.kind.command) + comment
+        with files.refusals(self.path, "used", OTHER_FOLDER):
             for name, study in zip(names, studies, strict=True):
                 path = self.path / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 ResultFolder(path.parent).write_config(study, path.name, mark.encode())
             for path in (self.path / self.kind.found / law.slug).glob("*.yaml") if numbered else ():
                 if path.relative_to(self.path).as_posix() not in names:
-                    remove_own(path, _NUMBERED)
+                    files.remove_own(path, _NUMBERED)
 
     def check(self, laws: Sequence[LawSearch]) -> None:
         """Check the folder of a search for these laws before anything in it changes.
@@ -473,8 +460,10 @@ class SearchFolder:
             If an entry that eqt would write or remove is a link, or was not written by eqt.
         """
         slugs = "|".join(re.escape(law.slug) for law in laws)
-        with refusals(self.path, "used", OTHER_FOLDER):
-            check_entries(self.path, (*OWN_RESULT, *_own(self.kind, slugs, marked=False).values()))
+        with files.refusals(self.path, "used", OTHER_FOLDER):
+            files.check_entries(
+                self.path, (*OWN_RESULT, *_own(self.kind, slugs, marked=False).values())
+            )
 
     def claim(self, name: str, digest: str, force: bool) -> None:
         """Claim the folder for the search of this name and digest.
@@ -486,7 +475,7 @@ class SearchFolder:
         """
         record = self.record
         own = _own(self.kind, r"[A-Za-z0-9._-]+", marked=True)  # those of any law
-        there = [name for name in own if kind_of(self.path / name)]
+        there = [name for name in own if files.kind_of(self.path / name)]
         if there and record is None:
             raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
         other = record is not None and record["digest"] != digest
@@ -497,10 +486,10 @@ class SearchFolder:
             # Generations are not to be computed twice, so nobody is told how to remove them.
             force_too = [] if other else [Remedy("replace it with {}", "force")]
             raise EqtError(f"{self.path}: holds {holds}", OTHER_FOLDER, *force_too)
-        with refusals(self.path, "used", OTHER_FOLDER):
+        with files.refusals(self.path, "used", OTHER_FOLDER):
             for entry in (GENERATIONS, self.kind.found) if force else ():
-                remove_own(self.path / entry, own[entry])
-            remove_left_over(self.path, list(own.values()))
+                files.remove_own(self.path / entry, own[entry])
+            files.remove_left_over(self.path, list(own.values()))
         if force or record is None:
             self.write_record({"name": name, "digest": digest})
 

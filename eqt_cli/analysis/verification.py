@@ -8,16 +8,7 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.analysis.certificates import (
-    Row,
-    Runs,
-    Setting,
-    VehicleRuns,
-    Verdict,
-    hypothesis_rows,
-    identity_rows,
-    trajectory_rows,
-)
+from eqt_cli.analysis import certificates
 from eqt_cli.analysis.run_checks import window_times
 from eqt_cli.analysis.sample import ExactStates, Sample, sampled
 from eqt_cli.base.arrays import Array, norm
@@ -81,16 +72,16 @@ class Verification:
         Names of the engines that integrated the runs.
     """
 
-    rows: list[Row]
+    rows: list[certificates.Row]
     runs: int
     failed_runs: int
     experiment: Experiment
     engines: list[str]
 
     @property
-    def failures(self) -> list[Row]:
+    def failures(self) -> list[certificates.Row]:
         """The rows that refute a statement."""
-        return [row for row in self.rows if row.verdict is Verdict.FAILS]
+        return [row for row in self.rows if row.verdict is certificates.Verdict.FAILS]
 
 
 @blamed()
@@ -160,7 +151,7 @@ class _Verifier:
         """The first runs of the experiment."""
         return Study(None, self.experiment.of_runs(self.runs))
 
-    def of_new_runs(self, label: str, reference: Desired) -> Runs:
+    def of_new_runs(self, label: str, reference: Desired) -> certificates.Runs:
         """The runs of the study."""
         batch, solution = self._solved(label)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
@@ -168,7 +159,7 @@ class _Verifier:
             values = measured(batch, solution, reference, names)
         return self._runs(batch, solution, label, values | {"status": solution.status}, reference)
 
-    def of_stored_runs(self, label: str, results: Result, reference: Desired) -> Runs:
+    def of_stored_runs(self, label: str, results: Result, reference: Desired) -> certificates.Runs:
         """The runs of a result; states, which it does not hold, are those of the study."""
         batch, solution = self._solved(label)
         index = list(self.experiment.loops).index(label)
@@ -216,14 +207,14 @@ class _Verifier:
         label: str,
         values: Mapping[str, Array],
         reference: Desired,
-    ) -> Runs:
+    ) -> certificates.Runs:
         self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
         good = values["status"] == 0
         kept, estimate = (
             {name: values[name][good[: len(values[name])]] for name in names if name in values}
             for names in (SHOWN, self._of_estimate)
         )
-        return Runs(
+        return certificates.Runs(
             label=label,
             claims_decrease=batch.problem.loop.claims_decrease,
             rtol=batch.engine.rtol,
@@ -257,22 +248,24 @@ class _Verifier:
         rate = -growth(linear, self._along.times).rate
         return rate if rate > 0 else None
 
-    def _vehicle(self, batch: Batch, solution: Solution) -> VehicleRuns | None:
+    def _vehicle(self, batch: Batch, solution: Solution) -> certificates.VehicleRuns | None:
         """The good runs of a loop that is not ideal."""
         if batch.problem.loop.vehicle.is_ideal:
             return None
         good = np.flatnonzero(solution.status == 0)
         seed = self.experiment.config.ensemble.seed
-        runs = VehicleRuns(batch.problem.select(good), solution.states[good], seed, good)
+        runs = certificates.VehicleRuns(
+            batch.problem.select(good), solution.states[good], seed, good
+        )
         few = np.arange(min(len(good), FEW_RUNS))
         if not len(few):
             return runs
         problem = replace(runs.problem.select(few), times=window_times(runs))
         again = self._engine(batch).solve(problem, self.workers)
-        windows = VehicleRuns(problem, again.states, seed, good[few])
+        windows = certificates.VehicleRuns(problem, again.states, seed, good[few])
         return replace(runs, windows=windows)
 
-    def verification(self, runs: list[Runs], desired: Desired) -> Verification:
+    def verification(self, runs: list[certificates.Runs], desired: Desired) -> Verification:
         """All rows."""
         Qd, Vd = desired["desired_pose"], desired["desired_velocity"]
         loops, horizon = self.experiment.loops, float(self.experiment.times[-1])
@@ -281,15 +274,17 @@ class _Verifier:
         rigid = self.experiment.config.rigid is not False
         rows = [
             *identities_of(self.experiment, exact=self.exact),
-            *trajectory_rows(runs),
-            *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite], rigid)),
+            *certificates.trajectory_rows(runs),
+            *certificates.hypothesis_rows(
+                certificates.Setting(loops, times, Qd[finite], Vd[finite], rigid)
+            ),
             *self._of_code(),
         ]
         failed = sum(each.failed for each in runs)
         count = sum(each.count for each in runs) + failed
         return Verification(rows, count, failed, self.experiment, list(self.engines))
 
-    def _of_code(self) -> Iterator[Row]:
+    def _of_code(self) -> Iterator[certificates.Row]:
         """Rows that only some laws have: code is compared with the law that it claims to be."""
         horizon = float(self.experiment.times[-1])
         for index, (label, loop) in enumerate(self.experiment.loops.items(), start=1):
@@ -298,7 +293,7 @@ class _Verifier:
             yield from loop.controller.judged(label, loop, horizon, random, flown)
 
 
-def identities_of(experiment: Experiment, *, exact: bool = False) -> list[Row]:
+def identities_of(experiment: Experiment, *, exact: bool = False) -> list[certificates.Row]:
     """Check every identity of an experiment, which needs no runs.
 
     Parameters
@@ -324,7 +319,7 @@ def identities_of(experiment: Experiment, *, exact: bool = False) -> list[Row]:
             random = _random(experiment, index, Stream.EXACT_STATES)
             sample = replace(sample, exact=ExactStates(label, loop, random))
         samples.append(sample)
-    return identity_rows(samples[0], samples[1:], list(_cascades(experiment, horizon)))
+    return certificates.identity_rows(samples[0], samples[1:], list(_cascades(experiment, horizon)))
 
 
 def _cascades(experiment: Experiment, horizon: float) -> Iterator[Sample]:

@@ -9,18 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.analysis import law_search
 from eqt_cli.analysis.fronts import Population, Scores, selected
-from eqt_cli.analysis.law_search import (
-    WORST,
-    LawSearch,
-    SearchFolder,
-    entries_of,
-    expanded,
-    found_files,
-    require_metric,
-    value_at,
-    without_search,
-)
 from eqt_cli.analysis.search import Outcome, Searches, compute, evolve
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, InputError, Problems, parse_key
@@ -67,7 +57,7 @@ class Line:
 class WorstSearch(Searches[WorstSection]):
     """A checked search for the worst run: the section `worst`."""
 
-    kind = WORST
+    kind = law_search.WORST
     example = "{over: {gains.kp: [0.8, 1.2]}, objective: final_pose_error}"
     continuing = frozenset({"budget", "seeds", "profile"})
     keeps_ends = True
@@ -127,7 +117,7 @@ class WorstSearch(Searches[WorstSection]):
     def along(self, lines: list[Line]) -> ConfigSource:
         """Return a sweep of all laws over all lines, by default without trajectories."""
         points = [point for line in lines for point in line.points]
-        columns = expanded({key: [point[key] for point in points] for key in points[0]})
+        columns = law_search.expanded({key: [point[key] for point in points] for key in points[0]})
         data = self.base.source.data
         ensemble = dict(data.get("ensemble") or {}) | {"runs": self.profile_runs}
         own: dict[str, Any] = {
@@ -135,9 +125,9 @@ class WorstSearch(Searches[WorstSection]):
             "sweep": [{"zip": columns}],
             "store": {"trajectories": "none"} | dict(data.get("store") or {}),
         }
-        return replace(self.base.source, data=without_search(data) | own)
+        return replace(self.base.source, data=law_search.without_search(data) | own)
 
-    def so_far(self, law: LawSearch, population: Population) -> str:
+    def so_far(self, law: law_search.LawSearch, population: Population) -> str:
         """Describe the worst run of a law so far."""
         cost = QUANTITIES[self.objective].cost(-population.scores.objectives[population.best, 0])
         return f"worst so far: {self.objective} {cost:.4g}"
@@ -145,7 +135,7 @@ class WorstSearch(Searches[WorstSection]):
     def scores(self, result: Result) -> Scores:
         return badness(self.objective, result)
 
-    def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
+    def conclude(self, folder: law_search.SearchFolder, executor: Executor) -> Outcome:
         """Search for the worst run of each law, and run all laws along each key through it."""
         by_law: dict[str, dict[int, Population]] = {}
         first: dict[str, list[Scores]] = {law.label: [] for law in self.laws}
@@ -170,7 +160,7 @@ class WorstSearch(Searches[WorstSection]):
         laws = [
             {
                 "label": law.label,
-                "config": found_files(WORST, law, 1)[0],
+                "config": law_search.found_files(law_search.WORST, law, 1)[0],
                 **alone[law.label],
                 **_search_record(self, law, by_law[law.label], first[law.label], shares[law.label]),
                 "lines": _line_ranges(lines, law.label),
@@ -182,9 +172,9 @@ class WorstSearch(Searches[WorstSection]):
     @classmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
         """Return the range of a key that holds a number and can be swept; integers if it does."""
-        first = entries_of(key)[0]
+        first = law_search.entries_of(key)[0]
         require_sweepable(first)
-        held = value_at(base.resolved, parse_key(first))
+        held = law_search.value_at(base.resolved, parse_key(first))
         if isinstance(held, bool | str | list):
             raise InputError(
                 f"expected a key that holds a number, and this one holds {shown(held)}"
@@ -201,7 +191,7 @@ class WorstSearch(Searches[WorstSection]):
     @classmethod
     def _check(cls, section: WorstSection, base: Experiment, problems: Problems) -> None:
         with problems.catching("objective"):
-            require_metric(section.objective, base)
+            law_search.require_metric(section.objective, base)
             if QUANTITIES[section.objective].better == "neither":
                 raise InputError(
                     f"'{section.objective}' has no better direction, so no run is the worst by "
@@ -231,7 +221,7 @@ def badness(metric: str, result: Result) -> Scores:
     return Scores(-worst[:, None], np.zeros(len(worst)), failed, unsettled)
 
 
-def _comment(search: WorstSearch, law: LawSearch, record: dict[str, Any]) -> str:
+def _comment(search: WorstSearch, law: law_search.LawSearch, record: dict[str, Any]) -> str:
     """Return the comment above the configuration, which names the worst of its runs."""
     outcome = "failed" if record["failed"] else f"{search.objective} {record['value']!r}"
     return f"# run {record['run']} of {law.label}: {outcome}\n"
@@ -260,7 +250,7 @@ def _worst_run(search: WorstSearch, result: Result) -> dict[str, Any]:
 
 def _search_record(
     search: WorstSearch,
-    law: LawSearch,
+    law: law_search.LawSearch,
     searches: dict[int, Population],
     first: list[Scores],
     shares: tuple[float, ...],

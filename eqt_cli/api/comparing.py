@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from eqt_cli.analysis.margins import Margins
     from eqt_cli.analysis.verification import Verification
 
-# Each function imports the analysis that it needs: together they take half a second ---------------
+# Each function imports the analysis that it needs: together they take half a second.
 
 
 def compare(

@@ -18,24 +18,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from eqt_cli.base import files
 from eqt_cli.base.errors import Remedy, ResultError, suggestion
-from eqt_cli.base.files import (
-    COORDINATES,
-    FILE_NAME,
-    FORMAT,
-    FORMAT_ATTRIBUTE,
-    NAME,
-    PLACEHOLDER,
-    POINT,
-    POINT_GROUP,
-    RESERVED,
-    VERSION_ATTRIBUTE,
-    YAML,
-    NotRegularError,
-    near,
-    open_regular,
-    point_group,
-)
 from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.version import __version__
 
@@ -136,13 +120,13 @@ class Contents:
 
 def format_of(file: Any) -> int | None:
     """Return the number of eqt's layout, or None if eqt did not write the file."""
-    number = _without_heap(file, FORMAT_ATTRIBUTE, h5py.h5t.INTEGER)
+    number = _without_heap(file, files.FORMAT_ATTRIBUTE, h5py.h5t.INTEGER)
     return None if number is None else int(number)
 
 
 def version_of(file: Any) -> str | None:
     """Return the version of eqt that wrote the file; None if it is missing or invalid."""
-    version = bytes(_without_heap(file, VERSION_ATTRIBUTE, h5py.h5t.STRING) or b"")
+    version = bytes(_without_heap(file, files.VERSION_ATTRIBUTE, h5py.h5t.STRING) or b"")
     text = version.decode("ascii", "replace")
     return text if _VERSION.fullmatch(text) else None
 
@@ -174,7 +158,7 @@ def inspect(file: Any, view: mmap) -> tuple[Contents, Sequence[Callable[[], Cont
     by_group = [_datasets(group, list(group), raw.decode() + "/") for raw, group in groups]
     heaps = _heaps([data for scope in (datasets, *by_group) for data in scope.values()], view)
     contents = _contents(file, datasets, size)
-    if groups and contents.dimensions.get(POINT) != len(groups):
+    if groups and contents.dimensions.get(files.POINT) != len(groups):
         raise Refusal(f"it has {len(groups)} groups of points, and another number of points")
     points = [
         cache(partial(_contents, h5py.Group(group), within, size))
@@ -187,16 +171,16 @@ def _contents(owner: Any, datasets: Mapping[str, Any], size: int) -> Contents:
     """Check the datasets of the root, or of one group."""
     labels = {name: _scale_label(dataset, size) for name, dataset in datasets.items()}
     scales = [name for name, label in labels.items() if label]
-    stored = {k: v for k, v in datasets.items() if not labels[k].startswith(PLACEHOLDER)}
+    stored = {k: v for k, v in datasets.items() if not labels[k].startswith(files.PLACEHOLDER)}
     for dataset in stored.values():
         if prod(dataset.shape) and not dataset.id.get_storage_size():
             where = dataset.name[1:]
             raise Refusal(f"'{where}' has the shape {dataset.shape} and holds no data")
     dims = _dimensions(datasets, scales)
     further = " ".join(
-        str(attribute(dataset, COORDINATES, size))
+        str(attribute(dataset, files.COORDINATES, size))
         for dataset in stored.values()
-        if COORDINATES in dataset.attrs
+        if files.COORDINATES in dataset.attrs
     )
     return Contents(
         entries={
@@ -226,7 +210,7 @@ def _heaps(datasets: Iterable[Any], view: mmap) -> Heaps:
 
 def attributes_of(owner: Any, size: int) -> dict[str, Attribute]:
     """Return the user's attributes of an open file or dataset."""
-    names = [name for name in owner.attrs if name not in RESERVED]
+    names = [name for name in owner.attrs if name not in files.RESERVED]
     return {name: attribute(owner, name, size) for name in names}
 
 
@@ -260,9 +244,12 @@ def _groups(root: Any) -> list[tuple[bytes, Any]]:
     """Open the groups of the points; the root may hold only these and datasets."""
     groups = {}
     for raw in list(root):
-        if POINT_GROUP.fullmatch(raw.decode()) and _kind(root, raw, "") == h5py.h5o.TYPE_GROUP:
+        if (
+            files.POINT_GROUP.fullmatch(raw.decode())
+            and _kind(root, raw, "") == h5py.h5o.TYPE_GROUP
+        ):
             groups[raw] = h5py.h5g.open(root, raw)
-    names = [point_group(k).encode() for k in range(len(groups))]
+    names = [files.point_group(k).encode() for k in range(len(groups))]
     if set(names) != set(groups):
         raise Refusal("its groups of points are not numbered from 0")
     return [(name, groups[name]) for name in names]
@@ -271,7 +258,7 @@ def _groups(root: Any) -> list[tuple[bytes, Any]]:
 def _kind(parent: Any, raw: bytes, path: str) -> int:
     """Return the kind of the object of a name, without following a link out of the file."""
     name = raw.decode()
-    if not NAME.fullmatch(name):
+    if not files.NAME.fullmatch(name):
         raise Refusal(f"it holds something called {path + name!r}")
     link = parent.links.get_info(raw).type
     if link != h5py.h5l.TYPE_HARD:
@@ -452,7 +439,7 @@ class ResultFile:
     def __init__(self, path: str | Path) -> None:
         self.path = path = _find(Path(path))
         with ExitStack() as stack, _guard(path):
-            stream = stack.enter_context(open_regular(path))
+            stream = stack.enter_context(files.open_regular(path))
             self._view = stack.enter_context(mmap(stream.fileno(), 0, access=ACCESS_READ))
             # No locks: result files never change, and some network disks refuse to lock.
             self._file = stack.enter_context(_opened(path))
@@ -510,7 +497,7 @@ class ResultFile:
         ResultError
             If there is no such point.
         """
-        points = self.dimensions.get(POINT)
+        points = self.dimensions.get(files.POINT)
         if points is None:
             raise ResultError(
                 f"{self.path}: is no sweep, so it has no point to choose; leave it out"
@@ -525,7 +512,7 @@ class ResultFile:
             merged |= contents.attributes
             view._show(contents)
         else:
-            view._show(self._root, {POINT: point})
+            view._show(self._root, {files.POINT: point})
         view.attributes = _Attributes(self.path, merged | dict(attributes or {}))
         if self._points:  # each group has its own attributes and coordinates
             view._check()
@@ -539,7 +526,7 @@ class ResultFile:
         ResultError
             If it is a sweep; the message says how to choose a point.
         """
-        points = self.dimensions.get(POINT)
+        points = self.dimensions.get(files.POINT)
         if points is not None:
             raise ResultError(
                 f"{self.path}: {what}, and this is a sweep of {points} points",
@@ -554,7 +541,7 @@ class ResultFile:
     @property
     def has_groups(self) -> bool:
         """Whether the points differ in shape, so that each has its arrays in a group."""
-        return bool(self._points) and POINT in self.dimensions
+        return bool(self._points) and files.POINT in self.dimensions
 
     def refusal(self, reason: str) -> ResultError:
         """Return the error for a feature that eqt's files do not have."""
@@ -727,31 +714,31 @@ def _find(path: Path) -> Path:
     file = path
     try:
         if path.is_dir():
-            file = path / FILE_NAME
-        with open_regular(file) as stream:
+            file = path / files.FILE_NAME
+        with files.open_regular(file) as stream:
             start = stream.read(len(_SIGNATURE))
-    except (NotRegularError, IsADirectoryError) as error:
-        advice = f"give a result folder or its {FILE_NAME}"
+    except (files.NotRegularError, IsADirectoryError) as error:
+        advice = f"give a result folder or its {files.FILE_NAME}"
         raise ResultError(f"{file}: is not a file; {advice}") from error
     except FileNotFoundError as error:
         if file == path:
-            hint = near(path, lambda entry: (entry / FILE_NAME).is_file())
-            hint = hint or f"; give a result folder or its {FILE_NAME}"
+            hint = files.near(path, lambda entry: (entry / files.FILE_NAME).is_file())
+            hint = hint or f"; give a result folder or its {files.FILE_NAME}"
             raise ResultError(f"{path}: not found{hint}") from error
         raise ResultError(
-            f"{path}: the folder holds no {FILE_NAME}; run its experiment to the end first"
+            f"{path}: the folder holds no {files.FILE_NAME}; run its experiment to the end first"
         ) from error
     except OSError as error:
         raise ResultError(
             f"{file}: cannot be read: {error.strerror}; check the path and its permissions"
         ) from error
-    if start != _SIGNATURE and file.suffix in YAML:
+    if start != _SIGNATURE and file.suffix in files.YAML:
         raise ResultError(
             f"{file} is a configuration, not a result; run it with `eqt run {file}`, then give the "
             f"result folder, such as results/{file.stem}"
         )
     if start != _SIGNATURE:
-        raise ResultError(f"{file}: is not an HDF5 file; give the {FILE_NAME} that eqt wrote")
+        raise ResultError(f"{file}: is not an HDF5 file; give the {files.FILE_NAME} that eqt wrote")
     return file
 
 
@@ -781,12 +768,12 @@ def _check_format(path: Path, number: int | None, writer: str | None) -> None:
     if number is None:
         raise ResultError(
             f"{path}: is an HDF5 file, but not one of eqt's (it has no attribute "
-            f"'{FORMAT_ATTRIBUTE}'); give the {FILE_NAME} that eqt wrote"
+            f"'{files.FORMAT_ATTRIBUTE}'); give the {files.FILE_NAME} that eqt wrote"
         )
-    if number != FORMAT:
+    if number != files.FORMAT:
         wrote = f"eqt {writer}" if writer else "the version of eqt that wrote it"
         raise ResultError(
-            f"{path}: has format {number}, but eqt {__version__} reads format {FORMAT}; "
+            f"{path}: has format {number}, but eqt {__version__} reads format {files.FORMAT}; "
             f"read it with {wrote}"
         )
 

@@ -15,16 +15,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from eqt_cli.base import files
 from eqt_cli.base.errors import FullDiskError, Remedy, ResultError
-from eqt_cli.base.files import (
-    COORDINATES,
-    FORMAT,
-    FORMAT_ATTRIBUTE,
-    NO_SPACE,
-    PLACEHOLDER,
-    VERSION_ATTRIBUTE,
-    replacement,
-)
 from eqt_cli.base.version import __version__
 
 Attribute = str | int | float
@@ -190,7 +182,7 @@ def _creation(kind: Any) -> Any:
 
 def _refused(target: Path, error: OSError) -> ResultError:
     reason = f"{target}: cannot be written: {error.strerror or error}"
-    if error.errno in NO_SPACE:
+    if error.errno in files.NO_SPACE:
         remedy = Remedy("free some space or choose another folder with {}", "out")
         return FullDiskError(reason, remedy)
     if error.errno in _FORBIDDEN:
@@ -258,7 +250,7 @@ class Assembly:
                 # It is never written, so that it takes no space: only its length counts.
                 blank = file.create_dataset(dim, shape=(size,), dtype=">f4")
                 self._datasets[dim] = blank
-                blank.make_scale(f"{PLACEHOLDER}{size:10d}")
+                blank.make_scale(f"{files.PLACEHOLDER}{size:10d}")
         extra = {name: variable for name, variable in coordinates.items() if name not in sizes}
         for name, variable in extra.items():
             self._attach(self._add(name, variable), variable.dims, {})
@@ -320,7 +312,7 @@ class Assembly:
             dataset.dims[axis].attach_scale(self._datasets[dim])
         described = [name for name, variable in extra.items() if set(variable.dims) <= set(dims)]
         if described:
-            dataset.attrs[COORDINATES] = " ".join(described)
+            dataset.attrs[files.COORDINATES] = " ".join(described)
 
 
 @contextmanager
@@ -356,9 +348,9 @@ def assemble(
     """
     target = Path(path)
     try:
-        with replacement(target) as written, Sink(written) as sink, _create(sink) as file:
-            file.attrs[FORMAT_ATTRIBUTE] = FORMAT
-            file.attrs[VERSION_ATTRIBUTE] = np.bytes_(__version__)
+        with files.replacement(target) as written, Sink(written) as sink, _create(sink) as file:
+            file.attrs[files.FORMAT_ATTRIBUTE] = files.FORMAT
+            file.attrs[files.VERSION_ATTRIBUTE] = np.bytes_(__version__)
             yield Assembly(file, sizes, coordinates, variables, compression)
     except OSError as error:
         raise _refused(target, error) from error

@@ -22,19 +22,9 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import Real, Unit, component
+from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid, rigid_motions
-from eqt_cli.components.motions import (
-    ORDER,
-    FlatOutput,
-    PlantModel,
-    RigidMotion,
-    attitude,
-    check_along,
-    check_rigid_body,
-    piece_at,
-    unit_vector,
-)
 from eqt_cli.components.references import (
     ClosedReference,
     Reference,
@@ -122,11 +112,11 @@ class FlatReference(ClosedReference):
 
     # The motion.
 
-    def flat_output(self, G: MatrixLieGroup, t: Any) -> FlatOutput:
+    def flat_output(self, G: MatrixLieGroup, t: Any) -> motions.FlatOutput:
         """Return position and heading with their derivatives at time t."""
         position = self._position(G, t)
         no_heading = rigid(G).space == 2 or self.heading == FREE
-        return FlatOutput(position, None if no_heading else self._heading(position, t))
+        return motions.FlatOutput(position, None if no_heading else self._heading(position, t))
 
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
         """Return the motion that follows from the position, the heading and the model."""
@@ -136,7 +126,7 @@ class FlatReference(ClosedReference):
         if alone:  # a symbol without batch axes is no array
             position, psi = position[None], None if psi is None else psi[None]
         turn = None if psi is None else Jet.of([psi[..., k] for k in range(OF_FORCE + 1)])
-        body = attitude(self._asked(G, t, position), self.direction, turn)
+        body = motions.attitude(self._asked(G, t, position), self.direction, turn)
         p, v, a = (position[..., k, :] for k in range(3))
         back = transpose(body.R)
         velocity = apply_matrix(back, v)
@@ -150,10 +140,10 @@ class FlatReference(ClosedReference):
 
     def _asked(self, G: EuclideanGroup, t: Any, position: Array) -> Jet:
         """Return F/m in space as a series of order 2."""
-        course = FlatOutput(position).course(OF_FORCE + 1)
+        course = motions.FlatOutput(position).course(OF_FORCE + 1)
         still = np.eye(G.space), np.zeros(G.rotations)
-        moving = RigidMotion(G, *still, course.to_order(OF_FORCE), course.rate)
-        a = Jet.of([position[..., k, :] for k in range(2, ORDER + 1)])
+        moving = motions.RigidMotion(G, *still, course.to_order(OF_FORCE), course.rate)
+        a = Jet.of([position[..., k, :] for k in range(2, motions.ORDER + 1)])
         for force in self.known_forces:
             a = a - force.in_space(G, Jet.time(t, OF_FORCE), moving) / self.mass
         return a
@@ -163,9 +153,9 @@ class FlatReference(ClosedReference):
         if self._knotted:
             return self._on_piece(G, t)
         if self.position is not None:
-            axes = [series(each, {"t": t}, ORDER) for each in self.expressions]
+            axes = [series(each, {"t": t}, motions.ORDER) for each in self.expressions]
         else:
-            Q = self.inner.series(G, t, ORDER)
+            Q = self.inner.series(G, t, motions.ORDER)
             axes = [Q[..., k, -1] for k in range(rigid(G).space)]
         return stack([_derivatives(each) for each in axes])
 
@@ -176,7 +166,7 @@ class FlatReference(ClosedReference):
         for p in range(2, DEGREE + 1):
             powers.append(powers[p // 2] * powers[p - p // 2])
         rows = [
-            [math.perm(p, k) * powers[p - k] if p >= k else 0.0 for k in range(ORDER + 1)]
+            [math.perm(p, k) * powers[p - k] if p >= k else 0.0 for k in range(motions.ORDER + 1)]
             for p in range(DEGREE + 1)
         ]
         return stack([stack(row) for row in rows]) @ polynomials
@@ -223,7 +213,7 @@ class FlatReference(ClosedReference):
     def _piece(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array]:
         """Return the start and the coefficients of the piece at a time, or at each of some."""
         starts, polynomials = self.prepared(G, self._pieces)
-        k = piece_at(starts, t)
+        k = motions.piece_at(starts, t)
         return starts[k], polynomials[k]
 
     def _knots(self, G: MatrixLieGroup) -> tuple[Array, Array]:
@@ -277,10 +267,10 @@ class FlatReference(ClosedReference):
         """Return Q_d(0) and V_d(0) of the motion, which a model decides; until then those given."""
         return super().initial(G, pose, velocity) if self.direction else (pose, velocity)
 
-    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+    def knowing(self, G: MatrixLieGroup, plant: motions.PlantModel, problems: Problems) -> Self:
         """Return the reference with the model, after noting where no motion follows from it."""
         G, along = rigid(G), plant.along if self.along is None else self.along
-        check_rigid_body(G, plant.inertia, problems)
+        motions.check_rigid_body(G, plant.inertia, problems)
         if along is None:
             problems.at("along").add(
                 "missing; nothing says in which direction the body is pushed",
@@ -296,7 +286,7 @@ class FlatReference(ClosedReference):
             return self
         mass = float(plant.inertia.at(0.0).matrix[-1, -1])
         known = with_fields(
-            self, mass=mass, known_forces=plant.forces, direction=unit_vector(along)
+            self, mass=mass, known_forces=plant.forces, direction=motions.unit_vector(along)
         )
         known._check_horizon(G, plant.horizon, problems)
         return known
@@ -307,7 +297,9 @@ class FlatReference(ClosedReference):
         inside = inside[(inside > 0) & (inside < horizon)]
         times = np.unique([*np.linspace(0.0, horizon, SAMPLES), *inside])
         with np.errstate(all="ignore"):
-            position = np.broadcast_to(self._position(G, times), (len(times), ORDER + 1, G.space))
+            position = np.broadcast_to(
+                self._position(G, times), (len(times), motions.ORDER + 1, G.space)
+            )
             a = self._asked(G, times, position)
             force = np.stack([a.derivative(k) + 0.0 * position[:, 0] for k in (0, 1)])
         smallest, largest, t = _smallest(times, *force)
@@ -354,7 +346,7 @@ class FlatReference(ClosedReference):
         elif self.heading not in (None, FREE, ALONG_VELOCITY):
             with problems.catching("heading"):
                 formula(self.heading)
-        check_along(self.along, n, problems)
+        motions.check_along(self.along, n, problems)
 
     def _check_knots(self, knots: list[Knot], n: int, problems: Problems) -> None:
         for index, knot in enumerate(knots):
@@ -386,7 +378,7 @@ def _turns_with_body(G: EuclideanGroup, force: Any) -> bool:
     turned = G.rotation(G.exp(np.full((1, G.dimension), 0.5)))
     values: list[Any] = []
     for R in (np.eye(G.space)[None], turned):
-        wrench = force.in_space(G, Jet.time(0.0, 0), RigidMotion(G, R, still, moves, moves))
+        wrench = force.in_space(G, Jet.time(0.0, 0), motions.RigidMotion(G, R, still, moves, moves))
         values.append(wrench.value if isinstance(wrench, Jet) else wrench)
     return not np.allclose(values[0], values[1], rtol=1e-9, atol=0.0)
 

@@ -21,28 +21,19 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import DAMPING, TORQUE, Scale, Unit
 from eqt_cli.base.registry import Registry
+from eqt_cli.components import vehicle_parts
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.motions import RigidMotion, unit_vector
 from eqt_cli.components.pose_notation import square
 from eqt_cli.components.references import InExpressions, instants_of
-from eqt_cli.components.vehicle_parts import (
-    Matrix,
-    Number,
-    NumberOrExpression,
-    Numbers,
-    VehiclePart,
-    check_deviations,
-    check_numbers,
-    drawn,
-)
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 # The base class of forces; it knows no law, actuator or engine ------------------------------------
 
 
 @dataclass(frozen=True)
-class Force(VehiclePart):
+class Force(vehicle_parts.VehiclePart):
     """A force on the plant, of which the law knows nothing.
 
     Attributes
@@ -101,7 +92,7 @@ class ConstantForce(Force):
     departs: ClassVar[str] = "constant force"
     vectors: ClassVar[tuple[str, ...]] = ("force",)
 
-    force: Annotated[Numbers, Unit(TORQUE)]
+    force: Annotated[vehicle_parts.Numbers, Unit(TORQUE)]
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return the force."""
@@ -130,9 +121,9 @@ class Drag(Force):
     departs: ClassVar[str] = "drag"
     matrices: ClassVar[tuple[str, ...]] = ("linear", "quadratic")
 
-    linear: Annotated[Matrix, Unit(DAMPING)] = 0.0
-    quadratic: Matrix = 0.0
-    current: Annotated[list[NumberOrExpression] | None, Unit("m/s")] = None
+    linear: Annotated[vehicle_parts.Matrix, Unit(DAMPING)] = 0.0
+    quadratic: vehicle_parts.Matrix = 0.0
+    current: Annotated[list[vehicle_parts.NumberOrExpression] | None, Unit("m/s")] = None
 
     expressions: tuple[Expression | None, ...] = field(
         default=(), init=False, repr=False, metadata=STRUCTURE
@@ -195,7 +186,7 @@ class Drag(Force):
                 with here.catching(index):
                     formula(entry)
             else:
-                check_numbers(entry, here.at(index))
+                vehicle_parts.check_numbers(entry, here.at(index))
 
 
 @dataclass(frozen=True)
@@ -244,8 +235,8 @@ class GravityGradient(Force):
     name: ClassVar[str] = "gravity_gradient"
     departs: ClassVar[str] = "gravity gradient"
 
-    rate: Annotated[Number, Scale("rate of the orbit", "rad/s")]
-    inertia: Matrix
+    rate: Annotated[vehicle_parts.Number, Scale("rate of the orbit", "rad/s")]
+    inertia: vehicle_parts.Matrix
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the force with the tensor as a matrix."""
@@ -270,12 +261,12 @@ class GravityGradient(Force):
             problems.add(f"gravity_gradient needs group SO3 or SE3, got {G.name}")
         if self.frame != "body":
             problems.at("frame").add("gravity_gradient computes its own frame; remove this key")
-        check_numbers(self.rate, problems.at("rate"))
+        vehicle_parts.check_numbers(self.rate, problems.at("rate"))
         here = problems.at("inertia")
-        check_numbers(self.inertia, here)
+        vehicle_parts.check_numbers(self.inertia, here)
         if not here:
             with here.catching():
-                square(drawn(self.inertia, None), 3, G)
+                square(vehicle_parts.drawn(self.inertia, None), 3, G)
 
 
 # Gusts: a smooth random force, a sum of sines whose phases each run draws -------------------------
@@ -308,8 +299,8 @@ class Gust(Force):
     vectors: ClassVar[tuple[str, ...]] = ("std",)
     positive: ClassVar[tuple[str, ...]] = ("time_constant",)
 
-    std: Annotated[Numbers, Unit(TORQUE)]
-    time_constant: Annotated[Number, Scale("time constant of the gust", "s")]
+    std: Annotated[vehicle_parts.Numbers, Unit(TORQUE)]
+    time_constant: Annotated[vehicle_parts.Number, Scale("time constant of the gust", "s")]
     amplitude: Any = field(default=None, init=False, repr=False)
     frequency: Any = field(default=None, init=False, repr=False)
     phase: Any = field(default=None, init=False, repr=False)
@@ -343,8 +334,8 @@ class Gust(Force):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note negative deviations, a time constant that is not positive, and a wrong length."""
-        check_deviations(self.std, G, problems.at("std"))
-        check_numbers(self.time_constant, problems.at("time_constant"), positive=True)
+        vehicle_parts.check_deviations(self.std, G, problems.at("std"))
+        vehicle_parts.check_numbers(self.time_constant, problems.at("time_constant"), positive=True)
 
 
 def _column(t: Any, V: Array) -> Any:
@@ -380,11 +371,11 @@ class Restoring(Force):
     name: ClassVar[str] = "restoring"
     departs: ClassVar[str] = "weight and buoyancy"
 
-    weight: Annotated[Number, Unit("N")]
-    buoyancy: Annotated[Number, Unit("N")] = 0.0
-    centre_of_mass: Annotated[list[Number] | None, Unit("m")] = None
-    centre_of_buoyancy: Annotated[list[Number] | None, Unit("m")] = None
-    up: list[Number] | None = None
+    weight: Annotated[vehicle_parts.Number, Unit("N")]
+    buoyancy: Annotated[vehicle_parts.Number, Unit("N")] = 0.0
+    centre_of_mass: Annotated[list[vehicle_parts.Number] | None, Unit("m")] = None
+    centre_of_buoyancy: Annotated[list[vehicle_parts.Number] | None, Unit("m")] = None
+    up: list[vehicle_parts.Number] | None = None
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the force with `up` of length 1."""
@@ -425,12 +416,12 @@ class Restoring(Force):
                 "restoring fixes the frame of each of its numbers; remove this key"
             )
         for name in ("weight", "buoyancy"):
-            check_numbers(getattr(self, name), problems.at(name))
+            vehicle_parts.check_numbers(getattr(self, name), problems.at(name))
         for name in POINTS:
             value = getattr(self, name)
             if value is not None and len(value) != G.space:
                 problems.at(name).add(f"expected {G.space} numbers, got {len(value)}")
             elif value is not None:
-                check_numbers(value, problems.at(name))
-        if self.up is not None and not any(drawn(self.up, None)):
+                vehicle_parts.check_numbers(value, problems.at(name))
+        if self.up is not None and not any(vehicle_parts.drawn(self.up, None)):
             problems.at("up").add("expected a direction, got a vector of zeros")

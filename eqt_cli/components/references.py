@@ -16,21 +16,9 @@ from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import VELOCITY, Positive, Real, Unit
 from eqt_cli.base.registry import Component, Registry
+from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
-from eqt_cli.components.motions import (
-    Factor,
-    FlatOutput,
-    GivenOverTime,
-    Piece,
-    Pieces,
-    PlantModel,
-    eased,
-    motion_along,
-    screws,
-    spline,
-    through,
-)
 from eqt_cli.components.pose_notation import pose_from, vector
 from eqt_cli.components.recording import coordinate_names
 from eqt_cli.components.recording_check import RecordingInFile
@@ -120,7 +108,7 @@ class Desired(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Reference(GivenOverTime, Component):
+class Reference(motions.GivenOverTime, Component):
     """A desired motion; by default one that a torque drives, from Q_d(0) and V_d(0).
 
     A frozen dataclass whose fields are its options in a configuration, in addition to the initial
@@ -155,7 +143,7 @@ class Reference(GivenOverTime, Component):
         """Return Q_d(0) and V_d(0) from the given `pose` and `velocity`."""
         return pose, velocity
 
-    def flat_output(self, G: MatrixLieGroup, t: Any) -> FlatOutput | None:
+    def flat_output(self, G: MatrixLieGroup, t: Any) -> motions.FlatOutput | None:
         """Return position and heading with their derivatives at time t; None if there are none."""
         return None
 
@@ -163,7 +151,7 @@ class Reference(GivenOverTime, Component):
         """Return the times of the poses that give it, by points or rows; None for other kinds."""
         return None
 
-    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+    def knowing(self, G: MatrixLieGroup, plant: motions.PlantModel, problems: Problems) -> Self:
         """Return the reference with what it knows of the plant, after noting what does not fit."""
         return self
 
@@ -254,7 +242,7 @@ class PiecewiseReference(ClosedReference):
     """A reference in closed form that consists of pieces between instants."""
 
     @abstractmethod
-    def pieces(self, G: MatrixLieGroup) -> Pieces:
+    def pieces(self, G: MatrixLieGroup) -> motions.Pieces:
         """Return all pieces."""
 
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
@@ -290,7 +278,7 @@ class InPiece(ClosedReference):
         """Return the motion of the piece."""
         return self.prepared(G, self._piece).motion(G, t)
 
-    def _piece(self, G: MatrixLieGroup) -> Piece:
+    def _piece(self, G: MatrixLieGroup) -> motions.Piece:
         return self.whole.prepared(G, self.whole.pieces).piece(self.since, self.numbers)
 
 
@@ -320,13 +308,15 @@ class ConstantReference(PiecewiseReference):
     pose: Any = "identity"
     velocity: Annotated[Real | list[Real], Unit(VELOCITY)] = 0.0
 
-    def pieces(self, G: MatrixLieGroup) -> Pieces:
+    def pieces(self, G: MatrixLieGroup) -> motions.Pieces:
         """Return one piece of one factor with a(t) = t."""
         pose = pose_from(self.pose, G, Problems())
         if pose is None:
             raise InputError(f"expected a pose of {G.name}, got {self.pose}")
         V = vector(self.velocity, G.dimension, G)
-        return Pieces.of(G, np.zeros(1), pose[None], V[None, None], np.array([[[0.0, 1.0]]]))
+        return motions.Pieces.of(
+            G, np.zeros(1), pose[None], V[None, None], np.array([[[0.0, 1.0]]])
+        )
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid pose or velocity."""
@@ -346,12 +336,12 @@ class LogReference(RecordingInFile, PiecewiseReference):
 
     name: ClassVar[str] = "log"
 
-    def pieces(self, G: MatrixLieGroup) -> Pieces:
+    def pieces(self, G: MatrixLieGroup) -> motions.Pieces:
         """Return a piece from each row to the next."""
         log = self.recording(G)
         if np.isnan(log.velocities).any():
-            return spline(G, log.times, log.poses)
-        return through(G, log.times, log.poses, log.velocities)
+            return motions.spline(G, log.times, log.poses)
+        return motions.through(G, log.times, log.poses, log.velocities)
 
     def given_at(self, G: MatrixLieGroup) -> Array:
         """Return the times of the rows."""
@@ -443,8 +433,8 @@ class PathReference(ClosedReference):
         for each, of_each, rate in zip(self.factors, numbers, rates, strict=True):
             angle = series(each.expression, {"t": t}, 2)
             derivatives = stack([angle.derivative(k) for k in range(3)])
-            factors.append(Factor(of_each, derivatives[..., None] * rate))
-        return motion_along(G, links, factors)
+            factors.append(motions.Factor(of_each, derivatives[..., None] * rate))
+        return motions.motion_along(G, links, factors)
 
     def series(self, G: MatrixLieGroup, t: Any, order: int) -> Jet:
         """Return Q_d as a series; a factor E has the rate ȧ E ξ^."""
@@ -462,7 +452,7 @@ class PathReference(ClosedReference):
     def _constants(self, G: MatrixLieGroup) -> tuple[Array, Array, Array]:
         pose = pose_from(self.pose, G, Problems())
         assert pose is not None
-        return screws(G, pose, np.stack([factor.vector(G) for factor in self.factors]))
+        return motions.screws(G, pose, np.stack([factor.vector(G) for factor in self.factors]))
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression changes its piece."""
@@ -534,12 +524,12 @@ class SlewReference(PiecewiseReference):
     start: Annotated[Real, Unit("s")] = 0.0
     profile: Literal["quintic"] = "quintic"
 
-    def pieces(self, G: MatrixLieGroup) -> Pieces:
+    def pieces(self, G: MatrixLieGroup) -> motions.Pieces:
         """Return three pieces: rest, the slew, and rest."""
         start, end = (pose_from(pose, G, Problems()) for pose in (self.from_, self.to))
         assert start is not None and end is not None
         turn = G.log(G.inverse(start) @ end)
-        return eased(G, self.start, self.start + self.duration, start, turn)
+        return motions.eased(G, self.start, self.start + self.duration, start, turn)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid poses."""

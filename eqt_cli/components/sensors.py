@@ -11,24 +11,14 @@ from eqt_cli.base.arrays import Array, less, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import MEASURED, CountOrTime, Offset, Positive, Real, Scale, Unit
 from eqt_cli.base.registry import Registry
+from eqt_cli.components import vehicle_parts
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.vehicle_parts import (
-    ALWAYS,
-    Clock,
-    Numbers,
-    Sampling,
-    VehiclePart,
-    check_count,
-    check_numbers,
-    drawn,
-    mean_square,
-)
 
 # The base class of measurement errors; it knows no law or engine ----------------------------------
 
 
 @dataclass(frozen=True)
-class Sensor(VehiclePart):
+class Sensor(vehicle_parts.VehiclePart):
     """An error of a measured pose or velocity, at the instants at which it is measured.
 
     Errors of a pose add up to n with Q_m = Q exp(n), errors of a velocity to b with V_m = V + b.
@@ -117,11 +107,15 @@ class Sensor(VehiclePart):
         return np.broadcast_to(np.asarray(value, dtype=float), self.coordinates(G))
 
     def check_entries(
-        self, value: Numbers, G: MatrixLieGroup, problems: Problems, deviations: bool = False
+        self,
+        value: vehicle_parts.Numbers,
+        G: MatrixLieGroup,
+        problems: Problems,
+        deviations: bool = False,
     ) -> None:
         """Note invalid numbers, negative `deviations`, or a wrong number of coordinates."""
         what = G.name if self.of is None else f"the {self.of} of {G.name}"
-        check_count(value, self.coordinates(G), what, problems, deviations)
+        vehicle_parts.check_count(value, self.coordinates(G), what, problems, deviations)
 
     def bias_deviation(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
         """Return what an estimator may know of a bias; None for other errors.
@@ -157,8 +151,8 @@ class Bias(Sensor):
     name: ClassVar[str] = "bias"
     departs: ClassVar[str] = "measurements with bias"
 
-    value: Annotated[Numbers, Unit(MEASURED)] = 0.0
-    walk: Numbers = 0.0
+    value: Annotated[vehicle_parts.Numbers, Unit(MEASURED)] = 0.0
+    walk: vehicle_parts.Numbers = 0.0
 
     def errors(
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
@@ -172,8 +166,8 @@ class Bias(Sensor):
     def bias_deviation(self, G: MatrixLieGroup) -> tuple[Array, Array]:
         """Return the root mean square of `value`, and `walk`, ``(n,)`` each."""
         values = self.value if isinstance(self.value, list) else [self.value]
-        size = self.entries([mean_square(value) for value in values], G)
-        return np.sqrt(size), self.entries(drawn(self.walk, None), G)
+        size = self.entries([vehicle_parts.mean_square(value) for value in values], G)
+        return np.sqrt(size), self.entries(vehicle_parts.drawn(self.walk, None), G)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note negative deviations of the walk, and a wrong length."""
@@ -198,7 +192,7 @@ class SensorLag(Sensor):
     departs: ClassVar[str] = "measurements that lag"
     positive: ClassVar[tuple[str, ...]] = ("time_constant",)
 
-    time_constant: Annotated[Numbers, Scale("time constant", "s")]
+    time_constant: Annotated[vehicle_parts.Numbers, Scale("time constant", "s")]
 
     def errors(
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
@@ -221,7 +215,7 @@ class SensorLag(Sensor):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note time constants that are not greater than 0, and a wrong length."""
         here = problems.at("time_constant")
-        check_numbers(self.time_constant, here, positive=True)
+        vehicle_parts.check_numbers(self.time_constant, here, positive=True)
         if not here:
             self.check_entries(self.time_constant, G, here)
 
@@ -245,8 +239,8 @@ class Noise(Sensor):
     name: ClassVar[str] = "noise"
     departs: ClassVar[str] = "measurements with noise"
 
-    std: Annotated[Numbers | None, Unit(MEASURED)] = None
-    density: Numbers | None = None
+    std: Annotated[vehicle_parts.Numbers | None, Unit(MEASURED)] = None
+    density: vehicle_parts.Numbers | None = None
 
     def errors(
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
@@ -338,7 +332,7 @@ class Channel:
     signal: str
     part: Part
     shape: tuple[int, ...]
-    clock: Clock = ALWAYS
+    clock: vehicle_parts.Clock = vehicle_parts.ALWAYS
     delay: int = 0
     loses: Sensor | None = None
     holds: bool = False
@@ -396,7 +390,7 @@ class Channel:
 
 
 def channels(
-    G: MatrixLieGroup, signals: Mapping[str, tuple[Sensor, ...]], control: Sampling
+    G: MatrixLieGroup, signals: Mapping[str, tuple[Sensor, ...]], control: vehicle_parts.Sampling
 ) -> Iterator[Channel]:
     """Yield the channels of the parts of pose and velocity that have sensors, in order.
 

@@ -16,31 +16,14 @@ from eqt_cli.base.option_types import (
     seconds,
 )
 from eqt_cli.base.registry import Registry
+from eqt_cli.components import vehicle_parts
 from eqt_cli.components.actuators import Actuator, actuators
 from eqt_cli.components.estimators import Estimator, estimators
 from eqt_cli.components.forces import Force, forces
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.sensors import TIMING, Sensor, sensors
 from eqt_cli.components.vehicle import ACTUATORS, CONTROL, Vehicle
-from eqt_cli.components.vehicle_parts import (
-    Clock,
-    ConstantInertia,
-    RelativeInertia,
-    Sampling,
-    TrueInertia,
-    VaryingInertia,
-    check_numbers,
-    drawn,
-)
-from eqt_cli.config.schema import (
-    Config,
-    ControlSection,
-    FactoredInertiaSection,
-    PlantSection,
-    PrescribedInertiaSection,
-    RelativeInertiaSection,
-    SensorsSection,
-)
+from eqt_cli.config import schema
 from eqt_cli.config.sections import inertia_from
 
 
@@ -137,12 +120,12 @@ def vehicle_from(
     sections: dict[str, Any], G: MatrixLieGroup, horizon: float, problems: Problems
 ) -> Vehicle:
     """Return the vehicle of the sections; problems are noted."""
-    plant = sections["plant"] or PlantSection()
+    plant = sections["plant"] or schema.PlantSection()
     at_plant = problems.at("plant")
     inertia = None
     if plant.inertia is not None:
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
-    clock, measured = sections["control"], sections["sensors"] or SensorsSection()
+    clock, measured = sections["control"], sections["sensors"] or schema.SensorsSection()
     at_sensors, at_actuators = problems.at("sensors"), problems.at("actuators")
     known, at_forces = sections["model"] and sections["model"].forces, at_plant.at("forces")
     forces_given = plant.forces
@@ -188,8 +171,8 @@ Entry = tuple[Problems, Sensor | Actuator]
 
 
 def _sampling(
-    control: ControlSection, entries: Iterable[Entry], horizon: float, problems: Problems
-) -> Sampling:
+    control: schema.ControlSection, entries: Iterable[Entry], horizon: float, problems: Problems
+) -> vehicle_parts.Sampling:
     """Return tick and clock of the law; times that are no whole numbers of ticks are noted."""
     times = list(_times(control, entries, problems))
     tick = control.tick or common_divisor([control.period, *(time for _, time, _ in times)])
@@ -205,15 +188,15 @@ def _sampling(
             f"expected at least {horizon / MOST_INSTANTS:g} s, which makes {MOST_INSTANTS:,} "
             f"{what} in {horizon:g} s, got {tick:g}"
         )
-    sampling = Sampling(control.period, 0, Clock(every or 1))
+    sampling = vehicle_parts.Sampling(control.period, 0, vehicle_parts.Clock(every or 1))
     if problems:
         return sampling
     clock = sampling.clock_of(None, control.offset)
-    return Sampling(control.period, sampling.ticks_of(control.delay), clock)
+    return vehicle_parts.Sampling(control.period, sampling.ticks_of(control.delay), clock)
 
 
 def _times(
-    control: ControlSection, entries: Iterable[Entry], problems: Problems
+    control: schema.ControlSection, entries: Iterable[Entry], problems: Problems
 ) -> Iterator[tuple[Problems, float, float]]:
     """Yield the times of all clocks with their places, and what they must be less than, s."""
     yield problems.at("offset"), control.offset, control.period
@@ -245,7 +228,7 @@ def _estimator(section: Any, G: MatrixLieGroup, problems: Problems) -> Estimator
     return None if section is None else component(estimators, section, problems, group=G)
 
 
-def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
+def resolved(vehicle: Vehicle, config: schema.Config) -> dict[str, Any]:
     """Return the sections with all defaults; missing sections stay missing."""
     vehicle = vehicle.configured or vehicle
     dumped = config.model_dump(include=set(SECTIONS), exclude_none=True, warnings="none")
@@ -304,17 +287,17 @@ def _parts(
 
 def _inertia(
     section: Any, G: MatrixLieGroup, horizon: float, problems: Problems
-) -> TrueInertia | None:
-    if isinstance(section, FactoredInertiaSection | PrescribedInertiaSection):
+) -> vehicle_parts.TrueInertia | None:
+    if isinstance(section, schema.FactoredInertiaSection | schema.PrescribedInertiaSection):
         law = inertia_from(section, G, horizon, problems)
-        return None if law is None else VaryingInertia(law)
-    if isinstance(section, RelativeInertiaSection):
+        return None if law is None else vehicle_parts.VaryingInertia(law)
+    if isinstance(section, schema.RelativeInertiaSection):
         value, here = section.relative, problems.at("relative")
-        check_numbers(value, here)
-        if not here and drawn(value, None) <= -1:
-            here.add(f"expected a number greater than -1, got {drawn(value, None):g}")
-        return RelativeInertia(value)
-    check_numbers(section, problems)
-    if problems or inertia_from(drawn(section, None), G, horizon, problems) is None:
+        vehicle_parts.check_numbers(value, here)
+        if not here and vehicle_parts.drawn(value, None) <= -1:
+            here.add(f"expected a number greater than -1, got {vehicle_parts.drawn(value, None):g}")
+        return vehicle_parts.RelativeInertia(value)
+    vehicle_parts.check_numbers(section, problems)
+    if problems or inertia_from(vehicle_parts.drawn(section, None), G, horizon, problems) is None:
         return None
-    return ConstantInertia(section)
+    return vehicle_parts.ConstantInertia(section)

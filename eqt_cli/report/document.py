@@ -42,21 +42,7 @@ from eqt_cli.figures.animation import (
 from eqt_cli.figures.figure import Extras, OfCertificates, figures
 from eqt_cli.figures.labels import norm_symbol
 from eqt_cli.figures.render import DRAWN, encode, figure_from
-from eqt_cli.report.summary import (
-    accuracy,
-    called,
-    columns,
-    curves,
-    day,
-    given,
-    laws,
-    lead,
-    looks,
-    made_by,
-    point_table,
-    provenance,
-    run_table,
-)
+from eqt_cli.report import summary
 from eqt_cli.results.quantity import plain
 from eqt_cli.results.result import HEADLINE, Result
 
@@ -185,7 +171,7 @@ def animation(result: Result, run: int, controllers: Sequence[str] = ()) -> str:
 def _document(scene: Scene, result: Result) -> dict[str, Any]:
     shown = scene.motion
     kept = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
-    styles, heads = looks(result), columns(result, list(shown.norms))
+    styles, heads = summary.looks(result), summary.columns(result, list(shown.norms))
     return {
         "run": shown.run,
         "times": _rounded(shown.times[kept]),
@@ -493,17 +479,17 @@ def report(
         "report.js",
         result=result,
         failed=len(result.failures),
-        lead=lead(result),
+        lead=summary.lead(result),
         author=author,
-        title=title or called(result),
-        made_by=made_by(result),
-        date=date or day(result),
+        title=title or summary.called(result),
+        made_by=summary.made_by(result),
+        date=date or summary.day(result),
         notes=[" ".join(part.split()) for part in re.split(r"\n\s*\n", notes) if part.strip()],
-        given=given(result),
-        laws=laws(result),
+        given=summary.given(result),
+        laws=summary.laws(result),
         functions=result.lyapunov_functions,
-        accuracy=list(accuracy(result)),
-        provenance=provenance(result),
+        accuracy=list(summary.accuracy(result)),
+        provenance=summary.provenance(result),
         config=str(result.attributes.get("config", "")).rstrip(),
         figures=drawn,
         remarks=remarks,
@@ -540,9 +526,11 @@ def _of_experiment(result: Result) -> dict[str, Any]:
     means = [name for name, of in HEADLINE.items() if of is np.mean]
     return {
         "headline": result.headline(),
-        "means": columns(result, [each for name in means for each in result.in_parts(name)]),
-        "picker": curves(result),
-        "table": run_table(result),
+        "means": summary.columns(
+            result, [each for name in means for each in result.in_parts(name)]
+        ),
+        "picker": summary.curves(result),
+        "table": summary.run_table(result),
         **({} if _has_fronts(record) else _compared(result)),
         **_animated(result),
     }
@@ -551,7 +539,7 @@ def _of_experiment(result: Result) -> dict[str, Any]:
 def _of_sweep(result: Result) -> dict[str, Any]:
     """Return the parts of a sweep; no means, since one over all points means little."""
     best = None if WORST.beside(result) or TUNE.beside(result) else sweep_tables(result)
-    return {"best": best, "table": point_table(result)}
+    return {"best": best, "table": summary.point_table(result)}
 
 
 def _searched(result: Result) -> dict[str, Any] | None:

@@ -19,18 +19,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from eqt_cli.base import files
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
-from eqt_cli.base.files import (
-    FILE,
-    FILE_NAME,
-    OwnFile,
-    check_kind,
-    content_of,
-    foreign,
-    read_record,
-    refusals,
-    remove_own,
-)
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.version import __version__
 from eqt_cli.config.parts import Plans
@@ -99,14 +89,14 @@ def _head(own: Path, common: Path) -> str | None:
 
 
 def _packed(path: Path, name: str) -> str | None:
-    text = content_of(path, _PACKED_BYTES, follow=False).decode()
+    text = files.content_of(path, _PACKED_BYTES, follow=False).decode()
     found = re.search(rf"^([0-9a-f]+) {re.escape(name)}$", text, re.MULTILINE)
     return _hash(found[1]) if found else None
 
 
 def _line(path: Path) -> str:
     """Return the line of a small file."""
-    return content_of(path, _POINTER_BYTES, follow=False).decode().rstrip("\n")
+    return files.content_of(path, _POINTER_BYTES, follow=False).decode().rstrip("\n")
 
 
 def _hash(text: str) -> str | None:
@@ -242,7 +232,7 @@ def locked(
         If another process holds the lock, the folder is not writable, or the file is not eqt's.
     """
     path = folder / name
-    with refusals(folder, "used", OTHER_FOLDER):
+    with files.refusals(folder, "used", OTHER_FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
         handle, is_locked = _opened(path, shared)
     try:
@@ -256,7 +246,7 @@ def locked(
                 )
             )
         if not shared:
-            with refusals(folder, "used", OTHER_FOLDER):
+            with files.refusals(folder, "used", OTHER_FOLDER):
                 _sign(handle)
         yield
     finally:
@@ -281,7 +271,7 @@ def _opened(path: Path, shared: bool) -> tuple[int, bool]:
     This is repeated if the previous owner removed the file before it was locked.
     """
     while True:
-        check_kind(path, FILE)
+        files.check_kind(path, files.FILE)
         handle = os.open(path, os.O_RDWR | os.O_CREAT | _CAREFULLY, 0o666)
         try:
             is_locked = _lock(handle, path, shared)
@@ -300,9 +290,9 @@ def _check_own(handle: int, path: Path) -> None:
     """Refuse a file that eqt did not write: one with several hard links or with other content."""
     status = os.fstat(handle)
     if status.st_nlink > 1:
-        raise foreign(path, f"a file with {status.st_nlink} hard links", FILE)
+        raise files.foreign(path, f"a file with {status.st_nlink} hard links", files.FILE)
     if not _BEGINNING.startswith(_text(handle)[: len(_BEGINNING)]):
-        raise foreign(path, "a file with another content", "a lock")
+        raise files.foreign(path, "a file with another content", "a lock")
 
 
 def holder(folder: Path) -> dict[str, Any] | None:
@@ -363,8 +353,8 @@ MANIFEST, PARTS = "manifest.json", "parts"
 
 _NAME = re.compile(r"(\d{6,})(?:\.f(\d+))?\.h5")
 
-_PART = OwnFile(_NAME.pattern)
-OWN_PARTS = (_PART, OwnFile(r"reference(-\d+)?\.h5"))
+_PART = files.OwnFile(_NAME.pattern)
+OWN_PARTS = (_PART, files.OwnFile(r"reference(-\d+)?\.h5"))
 """Entries that eqt writes in the folder of the parts."""
 
 
@@ -410,7 +400,7 @@ class PartFiles:
         best = {part.path.name for part in self.listed().values()}
         for path in self.folder.iterdir() if self.folder.exists() else ():
             if _NAME.fullmatch(path.name) and path.name not in best:
-                remove_own(path, _PART)
+                files.remove_own(path, _PART)
 
 
 RECENT = 200
@@ -453,11 +443,11 @@ class Unfinished:
 
 def unfinished(path: Path) -> Unfinished | None:
     """Return the progress of a folder without a result file; None for any other path."""
-    if not path.is_dir() or (path / FILE_NAME).exists():
+    if not path.is_dir() or (path / files.FILE_NAME).exists():
         return None
     manifest: dict[str, Any] = {}
     with suppress(OSError):  # an unreadable folder counts as no result
-        manifest = read_record(path / MANIFEST, "plan", "name", "begun") or {}
+        manifest = files.read_record(path / MANIFEST, "plan", "name", "begun") or {}
     # A manifest of another program may hold anything.
     with suppress(ValueError, TypeError, LookupError, AttributeError, ArithmeticError):
         plan = Plans.of_data(manifest["plan"])

@@ -24,22 +24,12 @@ from eqt_cli.config.read_study import LAW
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Status
 from eqt_cli.results.quantity import Quantity, ValuePer
+from eqt_cli.runs import lock
 from eqt_cli.runs.batches import LEAST_SECONDS, chosen_entries, combined, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, checked_states, read_part
 from eqt_cli.runs.cost import check_resources
 from eqt_cli.runs.executors import MOST_TRIES, Executor, Serial
 from eqt_cli.runs.folder import CONFIG, RERUN, ResultFolder
-from eqt_cli.runs.lock import (
-    LOCK,
-    OTHERS,
-    PartFiles,
-    differences,
-    locked,
-    now,
-    provenance,
-    timed,
-    together,
-)
 from eqt_cli.runs.result_layout import Destination, Layout, described, in_root, new_result_file
 
 
@@ -70,14 +60,14 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
     by_piece = [status[:, points].reshape(len(status), -1) for points in study.shapes]
     chosen: list[tuple[int, StudyPart]] = []
     for item in range(len(study.plans)):
-        index, part = PartTask(study, PartFiles(folder)).part(item)
+        index, part = PartTask(study, lock.PartFiles(folder)).part(item)
         statuses = by_piece[index][part.controller, part.start : part.stop]
         if (statuses == Status.WORKER_LOST).all():
             chosen.append((index, part))
             continue
         failed = (part.start + np.flatnonzero(statuses)).tolist()
         chosen += [(index, replace(part, start=entry, stop=entry + 1)) for entry in failed]
-    return PartTask(study, PartFiles(folder), tuple(chosen))
+    return PartTask(study, lock.PartFiles(folder), tuple(chosen))
 
 
 @dataclass(frozen=True)
@@ -159,10 +149,10 @@ def execute(
     check_resources(study, out, 1 - kept / study.plans.total)
     with ExitStack() as locks:
         locks.enter_context(folder.reporting_kept_runs(study))
-        locks.enter_context(locked(out, shared=shard is not None))
+        locks.enter_context(lock.locked(out, shared=shard is not None))
         if shard:
             locks.enter_context(
-                locked(out, name=f"{LOCK}-{shard.index}-{shard.count}", warns=False)
+                lock.locked(out, name=f"{lock.LOCK}-{shard.index}-{shard.count}", warns=False)
             )
             if shard.index > len(study.plans):
                 reporter().remark(_without_work(shard, out, len(study.plans)))
@@ -188,7 +178,7 @@ def pack_folder(study: Study, out: Path) -> Execution:
     folder.check()
     if complete := _complete(study, folder):
         return complete
-    with folder.reporting_kept_runs(study), locked(out):
+    with folder.reporting_kept_runs(study), lock.locked(out):
         if (folder.manifest or {}).get("digest") != study.digest:
             raise folder.of_another(study, Remedy(f"undo the changes of {out / CONFIG}"))
         missing = len(PartTask(study, folder.parts).missing())
@@ -212,9 +202,9 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
     if not folder.is_tidy:
         with open_results(folder.results) as results:
             manifest |= {"failed": int(np.count_nonzero(results["status"]))}
-        with suppress(EqtError), locked(folder.path):
+        with suppress(EqtError), lock.locked(folder.path):
             folder.tidy()
-            folder.finish({"finished": now(), **manifest})
+            folder.finish({"finished": lock.now(), **manifest})
     return Execution(folder, True, [], study.plans.total, int(manifest.get("failed", 0)))
 
 
@@ -249,10 +239,10 @@ class _Session:
         resumed = runs - sum(map(self.task.runs_of, self.task.missing(wanted)))
         with ExitStack() as unless_packed:
             unless_packed.callback(self.task.save)
-            with timed(self.seconds, "simulation"):
+            with lock.timed(self.seconds, "simulation"):
                 self._compute(self.task, wanted)
             if shard is None:
-                with timed(self.seconds, "writing"):
+                with lock.timed(self.seconds, "writing"):
                     self._pack(manifest["provenance"])
                 checking = self.seconds.setdefault("cross-check", 0.0)
                 self.seconds["writing"] = round(self.seconds["writing"] - checking, 3)
@@ -260,7 +250,7 @@ class _Session:
         finished = self.task.finished()
         failed = sum(finished[number].failed for number in wanted)
         if shard is None:
-            ending = {"finished": now(), "seconds": self.seconds, "failed": failed}
+            ending = {"finished": lock.now(), "seconds": self.seconds, "failed": failed}
             self.folder.finish(manifest | ending)
         return Execution(
             self.folder, False, removed, runs, failed, resumed, shard is None, self.seconds
@@ -279,13 +269,13 @@ class _Session:
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
         manifest = self.folder.manifest or {}
-        here = provenance(self.study.source.folder, self.study.base.engine.provenance())
+        here = lock.provenance(self.study.source.folder, self.study.base.engine.provenance())
         earlier = manifest.get("provenance", here)
         self._remark_versions([earlier], here)
-        origin = together(earlier, here)
-        with timed(self.seconds, "simulation"):
+        origin = lock.together(earlier, here)
+        with lock.timed(self.seconds, "simulation"):
             self._compute(again)
-        with timed(self.seconds, "writing"):
+        with lock.timed(self.seconds, "writing"):
             described = json.dumps(origin, ensure_ascii=False)
             still = replace_runs(again, self.folder.results, {"provenance": described})
         self.folder.finish(manifest | {"failed": still, "provenance": origin})
@@ -325,7 +315,7 @@ class _Session:
 
     def _remark_versions(self, earlier: Sequence[dict[str, Any]], here: dict[str, Any]) -> None:
         """Remark if some runs were computed with other versions."""
-        differing = (differences(session, here) for session in earlier)
+        differing = (lock.differences(session, here) for session in earlier)
         if listed := "; or ".join(filter(None, differing)):
             reporter().remark(
                 EqtWarning(
@@ -338,10 +328,10 @@ class _Session:
     def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
         study = self.study
         same = earlier.get("digest") == study.digest
-        origin = provenance(study.source.folder, study.base.engine.provenance())
+        origin = lock.provenance(study.source.folder, study.base.engine.provenance())
         if same and not afresh and "provenance" in earlier:
-            origin = together(origin, earlier["provenance"])
-            self._remark_versions(origin.get(OTHERS, []), origin)
+            origin = lock.together(origin, earlier["provenance"])
+            self._remark_versions(origin.get(lock.OTHERS, []), origin)
         return {
             "name": study.name,
             "digest": study.digest,
@@ -351,7 +341,7 @@ class _Session:
             "plan": self.plan.data,
             "config": study.numeric_config,
             "provenance": origin,
-            "begun": earlier["begun"] if same and "begun" in earlier else now(),
+            "begun": earlier["begun"] if same and "begun" in earlier else lock.now(),
         }
 
 
@@ -409,7 +399,7 @@ def pack(
         pieces = [study.piece(index) for index in range(len(study.shapes))]
         redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in pieces)
         deadline = time.monotonic() + max(LEAST_SECONDS, seconds.get("simulation", 0.0))
-        with timed(seconds, "cross-check"), step(CHECKING, redone):
+        with lock.timed(seconds, "cross-check"), step(CHECKING, redone):
             check = combined(
                 [cross_check(piece, states[k], work[k], deadline) for k, piece in enumerate(pieces)]
             )
