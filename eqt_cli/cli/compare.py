@@ -141,7 +141,7 @@ def compare(
             "out"
         )
     else:
-        explained = api.compare_measured(
+        explained = of_extension("recordings.api.compare_measured")(
             result,
             measured,
             mapping,

@@ -1,0 +1,33 @@
+"""eqt without its extensions: nothing outside imports them."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import eqt_cli
+
+SESSION = """
+from eqt_cli.base.registry import extensions, of_extension, registry
+from eqt_cli.cli.app import COMMANDS
+print(sorted(extensions()), {"fit", "log", "export"} & COMMANDS.keys())
+print({"code", "replay"} & {*registry("controllers").names()}, registry("controllers").get("eqt"))
+from eqt_cli import api
+print("fit" in api.__all__, "compare" in api.__all__)
+of_extension("recordings.measured.findings")
+"""
+
+
+def test_eqt_works_without_them(tmp_path):
+    package = Path(eqt_cli.__file__).parent
+    skipped = shutil.ignore_patterns("__pycache__", "recordings", "firmware", "devices.py")
+    shutil.copytree(package, tmp_path / "eqt_cli", ignore=skipped)
+    done = subprocess.run(
+        [sys.executable, "-c", SESSION], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.splitlines() == [
+        "[] set()",
+        "set() <class 'eqt_cli.components.laws.EqT'>",
+        "False True",
+    ]
+    assert done.stderr.endswith("the extension 'recordings' is not installed; install eqt again\n")
