@@ -35,9 +35,8 @@ from eqt_cli.base.errors import EqtWarning, Problems
 from eqt_cli.base.process import ASKED_BY
 from eqt_cli.base.reporting import Reporter, reporting
 from eqt_cli.base.store_writer import Table, Variable, write
-from eqt_cli.cli import main
+from eqt_cli.cli import main, run_report
 from eqt_cli.cli import output as progress
-from eqt_cli.cli import run_report as run_and_report
 from eqt_cli.components.groups import MatrixLieGroup, group_named, groups
 from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.config.build import build
@@ -48,7 +47,7 @@ from eqt_cli.engines import compiler as native_cache
 from eqt_cli.engines import compiler as native_compiler
 from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER, Program, c_function
 from eqt_cli.results.result import open_result
-from eqt_cli.runs import executors as auto
+from eqt_cli.runs import executors
 from eqt_cli.runs.run_study import Execution, execute
 
 pytest_plugins = ["pytester"]
@@ -128,13 +127,13 @@ for number in ASKED_BY:
 
 # What is printed must not depend on how fast this machine is.
 progress.SHOW_AFTER = threading.TIMEOUT_MAX
-run_and_report.LONG = math.inf
+run_report.LONG = math.inf
 
 # No test needs its files after a power cut.
 os.fsync = lambda file: None
 
 # By the clock, a small experiment on a busy machine is worth processes of its own; here it is not.
-auto.WORTH_STARTING = auto.WORTH_LEAVING_THREADS = math.inf
+executors.WORTH_STARTING = executors.WORTH_LEAVING_THREADS = math.inf
 
 # The tests compile more laws than a user keeps, and what was forgotten is compiled in every run. So
 # they have a cache of their own, from which no command of the user removes the oldest.

@@ -16,7 +16,7 @@ from said import error_of
 
 import eqt_cli
 from eqt_cli.analysis import verification
-from eqt_cli.api import loading as opening
+from eqt_cli.api import loading
 from eqt_cli.base.errors import ConfigError, EqtError, ResultError
 from eqt_cli.results.result import Result
 
@@ -172,7 +172,7 @@ def test_results_open_in_xarray_and_have_their_data(result):
 
 
 def test_results_open_without_xarray(result, monkeypatch):
-    monkeypatch.setattr(opening, "find_spec", lambda name: None)
+    monkeypatch.setattr(loading, "find_spec", lambda name: None)
     with eqt_cli.open_results(result) as results:
         assert isinstance(results, Result)
     assert error_of(eqt_cli.open_results, result, "xarray") == (

@@ -15,14 +15,12 @@ import numpy as np
 import pytest
 from case_tables import slow
 
-from eqt_cli.analysis import identities as tracking_laws
+from eqt_cli.analysis import identities
 from eqt_cli.analysis.certificates import Verdict
 from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.base.arrays import apply_matrix, transpose
 from eqt_cli.components import inertia as critical_points
-from eqt_cli.components import matrix_groups as euclidean
-from eqt_cli.components import mechanics as navigation
-from eqt_cli.components import motions
+from eqt_cli.components import matrix_groups, mechanics, motions
 from eqt_cli.components.classic_laws import Stabilising
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import CriticalSet, FactoredInertia, Inertia, PrescribedInertia
@@ -135,7 +133,7 @@ def in_change(owner, factor):
 
 
 in_product = partial(in_method, Semidirect)
-in_jacobian = partial(in_function, euclidean._left_jacobian_times)
+in_jacobian = partial(in_function, matrix_groups._left_jacobian_times)
 
 
 def in_property(owner, name, fault):
@@ -327,9 +325,9 @@ PLANTS = {
     "I-dot: factor 2": Planted("prescribed", in_change(PrescribedInertia, lambda A: 2 * A),
         VARYING | on(ALL, *BALANCE)),
     "gradient of the potential: sign":
-        Planted("paper", in_function(navigation.gradient, negated), OF_GRADIENT),
+        Planted("paper", in_function(mechanics.gradient, negated), OF_GRADIENT),
     "gradient of the potential: factor 2":
-        Planted("bluerov2", in_function(navigation.gradient, doubled), OF_GRADIENT),
+        Planted("bluerov2", in_function(mechanics.gradient, doubled), OF_GRADIENT),
     # The theorem's control and the body's change together, so that they still agree for EqT.
     "ad*: sign": Planted("paper", in_method(MatrixLieGroup, "ad_star", negated),
         on("", "ad* is the dual of the bracket", OF_INERTIA) |
@@ -376,7 +374,7 @@ PLANTS = {
         in_product("closed_loop_input",
             lambda exact, S, X_d, tau_d, U_E: 2 * tau_d - exact(S, X_d, tau_d, U_E)), THROUGH),
     "eq. (22): no feedforward": Planted("paper",
-        in_function(tracking_laws.feedforward, lambda exact, s, P_E: 0 * P_E),
+        in_function(identities.feedforward, lambda exact, s, P_E: 0 * P_E),
         on("", OF_INERTIA) | THROUGH),
     "eq. (27): no ad*": Planted("paper",
         in_product("Ad", lambda exact, S, Y, U: exact(S, (Y[0], 0 * Y[1]), U)),
@@ -385,7 +383,7 @@ PLANTS = {
         Planted("paper", lambda monkeypatch:
         monkeypatch.setattr(Tracking, "lyapunov",
         property(lambda s: ((s.P_tilde * s.V_tilde).sum(axis=-1) +
-        navigation.potential(s.G, s.gains.K, s.Q_E)))), on("", ENERGY) | on(ALL, *BALANCE)),
+        mechanics.potential(s.G, s.gains.K, s.Q_E)))), on("", ENERGY) | on(ALL, *BALANCE)),
     "dissipation: sign": Planted("paper",
         in_method(Family, "dissipation", lambda exact, law, s: -exact(law, s)), on(ALL, *BALANCE)),
     "inverse of the inertia: factor":

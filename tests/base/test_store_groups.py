@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from eqt_cli.base import store_reader as safety
+from eqt_cli.base import store_reader
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Blank, Variable, assemble, write
@@ -73,13 +73,13 @@ def test_points_are_read_from_their_groups(path):
 
 
 def test_what_a_group_says_is_checked_once_and_not_before_it_is_read(path, monkeypatch):
-    seen, check = [], safety._contents
+    seen, check = [], store_reader._contents
 
     def noted(owner, *given):
         seen.append(owner.name)
         return check(owner, *given)
 
-    monkeypatch.setattr(safety, "_contents", noted)
+    monkeypatch.setattr(store_reader, "_contents", noted)
     with open_results(path) as results:
         assert results["effort"].size
         assert seen == ["/"]

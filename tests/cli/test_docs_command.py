@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from eqt_cli.cli import lookup as listing
+from eqt_cli.cli import lookup
 
 
 @pytest.fixture
 def opened(monkeypatch, tmp_path):
     """The addresses that were opened, in a checkout without pages and without an online home."""
     addresses = []
-    monkeypatch.setattr(listing.webbrowser, "open", lambda url: addresses.append(url) or True)
-    monkeypatch.setattr(listing, "CHECKOUT", tmp_path)
-    monkeypatch.setattr(listing, "metadata", lambda name: Described())
+    monkeypatch.setattr(lookup.webbrowser, "open", lambda url: addresses.append(url) or True)
+    monkeypatch.setattr(lookup, "CHECKOUT", tmp_path)
+    monkeypatch.setattr(lookup, "metadata", lambda name: Described())
     return addresses
 
 
@@ -55,7 +55,7 @@ def test_the_address_can_be_asked_for(invoke, opened, built, option):
 
 
 def test_without_a_browser_the_address_is_said(invoke, opened, built, monkeypatch):
-    monkeypatch.setattr(listing.webbrowser, "open", lambda url: False)
+    monkeypatch.setattr(lookup.webbrowser, "open", lambda url: False)
     done = invoke("docs")
     assert done.stderr == "no browser could be opened; the documentation is at:\n"
     assert done.stdout == f"{built}\n"
@@ -76,4 +76,4 @@ def test_pages_that_are_nowhere(invoke, opened):
 
 
 def test_the_folder_that_is_looked_in_is_the_checkout():
-    assert (listing.CHECKOUT / "eqt_cli").samefile(Path(listing.__file__).parents[1])
+    assert (lookup.CHECKOUT / "eqt_cli").samefile(Path(lookup.__file__).parents[1])

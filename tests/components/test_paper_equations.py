@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from eqt_cli.base.arrays import apply_matrix, dot, transpose
 from eqt_cli.base.expressions import parse
-from eqt_cli.components import mechanics as navigation
+from eqt_cli.components import mechanics
 from eqt_cli.components.groups import group_named, groups
 from eqt_cli.components.inertia import FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.components.laws import Family, controllers
@@ -231,7 +231,7 @@ def test_lemma_6_1_error_velocity_and_energy(samples, data):
     S = s.G.Ad_matrix(s.G.inverse(s.Qd))
     inertia_of_error = transpose(S) @ s.inertia.matrix @ S
     assert_equal(apply_matrix(inertia_of_error, s.V_E), P_E)
-    potential = navigation.potential(s.G, s.gains.K, s.Q_E)
+    potential = mechanics.potential(s.G, s.gains.K, s.Q_E)
     assert_equal(s.lyapunov, dot(P_E, s.V_E) / 2 + potential)
 
 
@@ -243,7 +243,7 @@ def test_theorem_6_2_through_the_semidirect_group_is_eqt(samples, data):
     Q_E, P_E = S.error((s.Q, s.P), X_d)
     V_E, _ = S.Ad(X_d, (s.V - s.Vd, s.tau_d))
     feedforward = -G.ad_star(G.Ad(s.Qd, s.Vd), P_E)
-    feedback = -apply_matrix(s.gains.K_d, V_E) - navigation.gradient(G, s.gains.K, Q_E)
+    feedback = -apply_matrix(s.gains.K_d, V_E) - mechanics.gradient(G, s.gains.K, Q_E)
     V_tilde, tau_tilde = S.Ad(S.inverse(X_d), (V_E, feedforward + feedback))
     assert_equal(V_tilde, s.V - s.Vd)
     assert_equal(law("eqt").torque(s), s.tau_d + tau_tilde)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.errors import EqtError
-from eqt_cli.figures import comparison_figures as distributions
+from eqt_cli.figures import comparison_figures
 from eqt_cli.figures.comparison_figures import Distributions
 from eqt_cli.figures.render import curves, encode
 from eqt_cli.figures.shown import DEFAULT_METRICS, MetricValues
@@ -45,7 +45,7 @@ def test_boxes_are_quantiles_and_means(so3, opened, picture):
 
 
 def test_of_many_runs_only_the_extremes_are_points(so3, opened, monkeypatch):
-    monkeypatch.setattr(distributions, "MOST_POINTS", 5)
+    monkeypatch.setattr(comparison_figures, "MOST_POINTS", 5)
     results = opened(so3)
     drawing = Distributions().draw([results])
     extremes = drawn(drawing)["effort", "extremes gt"].x
@@ -127,7 +127,7 @@ def test_distribution_functions_end_below_1_where_runs_had_not_settled(unsettled
 
 
 def test_distribution_functions_of_many_runs_have_few_steps(so3, opened, monkeypatch):
-    monkeypatch.setattr(distributions, "MOST_STEPS", 3)
+    monkeypatch.setattr(comparison_figures, "MOST_STEPS", 3)
     results = opened(so3)
     line = Distributions(kind="ecdf", metrics=["effort"]).draw([results]).axes[0].lines[0]
     effort = np.sort(results["effort"][0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eqt_cli.figures import run_figures as runs
+from eqt_cli.figures import run_figures
 from eqt_cli.figures.run_figures import RunsFigure
 
 unarranged = pytest.mark.usefixtures("unarranged")
@@ -25,7 +25,7 @@ def test_every_good_run_is_a_line_under_the_mean(so3, altered, opened):
 
 @unarranged
 def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
-    monkeypatch.setattr(runs, "MOST_LINES", 2)
+    monkeypatch.setattr(run_figures, "MOST_LINES", 2)
     values = opened(so3)["pose_error"]
     drawing = RunsFigure().draw([opened(so3)])
     *single, mean = drawing.axes[0].lines

@@ -10,7 +10,7 @@ from eqt_cli.analysis.fronts import front
 from eqt_cli.analysis.intervals import Resampling, relative_difference, share
 from eqt_cli.analysis.maps import compare_map
 from eqt_cli.base.errors import EqtError
-from eqt_cli.figures import sweep_figures as region
+from eqt_cli.figures import sweep_figures
 from eqt_cli.figures.cells import FEW, number_values
 from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.figures.curves import name_points
@@ -495,11 +495,13 @@ def test_a_region_is_of_two_keys(swept):
     ("share", "said"), [(0, "0"), (0.04, "0.04"), (49.6, "50"), (99.96, "99.96"), (100, "100")]
 )
 def test_a_share_of_nearly_all_runs_is_not_that_of_all(share, said):
-    assert region._per_cent(share) == said
+    assert sweep_figures._per_cent(share) == said
 
 
 def test_an_interval_in_a_cell_is_no_narrower_than_it_is():
-    found = [region._interval(*ends) for ends in ((94.55, 99.82), (0.0, 3.2), (99.98, 99.99))]
+    found = [
+        sweep_figures._interval(*ends) for ends in ((94.55, 99.82), (0.0, 3.2), (99.98, 99.99))
+    ]
     assert found == ["94–100", "0–4", "99.98–99.99"]
 
 

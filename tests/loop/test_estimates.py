@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.components.groups import group_named
-from eqt_cli.loop import signals as estimates
+from eqt_cli.loop import signals
 from eqt_cli.loop.signals import signal_of
 
 
@@ -35,9 +35,9 @@ def test_an_error_is_normalised_by_the_covariance_of_what_is_not_known(known):
     s = given("SE2", covariance=upper(covariance), error=error)
     kept = [k for k in range(6) if k not in known]
     expected = error[kept] @ np.linalg.inv(covariance[np.ix_(kept, kept)]) @ error[kept]
-    square, freedom = estimates.consistency(s)
+    square, freedom = signals.consistency(s)
     assert (square, freedom) == (pytest.approx(expected, rel=1e-9), len(kept))
-    assert estimates.deviations(s) == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-12)
+    assert signals.deviations(s) == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_an_error_is_normalised_by_the_covariance_of_what_is_not_known(known):
     ],
 )
 def test_innovations_have_a_mean_as_soon_as_there_is_one(sums, expected):
-    found = estimates.innovations(given("SE2", innovations=sums))
+    found = signals.innovations(given("SE2", innovations=sums))
     assert found == pytest.approx(expected, rel=1e-12, nan_ok=True)
 
 
@@ -58,10 +58,10 @@ def test_norms_of_an_error_by_parts():
     error = np.array([0.3, 2.0, -1.0, 0.6, 3.0, -4.0])
     s = given("SE2", error=error)
     rotation, translation = s.G.parts
-    assert estimates.of_pose(s).tolist() == error[:3].tolist()
-    assert estimates.of_bias(s).tolist() == error[3:].tolist()
+    assert signals.of_pose(s).tolist() == error[:3].tolist()
+    assert signals.of_bias(s).tolist() == error[3:].tolist()
     bias, pose = signal_of("bias_error"), signal_of("estimate_error")
-    b, difference = estimates.of_bias(s), estimates.difference(s)
+    b, difference = signals.of_bias(s), signals.difference(s)
     assert bias.value(b) == pytest.approx(np.sqrt(0.6**2 + 25))
     assert bias.value(b, rotation) == pytest.approx(0.6)
     assert bias.value(b, translation) == pytest.approx(5.0)

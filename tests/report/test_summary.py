@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eqt_cli import api
-from eqt_cli.report import summary as module
+from eqt_cli.report import summary
 from eqt_cli.report.summary import (
     LEVELS,
     POWER,
@@ -172,7 +172,7 @@ def test_units_of_a_user(paper_result):
 
 
 def test_runs_that_would_not_fit_are_left_out(paper_result, monkeypatch):
-    monkeypatch.setattr(module, "LARGEST", 50_000)
+    monkeypatch.setattr(summary, "LARGEST", 50_000)
     with open_result(paper_result) as results:
         found = curves(results)
     assert found["stored"] == 60
