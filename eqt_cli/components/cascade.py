@@ -11,12 +11,21 @@ import numpy as np
 from eqt_cli.base.arrays import Array, apply_matrix, dot, exp, frobenius, less, sqrt, where
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.option_types import Positive, Real, Scale, check_period, component
-from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
 from eqt_cli.components.mechanics import Gains, LawInput, Tracking
+from eqt_cli.components.motions import (
+    PlantModel,
+    RigidMotion,
+    attitude,
+    check_along,
+    check_rigid_body,
+    only_direction,
+    third_axis,
+    unit_vector,
+)
 from eqt_cli.numbers.jets import Jet
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
@@ -185,7 +194,7 @@ class Cascade(Controller):
             problems.at("bandwidth").add("missing; rates: filter needs it, in rad/s")
         if self.rates != "filter" and self.bandwidth is not None:
             problems.at("bandwidth").add(f"applies to rates: filter only, got rates: {self.rates}")
-        motions.check_along(self.along, G.space, problems)
+        check_along(self.along, G.space, problems)
         self.position.check(G.space, problems.at("position"))
         object.__setattr__(self, "inner", law)
 
@@ -210,28 +219,28 @@ class Cascade(Controller):
             return {}
         return {"inner": self.inner.with_defaults(self.gains_group(G), gains, self.attitude)}
 
-    def knowing(self, G: MatrixLieGroup, plant: motions.PlantModel, problems: Problems) -> Cascade:
+    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Cascade:
         """Return the law with the forces that it knows, and the direction in which it pushes."""
         if problems:
             return self
         check_flat_output(plant, problems)
         if self.rates == "heading" and plant.flat is not None and plant.flat.heading is None:
             problems.at("rates").add("the reference gives no heading; use rates: model")
-        motions.check_rigid_body(G, plant.inertia, problems)
+        check_rigid_body(G, plant.inertia, problems)
         if self.position.period is not None:
             check_period(self.position.period, plant.period, problems.at("position", "period"))
         along: Any = self.along
         why = "no thrusters in `actuators` say in which direction the body is pushed"
         remedy = "give it in the body frame, such as along: [0, 0, -1]"
         if along is None and plant.pushes is not None:
-            along = motions.only_direction(plant.pushes)
+            along = only_direction(plant.pushes)
             why = "the thrusters push in more than one direction"
             remedy = "give the one that carries the body, such as along: [0, 0, -1]"
         if along is None:
             problems.at("along").add(f"missing; {why}", Remedy(remedy))
         if problems:
             return self
-        direction = motions.unit_vector(along)
+        direction = unit_vector(along)
         return with_fields(self, known=plant.forces, direction=direction, exact=plant.exact)
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
@@ -292,7 +301,7 @@ class Cascade(Controller):
         asked: Any = Jet([0.0])
         integrand = asked
         for k in range(self._order + 1):
-            motion = motions.RigidMotion(G, R, turning, Jet.of(place[: k + 1]), Jet.of(place[1:]))
+            motion = RigidMotion(G, R, turning, Jet.of(place[: k + 1]), Jet.of(place[1:]))
             given: Any = 0.0
             for force in self.known:
                 given = given + force.in_space(G, Jet.time(s.t, k), motion) / mass
@@ -309,7 +318,7 @@ class Cascade(Controller):
         asked, _ = self._asked(s)
         return np.concatenate([asked.derivative(k) for k in range(asked.order + 1)], axis=-1)
 
-    def _feedback(self, s: Tracking, moving: motions.RigidMotion) -> tuple[Jet, Any, Any]:
+    def _feedback(self, s: Tracking, moving: RigidMotion) -> tuple[Jet, Any, Any]:
         """Return the rate of the integral, the feedback, and the estimate of what acts unknown."""
         gains, k = self.position, moving.position.order
         error, rate = moving.position - _desired(s, 0, k), moving.velocity - _desired(s, 1, k)
@@ -330,12 +339,12 @@ class Cascade(Controller):
         if self.rates == "filter":
             now, rate = s.memory[FILTERED], s.memory[FILTERED_RATE]
             asked = Jet.of([now, rate, self._filter_rate(s, asked.value)])
-        desired = motions.attitude(asked, self.direction, s.flat.turn(asked.order), R)
+        desired = attitude(asked, self.direction, s.flat.turn(asked.order), R)
         if self.rates == "reference":
             desired = desired._replace(velocity=s.Vd[..., turns], acceleration=s.Vd_dot[..., turns])
         elif self.rates == "heading":
             assert s.flat.heading is not None
-            axis, psi = motions.third_axis(self.direction), s.flat.heading[..., None]
+            axis, psi = third_axis(self.direction), s.flat.heading[..., None]
             desired = desired._replace(
                 velocity=psi[..., 1, :] * axis, acceleration=psi[..., 2, :] * axis
             )
@@ -460,7 +469,7 @@ class Cascade(Controller):
         return self.wrench(s, torque), later
 
 
-def check_flat_output(plant: motions.PlantModel, problems: Problems) -> None:
+def check_flat_output(plant: PlantModel, problems: Problems) -> None:
     """Note a reference without a flat output."""
     if plant.flat is None:
         problems.add(

@@ -21,7 +21,7 @@ from eqt_cli.base.option_types import Count, Positive, Scale
 from eqt_cli.base.registry import of_extension
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.sensors import Errors
-from eqt_cli.engines import compiler, library, traced_loop
+from eqt_cli.engines import compiler, library
 from eqt_cli.engines.engine import (
     Engine,
     Failure,
@@ -38,6 +38,18 @@ from eqt_cli.engines.engine import (
 )
 from eqt_cli.engines.library import Advance, Measuring, Rows, SampleProgram
 from eqt_cli.engines.solve_ivp import FUNCTIONS, SolveIvp, steps
+from eqt_cli.engines.traced_loop import (
+    InstantPrograms,
+    LoopKey,
+    LoopPrograms,
+    RunningPrograms,
+    held_rows,
+    parameter_rows,
+    programs,
+    running,
+    sampled,
+    trace,
+)
 from eqt_cli.numbers.program import Program
 
 # Integration of runs through a span by compiled DOP853; each run has its own steps ----------------
@@ -61,17 +73,13 @@ class Lanes(Integrator):
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        law: traced_loop.LoopPrograms,
-        settings: Mapping[str, float],
-        advance: Advance,
+        self, problem: Problem, law: LoopPrograms, settings: Mapping[str, float], advance: Advance
     ) -> None:
         super().__init__(problem)
         self._law, self._advance = law, advance
         self._compiled: dict[int, library.Evaluation] = {}
         self._settings = settings
-        self._all_parameters = traced_loop.parameter_rows(problem)
+        self._all_parameters = parameter_rows(problem)
         self._span_starts = np.array([span.start for span in problem.spans])
         self._held_from: dict[float, Array] = {}
 
@@ -89,7 +97,7 @@ class Lanes(Integrator):
         if span.start not in self._held_from:
             first = np.searchsorted(self._span_starts, span.start)
             starts = self._span_starts[first : first + SPANS_AT_ONCE]
-            rows = traced_loop.held_rows(self.problem.loop, starts)
+            rows = held_rows(self.problem.loop, starts)
             self._held_from = dict(zip(starts.tolist(), rows, strict=True))
         self._held = self._held_from[span.start]
 
@@ -121,7 +129,7 @@ class Lanes(Integrator):
         return self._evaluated(program, runs, given)["state"]
 
     def _answer(
-        self, t: float, states: Array, around: traced_loop.InstantPrograms, given: list[Rows]
+        self, t: float, states: Array, around: InstantPrograms, given: list[Rows]
     ) -> tuple[Array, Array, Array]:
         """Return the commanded torque, the law's memory and the measured states, a row per run."""
         runs, none = len(states), np.empty((len(states), 0))
@@ -227,10 +235,10 @@ class MeasuringLanes(Lanes):
     def __init__(
         self,
         problem: Problem,
-        law: traced_loop.LoopPrograms,
+        law: LoopPrograms,
         settings: Mapping[str, float],
         advance: Advance,
-        measures: traced_loop.RunningPrograms,
+        measures: RunningPrograms,
         times: Array,
         rows: Sequence[Rows],
     ) -> None:
@@ -336,7 +344,7 @@ class Native(Engine):
 
     def integrator(self, problem: Problem) -> Lanes:
         """Return the integrator of lanes, whose steps depend on their own run only."""
-        law = traced_loop.programs(traced_loop.LoopKey(problem.loop))
+        law = programs(LoopKey(problem.loop))
         return Lanes(problem, law, self._settings, self._integration(law.field))
 
     def _integration(
@@ -364,7 +372,7 @@ class Native(Engine):
 
     def rehearse(self, problem: Problem) -> None:
         """Trace the law, which may fail, without compiling it."""
-        traced_loop.trace(problem.loop)
+        trace(problem.loop)
 
     def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
         """Return blocks of as many runs per thread as fit a cache with their results.
@@ -383,16 +391,14 @@ class Native(Engine):
     ) -> dict[str, Array]:
         """Evaluate by compiled code, if the function can be compiled; else on arrays."""
         loop, times = problem.loop, problem.times
-        program = traced_loop.sampled(
-            function, traced_loop.LoopKey(loop), tuple(row.shape[-1] for row in rows)
-        )
+        program = sampled(function, LoopKey(loop), tuple(row.shape[-1] for row in rows))
         if program is None:
             return super().evaluate(function, problem, *rows)
         given = [
             *(Rows(row, by_run=row.ndim == 3, by_sample=True) for row in rows),
             Rows(times[:, None], by_sample=True),
-            Rows(traced_loop.parameter_rows(problem), by_run=True),
-            Rows(traced_loop.held_rows(loop, times), by_sample=True),
+            Rows(parameter_rows(problem), by_run=True),
+            Rows(held_rows(loop, times), by_sample=True),
         ]
         evaluated = library.evaluation(program, tuple(each.length for each in given))
         return evaluated(problem.runs, len(times), given)
@@ -412,21 +418,21 @@ class Native(Engine):
         Runs with several spans or a sampled law, and functions that cannot be compiled, are
         measured from stored states.
         """
-        times, one = problem.times, traced_loop.LoopKey(problem.loop)
+        times, one = problem.times, LoopKey(problem.loop)
         lengths = (problem.loop.state_length, *(row.shape[-1] for row in rows))
         found = None
         if kept is not None and len(problem.spans) == 1 and problem.loop.vehicle.control is None:
             grid = tuple(times.tolist())
-            found = traced_loop.running(function, reduction, one, lengths, tuple(kept), grid)
+            found = running(function, reduction, one, lengths, tuple(kept), grid)
         if found is None:
             return super().measured(function, reduction, problem, rows, kept, workers, progress)
         given = [
             *(Rows(np.ascontiguousarray(row), row.ndim == 3, by_sample=True) for row in rows),
             Rows(times[:, None].copy(), by_sample=True),
-            Rows(traced_loop.held_rows(problem.loop, times), by_sample=True),
+            Rows(held_rows(problem.loop, times), by_sample=True),
             Rows(found.columns, by_sample=True),
         ]
-        ends, law = replace(problem, times=times[[0, -1]]), traced_loop.programs(one)
+        ends, law = replace(problem, times=times[[0, -1]]), programs(one)
         at_samples = SampleProgram(found.at_sample, tuple(row.length for row in given))
         advance = self._integration(law.field, at_samples)
         lanes = MeasuringLanes(ends, law, self._settings, advance, found, times, given)
@@ -453,7 +459,7 @@ def compiled_if_faster(engine: Engine, problem: Problem) -> Engine:
     if not long or Native.unavailable():
         return engine
     try:
-        traced_loop.programs(traced_loop.LoopKey(problem.loop))
+        programs(LoopKey(problem.loop))
     except EqtError:
         return engine
     return Native(rtol=max(engine.rtol, SMALLEST_RTOL), atol=engine.atol)

@@ -206,7 +206,7 @@ def test_entry_points_of_every_kind_run(process, folder):
             "MyLaw",
             "class MyLaw: pass",
             "controller 'x' of the entry point 'mine:MyLaw' is no Controller; derive it from "
-            "eqt_cli.components.laws.Controller",
+            "eqt_cli.extend.Controller",
             marks=pytest.mark.slow("starts an interpreter"),
         ),
     ],
