@@ -13,10 +13,19 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import reporter, step
-from eqt_cli.config import horizon
 from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import along_reference, check_reference, reference_over_horizon
 from eqt_cli.loop.closed_loop import ClosedLoop
-from eqt_cli.loop.linearised import Linearised, linearised
+from eqt_cli.loop.linearised import (
+    DERIVATIVE,
+    Along,
+    Growth,
+    Linearised,
+    growth,
+    left_out,
+    linearised,
+    size_of,
+)
 
 PER_DECADE = 60
 """Frequencies per decade at which the gain is evaluated, besides those near poles."""
@@ -144,7 +153,7 @@ def _frequencies(loop: CutLoop) -> Array:
     closed = loop.A + loop.B @ loop.C
     # Rounding moves an n-fold pole at 0, as that from a tilt to a position, by its n-th root.
     sizes = np.abs(np.concatenate([loop.A, closed], axis=1)).max(axis=1, keepdims=True)
-    sure = np.abs(loop.A) > horizon.DERIVATIVE * sizes
+    sure = np.abs(loop.A) > DERIVATIVE * sizes
     poles = np.concatenate([np.linalg.eigvals(loop.A * sure), np.linalg.eigvals(closed)])
     if loop.period is not None:
         poles = np.log(poles[np.abs(poles) > 0].astype(complex)) / loop.period
@@ -227,7 +236,7 @@ class LawMargins:
     """
 
     label: str
-    growth: horizon.Growth
+    growth: Growth
     size: float
     changes: bool
     is_indicative: bool
@@ -282,10 +291,10 @@ def margins_of(experiment: Experiment) -> Margins:
     ComponentError
         If a plugin fails.
     """
-    shown, problems = horizon.reference_over_horizon(experiment), Problems(experiment.source.place)
-    horizon.check_reference(shown, None, problems.at("reference"))
+    shown, problems = reference_over_horizon(experiment), Problems(experiment.source.place)
+    check_reference(shown, None, problems.at("reference"))
     problems.raise_if_any()
-    along = horizon.along_reference(experiment, shown)
+    along = along_reference(experiment, shown)
     laws = []
     # One BLAS thread: with several, small matrices take ten times as long.
     with threadpool_limits(1), step("laws", len(experiment.loops)):
@@ -296,14 +305,14 @@ def margins_of(experiment: Experiment) -> Margins:
     return Margins(experiment, laws, period or None)
 
 
-def _of_law(label: str, loop: ClosedLoop, along: horizon.Along) -> LawMargins:
+def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
     linear = linearised(loop, *along, with_estimator=True)
     if not np.isfinite(linear.closed).all():
         raise InputError(
             f"the loop of '{label}' has no derivative where all errors are 0, for example because "
             "its law jumps there; leave this law out"
         )
-    largest, omitted = horizon.growth(linear, along.times), list(horizon.left_out(loop, linear))
+    largest, omitted = growth(linear), list(left_out(loop, linear))
     delay, is_least, gains = None, False, dict[str, GainMargin]()
     if largest.is_stable:
         if len(linear.phases) > 1:
@@ -321,7 +330,7 @@ def _of_law(label: str, loop: ClosedLoop, along: horizon.Along) -> LawMargins:
     return LawMargins(
         label,
         largest,
-        horizon.size_of(largest, linear),
+        size_of(largest, linear),
         not linear.is_constant,
         not linear.is_constant or (decided is not None and any(doubts)),
         linear.offset[0],
@@ -355,13 +364,13 @@ def _delay_of_cycle(loop: Linearised) -> tuple[float, bool]:
 
 def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
     """Return the margins of the gains that the law uses."""
-    times, margins = np.zeros(len(loop.closed)), {}
+    margins = {}
     for which, names in GAINS.items():
         if np.array_equal(loop.with_gains(dict.fromkeys(names, FACTOR_STEP)).closed, loop.closed):
             continue
 
         def rate(factor: float, names: tuple[str, ...] = names) -> float:
-            return horizon.growth(loop.with_gains(dict.fromkeys(names, factor)), times).rate
+            return growth(loop.with_gains(dict.fromkeys(names, factor))).rate
 
         ends = (_first_unstable(rate, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
         margins[which] = GainMargin(*ends)

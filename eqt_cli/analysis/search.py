@@ -36,10 +36,10 @@ from eqt_cli.config.read_study import study
 from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.results.result import Result, open_result
-from eqt_cli.runs.cost import PROBE_SECONDS, estimate
 from eqt_cli.runs.executors import Executor
 from eqt_cli.runs.folder import ResultFolder
 from eqt_cli.runs.lock import LOCK, locked
+from eqt_cli.runs.preflight import PROBE_SECONDS, estimate
 from eqt_cli.runs.run_study import Execution, execute
 
 # Common base of the searches: reads the section, and counts generations and runs ------------------

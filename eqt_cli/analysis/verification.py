@@ -20,17 +20,11 @@ from eqt_cli.components.laws import EqT
 from eqt_cli.components.mechanics import Gains, as_distance
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.horizon import (
-    Along,
-    along_reference,
-    growth,
-    reference_over_horizon,
-    small_loops,
-)
+from eqt_cli.config.preflight import along_reference, reference_over_horizon, small_loops
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine, Solution
 from eqt_cli.engines.native import compiled_if_faster
-from eqt_cli.loop.linearised import linearised
+from eqt_cli.loop.linearised import Along, growth, linearised
 from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.results.result import Result
 from eqt_cli.runs.batches import Batch, batches
@@ -245,7 +239,7 @@ class _Verifier:
             linear = None if loop is None else linearised(loop, *self._along)
         if linear is None or not np.isfinite(linear.closed).all():
             return None
-        rate = -growth(linear, self._along.times).rate
+        rate = -growth(linear).rate
         return rate if rate > 0 else None
 
     def _vehicle(self, batch: Batch, solution: Solution) -> certificates.VehicleRuns | None:

@@ -19,7 +19,7 @@ from eqt_cli.api.loading import (
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import component
 from eqt_cli.base.reporting import reporter
-from eqt_cli.config.horizon import remarks
+from eqt_cli.config.preflight import remarks
 from eqt_cli.config.read_study import study
 from eqt_cli.config.source import config_in
 from eqt_cli.config.study import Study

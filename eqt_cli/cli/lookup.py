@@ -216,7 +216,7 @@ def check(
     Experiment
         --most-torque TORQUE  Report an error if the reference needs a larger torque.
     """
-    from eqt_cli.config.horizon import (
+    from eqt_cli.config.preflight import (
         check_reference,
         reference_over_horizon,
         remarks,
@@ -224,7 +224,7 @@ def check(
     )
     from eqt_cli.config.read_study import study
     from eqt_cli.config.yaml_source import dump
-    from eqt_cli.runs.cost import check_resources, rehearse
+    from eqt_cli.runs.preflight import check_resources, rehearse
 
     source = options.source_of(config, set_)
     try:

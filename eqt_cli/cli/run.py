@@ -119,7 +119,7 @@ def sweep(
 
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
-    from eqt_cli.runs.cost import check_memory, estimate, size
+    from eqt_cli.runs.preflight import check_memory, estimate, size
 
     assert study.sweep is not None
     check_memory(study)

@@ -38,7 +38,7 @@ from eqt_cli.components.motions import PlantModel, only_direction
 from eqt_cli.components.recording import read_starts
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment, check_thresholds, solver_from
-from eqt_cli.config.horizon import reference_over_horizon
+from eqt_cli.config.preflight import reference_over_horizon, try_laws, try_vehicle
 from eqt_cli.config.schema import SEARCHES, Config, GainsSection, InitialSection, OwnGainsSection
 from eqt_cli.config.sections import (
     DesiredTrajectory,
@@ -48,7 +48,6 @@ from eqt_cli.config.sections import (
     inertia_from,
 )
 from eqt_cli.config.source import ConfigSource, data_file, load_plugins, with_data
-from eqt_cli.config.trial import probe, probe_parts
 from eqt_cli.config.vehicle_section import SECTIONS as VEHICLE
 from eqt_cli.config.vehicle_section import known_forces, vehicle_from
 from eqt_cli.config.vehicle_section import resolved as resolved_vehicle
@@ -160,11 +159,11 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         replace(source, stored_plugins=plugins | parts.code),
         desired.files | start.files | parts.files,
     )
-    probe_parts(experiment, problems)
+    try_vehicle(experiment, problems)
     problems.raise_if_any()
     experiment = _designed(experiment, {label: law.index for label, law in laws.items()}, problems)
     problems.raise_if_any()
-    probe(experiment, problems)
+    try_laws(experiment, problems)
     problems.raise_if_any()
     return experiment
 

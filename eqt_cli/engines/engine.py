@@ -166,6 +166,14 @@ class Problem:
         """Return the sensor errors at a control instant, in these runs."""
         return None if self.errors is None else self.errors.of(runs, tick)
 
+    @property
+    def begun(self) -> tuple[ClosedLoop, Array]:
+        """The loop at the start of the runs, and their states after a sampled law has acted."""
+        loop, states, t = self.batched_loop(), self.states, float(self.times[0])
+        if loop.vehicle.control is not None:
+            states = loop.after_instant(t, states, self.errors_at(0))
+        return loop.holding(t), states
+
     @staticmethod
     def joined(problems: Sequence[Problem]) -> Problem:
         """Join the runs of several problems, whose loops have the same structure and times."""

@@ -22,6 +22,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count, Positive, Scale
 from eqt_cli.engines.engine import Engine, Failure, Integrator, Problem, Span, SpanResult, Status
+from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import with_leaves
 
 # DOP853 in Python, for one long solution: SciPy takes longer to import than this to follow it -----
@@ -526,10 +527,12 @@ class SolveIvp(Engine):
         return [runs[start : start + size] for start in range(0, problem.runs, size)]
 
     def rehearse(self, problem: Problem) -> None:
-        """Evaluate the vector field at the start until it is recorded; SciPy is not needed."""
-        blocks = self.integrator(problem)
-        blocks.begin(np.arange(problem.runs))
-        blocks.rehearse()
+        """Evaluate the field at the start until its recording is repeated; SciPy is not needed."""
+        loop, states = problem.begun
+        field = _recorded(loop)
+        field.hold(loop.held_leaves)
+        for _ in range(WORTH_RECORDING + COMPARED + 1):
+            field(float(problem.times[0]), states[:, : problem.loop.moving_length])
 
     @property
     def solver(self) -> Callable[..., Any]:
@@ -537,6 +540,10 @@ class SolveIvp(Engine):
         from scipy.integrate import solve_ivp  # slow to import; readers of results do without
 
         return solve_ivp
+
+
+def _recorded(loop: ClosedLoop) -> RecordedField:
+    return RecordedField(lambda held: with_leaves(loop, held).vector_field)
 
 
 class _Failed(Exception):
@@ -557,18 +564,7 @@ class Blocks(Integrator):
         self._field = self._new_field()
 
     def _new_field(self) -> RecordedField:
-        loop = self.loop.holding(float(self.problem.times[0]))
-        return RecordedField(lambda held: with_leaves(loop, held).vector_field)
-
-    def rehearse(self) -> None:
-        """Evaluate the field at the start of the runs until its recording is repeated."""
-        problem, loop, t = self.problem, self.loop, float(self.problem.times[0])
-        states = problem.states
-        if loop.vehicle.control is not None:
-            states = loop.after_instant(t, states, problem.errors_at(0))
-        self._field.hold(loop.holding(t).held_leaves)
-        for _ in range(WORTH_RECORDING + COMPARED + 1):
-            self._field(t, states[:, : problem.loop.moving_length])
+        return _recorded(self.loop.holding(float(self.problem.times[0])))
 
     def hold(self, span: Span) -> None:
         """Set the held numbers in the recorded field."""

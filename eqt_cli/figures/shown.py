@@ -16,7 +16,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems, suggestion
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.horizon import check_reference, reference_over_horizon
+from eqt_cli.config.preflight import check_reference, reference_over_horizon
 from eqt_cli.figures.labels import notation
 from eqt_cli.figures.style import CurvePlace, Look, colours_of_style, distinct
 from eqt_cli.loop.signals import MIXED

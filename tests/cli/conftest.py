@@ -24,7 +24,7 @@ def folder(folder, monkeypatch):
 @pytest.fixture
 def untimed(monkeypatch):
     """Dry runs that time nothing: every run takes 0.1 s."""
-    monkeypatch.setattr("eqt_cli.runs.cost._time_per_run", lambda *_: 0.1)
+    monkeypatch.setattr("eqt_cli.runs.preflight._time_per_run", lambda *_: 0.1)
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from case_tables import cases, refusal
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.vehicle_parts import Clock, Sampling
-from eqt_cli.config.horizon import along_reference, reference_over_horizon
+from eqt_cli.config.preflight import along_reference, reference_over_horizon
 from eqt_cli.loop.linearised import linearised
 
 INERTIA, TICK, DURATION = [1.0, 2.0, 2.5], 0.05, 1.5

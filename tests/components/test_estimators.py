@@ -12,7 +12,7 @@ from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling
-from eqt_cli.config.horizon import remarks
+from eqt_cli.config.preflight import remarks
 from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import INDEFINITE, Status

@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.wheels import Bias, Friction, Wheels
-from eqt_cli.config.horizon import (
+from eqt_cli.config.preflight import (
     along_reference,
     limits_below_reference,
     reference_over_horizon,

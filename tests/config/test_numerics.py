@@ -8,9 +8,9 @@ import pytest
 from slow_cases import mostly_slow
 
 from eqt_cli.components.initial_states import draw_initial_states
-from eqt_cli.config import horizon, shipped
+from eqt_cli.config import preflight, shipped
 from eqt_cli.config.build import build
-from eqt_cli.config.horizon import reference_over_horizon, remarks
+from eqt_cli.config.preflight import reference_over_horizon, remarks
 from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import Problem, engines
 from eqt_cli.loop.linearised import flow
@@ -89,7 +89,7 @@ def test_an_inertia_that_rounding_spoils(experiment):
         "choose other axes, or increase solver.rtol"
     )
     loose = experiment("rigid=false", "solver.rtol=1e-6", inertia=str(NEARLY_DEPENDENT))
-    assert horizon.ill_conditioned(loose) == ""
+    assert preflight.ill_conditioned(loose) == ""
 
 
 def test_rounding_changes_velocities_by_as_much():
@@ -104,14 +104,14 @@ def test_rounding_changes_velocities_by_as_much():
 
 def test_units_spoil_nothing(experiment):
     made = experiment("rigid=false", "solver.rtol=1e-9", inertia="[1e-9, 1, 1]")
-    assert horizon.ill_conditioned(made) == ""
+    assert preflight.ill_conditioned(made) == ""
 
 
 def test_an_inertia_that_is_ill_later_says_when(experiment):
     entry = "1 - 1e-10 - 0.5*(t - 1)**2"
     matrix = f"[[1, '{entry}', 0], ['{entry}', 1, 0], [0, 0, 1]]"
     made = experiment("rigid=false", "solver.rtol=1e-9", inertia=f"{{matrix: {matrix}}}")
-    assert " at t = 1 s, so that rounding alone" in horizon.ill_conditioned(made)
+    assert " at t = 1 s, so that rounding alone" in preflight.ill_conditioned(made)
 
 
 @mostly_slow("name", shipped.names(), ["paper", "se3_bluerov2"], "integrates every reference")

@@ -9,7 +9,7 @@ import pytest
 
 from eqt_cli.api import choose_executor, load_experiment
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.runs import cost
+from eqt_cli.runs import preflight
 
 
 def refusal(run, *overrides):
@@ -21,7 +21,7 @@ def refusal(run, *overrides):
 
 def test_memory(run, monkeypatch):
     """25 states and 19 signals: 3 runs × 1e7 samples × 44 numbers × 8 bytes × 3 copies."""
-    monkeypatch.setattr(cost, "_memory", lambda: 16 * 10**9)
+    monkeypatch.setattr(preflight, "_memory", lambda: 16 * 10**9)
     assert refusal(run, "time.samples=10000000") == (
         "overrides[0]: time.samples: a part of the runs takes at least 31.7 GB of memory at once, "
         "and this machine has 16 GB; take fewer samples"
@@ -30,7 +30,7 @@ def test_memory(run, monkeypatch):
 
 @pytest.mark.slow("computes an experiment several times")
 def test_disk(run, monkeypatch):
-    monkeypatch.setattr(cost, "_free_disk", lambda folder: 64 * 10**9)
+    monkeypatch.setattr(preflight, "_free_disk", lambda folder: 64 * 10**9)
     text = refusal(run, "ensemble.runs=100000000")
     match = re.fullmatch(
         r"overrides\[0\]: ensemble\.runs: (\d+) GB are needed on the disk \((\d+) GB for the "
@@ -45,23 +45,23 @@ def test_disk(run, monkeypatch):
 
 
 def test_what_there_is(tmp_path):
-    assert cost._free_disk(tmp_path / "not" / "there") > 0
-    assert (cost._memory() or 10**9) > 10**8
+    assert preflight._free_disk(tmp_path / "not" / "there") > 0
+    assert (preflight._memory() or 10**9) > 10**8
 
 
 def probed(monkeypatch, seconds):
     """Estimate 20 runs over 2000 s, which take longer than a probe may."""
     clock = itertools.count(step=0.01)
-    monkeypatch.setattr(cost, "time", SimpleNamespace(monotonic=lambda: next(clock)))
-    monkeypatch.setattr(cost, "PROBE_SECONDS", seconds)
+    monkeypatch.setattr(preflight, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(preflight, "PROBE_SECONDS", seconds)
 
     def whole(*of):
         raise AssertionError("a probe computed a whole part")
 
-    monkeypatch.setattr(cost, "compute_part", whole)
+    monkeypatch.setattr(preflight, "compute_part", whole)
     long = {"time.duration": 2000.0, "ensemble.runs": 20}
     found = load_experiment("configs/paper.yaml", long)
-    return cost.estimate(found, choose_executor(found, 2, "serial"), seconds)
+    return preflight.estimate(found, choose_executor(found, 2, "serial"), seconds)
 
 
 def test_a_probe_of_a_long_horizon_times_its_beginning(monkeypatch):

@@ -137,7 +137,7 @@ def test_a_torque_bound(folder, invoke):
 
 
 def test_a_check_keeps_to_its_time(check, monkeypatch):
-    monkeypatch.setattr("eqt_cli.runs.cost.MOST_SECONDS", -1.0)
+    monkeypatch.setattr("eqt_cli.runs.preflight.MOST_SECONDS", -1.0)
     assert "not tried: eqt, own; the laws before took more than -1 s\n" in check("-s.V", code=0)
 
 

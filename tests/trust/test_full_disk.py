@@ -12,7 +12,7 @@ from said import error_of
 from eqt_cli.base.errors import ConfigError, FullDiskError
 from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
-from eqt_cli.runs import cost
+from eqt_cli.runs import preflight
 from eqt_cli.runs.executors import _portable
 from eqt_cli.runs.run_study import Shard, execute, pack_folder
 
@@ -51,20 +51,22 @@ def test_parts_and_result_are_counted_together(begun, monkeypatch):
     """What is estimated is less than what was written, and no less than half of it."""
     found, out = begun
     parts = sum(path.stat().st_size for path in (out / "parts").iterdir())
-    assert parts / 2 < cost.parts_size(found) < parts
-    result = cost.result_size(found)
-    monkeypatch.setattr(cost, "_free_disk", lambda folder: result + cost.parts_size(found) - 1)
-    assert error_of(cost.check_resources, found, Path("new"), kind=ConfigError) == (
+    assert parts / 2 < preflight.parts_size(found) < parts
+    result = preflight.result_size(found)
+    monkeypatch.setattr(
+        preflight, "_free_disk", lambda folder: result + preflight.parts_size(found) - 1
+    )
+    assert error_of(preflight.check_resources, found, Path("new"), kind=ConfigError) == (
         "c.yaml:7:12: ensemble.runs: 64.8 kB are needed on the disk (12.4 kB for the result, "
         "52.4 kB for the parts from which it is packed), and new has 64.8 kB left; "
         "take fewer runs, fewer samples, or store.trajectories: none"
     )
-    cost.check_resources(found, out, missing=0.5)  # the other half is there
+    preflight.check_resources(found, out, missing=0.5)  # the other half is there
 
 
 def test_parts_that_are_there_are_not_counted_again(begun, monkeypatch):
     found, out = begun
-    monkeypatch.setattr(cost, "_free_disk", lambda folder: cost.result_size(found))
+    monkeypatch.setattr(preflight, "_free_disk", lambda folder: preflight.result_size(found))
     assert execute(found, out).packed
 
 

@@ -1,12 +1,15 @@
-"""What a study will cost, and the rehearsal of every part before it starts."""
+"""Pre-flight of a study, after that of its experiments (`eqt_cli.config.preflight`, 1 to 4).
+
+5. `check_resources`: its largest part must fit into the memory, and its files on the disk.
+6. `rehearse`: begins the study as a run would, with two runs of every law, for `config check`. What
+   does so for a run puts them together, solves and measures them; no result is stored.
+7. `estimate`: times the first part of some points, for `--dry-run`.
+"""
 
 import os
 import shutil
 import time
-import traceback
-import warnings
-from collections.abc import Hashable, Iterator
-from contextlib import contextmanager
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
@@ -14,12 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
-from eqt_cli.base.errors import ConfigError, EqtError, InputError, InputProblem, Problems
-from eqt_cli.base.registry import described, place_of
+from eqt_cli.base.errors import ConfigError, InputError, InputProblem, Problems
+from eqt_cli.config.preflight import TOGETHER, trial
 from eqt_cli.config.study import Study
-from eqt_cli.config.trial import TOGETHER
 from eqt_cli.engines.engine import Problem
-from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart, parts_of
+from eqt_cli.loop.closed_loop import parts_of
 from eqt_cli.results.metrics import quantities
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import Batch, batches
@@ -27,9 +29,7 @@ from eqt_cli.runs.compute_part import compute_part, shared_reference
 from eqt_cli.runs.executors import Executor, TaskContext
 from eqt_cli.runs.result_layout import Layout
 
-# Begins a study as a run would, with two runs of every law, for `eqt config check` ----------------
-#
-# The runs are put together, solved and measured by what does so for a run. Nothing is kept.
+# Begins a study with two runs of every law --------------------------------------------------------
 
 
 MOST_SECONDS = 3.0
@@ -54,9 +54,11 @@ def rehearse(study: Study, problems: Problems) -> list[str]:
             those = f"the laws before took more than {MOST_SECONDS:g} s"
             return [f"not tried: {', '.join(left)}; {those}"]
         label, first = group[0]
-        components = parts_of(first.problem.loop, list(study.base.loops).index(label))
-        with _blaming(components, problems):
-            _begin([batch for _, batch in group], components)
+        parts = parts_of(first.problem.loop, list(study.base.loops).index(label))
+        with trial(parts, problems, TOGETHER) as tried:
+            problem = Problem.joined([batch.problem for _, batch in group])
+            _begin(problem, tried.name)
+            first.engine.rehearse(problem)
         for label, _ in group:
             left.pop(label, None)
     return []
@@ -78,15 +80,13 @@ def _by_kind(study: Study) -> list[list[tuple[str, Batch]]]:
     return list(groups.values())
 
 
-def _begin(group: list[Batch], components: list[LoopPart]) -> None:
-    """Raise for the first thing that is wrong with these runs."""
-    problem, engine = Problem.joined([batch.problem for batch in group]), group[0].engine
-    law = components[0].name
+def _begin(problem: Problem, law: str) -> None:
+    """Raise an `InputError` if a rate is no number at the start, or depends on other runs."""
     rates = _rates(problem)
-    if not np.isfinite(rates).all():
-        run = int(np.flatnonzero(~np.isfinite(rates).all(axis=-1))[0])
-        name, value = _first_that_is_none(problem.loop, rates[run])
-        raise InputError(f"{law} gives no number at the start: the rate of {name} is {value:g}")
+    for name, values in problem.loop.layout.split(rates).items():
+        if not (finite := np.isfinite(values)).all():
+            what, value = name.replace("_", " "), float(values[~finite][0])
+            raise InputError(f"{law} gives no number at the start: the rate of {what} is {value:g}")
     alone = [_rates(problem.select(slice(k, k + 1)))[0] for k in range(problem.runs)]
     change = norm(rates - np.array(alone))
     if (change > ALONE * (1 + norm(rates))).any():
@@ -94,50 +94,12 @@ def _begin(group: list[Batch], components: list[LoopPart]) -> None:
             f"{law} mixes runs: the rates of a run change by {change.max():.2g} when it is solved "
             "beside others; sum over the last axis only, as the functions of eqt_cli.extend do"
         )
-    engine.rehearse(problem)
 
 
 def _rates(problem: Problem) -> Array:
     """The vector field at the start, ``(runs, n)``, behind what a sampled law does there."""
-    loop, states, t = problem.batched_loop(), problem.states, float(problem.times[0])
-    if loop.vehicle.control is not None:
-        states = loop.after_instant(t, states, problem.errors_at(0))
-    return loop.holding(t).vector_field(t, states)
-
-
-def _first_that_is_none(loop: ClosedLoop, rates: Array) -> tuple[str, float]:
-    """The stretch of a state that has a rate which is no number, and that number."""
-    stretches = loop.layout.split(rates)
-    name = next(name for name, values in stretches.items() if not np.isfinite(values).all())
-    return name.replace("_", " "), float(stretches[name][~np.isfinite(stretches[name])][0])
-
-
-@contextmanager
-def _blaming(components: list[LoopPart], problems: Problems) -> Iterator[None]:
-    """Note an exception at the component whose code raised it, with its line; else at the law.
-
-    What nobody's component but eqt's own can have raised is raised again.
-    """
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-    except EqtError as error:
-        problems.at(*_culprit(error.__cause__ or error, components).path).add(str(error))
-    except Exception as error:
-        if not any(component.is_foreign for component in components):
-            raise
-        culprit, place = _culprit(error, components), place_of(error)
-        at = f" at {place}" if place else ""
-        problems.at(*culprit.path).add(f"{culprit.name} fails {TOGETHER}: {described(error)}{at}")
-
-
-def _culprit(error: BaseException, components: list[LoopPart]) -> LoopPart:
-    """The component of the innermost line that is in the file of one that is not eqt's."""
-    own = {type(c.part).__module__: c for c in reversed(components) if c.is_foreign}
-    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
-    modules = [str(frame.f_globals.get("__name__", "")) for frame in reversed(frames)]
-    return next((own[module] for module in modules if module in own), components[0])
+    loop, states = problem.begun
+    return loop.vector_field(float(problem.times[0]), states)
 
 
 # Estimates the wall time of a study, its size on the disk, and the memory that it needs -----------
