@@ -35,6 +35,7 @@ def test_literal_equations_are_those_of_the_configuration(name, t, xp):
         np.testing.assert_allclose(momentum_rate, rate[q : q + m], rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow("integrates in plain Python, for the benchmarks only")
 @pytest.mark.parametrize(
     "period", [0.1, pytest.param(0.01, marks=pytest.mark.slow("takes ten times as many steps"))]
 )
@@ -94,6 +95,7 @@ def test_every_stage_is_still_where_it_is_watched():
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
+@pytest.mark.slow("starts processes, of the benchmarks only")
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_memory_is_that_of_all_processes():
     child = "import time; x = bytearray(60_000_000); time.sleep(1)"

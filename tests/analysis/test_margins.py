@@ -448,6 +448,7 @@ def test_slow_sensors_are_part_of_the_loop(
     assert loop.cycle == pytest.approx(0.1 * np.lcm(pose[0], rate[0]))
 
 
+@pytest.mark.slow("another delay margin is fast")
 def test_the_delay_margin_with_slow_sensors() -> None:
     """The commands of one axis wait 15 periods of 0.1 s, and not 16."""
     law = of(slow((10, 0), (1, 0), gains={"kp": 0.1, "kd": 0.8}))

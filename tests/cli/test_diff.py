@@ -142,6 +142,7 @@ def test_datasets_that_one_result_lacks(eqt):
     assert "only in the second" in back
 
 
+@pytest.mark.slow("runs a sweep of two groups")
 def test_points_of_several_shapes(eqt, second):
     words = ["--grid", "time.samples=3,6", *BRIEF]
     eqt("sweep", "c.yaml", *words, "--out", "one", "--quiet")

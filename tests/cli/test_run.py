@@ -261,6 +261,7 @@ def test_equal_messages_of_failed_runs_are_one_line(eqt, folder):
     assert "\ncross-check: nothing to compare, since its runs failed\n" in done.out
 
 
+@pytest.mark.slow("another run that fails is fast")
 def test_where_nothing_succeeded_the_failures_are_what_is_next(eqt):
     for _ in ("computed", "remembered"):
         done = eqt("run", "c.yaml", *SOON, *BRIEF)
@@ -271,6 +272,7 @@ def test_where_nothing_succeeded_the_failures_are_what_is_next(eqt):
     assert "figure &#39;paper&#39; has nothing to show, since every run failed" in page
 
 
+@pytest.mark.slow("another run that fails is fast")
 def test_many_different_messages_are_cut(eqt):
     done = eqt("run", "c.yaml", *SOON, "--set", "ensemble.runs=12")
     rows = done.err.strip().splitlines()

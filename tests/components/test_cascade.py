@@ -621,6 +621,7 @@ def test_a_model_is_what_acts_and_the_laws_may_know_the_plant():
     assert unknowing.controller.known == () and len(unknowing.vehicle.forces) == 1
 
 
+@pytest.mark.slow("margins of another cascade are fast")
 def test_margins_multiply_the_gains_of_position_and_attitude():
     """Without rates, Jλ⁴/k_R + k_Ωλ³/k_R + λ² + k_vλ + k_x: the attitude must be faster."""
     law = {"rates": "none", "gains": {"kp": 4 * KR / 2, "kd": 2 * KW}}

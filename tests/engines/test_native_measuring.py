@@ -97,6 +97,7 @@ def test_what_cannot_be_compiled_is_measured_of_stored_states(monkeypatch):
     assert_same(part_of(path, FEW), expected)
 
 
+@pytest.mark.slow("compiles several laws anew")
 def test_laws_that_differ_in_numbers_are_compiled_once(monkeypatch, tmp_path, told):
     """Gains with other principal axes have other critical points, whose code is compiled anew."""
     compiled, compile_ = [], compiler._compiled

@@ -35,6 +35,7 @@ def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
     assert names == ["first 2 runs", "mean over runs"]
 
 
+@pytest.mark.slow("draws many panels")
 @unarranged
 def test_the_common_scale_holds_every_run(so3, altered, opened):
     values = opened(so3)["velocity_error"]

@@ -116,6 +116,7 @@ def test_pareto_shows_every_point_and_the_front(swept, picture):
     assert len(panel.lines) == 2
 
 
+@pytest.mark.slow("runs a sweep of its own")
 def test_points_of_few_fronts_carry_what_was_swept(swept, picture):
     results = swept(BOTH)
     assert not picture(Pareto(), results).axes[0].texts

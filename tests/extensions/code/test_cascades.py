@@ -125,13 +125,16 @@ FAULTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("fault", [slow("with another it is fast", "gravity"), "rates", "both"])
+@pytest.mark.parametrize(
+    "fault", [slow("with another it is fast", fault, unless=fault == "rates") for fault in FAULTS]
+)
 def test_what_is_missing_is_named(question, fault):
     changes, words = FAULTS[fault]
     law = with_fields(question.loop.controller, **changes)
     assert explained_cascade(question, wrench_of(question, controller=law), "double") == words
 
 
+@pytest.mark.slow("one of several faults")
 def test_a_wrong_mass_is_named(question):
     wrench = wrench_of(question, inertia=with_mass(question.loop.inertia, 0.7))
     assert explained_cascade(question, wrench, "double") == (
@@ -148,6 +151,7 @@ def test_a_wrong_mass_is_named(question):
     )
 
 
+@pytest.mark.slow("one of several faults")
 def test_a_missing_acceleration_is_named(question, monkeypatch):
     of = cascade.attitude
     monkeypatch.setattr(

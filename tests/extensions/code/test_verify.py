@@ -55,8 +55,9 @@ def test_a_law_that_was_typed_in_well(real, written, config, judged):
             "its transpose is missing, or is of "
             f"other matrices); {SAME}damping, damping of the desired velocity, desired "
             "acceleration, gyroscopic, transport", marks=pytest.mark.slow("one of several faults")),
-        ([("const real eR[3]", "const float eR[3]")], "within the bound of float: constants or "
-         "operations are float; make them double"),
+        pytest.param([("const real eR[3]", "const float eR[3]")], "within the bound of float: "
+            "constants or operations are float; make them double",
+            marks=pytest.mark.slow("one of several faults")),
         ([("n->kR * eR[i]", "n->kR * eR[i] * eR[i]")], "no sum of the law's parts in any frame: 13 "
          "% of the torque is none of them"),
     ],

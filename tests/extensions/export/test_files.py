@@ -5,6 +5,7 @@ import shutil
 import subprocess
 
 import pytest
+from case_tables import slow
 from exported_laws import (
     FEW,
     FLAGS,
@@ -17,10 +18,14 @@ from exported_laws import (
     zig,
 )
 
+FAST = ("lee2010", "sliding")
 M4 = "thumb-freestanding-eabihf"
 
 
-FEW_IN_TURN = [(*pair, ("double", "float")[k % 2]) for k, pair in enumerate(FEW)]
+FEW_IN_TURN = [
+    slow("another law is fast", *pair, ("double", "float")[k % 2], unless=pair[0] in FAST)
+    for k, pair in enumerate(FEW)
+]
 
 
 @pytest.mark.parametrize(("law", "group", "real"), FEW_IN_TURN)

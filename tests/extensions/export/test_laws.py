@@ -163,7 +163,11 @@ MATRIX = [[1.0, -1.0, 0.5, 0.0], [0.0, 0.3, 1.0, -1.0], [0.2, 0.0, 0.4, 1.0]]
 @pytest.mark.parametrize(
     ("section", "part"),
     [
-        ({"kind": "wheels", "pyramid": 0.9, "limit": 0.02}, Wheels(pyramid=0.9, limit=0.02)),
+        pytest.param(
+            {"kind": "wheels", "pyramid": 0.9, "limit": 0.02},
+            Wheels(pyramid=0.9, limit=0.02),
+            marks=pytest.mark.slow("thrusters are fast"),
+        ),
         (
             {"kind": "thrusters", "matrix": MATRIX, "low": -0.02, "high": 0.03},
             Thrusters(matrix=MATRIX, low=-0.02, high=0.03),
