@@ -17,7 +17,7 @@ from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.process import drop_stdout
 from eqt_cli.base.registry import extensions
 from eqt_cli.base.version import __version__
-from eqt_cli.cli.options import COMPUTE, LOOK_UP, READ, Command, Group, example
+from eqt_cli.cli.options import COMPUTE, LOOK_UP, READ, Command, Group, example, spread
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Usage error of the parser; typer's own or click's, depending on the version of typer."""
@@ -225,5 +225,5 @@ def _command(name: str) -> Any:
     else:
         epilog = example(f"eqt {name}", arguments)
         texts: Any = {"rich_help_panel": panel, "epilog": epilog, "context_settings": _HELP}
-        alone.command(name, cls=Command, **texts)(function)
+        alone.command(name, cls=Command, **texts)(spread(function))
     return get_group(alone).commands[name]

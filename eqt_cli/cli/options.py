@@ -40,10 +40,12 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
-from inspect import cleandoc
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, Signature, cleandoc, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
@@ -288,9 +290,73 @@ LogFormat = Annotated[
     str, option("--log-format", autocompletion=completion.words("csv", "tum", "euroc"))
 ]
 DryRun = Annotated[bool, option("--dry-run")]
-Force = Annotated[bool, option("--force")]
-RerunFailed = Annotated[bool, option("--rerun-failed")]
 TrustPlugins = Annotated[bool, option("--trust-plugins")]
+
+
+# Options of all commands that compute: a command takes a group of them as one parameter ----------
+
+
+@dataclass(frozen=True)
+class Setup:
+    """The experiment, the folder of its result, and what computes it."""
+
+    out: Out = None
+    set_: Set = None
+    engine: Engine = None
+    device: Device = None
+    workers: Workers = None
+    executor: ExecutorName = None
+    scheduler: Scheduler = None
+
+    def source(self, config: Path) -> ConfigSource:
+        """Return the configuration with the changes by these options, not yet checked."""
+        return source_of(config, self.set_, self.engine, self.device)
+
+
+@dataclass(frozen=True)
+class Handling:
+    """Which runs are computed, whether plugins are trusted, and what is printed."""
+
+    shard: ShardOf = None
+    force: Annotated[bool, option("--force")] = False
+    rerun_failed: Annotated[bool, option("--rerun-failed")] = False
+    trust_plugins: TrustPlugins = False
+    json: Json = False
+    quiet: Quiet = False
+
+
+SetupOfSearch = Annotated[Setup, {"device"}]
+HandlingOfSearch = Annotated[Handling, {"shard", "rerun_failed"}]
+"""The groups without some of their options, which have their defaults."""
+
+
+def spread(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with the options of a group in the place of the group."""
+    hints, groups = get_type_hints(command, include_extras=True), dict[str, tuple[Any, list[str]]]()
+    listed: list[Parameter] = []
+    for name, parameter in signature(command).parameters.items():
+        group, *left_out = get_args(hints[name]) or [hints[name]]
+        if not is_dataclass(group):
+            listed.append(parameter.replace(annotation=hints[name]))
+            continue
+        shown = [each for each in fields(group) if each.name not in set().union(*left_out)]
+        groups[name] = group, [each.name for each in shown]
+        types = get_type_hints(group, include_extras=True)
+        for each in shown:
+            listed.append(
+                Parameter(
+                    each.name, parameter.kind, default=each.default, annotation=types[each.name]
+                )
+            )
+
+    @wraps(command)
+    def with_groups(**values: Any) -> None:
+        for name, (group, names) in groups.items():
+            values[name] = group(**{each: values.pop(each) for each in names})
+        command(**values)
+
+    with_groups.__signature__ = Signature(listed)  # type: ignore[attr-defined]  # typer reads it
+    return with_groups
 
 
 def require_measured(mapping: Path | None, kind: str, run: int = 0) -> None:

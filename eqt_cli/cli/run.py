@@ -25,35 +25,19 @@ if TYPE_CHECKING:
 # `eqt run`, `eqt sweep` and `eqt pack`: integrate an experiment, whole or in shards ---------------
 
 
-def run(
-    config: options.Config,
-    out: options.Out = None,
-    set_: options.Set = None,
-    engine: options.Engine = None,
-    device: options.Device = None,
-    workers: options.Workers = None,
-    executor: options.ExecutorName = None,
-    scheduler: options.Scheduler = None,
-    shard: options.ShardOf = None,
-    force: options.Force = False,
-    rerun_failed: options.RerunFailed = False,
-    trust_plugins: options.TrustPlugins = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-) -> None:
+def run(config: options.Config, setup: options.Setup, handling: options.Handling) -> None:
     """Simulate every run of every controller and store the result in results/NAME.
 
     After an interruption, run the same command again to continue.
     """
     from eqt_cli.config.read_study import study
 
-    source = options.source_of(config, set_, engine, device)
+    source = setup.source(config)
     if source.data.get("sweep"):
         place = source.place(("sweep",))
         raise EqtError(f"{place}: defines a sweep; use `eqt sweep {source.path}`")
-    found = study(source, trust_plugins=trust_plugins)
-    chosen = executor_from(found, executor, workers, scheduler)
-    run_experiment(found, out, chosen, shard, force=force, rerun_failed=rerun_failed, json=json)
+    found = study(source, trust_plugins=handling.trust_plugins)
+    run_experiment(found, executor_from(found, setup), setup.out, handling)
 
 
 FIRST_POINTS = 5
@@ -68,20 +52,10 @@ def sweep(
     grid: Annotated[
         list[str] | None, options.option("--grid", autocompletion=completion.settings)
     ] = None,
-    dry_run: Annotated[bool, options.option("--dry-run")] = False,
-    out: options.Out = None,
-    set_: options.Set = None,
-    engine: options.Engine = None,
-    device: options.Device = None,
-    workers: options.Workers = None,
-    executor: options.ExecutorName = None,
-    scheduler: options.Scheduler = None,
-    shard: options.ShardOf = None,
-    force: options.Force = False,
-    rerun_failed: options.RerunFailed = False,
-    trust_plugins: options.TrustPlugins = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    dry_run: options.DryRun = False,
+    *,
+    setup: options.Setup,
+    handling: options.Handling,
 ) -> None:
     """Simulate every run at every point of a sweep and store the result in results/NAME.
 
@@ -97,25 +71,24 @@ def sweep(
     """
     from eqt_cli.config.read_study import add_grids, study
 
-    source = options.source_of(config, set_, engine, device)
+    source = setup.source(config)
     add_grids(source, options.placed("--grid", grid))
     if not source.data.get("sweep"):
         raise EqtError(
             f"{source.source.name}: defines no sweep; add a `sweep` section or --grid KEY=A,B, "
             f"or use `eqt run {source.path}`"
         )
-    found = study(
-        source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED if dry_run else None
-    )
-    chosen = executor_from(found, executor, workers, scheduler)
+    most_checked = MOST_CHECKED if dry_run else None
+    found = study(source, trust_plugins=handling.trust_plugins, most_checked=most_checked)
+    executor = executor_from(found, setup)
     if dry_run:
         points = len(found)
         if points > MOST_CHECKED:
             checked = f"{MOST_CHECKED} of its {points} points were checked"
             say(f"{config}: {checked}; a run checks all")
-        _print_plan(found, chosen, json)
+        _print_plan(found, executor, handling.json)
         return
-    run_experiment(found, out, chosen, shard, force=force, rerun_failed=rerun_failed, json=json)
+    run_experiment(found, executor, setup.out, handling)
 
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
@@ -169,17 +142,10 @@ def pack(
 
 def tune(
     config: options.Config,
-    out: options.Out = None,
-    set_: options.Set = None,
-    engine: options.Engine = None,
-    workers: options.Workers = None,
-    executor: options.ExecutorName = None,
-    scheduler: options.Scheduler = None,
+    setup: options.SetupOfSearch,
     dry_run: options.DryRun = False,
-    force: options.Force = False,
-    trust_plugins: options.TrustPlugins = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    *,
+    handling: options.HandlingOfSearch,
 ) -> None:
     """Find the best gains of each law and store the result in results/NAME-tuned.
 
@@ -190,10 +156,8 @@ def tune(
     from eqt_cli.analysis.search_tables import tuning_tables
     from eqt_cli.analysis.tune import Search
 
-    source = options.source_of(config, set_, engine)
-    search = Search.read(source, trust_plugins=trust_plugins)
-    computing = (executor, workers, scheduler)
-    done = _searched(search, api.tune, out, computing, dry_run=dry_run, force=force, json=json)
+    search = Search.read(setup.source(config), trust_plugins=handling.trust_plugins)
+    done = _searched(search, api.tune, setup, handling, dry_run=dry_run)
     laws, failed = done.record["laws"], done.judged.failed
     lost = [
         f"no feasible point of {law['label']}: the least violation is {law['least_violation']:.3g}"
@@ -202,25 +166,18 @@ def tune(
     ]
     first = next((law["winners"][0]["config"] for law in laws if law["winners"]), None)
     causes = [*lost, *(["some held-out runs failed"] if failed else [])]
-    _report(done, tuning_tables, causes, first, json=json)
+    _report(done, tuning_tables, causes, first, json=handling.json)
     if causes:
         raise typer.Exit(4 if lost else 3)
 
 
 def worst(
     config: options.Config,
-    out: options.Out = None,
-    set_: options.Set = None,
-    engine: options.Engine = None,
-    workers: options.Workers = None,
-    executor: options.ExecutorName = None,
-    scheduler: options.Scheduler = None,
+    setup: options.SetupOfSearch,
     fail_above: Annotated[float | None, options.option("--fail-above")] = None,
     dry_run: options.DryRun = False,
-    force: options.Force = False,
-    trust_plugins: options.TrustPlugins = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    *,
+    handling: options.HandlingOfSearch,
 ) -> None:
     """Search for the worst run of each law and store the result in results/NAME-worst.
 
@@ -237,12 +194,10 @@ def worst(
     from eqt_cli.analysis.search_tables import worst_tables
     from eqt_cli.analysis.worst import WorstSearch
 
-    source = options.source_of(config, set_, engine)
-    search = WorstSearch.read(source, trust_plugins=trust_plugins)
-    computing = (executor, workers, scheduler)
-    done = _searched(search, api.worst, out, computing, dry_run=dry_run, force=force, json=json)
+    search = WorstSearch.read(setup.source(config), trust_plugins=handling.trust_plugins)
+    done = _searched(search, api.worst, setup, handling, dry_run=dry_run)
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))
-    _report(done, worst_tables, causes, done.record["laws"][0]["config"], json=json)
+    _report(done, worst_tables, causes, done.record["laws"][0]["config"], json=handling.json)
     if causes:
         raise typer.Exit(4)
 
@@ -264,12 +219,10 @@ def _beyond(record: dict[str, Any], bound: float) -> Iterator[str]:
 def _searched(
     search: Searches[Any],
     begin: Callable[..., Found],
-    out: Path | None,
-    computing: tuple[str | None, int | None, str | None],
+    setup: options.Setup,
+    handling: options.Handling,
     *,
     dry_run: bool,
-    force: bool,
-    json: bool,
 ) -> Found:
     """Search and return the outcome; for a dry run, print the plan and end the command.
 
@@ -277,19 +230,17 @@ def _searched(
     ----------
     begin
         `tune` or `worst` of the API.
-    computing
-        Requested executor, number of workers and scheduler.
     """
     from eqt_cli.config.study import Study
 
-    executor = executor_from(Study(None, search.base), *computing)
+    executor = executor_from(Study(None, search.base), setup)
     if dry_run:
-        _print_search_plan(search, executor, json=json)
+        _print_search_plan(search, executor, json=handling.json)
         raise typer.Exit
-    out = out or search.folder
+    out = setup.out or search.folder
     output.say(_runs_line(search))
     try:
-        return begin(search, out, executor=executor, force=force)
+        return begin(search, out, executor=executor, force=handling.force)
     except Interrupted as error:
         raise InterruptedRun(
             f"interrupted; what was found is kept in {out}: run the same command again to continue",

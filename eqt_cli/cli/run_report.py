@@ -35,24 +35,22 @@ def shard_from(text: str | None) -> Shard | None:
     raise EqtError(f"--shard: expected I/N with I from 1 to N, such as 2/8, got '{text}'")
 
 
-def executor_from(
-    experiment: Study, asked: str | None, workers: int | None, scheduler: str | None
-) -> Executor:
+def executor_from(experiment: Study, setup: options.Setup) -> Executor:
     """Return the requested executor, ``NAME`` or ``NAME:KEY=VALUE,KEY=VALUE``, or a default."""
     from eqt_cli.api import choose_executor
     from eqt_cli.config.yaml_source import parse_value
 
-    name, _, listed = (asked or "").partition(":")
-    if scheduler and name not in ("", "dask"):
+    name, _, listed = (setup.executor or "").partition(":")
+    if setup.scheduler and name not in ("", "dask"):
         raise EqtError(f"--scheduler: is for --executor dask, got --executor {name}")
     given = {}
     for option in filter(None, listed.split(",")):
         key, equals, value = option.partition("=")
         if not equals:
-            raise EqtError(f"--executor: expected NAME:KEY=VALUE, got '{asked}'")
+            raise EqtError(f"--executor: expected NAME:KEY=VALUE, got '{setup.executor}'")
         given[key.strip()] = parse_value(value, "--executor")
-    count = workers or options.cores()
-    return choose_executor(experiment, count, name or None, scheduler, given)
+    count = setup.workers or options.cores()
+    return choose_executor(experiment, count, name or None, setup.scheduler, given)
 
 
 LONG = 5.0
@@ -60,23 +58,21 @@ LONG = 5.0
 
 
 def run_experiment(
-    experiment: Study,
-    out: Path | None,
-    executor: Executor,
-    shard_text: str | None,
-    *,
-    force: bool,
-    rerun_failed: bool,
-    json: bool,
+    experiment: Study, executor: Executor, out: Path | None, handling: options.Handling
 ) -> None:
     """Run an experiment, report on stdout, and exit with the code of the outcome."""
     from eqt_cli import api
 
-    shard, plans = shard_from(shard_text), experiment.plans
+    shard, plans = shard_from(handling.shard), experiment.plans
     out = out or Path("results") / experiment.name
     try:
         done = api.run(
-            experiment, out, executor=executor, force=force, rerun_failed=rerun_failed, shard=shard
+            experiment,
+            out,
+            executor=executor,
+            force=handling.force,
+            rerun_failed=handling.rerun_failed,
+            shard=shard,
         )
     except Interrupted as error:
         begun = unfinished(out)
@@ -95,7 +91,7 @@ def run_experiment(
         output.say(f"{done.resumed} of {done.runs} runs were already computed")
     if experiment.base.engine.calls_laws and done.seconds.get("simulation", 0) > LONG:
         _say_faster()
-    report(done, shard, json=json, with_plugins=bool(experiment.base.plugins))
+    report(done, shard, json=handling.json, with_plugins=bool(experiment.base.plugins))
 
 
 def _say_faster() -> None:
