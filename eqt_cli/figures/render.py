@@ -54,10 +54,9 @@ def encode(
     times = ENLARGED[style.width]
     more: dict[str, Any] = {"metadata": _metadata(format, title, description)}
     pdf = _steady_names_of_fonts() if format == "pdf" else nullcontext()
-    larger = _larger_pages(times) if format == "pdf" else nullcontext()
     # Without the layout of the style, for which Matplotlib draws everything twice.
     arranged = rc_context({"figure.constrained_layout.use": False})
-    with house_style(style), arranged, _quiet_font_tools(), pdf, larger, _without_date():
+    with house_style(style), arranged, _quiet_font_tools(), pdf, _without_date():
         drawing.set_layout_engine(None)
         if format == "png":
             dots = drawing.dpi if rcParams["savefig.dpi"] == "figure" else rcParams["savefig.dpi"]
@@ -70,19 +69,6 @@ def encode(
         return b'%s="%gpt"' % (size[1], times * float(size[2]))
 
     return _SIZE.sub(enlarged, buffer.getvalue(), count=2)
-
-
-def _larger_pages(times: float) -> AbstractContextManager[None]:
-    """Enlarge the pages of PDF files by a factor, with all that is on them."""
-    from matplotlib.backends.backend_pdf import Op, PdfFile  # slow to import
-
-    own: Any = PdfFile.newPage
-
-    def new_page(self: Any, width: float, height: float) -> None:
-        own(self, times * width, times * height)
-        self.output(times, 0, 0, times, 0, 0, Op.concat_matrix)
-
-    return replaced(PdfFile, "newPage", new_page) if times != 1 else nullcontext()
 
 
 @contextmanager

