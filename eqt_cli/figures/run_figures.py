@@ -339,18 +339,11 @@ _BESIDE = 0.1
 _ABOVE = 0.05
 """Height for the title of a panel, in."""
 _LIMIT = 1.2
-"""Extent of the panel in radii of the disc, for the names around it; more below, for the scale."""
-_BELOW = 1.33
-_CIRCLES = (0, 45, 90, 135, 180)
+"""Extent of the panel in radii of the disc, for the names around it."""
+_CIRCLES = (45, 90, 135, 180)
 """Angles of the circles from the centre, deg."""
 _RAYS = 45
 """Angle between the lines from the centre, deg."""
-_NUMBERED = (0, 45, 90, 180)
-"""Circles, and the centre, that are numbered on the scale below the disc, deg."""
-_SPARSE, _ROOM = (0, 180), 1.6
-"""Numbered circles on discs with less room, deg, and this room, in."""
-_SCALE, _TICK = -1.12, 0.05
-"""Height of the scale below the disc and length of its ticks, in radii."""
 _CELLS = np.linspace(-1, 1, 49), np.linspace(-1, 1, 49)
 """Edges of the cells in which passing runs are counted."""
 _GRID_SHARE = 0.3
@@ -393,7 +386,7 @@ class Sphere(OfFirstRuns):
             for part, suffix in zip(parts, suffixes, strict=True):
                 axes = panels[layout.panel(ensemble.label, suffix)]
                 points = errors[(..., *part.entries)][..., centre]
-                _draw_grid(axes, centre, _NUMBERED if room >= _ROOM else _SPARSE)
+                _draw_grid(axes, centre)
                 paths = [path(run, centre) for run in points[: self.runs]]
                 if self.density:
                     every = [project(run, centre) for run in points]
@@ -422,20 +415,17 @@ class Sphere(OfFirstRuns):
         return runs.group, rotations
 
 
-def _draw_grid(axes: Axes, centre: int, numbered: Sequence[int]) -> None:
+def _draw_grid(axes: Axes, centre: int) -> None:
     """Draw circles, rays and their labels."""
     grid: dict[str, Any] = {"color": ink(_GRID_SHARE), "linewidth": 0.4, "zorder": 0.5}
     small = _SMALL * size_of_type("font.size")
-    ticks = [[(0.0, _SCALE), (1.0, _SCALE)]]
     for angle in _CIRCLES:
         radius = float(radius_of(np.deg2rad(angle)))
-        edge = {"color": ink(), "linewidth": 0.6} if angle == _CIRCLES[-1] else grid
+        rim = angle == _CIRCLES[-1]
+        edge = {"color": ink(), "linewidth": 0.6} if rim else grid
         axes.add_patch(Circle((0, 0), radius, fill=False, **edge))
-        if angle in numbered:
-            ticks.append([(radius, _SCALE), (radius, _SCALE - _TICK)])
-            text = free_text(f"{angle}°", 9)
-            axes.text(radius, _SCALE - 2 * _TICK, text, fontsize=small, ha="center", va="top")
-    axes.add_collection(LineCollection(ticks, color=ink(), linewidth=0.5, clip_on=False))
+        place: dict[str, Any] = {"ha": "center", "va": "top" if rim else "bottom"}
+        axes.annotate(free_text(f"{angle}°", 9), (0, -radius), fontsize=small, **place)
     angles = np.deg2rad(np.arange(0, 360, _RAYS))
     rays = [[(0.0, 0.0), (np.cos(angle), np.sin(angle))] for angle in angles]
     axes.add_collection(LineCollection(rays, **grid))
@@ -445,7 +435,7 @@ def _draw_grid(axes: Axes, centre: int, numbered: Sequence[int]) -> None:
     axes.set_xlabel(right)  # hidden, but names the numbers behind the figure
     axes.set_ylabel(up)
     axes.set_xlim(-_LIMIT, _LIMIT)
-    axes.set_ylim(-_BELOW, _LIMIT)
+    axes.set_ylim(-_LIMIT, _LIMIT)
     axes.set_aspect("equal")
     axes.set_axis_off()
 

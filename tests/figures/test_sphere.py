@@ -111,7 +111,7 @@ def test_two_rotations_have_two_columns(simulate, opened, picture):
 
 def test_the_graticule_is_numbered(so3, opened, picture):
     texts = [text.get_text() for text in picture(Sphere(axis="x"), opened(so3)).axes[0].texts]
-    assert [text for text in texts if text] == ["0°", "45°", "90°", "180°", "$e_y$", "$e_z$"]
+    assert [text for text in texts if text] == ["45°", "90°", "135°", "180°", "$e_y$", "$e_z$"]
 
 
 @pytest.mark.parametrize(
