@@ -439,8 +439,8 @@ _PALE = 0.45
 
 MOST_NAMED = 16
 """Most points on fronts that are named on a page; more would hide each other."""
-_LONGEST, _ALONG = 40, 25
-"""Most characters in a line of a name, and points on a step that names keep clear of."""
+_LONGEST = 40
+"""Most characters in a line of a name."""
 
 
 @dataclass(frozen=True)
@@ -500,19 +500,9 @@ def _name_fronts(
     panel: Axes, swept: ShownSweep, fronts: list[Array], cost: Array, error: Array
 ) -> None:
     """Write the swept values beside the points of the fronts."""
-    points, texts, colours, corners = [], [], [], [np.column_stack([cost.ravel(), error.ravel()])]
+    points, texts, colours = [], [], []
     for k, (best, look) in enumerate(zip(fronts, swept.looks, strict=True)):
-        x, y = cost[best, k], error[best, k]
-        points.append(np.column_stack([x, y]))
+        points.append(np.column_stack([cost[best, k], error[best, k]]))
         texts += [free_text(swept.point_name(int(point)), _LONGEST) for point in best]
         colours += [look.colour] * len(best)
-        corners += [steps(x, y)]
-    name_points(panel, np.concatenate(points), texts, colours, np.concatenate(corners))
-
-
-def steps(x: Array, y: Array) -> Array:
-    """Return points along the steps between points, ``(any, 2)``."""
-    share = np.linspace(0, 1, _ALONG)[:, None]
-    across = np.stack([x[:-1] + share * np.diff(x), y[:-1] + 0 * share], axis=-1)
-    down = np.stack([x[1:] + 0 * share, y[:-1] + share * np.diff(y)], axis=-1)
-    return np.concatenate([across, down]).reshape(-1, 2)
+    name_points(panel, np.concatenate(points), texts, colours)

@@ -132,23 +132,21 @@ def test_points_of_few_fronts_carry_what_was_swept(swept, picture):
     }
 
 
-def test_names_of_points_hide_nothing():
+def test_names_of_points_hide_no_other_name():
     drawing = Figure(figsize=(7, 3))
     axes = drawing.add_subplot()
-    points = np.array([[0.5, 0.5], [0.51, 0.5], [0.5, 0.52]])
+    points = np.array([[0.5, 0.5], [0.51, 0.5], [0.5, 0.7]])
     axes.plot(*points.T, "o")
-    name_points(axes, points, ["one", "two", "three"], ["k"] * 3, points)
+    name_points(axes, points, ["one", "two", "three"], ["k"] * 3)
     boxes = [Text.get_window_extent(text) for text in axes.texts]
-    assert len(boxes) == 3
+    assert len(boxes) == 2
     for box in boxes:
         assert box.count_overlaps(boxes) == 1  # itself
-        assert not any(box.contains(*place) for place in axes.transData.transform(points))
 
 
 def test_a_point_without_room_has_no_name():
     axes = Figure(figsize=(1, 1)).add_subplot()
-    everywhere = np.stack(np.meshgrid(*[np.linspace(0, 1, 12)] * 2), axis=-1).reshape(-1, 2)
-    name_points(axes, everywhere[:1], ["name"], ["k"], everywhere)
+    name_points(axes, np.array([[1.0, 1.0]]), ["name"], ["k"])
     assert not axes.texts
 
 
