@@ -14,9 +14,9 @@ import numpy as np
 
 from eqt_cli.analysis.intervals import Resampling, relative_difference
 from eqt_cli.analysis.law_search import TUNE
-from eqt_cli.analysis.notation import Plain, significant
+from eqt_cli.analysis.notation import Plain
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.reporting import Block, TextTable
+from eqt_cli.base.reporting import Block, TextTable, significant
 from eqt_cli.config.designs import CASE
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.origin import law_title

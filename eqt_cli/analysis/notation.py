@@ -118,19 +118,6 @@ def percent(share: float, *, signed: bool = False) -> str:
     return f"{100 * share:{'+' if signed else ''}.{min(digits, 6)}f} %"
 
 
-def significant(value: float, digits: int = 4) -> str:
-    """A number with so many digits, zeros at its end among them; ``-`` if there is none."""
-    if not math.isfinite(value):
-        return "-"
-    if value == 0:
-        return "0"
-    text = f"{value:.{digits - 1}e}"
-    size = int(text.partition("e")[2])
-    if not -3 <= size < 6:
-        return text
-    return f"{value:.{max(0, digits - 1 - size)}f}"
-
-
 def fixed(value: float, digits: int) -> str:
     """Format a number with decimal places; - if not finite."""
     if not math.isfinite(value):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import re
 import warnings
 from collections.abc import Iterator, Sequence
@@ -265,3 +266,16 @@ class TextTable:
     def rows(self) -> list[list[str]]:
         """Rows of all blocks."""
         return [row for block in self.blocks for row in block.rows]
+
+
+def significant(value: float, digits: int = 4) -> str:
+    """A number with so many digits, zeros at its end among them; ``-`` if there is none."""
+    if not math.isfinite(value):
+        return "-"
+    if value == 0:
+        return "0"
+    text = f"{value:.{digits - 1}e}"
+    size = int(text.partition("e")[2])
+    if not -3 <= size < 6:
+        return text
+    return f"{value:.{max(0, digits - 1 - size)}f}"

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eqt_cli.analysis.notation import significant
 from eqt_cli.base.errors import EqtError, printable, suggestion
-from eqt_cli.base.reporting import Block, TextTable, listed
+from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
 from eqt_cli.components.matrix_groups import turn_of_distance

@@ -73,15 +73,22 @@ def literal(kind: Any, option: str, text: str) -> Any:
 MAPPING = "mapping"
 """The key of a mapping in a configuration."""
 
-_AXIS_CHANGES: dict[str, Array] = {
-    "NED to ENU": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
-    "FRD to FLU": np.diag([1.0, -1.0, -1.0]),
+_OF_WORLD: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+_OF_BODY: Array = np.diag([1.0, -1.0, -1.0])
+_AXIS_CHANGES = {
+    "NED to ENU": _OF_WORLD,
+    "ENU to NED": _OF_WORLD,
+    "FRD to FLU": _OF_BODY,
+    "FLU to FRD": _OF_BODY,
 }
-_AXIS_CHANGES |= {" to ".join(reversed(name.split(" to "))): A for name, A in _AXIS_CHANGES.items()}
 """Rotations from the axes of a file to those wanted; each is its own inverse."""
 
-PARTNERS = {"NED to ENU": "FRD to FLU", "ENU to NED": "FLU to FRD"}
-PARTNERS |= {body: world for world, body in PARTNERS.items()}
+PARTNERS = {
+    "NED to ENU": "FRD to FLU",
+    "ENU to NED": "FLU to FRD",
+    "FRD to FLU": "NED to ENU",
+    "FLU to FRD": "ENU to NED",
+}
 """The change of the body's axes that usually goes with one of the world's, and back."""
 
 
@@ -197,9 +204,12 @@ class LogMapping:
 
 QUATERNION = ("qx", "qy", "qz", "qw")
 
-NUMBERED = tuple(
-    tuple(form.format(k) for k in range(first, first + 4))
-    for form, first in (("q{}", 0), ("q{}", 1), ("q[{}]", 0), ("q[{}]", 1), ("q_{}", 0))
+NUMBERED = (
+    ("q0", "q1", "q2", "q3"),
+    ("q1", "q2", "q3", "q4"),
+    ("q[0]", "q[1]", "q[2]", "q[3]"),
+    ("q[1]", "q[2]", "q[3]", "q[4]"),
+    ("q_0", "q_1", "q_2", "q_3"),
 )
 """Column names of a quaternion that do not show which is the scalar part."""
 

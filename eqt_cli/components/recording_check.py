@@ -66,9 +66,10 @@ _CAUSES: dict[str, tuple[tuple[float, str, str], ...]] = {
         (1e-3, "the position is in mm", "{x: mm, y: mm, z: mm}"),
     ),
 }
-_CAUSES_OF_ALL = tuple(
-    (factor, f"t is in {unit}", f"{{t: {unit}}}")
-    for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns"))
+_CAUSES_OF_ALL = (
+    (1e3, "t is in ms", "{t: ms}"),
+    (1e6, "t is in us", "{t: us}"),
+    (1e9, "t is in ns", "{t: ns}"),
 )
 """Factors between recorded velocities and those of the poses, each with its cause and units."""
 

@@ -29,18 +29,18 @@ from eqt_cli.base.registry import Component, Registry
 # An axis of a design: a list of values, or a range ------------------------------------------------
 
 
-def _narrower(key: str, value: Any, **bounds: Any) -> dict[str, Any]:
-    """Return a JSON schema in which these bounds are narrower if `key` has this value."""
-    return {
-        "if": {"properties": {key: {"const": value}}, "required": [key]},
-        "then": {"properties": bounds},
-    }
-
-
 _STRICT = {"extra": "forbid", "strict": True}
 _WHOLE = {"type": ["integer", "string"]}
-_POSITIVE = _narrower("scale", "log", low=number_schema(above=0))
-_WHOLE_BOUNDS = _narrower("integer", True, low=_WHOLE, high=_WHOLE)
+
+# JSON Schemas that are narrower if a key has a value.
+_POSITIVE = {
+    "if": {"properties": {"scale": {"const": "log"}}, "required": ["scale"]},
+    "then": {"properties": {"low": number_schema(above=0)}},
+}
+_WHOLE_BOUNDS = {
+    "if": {"properties": {"integer": {"const": True}}, "required": ["integer"]},
+    "then": {"properties": {"low": _WHOLE, "high": _WHOLE}},
+}
 
 
 @dataclass(frozen=True, kw_only=True)

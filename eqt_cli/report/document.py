@@ -19,12 +19,12 @@ from eqt_cli.analysis.comparison_tables import findings, text_tables
 from eqt_cli.analysis.fronts import side_by_side
 from eqt_cli.analysis.law_search import TUNE, WORST
 from eqt_cli.analysis.maps import sweep_tables
-from eqt_cli.analysis.notation import Plain, significant
+from eqt_cli.analysis.notation import Plain
 from eqt_cli.analysis.search_tables import tuning_tables, worst_tables
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.base.registry import description
-from eqt_cli.base.reporting import reporter, step
+from eqt_cli.base.reporting import reporter, significant, step
 from eqt_cli.base.version import __version__
 from eqt_cli.figures.animation import (
     AXES,

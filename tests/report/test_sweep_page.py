@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.maps import extreme_points
-from eqt_cli.analysis.notation import significant
+from eqt_cli.base.reporting import significant
 from eqt_cli.report.document import report
 from eqt_cli.report.summary import point_table
 from eqt_cli.results.result import open_result

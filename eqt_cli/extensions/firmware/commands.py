@@ -65,7 +65,7 @@ def export(
 
 
 def _report(exported: ExportedFiles, *, json: bool) -> None:
-    from eqt_cli.analysis.notation import significant
+    from eqt_cli.base.reporting import significant
 
     header = ["law", "file", "operations", "largest error", "apart", "flash", "stack"]
     rows = []

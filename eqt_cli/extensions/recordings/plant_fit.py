@@ -11,12 +11,11 @@ import numpy as np
 
 from eqt_cli.analysis.intervals import FEWEST
 from eqt_cli.analysis.law_search import entries_of, expanded, value_at
-from eqt_cli.analysis.notation import significant
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, parse_key
 from eqt_cli.base.files import FOUND_BY, check_entries, check_targets, refusals
 from eqt_cli.base.option_types import shown
-from eqt_cli.base.reporting import Block, TextTable, step
+from eqt_cli.base.reporting import Block, TextTable, significant, step
 from eqt_cli.config.build import build
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.read_study import study

@@ -10,10 +10,9 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 import numpy as np
 
 from eqt_cli.analysis.intervals import Resampling, intervals_of_means
-from eqt_cli.analysis.notation import significant
 from eqt_cli.base.arrays import Array, as_array, norm
 from eqt_cli.base.errors import EqtError, Problems
-from eqt_cli.base.reporting import Block, TextTable, reporter, step
+from eqt_cli.base.reporting import Block, TextTable, reporter, significant, step
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Tracking
