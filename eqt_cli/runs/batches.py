@@ -69,6 +69,15 @@ def batches(study: Study, label: str, entries: Array) -> Iterator[Batch]:
     yield from batches_at(study, label, *np.divmod(entries, study.plan.runs))
 
 
+def by_kind(study: Study, entries: Array) -> list[list[tuple[str, Batch]]]:
+    """Group some runs of all controllers that one solve can take, each batch with its label."""
+    groups: dict[Hashable, list[tuple[str, Batch]]] = {}
+    for label in study.base.loops:
+        for batch in batches(study, label, entries):
+            groups.setdefault(batch.kind, []).append((label, batch))
+    return list(groups.values())
+
+
 def initial_states(study: Study, points: Array, runs: Array) -> tuple[Array, Array]:
     """Return the initial poses and velocities of some runs, each at its point."""
     if not study.initial_varies:
@@ -280,9 +289,11 @@ def cross_check(
     chosen = chosen_entries(study)
     if not len(chosen):
         return None
-    groups = _by_kind(study, chosen, stored)
-    steps = {label: np.concatenate(own) for label, own in work.items()}
-    differences, redone = _differences(study, groups, steps, deadline)
+    groups = by_kind(study, chosen)
+    states, steps = (
+        {label: np.concatenate(own) for label, own in blocks.items()} for blocks in (stored, work)
+    )
+    differences, redone = _differences(study, groups, states, steps, deadline)
     other = independent(study.base.engine)
     method = " ".join(filter(None, (other.method, redone.words(study.base.times))))
     method += f", {OUT_OF_TIME}" if redone.out_of_time else ""
@@ -427,7 +438,8 @@ class _Pieces:
 
 def _differences(
     study: Study,
-    groups: list[list[tuple[Batch, Array]]],
+    groups: list[list[tuple[str, Batch]]],
+    stored: Mapping[str, Array],
     steps: Mapping[str, Array],
     deadline: float,
 ) -> tuple[Array, _Pieces]:
@@ -436,10 +448,10 @@ def _differences(
     differences, redone = [np.empty(0)], []
     everything = _Pieces((0,), len(study.base.times))
     for group in groups:
-        engine = independent(group[0][0].engine)
-        problem = Problem.joined([batch.problem for batch, _ in group])
+        engine = independent(group[0][1].engine)
+        problem = Problem.joined([batch.problem for _, batch in group])
         pieces = _Pieces.of(problem, engine, part)
-        states = np.concatenate([states for _, states in group])
+        states = np.concatenate([stored[label][batch.rows] for label, batch in group])
         good = np.flatnonzero(np.isfinite(states).all(axis=(1, 2)))
         reporter().advance(problem.runs - len(good))
         if not len(good):
@@ -489,18 +501,6 @@ def _again(
                 break
     here.advance(whole.runs)
     return replace(pieces, length=1), None
-
-
-def _by_kind(
-    study: Study, chosen: Array, stored: Mapping[str, Sequence[Array]]
-) -> list[list[tuple[Batch, Array]]]:
-    """Group the chosen runs of all controllers and points that one vectorised solve can take."""
-    groups: dict[Hashable, list[tuple[Batch, Array]]] = {}
-    for label in study.base.loops:
-        states = np.concatenate(stored[label])
-        for batch in batches(study, label, chosen):
-            groups.setdefault(batch.kind, []).append((batch, states[batch.rows]))
-    return list(groups.values())
 
 
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:

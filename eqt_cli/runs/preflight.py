@@ -9,7 +9,7 @@
 import os
 import shutil
 import time
-from collections.abc import Hashable
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
@@ -24,7 +24,7 @@ from eqt_cli.engines.engine import Problem
 from eqt_cli.loop.closed_loop import parts_of
 from eqt_cli.results.metrics import quantities
 from eqt_cli.results.quantity import ValuePer
-from eqt_cli.runs.batches import Batch, batches
+from eqt_cli.runs.batches import Batch, batches, by_kind
 from eqt_cli.runs.compute_part import compute_part, shared_reference
 from eqt_cli.runs.executors import Executor, TaskContext
 from eqt_cli.runs.result_layout import Layout
@@ -49,7 +49,7 @@ def rehearse(study: Study, problems: Problems) -> list[str]:
         The laws that were not tried since those before them took too long, in words.
     """
     started, left = time.process_time(), dict.fromkeys(study.base.loops)
-    for group in _by_kind(study):
+    for group in _first_runs(study):
         if time.process_time() - started > MOST_SECONDS:
             those = f"the laws before took more than {MOST_SECONDS:g} s"
             return [f"not tried: {', '.join(left)}; {those}"]
@@ -64,20 +64,15 @@ def rehearse(study: Study, problems: Problems) -> list[str]:
     return []
 
 
-def _by_kind(study: Study) -> list[list[tuple[str, Batch]]]:
-    """The first two runs of every law, and the first of the last point; equal structures together.
+def _first_runs(study: Study) -> Iterator[list[tuple[str, Batch]]]:
+    """Yield the first two runs of every law, and the first of the last point, by structure.
 
     So the numbers of a law come as ``(runs, 1)``, and two instances of a law are solved as one.
     """
-    groups: dict[Hashable, list[tuple[str, Batch]]] = {}
     for index in sorted({0, len(study.shapes) - 1}):
         piece = study.piece(index)
         runs = piece.plan.runs
-        entries = np.unique([0, min(1, runs - 1), (len(piece) - 1) * runs])
-        for label in study.base.loops:
-            for batch in batches(piece, label, entries):
-                groups.setdefault((index, batch.kind), []).append((label, batch))
-    return list(groups.values())
+        yield from by_kind(piece, np.unique([0, min(1, runs - 1), (len(piece) - 1) * runs]))
 
 
 def _begin(problem: Problem, law: str) -> None:
@@ -181,25 +176,25 @@ def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | No
         if time.monotonic() > ends:
             raise TimeoutError
 
-    seconds, before, took = None, 0.0, 0.0
+    def solve() -> float:
+        started = time.monotonic()
+        for batch in problems:
+            batch.engine.solve(_beginning(batch.problem, share), threads, within)
+        return time.monotonic() - started
+
+    solves, seconds, before, earlier = 1 + study.base.solver.estimates_errors, None, 0.0, 0.0
     try:
         problems = list(batches(study, label, np.arange(part.start, part.stop)))
-        for batch in problems:  # compiles laws, which is not timed
-            batch.engine.solve(_beginning(batch.problem, share), threads, within)
+        solve()  # compiles laws, which is not timed
         ends = time.monotonic() + most_seconds
         while True:
-            started, earlier = time.monotonic(), took
-            for batch in problems:
-                batch.engine.solve(_beginning(batch.problem, share), threads, within)
-            took = time.monotonic() - started
+            took = solve()
             # The difference leaves out what every solve takes at its start.
             rate = max(took - earlier, 0.0) / (share - before)
-            seconds = took + (1 - share) * rate
-            seconds *= 2 if study.base.solver.estimates_errors else 1
-            before = share
+            seconds = solves * (took + (1 - share) * rate)
             if share == 1.0 or time.monotonic() + GROWING * took > ends:
                 break
-            share = min(1.0, GROWING * share)
+            share, before, earlier = min(1.0, GROWING * share), share, took
         if time.monotonic() + 2 * seconds <= ends:
             shared = None if study.desired_varies else shared_reference(study)
             for _ in range(2):  # twice, because the first time may include a compilation
