@@ -26,7 +26,7 @@ of a sweep. After them
 import json
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -61,7 +61,7 @@ from eqt_cli.components.initial_states import (
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.pose_notation import ANGLES, many_turns
 from eqt_cli.components.sensors import Errors, Sensor
-from eqt_cli.components.vehicle import ACTUATORS
+from eqt_cli.components.vehicle import ACTUATORS, RandomOf
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp, solve
@@ -202,9 +202,8 @@ def try_laws(experiment: Experiment, problems: Problems) -> None:
 
 def _suspects(part: LoopPart, *others: LoopPart) -> list[LoopPart]:
     """Return the parts; the group comes first where it is the user's own, and the part is not."""
-    groups = [each for each in others if each.path == ("group",)]
-    blamed_first = groups if groups[0].is_foreign and not part.is_foreign else []
-    return [*blamed_first, part, *others]
+    group = next(each for each in others if each.path == ("group",))
+    return [group if group.is_foreign and not part.is_foreign else part, part, *others]
 
 
 def _try_law(tried: Trial, loop: ClosedLoop, state: Array) -> None:
@@ -261,7 +260,7 @@ def try_vehicle(experiment: Experiment, problems: Problems) -> None:
             if isinstance(each.part, Sensor):
                 _try_sensor(loop, each, random_of)
             elif isinstance(each.part, Estimator):
-                _try_estimator(loop, each.name, random_of, state)
+                _try_estimator(loop, each.name, random_of, _repeated(loop, state)[0][1])
             else:
                 for t, states in _repeated(loop, state):
                     _try_part(tried, loop, each.part, t, states)
@@ -277,9 +276,7 @@ def _require_words(part: LoopPart) -> None:
         )
 
 
-def _try_sensor(
-    loop: ClosedLoop, each: LoopPart, random_of: Callable[[str], np.random.Generator]
-) -> None:
+def _try_sensor(loop: ClosedLoop, each: LoopPart, random_of: RandomOf) -> None:
     """Raise where its errors do not fit, or one depends on how many are drawn."""
     sensor, place, G, control = each.part, dotted(each.path), loop.group, loop.vehicle.control
     assert control is not None
@@ -309,9 +306,7 @@ def _try_sensor(
             )
 
 
-def _try_estimator(
-    loop: ClosedLoop, name: str, random_of: Callable[[str], np.random.Generator], states: Array
-) -> None:
+def _try_estimator(loop: ClosedLoop, name: str, random_of: RandomOf, states: Array) -> None:
     """At two instants, as engines call it."""
     errors = loop.vehicle.measurement_errors(loop.group, 2, random_of)
     for tick in range(2):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any, Literal
@@ -15,6 +15,7 @@ from eqt_cli.base.arrays import Array, maximum, sqrt, stack
 from eqt_cli.base.reporting import reporter
 from eqt_cli.components.initial_states import Stream, draw_initial_states, generator, generator_at
 from eqt_cli.components.sensors import Errors
+from eqt_cli.components.vehicle import RandomOf
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.schema import SolverChecks
 from eqt_cli.config.study import Study
@@ -171,7 +172,7 @@ def _errors(problem: Problem, experiments: list[Experiment], which: Array, runs:
 
 def _by_run(
     experiments: list[Experiment], which: Array, runs: Array
-) -> Iterator[tuple[Experiment, Callable[[str], np.random.Generator]]]:
+) -> Iterator[tuple[Experiment, RandomOf]]:
     """Yield the experiment of each run, and the random streams for its vehicle."""
     for index, run in zip(which.tolist(), runs.tolist(), strict=True):
         seed = experiments[index].config.ensemble.seed
