@@ -26,7 +26,7 @@ from eqt_cli.base.errors import (
 from eqt_cli.config.build import build
 from eqt_cli.config.designs import DrawnRange, overlap
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.schema import SEARCHES, LogRange, TunedAxis
+from eqt_cli.config.schema import SEARCH, LogRange, TunedAxis, marked
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.config.study import Study
 from eqt_cli.results.metrics import METRICS, quantities
@@ -234,7 +234,7 @@ def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:
 
 def without_search(data: dict[str, Any]) -> dict[str, Any]:
     """Return a configuration without its sections for searches and sweeps."""
-    return {key: value for key, value in data.items() if key not in (*SEARCHES, "sweep")}
+    return {key: value for key, value in data.items() if key not in (*marked(SEARCH), "sweep")}
 
 
 def value_at(data: Any, path: KeyPath) -> Any:

@@ -37,9 +37,10 @@ from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
 from eqt_cli.components.recording import read_starts
 from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.config import schema
 from eqt_cli.config.experiment import Experiment, check_thresholds, solver_from
 from eqt_cli.config.preflight import reference_over_horizon, try_laws, try_vehicle
-from eqt_cli.config.schema import SEARCHES, Config, GainsSection, InitialSection, OwnGainsSection
+from eqt_cli.config.schema import Config, GainsSection, InitialSection, OwnGainsSection, marked
 from eqt_cli.config.sections import (
     DesiredTrajectory,
     check_horizon,
@@ -48,7 +49,6 @@ from eqt_cli.config.sections import (
     inertia_from,
 )
 from eqt_cli.config.source import ConfigSource, data_file, load_plugins, with_data
-from eqt_cli.config.vehicle_section import SECTIONS as VEHICLE
 from eqt_cli.config.vehicle_section import known_forces, vehicle_from
 from eqt_cli.config.vehicle_section import resolved as resolved_vehicle
 from eqt_cli.engines.engine import Engine
@@ -134,7 +134,8 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     config = parts.config(desired, start)
     problems.raise_if_any()
     assert config and group and desired and inertia and vehicle and start and solver
-    complete = config.model_dump(exclude=set(SEARCHES), exclude_none=True, warnings="none") | {
+    searches = set(marked(schema.SEARCH))
+    complete = config.model_dump(exclude=searches, exclude_none=True, warnings="none") | {
         **desired.resolved,
         "controllers": [law.resolved | {"label": label} for label, law in laws.items()],
         "initial": start.resolved,
@@ -345,7 +346,8 @@ class _Parts:
         if problems or not (G and desired and start):
             return None
         # Dataclasses, as ranges are, pass strict validation as such, and not as mappings.
-        read = {name: self.sections[name] for name in (*SEARCHES, "initial") if self.sections[name]}
+        typed = (*marked(schema.SEARCH), "initial")
+        read = {name: self.sections[name] for name in typed if self.sections[name]}
         config = Config.model_validate(self.source.data | read)
         parts: dict[str, Any] = {"reference": desired.reference}
         parts |= {f"controllers[{entry.index}]": entry.law for entry in self.laws.values()}
@@ -408,13 +410,6 @@ def _elsewhere(key: str) -> str | None:
     return next((f"{name}.{key}" for name in sections), None)
 
 
-OF_THE_GROUP = (
-    *("inertia", "gains", "reference", "target", "initial", "settling_threshold", "controllers"),
-    *VEHICLE,
-)
-"""Sections of which numbers can be checked only on a group."""
-
-
 def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
     """The group; without one, the message says which sections could not be checked."""
     if not isinstance(name := data.get("group"), str):
@@ -422,7 +417,7 @@ def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
     try:
         return group_named(name)
     except InputError as error:
-        unchecked = ", ".join(key for key in OF_THE_GROUP if key in data)
+        unchecked = ", ".join(key for key in marked(schema.ON_GROUP) if key in data)
         more = f", so the numbers of {unchecked} were not checked" if unchecked else ""
         problems.add(error.args[0].replace(";", f"{more};", 1), *error.remedies)
     return None

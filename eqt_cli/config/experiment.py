@@ -19,7 +19,7 @@ from eqt_cli.base.option_types import option_names, shown, unknown_key, validate
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import not_rigid
 from eqt_cli.components.initial_states import PoseDistribution, VelocityDistribution
-from eqt_cli.config.schema import DEFAULT_ENGINE, Config, SolverChecks
+from eqt_cli.config.schema import DEFAULT_ENGINE, WORDS, Config, SolverChecks, marks_of
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.engines.engine import Engine, engines
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -109,10 +109,6 @@ def _require_available(name: Any) -> None:
 
 
 # A checked experiment: the loops of its laws, the initial states, and the solver ------------------
-
-
-WORDS = ("name", "rigid")
-"""Keys that affect texts about an experiment, but not its numbers."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +205,7 @@ class Experiment:
 
         The names of files do not count: the folder of a result holds them under names of its own.
         """
-        kept = {key: value for key, value in self.resolved.items() if key not in WORDS}
+        kept = {key: value for key, value in self.resolved.items() if WORDS not in marks_of(key)}
         return renamed(kept, hashes(self.files | self.plugins))
 
     @cached_property

@@ -26,7 +26,7 @@ from eqt_cli.components.laws import controllers
 from eqt_cli.components.references import references
 from eqt_cli.components.sensors import sensors
 from eqt_cli.config.designs import designs
-from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, OwnGainsSection, SolverChecks
+from eqt_cli.config.schema import DEFAULT_ENGINE, Config, OwnGainsSection, SolverChecks, not_swept
 from eqt_cli.config.sweep import BLOCK
 from eqt_cli.engines.engine import engines
 
@@ -245,12 +245,12 @@ def _of_engines(options: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a block of a sweep: a design by name, over keys of the configuration."""
+    sections = "|".join(name for name in Config.model_fields if not not_swept(name))
     swept = {
         each.key: {"description": each.meaning}
         for each in keys_of(schema)
-        if parse_key(each.key)[0] not in FIXED and each.key != "ensemble.runs"
+        if not not_swept(each.key) and each.key != "ensemble.runs"
     }
-    sections = "|".join(name for name in schema["properties"] if name not in FIXED)
 
     def axes(axis: dict[str, Any]) -> dict[str, Any]:
         return {

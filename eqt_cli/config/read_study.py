@@ -13,7 +13,7 @@ from eqt_cli.base.reporting import reporter, step
 from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.config.build import OF_EVERY_LAW, build
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.schema import FIXED, Config
+from eqt_cli.config.schema import Config, not_swept
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.config.study import Study, at_point, section_of, sweep_of, without_sweep
 from eqt_cli.config.sweep import EXPECTED
@@ -215,10 +215,8 @@ def spread(count: int, most: int | None) -> Sequence[int]:
 def require_sweepable(key: str) -> None:
     """Raise an `InputError` if a key cannot be swept."""
     name = section_of(key)
-    if name in FIXED:
-        raise InputError(
-            f"{name} cannot be swept: it {FIXED[name]}; run one experiment for each value"
-        )
+    if why := not_swept(key):
+        raise InputError(f"{name} cannot be swept: it {why}; run one experiment for each value")
     if key == "time":
         raise InputError(
             "time cannot be swept as a whole; sweep time.duration and time.samples with zip"
@@ -226,7 +224,7 @@ def require_sweepable(key: str) -> None:
     if key == "ensemble.runs":
         raise InputError(RUNS)
     if name not in Config.model_fields:
-        known = [field for field in Config.model_fields if field not in FIXED]
+        known = [field for field in Config.model_fields if not not_swept(field)]
         raise InputError(f"unknown key '{key}'; keys are in: {', '.join(known)}")
 
 

@@ -6,6 +6,7 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 
 from contextlib import suppress
 from dataclasses import dataclass
+from enum import Enum
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
@@ -19,6 +20,7 @@ from pydantic import (
     field_validator,
 )
 
+from eqt_cli.base.errors import parse_key
 from eqt_cli.base.option_types import (
     ANY,
     DAMPING,
@@ -89,6 +91,29 @@ SettlingThreshold = Annotated[
     one_of(_threshold_kind, "a number, an angle such as 2 deg, or {part: threshold, …}"),
 ]
 """Of the pose error, or by the names of the group's parts: angles of rotations, and distances."""
+
+
+class Mark(Enum):
+    """What the program knows of a key of `Config`, besides its type, default and meaning."""
+
+    WORDS = "changes texts about an experiment, and none of its numbers"
+    SEARCH = "says what `eqt tune` or `eqt worst` searches for; changes no run"
+    ON_GROUP = "holds numbers that can be checked only on a group"
+    VEHICLE = "describes the vehicle between the laws and the motion"
+    PLANT = "holds numbers of the plant, which a recording determines"
+    SHAPES = "determines the shapes of arrays, or the sample times"
+    STARTS = "changes the initial states"
+    DESIRED = "changes the desired trajectory"
+
+
+WORDS, SEARCH, ON_GROUP, VEHICLE, PLANT, SHAPES, STARTS, DESIRED = Mark
+
+
+@dataclass(frozen=True)
+class NotSwept:
+    """Marks a key that no sweep can change, and says why."""
+
+    why: str
 
 
 class Section(BaseModel):
@@ -613,37 +638,56 @@ class Config(Section):
         Python files with components of your own, relative to this file.
     """
 
-    name: Name | None = None
-    task: Literal["track", "stabilise"] = "track"
-    group: str
-    inertia: InertiaValue
-    rigid: bool | None = None
-    gains: GainsSection | None = Field(default=None, examples=["{kp: 1, kd: 1}"])
-    reference: dict[str, Any] | None = None
-    target: TargetSection | None = None
-    controllers: list[Any] = Field(min_length=1)
-    model: ModelSection | None = None
-    plant: PlantSection | None = None
-    actuators: list[Any] | None = None
-    control: ControlSection | None = None
-    sensors: SensorsSection | None = None
-    estimator: Any = None
-    initial: InitialSection = Field(default_factory=InitialSection)
-    ensemble: EnsembleSection = Field(default_factory=EnsembleSection)
-    time: TimeSection = Field(examples=["{duration: 20}"])
-    solver: dict[str, Any] = Field(default_factory=dict)
-    store: StoreSection = Field(default_factory=StoreSection)
-    sweep: list[dict[str, Any]] | None = None
-    tune: TuneSection | None = None
-    worst: WorstSection | None = None
-    settling_threshold: SettlingThreshold = 0.05
+    name: Annotated[Name | None, NotSwept("names the experiment as a whole"), WORDS] = None
+    task: Annotated[Literal["track", "stabilise"], NotSwept("decides which laws can be used")] = (
+        "track"
+    )
+    group: Annotated[str, SHAPES]
+    inertia: Annotated[InertiaValue, ON_GROUP, PLANT, DESIRED]
+    rigid: Annotated[bool | None, WORDS] = None
+    gains: Annotated[GainsSection | None, ON_GROUP] = Field(
+        default=None, examples=["{kp: 1, kd: 1}"]
+    )
+    reference: Annotated[dict[str, Any] | None, ON_GROUP, STARTS, DESIRED] = None
+    target: Annotated[TargetSection | None, ON_GROUP, STARTS, DESIRED] = None
+    controllers: Annotated[list[Any], ON_GROUP] = Field(min_length=1)
+    model: Annotated[ModelSection | None, ON_GROUP, VEHICLE] = None
+    plant: Annotated[PlantSection | None, ON_GROUP, VEHICLE, PLANT] = None
+    actuators: Annotated[list[Any] | None, ON_GROUP, VEHICLE, PLANT] = None
+    control: Annotated[ControlSection | None, ON_GROUP, VEHICLE] = None
+    sensors: Annotated[SensorsSection | None, ON_GROUP, VEHICLE] = None
+    estimator: Annotated[Any, ON_GROUP, VEHICLE] = None
+    initial: Annotated[InitialSection, ON_GROUP, STARTS] = Field(default_factory=InitialSection)
+    ensemble: Annotated[EnsembleSection, STARTS] = Field(default_factory=EnsembleSection)
+    time: Annotated[TimeSection, SHAPES] = Field(examples=["{duration: 20}"])
+    solver: Annotated[dict[str, Any], DESIRED] = Field(default_factory=dict)
+    store: Annotated[StoreSection, NotSwept("decides what the common result file contains")] = (
+        Field(default_factory=StoreSection)
+    )
+    sweep: Annotated[list[dict[str, Any]] | None, NotSwept("cannot contain itself")] = None
+    tune: Annotated[TuneSection | None, NotSwept("chooses its own points"), SEARCH] = None
+    worst: Annotated[WorstSection | None, NotSwept("chooses its own points"), SEARCH] = None
+    settling_threshold: Annotated[SettlingThreshold, ON_GROUP] = 0.05
     early_window: Annotated[Positive | None, Unit("s")] = None
     closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
-    plugins: list[str] = Field(default_factory=list)
+    plugins: Annotated[list[str], NotSwept("is loaded once")] = Field(default_factory=list)
 
 
-SEARCHES = ("tune", "worst")
-"""The sections that say what is searched for; they change no run."""
+def marked(mark: Mark) -> list[str]:
+    """Return the keys of `Config` with a mark."""
+    return [name for name, field in Config.model_fields.items() if mark in field.metadata]
+
+
+def marks_of(key: str) -> list[Any]:
+    """Return the marks of the section of a dotted key; none of an unknown one."""
+    field = Config.model_fields.get(str(parse_key(key)[0]))
+    return field.metadata if field else []
+
+
+def not_swept(key: str) -> str:
+    """Return why no sweep can change a key; empty where one can."""
+    return next((each.why for each in marks_of(key) if isinstance(each, NotSwept)), "")
+
 
 DEFAULT_ENGINE = "solve_ivp"
 
@@ -668,15 +712,3 @@ class SolverChecks:
     max_error: Positive | None = None
     error_estimate: bool | None = None
     cross_check: CountOrNone = 3
-
-
-FIXED = {
-    "name": "names the experiment as a whole",
-    "store": "decides what the common result file contains",
-    "plugins": "is loaded once",
-    "sweep": "cannot contain itself",
-    "tune": "chooses its own points",
-    "worst": "chooses its own points",
-    "task": "decides which laws can be used",
-}
-"""Sections that all points share, and why."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eqt_cli.base.errors import EqtError, Problems, parse_key
 from eqt_cli.base.registry import load_plugin
@@ -17,12 +17,10 @@ from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.build import build
 from eqt_cli.config.experiment import Experiment, hashes, renamed
 from eqt_cli.config.parts import MANY_PARTS, Plan, Plans
+from eqt_cli.config.schema import DESIRED, SHAPES, STARTS, VEHICLE, marks_of
 from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.config.sweep import Sweep
-from eqt_cli.config.vehicle_section import SECTIONS, decides_parts
-
-if TYPE_CHECKING:
-    pass
+from eqt_cli.config.vehicle_section import decides_parts
 
 
 def at_point(
@@ -108,9 +106,6 @@ CACHED_POINTS = 10_000
 POINTS_OF_A_PART = 1024
 """Largest number of points of a part, which are in memory at once."""
 
-SHAPING = frozenset({"group", "time"})
-"""Sections that determine the shapes of arrays or the sample times."""
-
 
 @dataclass(frozen=True, eq=False)
 class Study:
@@ -164,19 +159,19 @@ class Study:
         return {}
 
     @property
-    def _swept(self) -> set[str]:
-        """Sections that differ between points."""
-        return {section_of(key) for key in self.sweep.sets} if self.sweep else set()
+    def _swept(self) -> list[Any]:
+        """Marks of the keys that differ between points."""
+        return [mark for key in self.sweep.sets for mark in marks_of(key)] if self.sweep else []
 
     @property
     def initial_varies(self) -> bool:
         """Whether the initial states differ between points."""
-        return bool(self._swept & {"initial", "ensemble", "reference", "target"})
+        return STARTS in self._swept
 
     @property
     def desired_varies(self) -> bool:
         """Whether the references differ between points."""
-        return bool(self._swept & {"inertia", "reference", "target", "solver"})
+        return DESIRED in self._swept
 
     @cached_property
     def vehicles(self) -> list[Vehicle]:
@@ -231,11 +226,8 @@ class Study:
 
     def _shapes(self, key: str) -> bool:
         """Whether shapes of arrays can depend on a key."""
-        if section_of(key) in SHAPING:
-            return True
-        assert self.sweep is not None
-        if section_of(key) not in SECTIONS:
-            return False
+        if self.sweep is None or VEHICLE not in marks_of(key):
+            return SHAPES in marks_of(key)
         vehicle, values = next(iter(self.base.loops.values())).vehicle, self.sweep.values_of(key)
         return key not in self.sweep.always or decides_parts(key, values, vehicle)
 

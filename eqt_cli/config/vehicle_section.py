@@ -89,9 +89,6 @@ T = TypeVar("T")
 MOST_INSTANTS = 1_000_000
 """Largest number of control instants of a run."""
 
-SECTIONS = ("model", "plant", "actuators", "control", "sensors", "estimator")
-"""Sections that describe the vehicle between the laws and the motion."""
-
 
 def decides_parts(key: str, values: Iterable[Any], vehicle: Vehicle) -> bool:
     """Whether values of a key in these sections can change the parts or the number of states.
@@ -161,7 +158,7 @@ def vehicle_from(
         check_sensors(parts, G, at_sensors.at(name))
     if vehicle.estimator is not None:
         check_estimator(vehicle, G, without_clock, problems)
-    if any(problems.at(name) for name in SECTIONS):
+    if any(map(problems.at, schema.marked(schema.VEHICLE))):
         return Vehicle()
     return vehicle.of_run(G)
 
@@ -231,7 +228,9 @@ def _estimator(section: Any, G: MatrixLieGroup, problems: Problems) -> Estimator
 def resolved(vehicle: Vehicle, config: schema.Config) -> dict[str, Any]:
     """Return the sections with all defaults; missing sections stay missing."""
     vehicle = vehicle.configured or vehicle
-    dumped = config.model_dump(include=set(SECTIONS), exclude_none=True, warnings="none")
+    dumped = config.model_dump(
+        include=set(schema.marked(schema.VEHICLE)), exclude_none=True, warnings="none"
+    )
     acting = [as_section(force) for force in vehicle.forces]
     for name in ("plant", "model"):  # without forces of the plant, those of the model act
         if dumped.get(name, {}).get("forces") and acting:

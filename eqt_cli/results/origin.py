@@ -25,10 +25,10 @@ from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.laws import controllers
 from eqt_cli.config.build import build
 from eqt_cli.config.experiment import Experiment, told_apart
-from eqt_cli.config.schema import Config
+from eqt_cli.config.schema import VEHICLE, Config, marked
 from eqt_cli.config.source import ConfigSource, loop_in_words, source_of
 from eqt_cli.config.study import config_at
-from eqt_cli.config.vehicle_section import SECTIONS, vehicle_from
+from eqt_cli.config.vehicle_section import vehicle_from
 from eqt_cli.config.yaml_source import dump, load
 
 CROSS_CHECK = ("method", "runs", "difference", "bound")
@@ -388,8 +388,9 @@ class KnownResult(ResultFile):
         if not self.loop_in_words or self.group is None:
             return self.loop_in_words
         problems = Problems()
-        given = {name: self.config[name] for name in SECTIONS if name in self.config}
-        sections = dict.fromkeys(SECTIONS) | fields_of(Config, given, Problems())
+        vehicle = marked(VEHICLE)
+        given = {name: self.config[name] for name in vehicle if name in self.config}
+        sections = dict.fromkeys(vehicle) | fields_of(Config, given, Problems())
         departures = vehicle_from(sections, self.group, 0.0, problems).departures
         return departures or self.loop_in_words
 

@@ -64,10 +64,10 @@ initial: {velocity: {kind: nomal}} →
 solver: {engine: solveivp} →
     9:10: solver.engine: unknown engine 'solveivp'; did you mean 'solve_ivp'?
 group: SO4 →
-    1:1: group: unknown group 'SO4', so the numbers of inertia, gains, reference, initial,
-        controllers were not checked; did you mean 'SO3'?
+    1:1: group: unknown group 'SO4', so the numbers of inertia, gains, reference, controllers,
+        initial were not checked; did you mean 'SO3'?
 group: Q →
-    1:1: group: unknown group 'Q', so the numbers of inertia, gains, reference, initial, controllers
+    1:1: group: unknown group 'Q', so the numbers of inertia, gains, reference, controllers, initial
         were not checked; known: R1, R3, SE2, SE23, SE3, SO2, SO3 and products such as SO3*R3
 # Sections without a value are left out.
 group →

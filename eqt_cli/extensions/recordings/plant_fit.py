@@ -19,8 +19,8 @@ from eqt_cli.base.reporting import Block, TextTable, significant, step
 from eqt_cli.config.build import build
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.read_study import study
+from eqt_cli.config.schema import PLANT, marks_of
 from eqt_cli.config.source import ConfigSource, changed_at
-from eqt_cli.config.study import section_of
 from eqt_cli.extensions.recordings.prediction import (
     DELAY,
     DISTINCT,
@@ -36,9 +36,6 @@ from eqt_cli.extensions.recordings.prediction import (
 )
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.runs.folder import OWN_COPIES, ResultFolder
-
-SECTIONS = ("plant", "actuators", "inertia")
-"""The sections that hold numbers of a plant."""
 
 STEP = 1e-4
 """Step of difference quotients, relative to a number's start value, or to 1 if that is 0."""
@@ -152,7 +149,7 @@ def starting_values(keys: Sequence[str], base: Experiment, delay: float) -> list
             continue
         first = entries_of(key)[0]
         value = value_at(base.resolved, parse_key(first))
-        if section_of(first) not in SECTIONS:
+        if PLANT not in marks_of(first):
             raise InputError(
                 f"{key}: expected a number of the plant, such as plant.inertia.relative or "
                 "plant.forces[0].linear, or delay"
