@@ -345,10 +345,7 @@ class _Parts:
         G, problems = self.group, self.problems
         if problems or not (G and desired and start):
             return None
-        # Dataclasses, as ranges are, pass strict validation as such, and not as mappings.
-        typed = (*marked(schema.SEARCH), "initial")
-        read = {name: self.sections[name] for name in typed if self.sections[name]}
-        config = Config.model_validate(self.source.data | read)
+        config = Config.model_construct(set(self.source.data), **self.sections)
         parts: dict[str, Any] = {"reference": desired.reference}
         parts |= {f"controllers[{entry.index}]": entry.law for entry in self.laws.values()}
         for place, part in parts.items():
