@@ -17,7 +17,7 @@ from eqt_cli.api.loading import (
     source_from,
 )
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import component
+from eqt_cli.base.option_types import Kind
 from eqt_cli.base.reporting import reporter
 from eqt_cli.config.preflight import remarks
 from eqt_cli.config.read_study import study
@@ -162,7 +162,7 @@ def choose_executor(
     address = {"scheduler": scheduler} if scheduler else {}
     problems = Problems(lambda path: "executor")
     section = {"kind": kind, "workers": workers} | address | dict(options or {})
-    found = component(executors, section, problems)
+    found = Kind(executors).checked(section, problems)
     problems.raise_if_any()
     assert found is not None
     return found.for_engine(experiment.base.engine)

@@ -254,6 +254,11 @@ class Problems:
                 [*first, InputProblem("", f"and more; only the first {MAX_PROBLEMS} are shown")]
             )
 
+    def include(self, inner: "Problems") -> None:
+        """Note the errors of an input that is written at this place."""
+        for problem, path in inner._found.items():
+            self.at(*path).add(problem.message, *problem.remedies)
+
     @contextmanager
     def catching(self, *steps: str | int) -> Iterator[None]:
         """Note an `InputError` from the block at a place within this one, and continue."""

@@ -29,7 +29,7 @@ from pydantic_core import core_schema
 from eqt_cli.base.errors import ExpressionError, KeyPath, Problems, closest, suggestion
 from eqt_cli.base.expressions import constant
 from eqt_cli.base.files import is_device
-from eqt_cli.base.registry import Registry, meanings, option_of_field
+from eqt_cli.base.registry import Registry, meanings, option_of_field, summary
 from eqt_cli.base.units import base_of, factor, offered, split
 
 
@@ -88,20 +88,22 @@ class Place(NamedTuple):
     ----------
     group
         The group; None where it is not known.
-    path
-        Path of the component or section, such as ``sensors.pose[0]``.
+    measured
+        The unit that `MEASURED` stands for.
     of
         Name of the part of the group that the component is about; empty for all.
+    wrong
+        The errors of each wrong component in the value.
     """
 
     group: Any = None
-    path: str = ""
+    measured: str = POSE
     of: str = ""
+    wrong: list[Problems] | None = None
 
     def units(self, unit: str) -> dict[str, tuple[str, slice]]:
         """Return the unit of each part by name, with its coordinates."""
-        if unit == MEASURED:
-            unit = VELOCITY if self.path.startswith("sensors.velocity") else POSE
+        unit = self.measured if unit == MEASURED else unit
         by_part = {}
         for part in self.group.parts:
             of, _, per = part.velocity_unit.partition("/")
@@ -467,6 +469,7 @@ def validated(
     common: tuple[str, ...] = (),
     group: Any = None,
     meant: frozenset[KeyPath] = frozenset(),
+    measured: str = POSE,
 ) -> Any:
     """Return the data as the type `kind`, or None after noting its errors.
 
@@ -480,20 +483,35 @@ def validated(
         The group, which decides the units of coordinates; None where it is not known.
     meant
         Keys that unknown keys probably mean, so that they are not missing.
+    measured
+        The unit that `MEASURED` stands for.
     """
-    of = data.get("of") if isinstance(data, dict) else None
-    place = Place(group, problems.path, of if isinstance(of, str) else "")
+    of, wrong = data.get("of") if isinstance(data, dict) else None, list[Problems]()
+    place = Place(group, measured, of if isinstance(of, str) else "", wrong)
     try:
         # As JSON, because strict validation accepts a mapping for a dataclass only in JSON.
-        return _adapter(kind).validate_json(
+        value = _adapter(kind).validate_json(
             json.dumps(data, default=str), strict=True, context=place
         )
+        return _without_wrong(value, problems) if wrong else value
     except ValidationError as error:
         unknown = _note_errors(error, data, kind, problems, common, meant)
     if not unknown:
         return None
     meant |= _meant(unknown, kind, common)
-    return validated(kind, _without(data, unknown), problems, common, group, meant)
+    return validated(kind, _without(data, unknown), problems, common, group, meant, measured)
+
+
+def _without_wrong(value: Any, problems: Problems) -> Any:
+    """Return a value with None for each wrong component, whose errors are noted."""
+    if isinstance(value, Problems):
+        return problems.include(value)
+    if isinstance(value, list):
+        return [_without_wrong(entry, problems.at(k)) for k, entry in enumerate(value)]
+    if isinstance(value, BaseModel):
+        for name in value.model_fields_set:
+            setattr(value, name, _without_wrong(getattr(value, name), problems.at(name)))
+    return value
 
 
 def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> frozenset[KeyPath]:
@@ -512,7 +530,7 @@ def fields_of(
     unknown = [(str(name),) for name in data if name not in model.model_fields]
     meant = _meant(unknown, model, ())
     for name, field in model.model_fields.items():
-        if name in data:
+        if name in data and not (data[name] is None and field.default is None):
             value = validated(_kinds(model)[name], data[name], problems.at(name), group=group)
         elif field.is_required():
             if (name,) not in meant:
@@ -683,37 +701,86 @@ _adapter = lru_cache(maxsize=256)(TypeAdapter)
 # Components ---------------------------------------------------------------------------------------
 
 
-def component(
-    registry: Registry[T],
-    value: Any,
-    problems: Problems,
-    common: tuple[str, ...] = (),
-    group: Any = None,
-    *,
-    check: bool = True,
-) -> T | None:
-    """Return the component that `value` describes, or None after noting its errors.
+KIND = "The component; the other keys are its options."
 
-    The value is a name, or a mapping such as `{kind: family, gyroscopic: 0.5}`. A mapping may have
-    the keys `common` in addition to `kind` and the options. The component is checked for `group`.
+
+@dataclass(frozen=True)
+class Kind:
+    """Marks a component, ``Annotated[Force, Kind(forces)]``: it is written as a name or a mapping.
+
+    A mapping has the key `kind` and the options of the component.
+
+    Attributes
+    ----------
+    registry
+        The components by name.
+    measured
+        The unit that `MEASURED` stands for in their options.
     """
-    if not isinstance(value, str | Mapping):
-        problems.add(f"expected text or a mapping, got {shown(value)}")
-        return None
-    options = {} if isinstance(value, str) else dict(value)
-    kind = value if isinstance(value, str) else options.pop("kind", None)
-    at_kind = problems if isinstance(value, str) else problems.at("kind")
-    if not isinstance(kind, str):
-        expected = f"expected a {registry.kind}, one of {', '.join(registry.names())}"
-        at_kind.add(f"missing; {expected}" if kind is None else f"{expected}, got {shown(kind)}")
-        return None
-    with at_kind.catching():
-        known = ("kind", *common)
-        built: Any = validated(registry.get(kind), options, problems, known, group)
-        if built is not None and group is not None and check:
-            built.check(group, problems)
-        return built
-    return None
+
+    registry: Registry[Any]
+    measured: str = POSE
+
+    def read(
+        self, value: Any, problems: Problems, group: Any = None, common: tuple[str, ...] = ()
+    ) -> Any:
+        """Return the component that a value describes, or None after noting its errors.
+
+        A mapping may have the keys `common` in addition to `kind` and the options.
+        """
+        if not isinstance(value, str | Mapping):
+            problems.add(f"expected text or a mapping, got {shown(value)}")
+            return None
+        options = {} if isinstance(value, str) else dict(value)
+        kind = value if isinstance(value, str) else options.pop("kind", None)
+        at_kind = problems if isinstance(value, str) else problems.at("kind")
+        if not isinstance(kind, str):
+            said = f"expected a {self.registry.kind}, one of {', '.join(self.registry.names())}"
+            at_kind.add(f"missing; {said}" if kind is None else f"{said}, got {shown(kind)}")
+            return None
+        with at_kind.catching():
+            of, known = self.registry.get(kind), ("kind", *common)
+            return validated(of, options, problems, known, group, measured=self.measured)
+
+    def checked(self, value: Any, problems: Problems, group: Any = None) -> Any:
+        """Return the component as `read`, checked for a group."""
+        made = self.read(value, problems, group)
+        if made is not None and group is not None:
+            made.check(group, problems)
+        return made
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        def component(value: Any, info: Any) -> Any:
+            place: Any = info.context or Place(wrong=[])
+            problems = Problems()
+            made = self.checked(value, problems, place.group)
+            if problems:
+                place.wrong.append(problems)
+            return problems or made
+
+        section = core_schema.plain_serializer_function_ser_schema(self.section)
+        return core_schema.with_info_plain_validator_function(component, serialization=section)
+
+    def section(self, made: Any) -> Any:
+        """Return the value that describes a component, with every option."""
+        return as_section(made)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        names = {"enum": self.registry.names(), "type": "string"}
+        return {"anyOf": [names, *(self.mapping(kind, handler) for kind in self.registry.all())]}
+
+    def mapping(self, component: Any, handler: Any, **more: Any) -> dict[str, Any]:
+        """Return the JSON schema of a component as a mapping, which may have more keys."""
+        schema = handler.resolve_ref_schema(handler(_adapter(component).core_schema))
+        options = {name: schema["properties"][name] for name in option_names(component)}
+        kind = {"const": component.name, "description": KIND}
+        return {
+            "type": "object",
+            "description": summary(component),
+            "properties": {"kind": kind, **more, **options},
+            "required": ["kind", *(name for name in schema.get("required", []) if name in options)],
+            "additionalProperties": False,
+        }
 
 
 def has_options(component: type) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix, dot, exp, frobenius, less, sqrt, where
 from eqt_cli.base.errors import Problems, Remedy
-from eqt_cli.base.option_types import Positive, Real, Scale, check_period, component
+from eqt_cli.base.option_types import Kind, Positive, Real, Scale, check_period
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.laws import Controller
@@ -184,7 +184,7 @@ class Cascade(Controller):
         from eqt_cli.components.laws import controllers  # the registry imports this file
 
         own = self.gains_group(G)
-        law = component(controllers, self.attitude, problems.at("attitude"), group=own)
+        law = Kind(controllers).checked(self.attitude, problems.at("attitude"), own)
         if law is not None and ("track" not in law.tasks or law.pieces):
             problems.at("attitude").add(
                 f"expected a law of {own.name} that tracks with given gains, such as lee2010, got "

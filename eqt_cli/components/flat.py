@@ -21,7 +21,7 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.expressions import Expression, formula
-from eqt_cli.base.option_types import Real, Unit, component
+from eqt_cli.base.option_types import Kind, Real, Unit
 from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid, rigid_motions
@@ -259,7 +259,7 @@ class FlatReference(ClosedReference):
 
         if self.of is None:
             return None
-        return component(references, self.of, problems, group=G, check=False)
+        return Kind(references).read(self.of, problems, G)
 
     # What it knows of the plant.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import POSE, VELOCITY, Angle, Real, Scale, Unit
+from eqt_cli.base.option_types import POSE, VELOCITY, Angle, Kind, Real, Scale, Unit, as_section
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components.groups import MatrixLieGroup, Part, ProductGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
@@ -565,6 +565,32 @@ class FactorPoses(PoseDistribution):
     def _by_factor(self, G: MatrixLieGroup) -> list[tuple[PoseDistribution, MatrixLieGroup]]:
         assert isinstance(G, ProductGroup)  # checked where the configuration is read
         return list(zip(self.factors, G.factors, strict=True))
+
+
+@dataclass(frozen=True)
+class PoseKind(Kind):
+    """A distribution, or for a product of groups a list with one for each factor."""
+
+    def checked(self, value: Any, problems: Problems, group: MatrixLieGroup | None = None) -> Any:
+        """Return the distribution that a value describes, or None after noting its errors."""
+        if not isinstance(value, list):
+            return super().checked(value, problems, group)
+        factors = group.factors if isinstance(group, ProductGroup) else ()
+        if len(value) != len(factors):
+            if group is not None:
+                each = f"{len(factors)} entries, one per factor of {group.name}"
+                expected = each if factors else "one distribution"
+                problems.add(f"expected {expected}, got a list of {len(value)}")
+            return None
+        numbered = enumerate(zip(value, factors, strict=True))
+        made = [super(PoseKind, self).checked(each, problems.at(k), G) for k, (each, G) in numbered]
+        return FactorPoses(tuple(made)) if None not in made else None
+
+    def section(self, made: Any) -> Any:
+        """Return the value that describes a distribution."""
+        if isinstance(made, FactorPoses):
+            return [as_section(factor) for factor in made.factors]
+        return as_section(made)
 
 
 def draw_initial_states(

@@ -11,8 +11,8 @@ import numpy as np
 from eqt_cli.base.errors import InputError, Problems, closest
 from eqt_cli.base.option_types import (
     MISSING,
+    Kind,
     as_section,
-    component,
     fields_of,
     known_keys,
     shown,
@@ -20,16 +20,13 @@ from eqt_cli.base.option_types import (
     validated,
 )
 from eqt_cli.base.registry import blamed
-from eqt_cli.components.groups import MatrixLieGroup, ProductGroup, group_named
+from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import InertiaLaw
 from eqt_cli.components.initial_states import (
-    FactorPoses,
     ListedPoses,
     ListedVelocities,
     PoseDistribution,
     VelocityDistribution,
-    pose_distributions,
-    velocity_distributions,
 )
 from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.components.log_table import MAPPING, LogMapping, MappingError
@@ -50,7 +47,6 @@ from eqt_cli.config.sections import (
 )
 from eqt_cli.config.source import ConfigSource, data_file, load_plugins, with_data
 from eqt_cli.config.vehicle_section import known_forces, vehicle_from
-from eqt_cli.config.vehicle_section import resolved as resolved_vehicle
 from eqt_cli.engines.engine import Engine
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
@@ -134,13 +130,11 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     config = parts.config(desired, start)
     problems.raise_if_any()
     assert config and group and desired and inertia and vehicle and start and solver
-    searches = set(marked(schema.SEARCH))
-    complete = config.model_dump(exclude=searches, exclude_none=True, warnings="none") | {
+    complete = parts.resolved(config) | {
         **desired.resolved,
         "controllers": [law.resolved | {"label": label} for label, law in laws.items()],
         "initial": start.resolved,
         "solver": solver.resolved,
-        **resolved_vehicle(vehicle, config),
     }
     loops = {
         label: ClosedLoop(group, inertia, own, desired.reference, laws[label].law, vehicle)
@@ -202,7 +196,7 @@ class _Parts:
             options = dict(entry) if isinstance(entry, dict) else {}
             label, own = options.pop("label", None), options.pop("gains", None)
             named, gains = options if isinstance(entry, dict) else entry, None
-            law = component(controllers, named, here, OF_EVERY_LAW, G, check=False)
+            law: Controller | None = Kind(controllers).read(named, here, G, OF_EVERY_LAW)
             if own is not None:
                 of = None if law is None or G is None else law.gains_group(G)
                 gains = validated(OwnGainsSection, own, here.at("gains"), group=of)
@@ -267,7 +261,7 @@ class _Parts:
     ) -> DesiredTrajectory:
         """Give laws, and the reference that is returned, what they know of the plant."""
         sections, laws, pushes = self.sections, self.laws, vehicle.pushes(G)
-        forces = known_forces(sections, vehicle, G, self.problems)
+        forces = known_forces(sections, vehicle, G)
         acts, model, horizon = sections["plant"], sections["model"], sections["time"].duration
         acting = acts is not None and acts.forces and not (model and model.forces == "plant")
         exact, flat = vehicle.is_direct and not acting, desired.reference.flat_output(G, 0.0)
@@ -290,20 +284,17 @@ class _Parts:
 
     def start(self, section: InitialSection, desired: DesiredTrajectory | None) -> Start | None:
         """Return where the runs start, by distributions or by the rows of a file."""
-        G, problems = self.group, self.problems.at("initial")
+        problems = self.problems.at("initial")
         if section.file is not None:
             return self._start_from_file(section, section.file, desired, problems)
         for key in section.model_fields_set & {"relative", MAPPING}:
             problems.at(key).add(
                 "applies only to poses from a `file`; give `file` too, or remove this key"
             )
-        poses = _poses(section.pose, G, problems.at("pose"))
-        at_velocity = problems.at("velocity")
-        velocities = component(velocity_distributions, section.velocity, at_velocity, group=G)
-        if poses is None or velocities is None:
+        if problems or self.group is None:
             return None
-        resolved = {"pose": _poses_section(poses), "velocity": as_section(velocities)}
-        return Start(poses, velocities, resolved)
+        resolved = section.model_dump(include={"pose", "velocity"})
+        return Start(section.pose, section.velocity, resolved)
 
     def _start_from_file(
         self, section: InitialSection, name: str, desired: DesiredTrajectory | None, here: Problems
@@ -361,6 +352,14 @@ class _Parts:
                 f"got {config.ensemble.runs}"
             )
         return config
+
+    def resolved(self, config: Config) -> dict[str, Any]:
+        """Return the sections with every default; those for searches change no run."""
+        searches = set(marked(schema.SEARCH))
+        complete = config.model_dump(exclude=searches, exclude_none=True, warnings="none")
+        if config.plant and config.plant.forces and config.model and config.model.forces:
+            complete["model"] = self.source.data["model"]  # as it is written, as in all digests
+        return complete
 
 
 def _reads_gains(entry: Any) -> bool:
@@ -446,31 +445,6 @@ class _Entry:
 def _wrong_task(law: Controller, task: str) -> str:
     fitting = ", ".join(kind.name for kind in controllers.all() if task in kind.tasks)
     return f"{law.name} is a law for task: {' or '.join(law.tasks)}; for task: {task} use {fitting}"
-
-
-def _poses(value: Any, G: MatrixLieGroup | None, problems: Problems) -> PoseDistribution | None:
-    """One distribution, or one per factor of a product."""
-    if not isinstance(value, list):
-        return component(pose_distributions, value, problems, group=G)
-    factors = G.factors if isinstance(G, ProductGroup) else ()
-    if len(value) != len(factors):
-        if G is not None:
-            each = f"{len(factors)} entries, one per factor of {G.name}"
-            expected = each if factors else "one distribution"
-            problems.add(f"expected {expected}, got a list of {len(value)}")
-        return None
-    entries = [
-        component(pose_distributions, entry, problems.at(index), group=factor)
-        for index, (entry, factor) in enumerate(zip(value, factors, strict=True))
-    ]
-    known = tuple(entry for entry in entries if entry is not None)
-    return FactorPoses(known) if len(known) == len(entries) else None
-
-
-def _poses_section(poses: PoseDistribution) -> Any:
-    if isinstance(poses, FactorPoses):
-        return [as_section(factor) for factor in poses.factors]
-    return as_section(poses)
 
 
 def check_calls(law: Controller, vehicle: Vehicle, engine: Engine, problems: Problems) -> None:

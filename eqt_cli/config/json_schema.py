@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypeAlias, get_type_hints
+from typing import Any, TypeAlias, get_args, get_type_hints
 
 import yaml
 from pydantic import TypeAdapter
@@ -15,34 +15,13 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from eqt_cli.base.errors import EqtError, parse_key, suggestion
-from eqt_cli.base.option_types import Scale, option_names, owners
-from eqt_cli.base.registry import Registry, meanings, option_of_field, summary
-from eqt_cli.components.actuators import actuators
-from eqt_cli.components.estimators import estimators
-from eqt_cli.components.forces import forces
+from eqt_cli.base.option_types import Kind, Scale, option_names, owners
+from eqt_cli.base.registry import meanings, option_of_field, summary
 from eqt_cli.components.groups import groups
-from eqt_cli.components.initial_states import pose_distributions, velocity_distributions
-from eqt_cli.components.laws import controllers
-from eqt_cli.components.references import references
-from eqt_cli.components.sensors import sensors
 from eqt_cli.config.designs import designs
 from eqt_cli.config.schema import DEFAULT_ENGINE, Config, OwnGainsSection, SolverChecks, not_swept
 from eqt_cli.config.sweep import BLOCK
 from eqt_cli.engines.engine import engines
-
-COMPONENTS: dict[str, Registry[Any]] = {
-    "controllers": controllers,
-    "plant.forces": forces,
-    "actuators": actuators,
-    "sensors.pose": sensors,
-    "sensors.velocity": sensors,
-    "estimator": estimators,
-    "reference": references,
-    "initial.pose": pose_distributions,
-    "initial.velocity": velocity_distributions,
-    "solver": engines,
-}
-"""The registry of each place where a configuration names components, or lists of them."""
 
 
 def scale_of(config: Any, key: str) -> Scale | None:
@@ -52,17 +31,22 @@ def scale_of(config: Any, key: str) -> Scale | None:
     """
     *steps, option = parse_key(key)
     kind: Any = Config
-    place = ""
     for step in steps:
         config = _within(config, step)
         if isinstance(step, str):
-            place = f"{place}.{step}".lstrip(".")
             kind = OwnGainsSection if step == "gains" else _hints(kind).get(step)
-        if (registry := COMPONENTS.get(place)) and isinstance(config, dict):
-            named = config.get("engine" if place == "solver" else "kind")
-            kind = next((each for each in registry.all() if each.name == named), None)
+        if isinstance(config, dict) and (of := _kind_in(kind)):
+            name = config.get("kind", config.get("engine"))
+            kind = next((each for each in of.registry.all() if each.name == name), None)
     metadata = getattr(_hints(kind).get(option), "__metadata__", ())
     return next((each for each in metadata if isinstance(each, Scale)), None)
+
+
+def _kind_in(hint: Any) -> Kind | None:
+    """Return the kind of component that is in a type; None if none is."""
+    if isinstance(hint, Kind):
+        return hint
+    return next(filter(None, map(_kind_in, get_args(hint))), None)
 
 
 def _within(config: Any, step: str | int) -> Any:
@@ -84,10 +68,6 @@ def _hints(kind: Any) -> dict[Any, Any]:
 Axes: TypeAlias = Callable[[dict[str, Any]], dict[str, Any]]
 """Returns the schema of a mapping from keys to axes, from that of one axis."""
 
-KIND = "The component; the other keys are its options."
-LABEL = {"type": "string", "description": "The name of the law in tables and figures; its kind."}
-GAINS = "Gains of this law, where they differ from the section `gains`."
-
 
 def json_schema() -> dict[str, Any]:
     """Return the schema of a configuration file, JSON Schema draft 2020-12."""
@@ -95,20 +75,11 @@ def json_schema() -> dict[str, Any]:
     shared: dict[str, Any] = schema["$defs"]
     top = schema["properties"]
     top["group"]["examples"] = [name for kind in groups.all() for name in kind.examples()]
-    own_gains = OwnGainsSection.model_json_schema(schema_generator=_Generator)
-    shared |= own_gains.pop("$defs", {}) | {"OwnGainsSection": own_gains}
-    gains = {"$ref": "#/$defs/OwnGainsSection", "description": GAINS}
-    for place, registry in COMPONENTS.items():
-        if place not in ("reference", "initial.pose", "solver"):
-            key = _key_at(place, schema)
-            lists = [kind for kind in key.get("anyOf", [key]) if kind.get("type") == "array"]
-            component = lists[0]["items"] if lists else key
-            laws_only = {"label": LABEL, "gains": gains} if place == "controllers" else {}
-            component |= _any_of(registry, shared, laws_only)
-    shared["PoseDistribution"] = _any_of(pose_distributions, shared)
+    pose = shared["InitialSection"]["properties"]["pose"]
+    shared["PoseDistribution"] = {"anyOf": pose["anyOf"]}
     one = {"$ref": "#/$defs/PoseDistribution"}
-    _key_at("initial.pose", schema)["anyOf"] = [one, {"type": "array", "items": one}]
-    top["reference"] = _reference(top["reference"], shared)
+    pose["anyOf"] = [one, {"type": "array", "items": one}]
+    del top["reference"]["default"], top["reference"]["title"]
     top["solver"] = _solver(top["solver"], shared)
     shared["SweepBlock"] = _sweep_block(schema)
     top["sweep"]["anyOf"][0]["items"] = {"$ref": "#/$defs/SweepBlock"}
@@ -117,16 +88,6 @@ def json_schema() -> dict[str, Any]:
         "title": "eqt experiment",
         **{key: value for key, value in schema.items() if key != "title"},
     }
-
-
-def _key_at(place: str, schema: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of a key, such as ``plant.forces``, to be changed in place."""
-    section = schema
-    *names, key = place.split(".")
-    for name in names:
-        alternatives = choices(section["properties"][name], schema)
-        section = next(each for each in alternatives if "properties" in each)
-    return section["properties"][key]
 
 
 class _Generator(GenerateJsonSchema):
@@ -155,28 +116,6 @@ def _with_meanings(schema: dict[str, Any], kind: type) -> dict[str, Any]:
     return schema
 
 
-def _any_of(
-    registry: Registry[Any], shared: dict[str, Any], extra: dict[str, Any] | None = None
-) -> dict[str, Any]:
-    """Return the schema of a component: a name, or a mapping with `kind` and options."""
-    names = {"enum": registry.names(), "type": "string"}
-    mappings = [_mapping(component, shared, extra or {}) for component in registry.all()]
-    return {"anyOf": [names, *mappings]}
-
-
-def _mapping(component: type, shared: dict[str, Any], extra: dict[str, Any]) -> dict[str, Any]:
-    options = options_of(component, shared)
-    name = component.name  # type: ignore[attr-defined]  # registered, so it has one
-    kind = {"const": name, "description": KIND}
-    return {
-        "type": "object",
-        "description": summary(component),
-        "properties": {"kind": kind, **extra, **options["properties"]},
-        "required": ["kind", *options["required"]],
-        "additionalProperties": False,
-    }
-
-
 @cache
 def _generated(component: type) -> dict[str, Any]:
     """Return the schema of a component; cached, because pydantic takes milliseconds."""
@@ -190,20 +129,6 @@ def options_of(component: type, shared: dict[str, Any]) -> dict[str, Any]:
     properties = {name: schema["properties"][name] for name in option_names(component)}
     required = [name for name in schema.get("required", []) if name in properties]
     return {"properties": properties, "required": required}
-
-
-def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
-    pose = "Q_d(0): identity, a matrix, or rotation and translations by name."
-    velocity = "V_d(0): a list in the body frame, or parts by name."
-    common = {"pose": {"description": pose}, "velocity": {"description": velocity}}
-    kinds = [
-        _mapping(component, shared, {key: common[key] for key in component.starts_from})
-        for component in references.all()
-    ]
-    for kind in kinds:
-        if kind["properties"]["kind"]["const"] == "torque":  # the default of `kind`
-            kind["required"].remove("kind")
-    return {"description": section["description"], "anyOf": kinds}
 
 
 def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import ConfigError, EqtError, InputError, InputProblem, Problems, parse_key
-from eqt_cli.base.option_types import component, option_names, shown
+from eqt_cli.base.option_types import Kind, option_names, shown
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.config.build import OF_EVERY_LAW, build
@@ -96,7 +96,7 @@ def _law(entry: Any) -> Controller:
     """Build the law of a valid entry of the configuration."""
     if isinstance(entry, dict):
         entry = {key: value for key, value in entry.items() if key not in OF_EVERY_LAW}
-    law = component(controllers, entry, Problems())
+    law: Controller | None = Kind(controllers).read(entry, Problems())
     assert law is not None
     return law
 

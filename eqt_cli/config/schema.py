@@ -17,8 +17,10 @@ from pydantic import (
     Tag,
     TypeAdapter,
     ValidationInfo,
+    WithJsonSchema,
     field_validator,
 )
+from pydantic_core import core_schema
 
 from eqt_cli.base.errors import parse_key
 from eqt_cli.base.option_types import (
@@ -27,6 +29,7 @@ from eqt_cli.base.option_types import (
     INERTIA,
     POSE,
     STIFFNESS,
+    VELOCITY,
     Angle,
     AnyReal,
     Constant,
@@ -34,6 +37,7 @@ from eqt_cli.base.option_types import (
     CountOrNone,
     CountOrTime,
     Duration,
+    Kind,
     Matrix,
     Name,
     Offset,
@@ -50,11 +54,25 @@ from eqt_cli.base.option_types import (
     rank,
     seconds,
 )
+from eqt_cli.components.actuators import Actuator, actuators
+from eqt_cli.components.estimators import Estimator, estimators
+from eqt_cli.components.forces import Force, forces
+from eqt_cli.components.initial_states import (
+    PoseDistribution,
+    PoseKind,
+    VelocityDistribution,
+    pose_distributions,
+    velocity_distributions,
+)
+from eqt_cli.components.laws import controllers
 from eqt_cli.components.log_table import LogMapping
 from eqt_cli.components.matrix_groups import distance_of_turn
+from eqt_cli.components.references import references
+from eqt_cli.components.sensors import Sensor, sensors
 from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix
 from eqt_cli.components.vehicle_parts import Number
 from eqt_cli.config.designs import DrawnRange
+from eqt_cli.engines.engine import engines
 
 
 def _weight_kind(value: Any) -> str | None:
@@ -91,6 +109,64 @@ SettlingThreshold = Annotated[
     one_of(_threshold_kind, "a number, an angle such as 2 deg, or {part: threshold, …}"),
 ]
 """Of the pose error, or by the names of the group's parts: angles of rotations, and distances."""
+
+
+AnyForce = Annotated[Force, Kind(forces)]
+KnownForce = Annotated[AnyForce, WithJsonSchema({})]  # its keys are those of `plant.forces`
+AnyActuator = Annotated[Actuator, Kind(actuators)]
+PoseSensor = Annotated[Sensor, Kind(sensors)]
+VelocitySensor = Annotated[Sensor, Kind(sensors, VELOCITY)]
+AnyEstimator = Annotated[Estimator | None, Kind(estimators)]
+StartPose = Annotated[PoseDistribution, PoseKind(pose_distributions)]
+StartVelocity = Annotated[VelocityDistribution, Kind(velocity_distributions)]
+
+
+@dataclass(frozen=True)
+class ReadLater(Kind):
+    """A component that `build` reads, because it has files, or keys that are no options."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return handler(source)
+
+
+class LawKind(ReadLater):
+    """An entry of `controllers`: a law, which may have a label and gains of its own."""
+
+    def mapping(self, component: Any, handler: Any, **more: Any) -> dict[str, Any]:
+        """Return the JSON schema of a law with its options."""
+        label = "The name of the law in tables and figures; its kind."
+        gains = "Gains of this law, where they differ from the section `gains`."
+        own: Any = {**TypeAdapter(OwnGainsSection).core_schema, "ref": OwnGainsSection.__name__}
+        shared = handler(core_schema.list_schema(own))["items"]  # of all laws, by its reference
+        more = {
+            "label": {"type": "string", "description": label},
+            "gains": shared | {"description": gains},
+        }
+        return super().mapping(component, handler, **more)
+
+
+class ReferenceKind(ReadLater):
+    """The section `reference`, whose kind is `torque` by default."""
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        kinds = [self.mapping(kind, handler) for kind in self.registry.all()]
+        for kind in kinds:
+            if kind["properties"]["kind"]["const"] == "torque":
+                kind["required"].remove("kind")
+        return {"anyOf": kinds}
+
+    def mapping(self, component: Any, handler: Any, **more: Any) -> dict[str, Any]:
+        """Return the JSON schema of a reference with its options, and where it starts from."""
+        common = {
+            "pose": "Q_d(0): identity, a matrix, or rotation and translations by name.",
+            "velocity": "V_d(0): a list in the body frame, or parts by name.",
+        }
+        start = {key: {"description": common[key]} for key in component.starts_from}
+        return super().mapping(component, handler, **start)
+
+
+AnyLaw = Annotated[Any, LawKind(controllers)]
+ReferenceSection = Annotated[dict[str, Any] | None, ReferenceKind(references)]
 
 
 class Mark(Enum):
@@ -176,8 +252,8 @@ class InitialSection(Section):
         quaternions, axes.
     """
 
-    pose: Any = "fixed"
-    velocity: Any = "fixed"
+    pose: StartPose = Field(default="fixed", validate_default=True)
+    velocity: StartVelocity = Field(default="fixed", validate_default=True)
     file: str | None = None
     relative: bool = False
     mapping: LogMapping | None = None
@@ -328,7 +404,7 @@ class ModelSection(Section):
         `plant.forces`, these act.
     """
 
-    forces: Literal["plant"] | list[Any] | None = None
+    forces: Literal["plant"] | list[KnownForce] | None = None
 
 
 class PlantSection(Section):
@@ -343,7 +419,7 @@ class PlantSection(Section):
     """
 
     inertia: PlantInertia | None = None
-    forces: list[Any] | None = None
+    forces: list[AnyForce] | None = None
 
 
 class ControlSection(Section):
@@ -395,8 +471,8 @@ class SensorsSection(Section):
         V_m = V + b (`eqt list sensors`).
     """
 
-    pose: list[Any] | None = None
-    velocity: list[Any] | None = None
+    pose: list[PoseSensor] | None = None
+    velocity: list[VelocitySensor] | None = None
 
 
 class LogRange(Section):
@@ -648,19 +724,19 @@ class Config(Section):
     gains: Annotated[GainsSection | None, ON_GROUP] = Field(
         default=None, examples=["{kp: 1, kd: 1}"]
     )
-    reference: Annotated[dict[str, Any] | None, ON_GROUP, STARTS, DESIRED] = None
+    reference: Annotated[ReferenceSection, ON_GROUP, STARTS, DESIRED] = None
     target: Annotated[TargetSection | None, ON_GROUP, STARTS, DESIRED] = None
-    controllers: Annotated[list[Any], ON_GROUP] = Field(min_length=1)
+    controllers: Annotated[list[AnyLaw], ON_GROUP] = Field(min_length=1)
     model: Annotated[ModelSection | None, ON_GROUP, VEHICLE] = None
     plant: Annotated[PlantSection | None, ON_GROUP, VEHICLE, PLANT] = None
-    actuators: Annotated[list[Any] | None, ON_GROUP, VEHICLE, PLANT] = None
+    actuators: Annotated[list[AnyActuator] | None, ON_GROUP, VEHICLE, PLANT] = None
     control: Annotated[ControlSection | None, ON_GROUP, VEHICLE] = None
     sensors: Annotated[SensorsSection | None, ON_GROUP, VEHICLE] = None
-    estimator: Annotated[Any, ON_GROUP, VEHICLE] = None
+    estimator: Annotated[AnyEstimator, ON_GROUP, VEHICLE] = None
     initial: Annotated[InitialSection, ON_GROUP, STARTS] = Field(default_factory=InitialSection)
     ensemble: Annotated[EnsembleSection, STARTS] = Field(default_factory=EnsembleSection)
     time: Annotated[TimeSection, SHAPES] = Field(examples=["{duration: 20}"])
-    solver: Annotated[dict[str, Any], DESIRED] = Field(default_factory=dict)
+    solver: Annotated[dict[str, Any], ReadLater(engines), DESIRED] = Field(default_factory=dict)
     store: Annotated[StoreSection, NotSwept("decides what the common result file contains")] = (
         Field(default_factory=StoreSection)
     )

@@ -12,10 +12,10 @@ from eqt_cli.base.errors import InputError, Problems, parse_key
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import (
     VELOCITY,
+    Kind,
     Real,
     Unit,
     as_section,
-    component,
     option_names,
     validated,
 )
@@ -364,7 +364,7 @@ def _tracked(
         section = {name: value for name, value in section.items() if name != key}
     common = {key: section.get(key, DEFAULTS[key]) for key in takes}
     options = {"kind": "torque"} | {k: v for k, v in section.items() if k not in common}
-    reference = component(references, options, problems, takes, G, check=False)
+    reference = Kind(references).read(options, problems, G, takes)
     if G is None:
         return None
     texts: dict[str, str] = {}

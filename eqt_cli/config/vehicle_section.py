@@ -7,21 +7,17 @@ from typing import Any, TypeVar
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import (
     Written,
-    as_section,
     check_period,
     common_divisor,
-    component,
     has_unit,
     number_of,
     seconds,
 )
-from eqt_cli.base.registry import Registry
 from eqt_cli.components import vehicle_parts
-from eqt_cli.components.actuators import Actuator, actuators
-from eqt_cli.components.estimators import Estimator, estimators
-from eqt_cli.components.forces import Force, forces
+from eqt_cli.components.actuators import Actuator
+from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.sensors import TIMING, Sensor, sensors
+from eqt_cli.components.sensors import TIMING, Sensor
 from eqt_cli.components.vehicle import ACTUATORS, CONTROL, Vehicle
 from eqt_cli.config import schema
 from eqt_cli.config.sections import inertia_from
@@ -124,26 +120,22 @@ def vehicle_from(
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
     clock, measured = sections["control"], sections["sensors"] or schema.SensorsSection()
     at_sensors, at_actuators = problems.at("sensors"), problems.at("actuators")
-    known, at_forces = sections["model"] and sections["model"].forces, at_plant.at("forces")
-    forces_given = plant.forces
-    if forces_given is None and isinstance(known, list):
-        forces_given, at_forces = known, problems.at("model", "forces")
-    acting = _parts(actuators, sections["actuators"], G, at_actuators)
-    sensing = {
-        name: _parts(sensors, getattr(measured, name), G, at_sensors.at(name))
-        for name in ("pose", "velocity")
-    }
+    known, pushing = sections["model"] and sections["model"].forces, plant.forces
+    if pushing is None and isinstance(known, list):
+        pushing = known
+    acting = _right(sections["actuators"])
+    sensing = {"pose": _right(measured.pose), "velocity": _right(measured.velocity)}
     entries: list[Entry] = [(at_actuators.at(k), part) for k, part in acting.items()]
     for name, errors in sensing.items():
         entries += [(at_sensors.at(name, k), part) for k, part in errors.items()]
     vehicle = Vehicle(
         inertia,
-        tuple(_parts(forces, forces_given, G, at_forces).values()),
+        tuple(_right(pushing).values()),
         tuple(acting.values()),
         None if clock is None else _sampling(clock, entries, horizon, problems.at("control")),
         tuple(sensing["pose"].values()),
         tuple(sensing["velocity"].values()),
-        _estimator(sections["estimator"], G, problems.at("estimator")),
+        sections["estimator"],
     )
     without_clock = clock is None and not problems.at("control")
     if vehicle.measures and without_clock:
@@ -211,40 +203,13 @@ def _times(
 
 
 def known_forces(
-    sections: dict[str, Any], vehicle: Vehicle, G: MatrixLieGroup, problems: Problems
+    sections: dict[str, Any], vehicle: Vehicle, G: MatrixLieGroup
 ) -> tuple[Force, ...]:
     """Return the forces that laws with a model know, with their mean numbers."""
     known = sections["model"] and sections["model"].forces
     if known == "plant":
         return vehicle.forces
-    here = problems.at("model", "forces")
-    return tuple(part.of_run(G, None) for part in _parts(forces, known, G, here).values())
-
-
-def _estimator(section: Any, G: MatrixLieGroup, problems: Problems) -> Estimator | None:
-    return None if section is None else component(estimators, section, problems, group=G)
-
-
-def resolved(vehicle: Vehicle, config: schema.Config) -> dict[str, Any]:
-    """Return the sections with all defaults; missing sections stay missing."""
-    vehicle = vehicle.configured or vehicle
-    dumped = config.model_dump(
-        include=set(schema.marked(schema.VEHICLE)), exclude_none=True, warnings="none"
-    )
-    acting = [as_section(force) for force in vehicle.forces]
-    for name in ("plant", "model"):  # without forces of the plant, those of the model act
-        if dumped.get(name, {}).get("forces") and acting:
-            dumped[name]["forces"] = acting if isinstance(dumped[name]["forces"], list) else "plant"
-            break
-    if vehicle.actuators:
-        dumped["actuators"] = [as_section(actuator) for actuator in vehicle.actuators]
-    by_signal = ("pose", vehicle.pose_sensors), ("velocity", vehicle.velocity_sensors)
-    for name, own in by_signal:
-        if own:
-            dumped["sensors"][name] = [as_section(sensor) for sensor in own]
-    if vehicle.estimator is not None:
-        dumped["estimator"] = as_section(vehicle.estimator)
-    return dumped
+    return tuple(part.of_run(G, None) for part in _right(known).values())
 
 
 def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: Problems) -> None:
@@ -273,15 +238,9 @@ def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: P
         moving = actuator.name if actuator.moves else moving
 
 
-def _parts(
-    registry: Registry[T], entries: list[Any] | None, G: MatrixLieGroup, problems: Problems
-) -> dict[int, T]:
-    """Return the valid parts by the number of their entry."""
-    parts = {
-        index: component(registry, entry, problems.at(index), group=G)
-        for index, entry in enumerate(entries or ())
-    }
-    return {index: part for index, part in parts.items() if part is not None}
+def _right(entries: Iterable[T] | None) -> dict[int, T]:
+    """Return the parts without wrong ones, by the numbers of their entries."""
+    return {index: part for index, part in enumerate(entries or ()) if part is not None}
 
 
 def _inertia(

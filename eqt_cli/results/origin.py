@@ -387,10 +387,9 @@ class KnownResult(ResultFile):
         """
         if not self.loop_in_words or self.group is None:
             return self.loop_in_words
-        problems = Problems()
-        vehicle = marked(VEHICLE)
+        problems, vehicle = Problems(), marked(VEHICLE)
         given = {name: self.config[name] for name in vehicle if name in self.config}
-        sections = dict.fromkeys(vehicle) | fields_of(Config, given, Problems())
+        sections = dict.fromkeys(vehicle) | fields_of(Config, given, problems, self.group)
         departures = vehicle_from(sections, self.group, 0.0, problems).departures
         return departures or self.loop_in_words
 

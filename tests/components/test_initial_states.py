@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import component
+from eqt_cli.base.option_types import Kind
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import (
     FactorPoses,
@@ -274,7 +274,7 @@ def test_a_spread_is_one_or_numbers():
     np.testing.assert_array_equal(lengths, expected)
     problems = Problems()
     given = {"kind": "haar", "position": {"std": True}}
-    assert component(pose_distributions, given, problems, group=group_named("SE3")) is None
+    assert Kind(pose_distributions).checked(given, problems, group_named("SE3")) is None
     assert [problem.path for problem in problems] == ["position.std"]
 
 

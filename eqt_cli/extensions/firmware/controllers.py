@@ -13,7 +13,7 @@ import numpy as np
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems, Remedy, TraceError
-from eqt_cli.base.option_types import Real, component, shown
+from eqt_cli.base.option_types import Kind, Real, shown
 from eqt_cli.components.cascade import check_flat_output
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller, RunsCode, controllers
@@ -102,7 +102,7 @@ class Code(Controller):
         if self.as_ is not None:
             from eqt_cli.components.laws import controllers  # the registry imports this file
 
-            claimed = component(controllers, self.as_, problems.at("as"), group=G)
+            claimed = Kind(controllers).checked(self.as_, problems.at("as"), G)
             if claimed is not None and claimed.code is not None:
                 problems.at("as").add("expected a law of eqt or of a plugin, got code")
             object.__setattr__(self, "claimed", claimed)
