@@ -6,11 +6,20 @@ import re
 from eqt_cli.results.quantity import Quantity, Window
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_LATEX_SPECIAL = {
+_LATEX = {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
-    **{character: "\\" + character for character in "&%$#_{}"},
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "‖": r"$\|$",
+    "−": "$-$",
+    "τ": r"$\tau$",
 }
 
 
@@ -59,10 +68,7 @@ class Latex(Plain):
     plus_minus = r"$\pm$"
 
     def text(self, words: str) -> str:
-        escaped = "".join(_LATEX_SPECIAL.get(character, character) for character in words)
-        for plain, symbol in (("‖", r"$\|$"), ("−", "$-$"), ("τ", r"$\tau$")):
-            escaped = escaped.replace(plain, symbol)
-        return escaped
+        return words.translate(str.maketrans(_LATEX))
 
     def name(self, quantity: Quantity) -> str:
         label = self.text(quantity.long_name.replace("||", "‖"))
