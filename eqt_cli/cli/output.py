@@ -49,11 +49,6 @@ def be_quiet(quiet: bool) -> bool:
     return quiet
 
 
-def is_quiet() -> bool:
-    """Return whether only errors and documents, such as JSON or CSV, are printed."""
-    return _silent
-
-
 def print_text(*pieces: str | Text) -> None:
     """Print a result on stdout; on a terminal, wrap lines between words and colour tables."""
     if _silent:
@@ -387,7 +382,7 @@ class _Bar(Meter):
     def show(self) -> None:
         """Move the bar."""
         if self.bar is None:
-            if is_quiet() or time.monotonic() <= self.started + SHOW_AFTER:
+            if _silent or time.monotonic() <= self.started + SHOW_AFTER:
                 return
             self.bar = _bar()
             self.task = self.bar.add_task(self.what, total=self.total, rate="", left="", note="")

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from string import ascii_lowercase
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
@@ -257,8 +257,6 @@ def freeze(figure: Figure) -> None:
     if _numbers(scales) != measured:  # the new room has changed them, or their size
         arrange(figure)
     figure.set_layout_engine("none")
-    for axes in figure.axes:
-        _keep_titles(axes)
     _keep_names(scales)
 
 
@@ -287,14 +285,6 @@ def _numbers(scales: Iterable[Axis]) -> list[tuple[str, Any, Any]]:
     """Return the numbers and words along scales, their sizes, and the sizes of the names."""
     texts = [(tick.label1, scale.label) for scale in scales for tick in scale.majorTicks]
     return [(text.get_text(), text.get_fontsize(), name.get_fontsize()) for text, name in texts]
-
-
-def _keep_titles(axes: Axes) -> None:
-    """Leave titles where they are, if at the edge: Matplotlib seeks their place in every format."""
-    places: tuple[Literal["right", "center", "left"], ...] = ("right", "center", "left")
-    free = [place for place in places if not axes.get_title(place)]
-    if free and axes.title.get_position()[1] == 1.0:
-        axes.set_title("", loc=free[0], y=1.0)
 
 
 def _fit_to_rows(figure: Figure) -> None:

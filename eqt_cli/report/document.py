@@ -58,21 +58,15 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 
 def page(template: str, styles: Sequence[str], script: str, **values: Any) -> str:
-    """Fill in a template, with its styles and its script in the page."""
+    """Fill in a template, with its styles and its script in the page.
+
+    HTML markup is escaped, and characters that no page can show, such as bidirectional controls.
+    """
     css, js = (
         Markup("".join((TEMPLATES / name).read_text(encoding="utf-8") for name in names))
         for names in (styles, [script])
     )
-    made = _environment().get_template(template)
-    return made.render(version=__version__, css=css, js=js, **values)
-
-
-def _environment() -> Environment:
-    """Return the template environment, which escapes everything.
-
-    HTML markup is escaped, and characters that no page can show, such as bidirectional controls.
-    """
-    made = Environment(
+    environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,
@@ -80,14 +74,15 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         finalize=_finalized,
     )
-    made.filters |= {
+    environment.filters |= {
         "typeset": _typeset,
         "prose": _prose,
         "minus": _minus,
         "numeric": _numeric,
         "significant": significant,
     }
-    return made
+    made = environment.get_template(template)
+    return made.render(version=__version__, css=css, js=js, **values)
 
 
 def _finalized(value: Any) -> Any:
