@@ -1,10 +1,10 @@
-"""Signals over time, each by its formula."""
+"""Signals over time, each with its symbol, its unit and its formula."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
@@ -12,88 +12,10 @@ from eqt_cli.base.arrays import Array, absolute, frobenius, less, norm, sqrt, st
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
-from eqt_cli.components.matrix_groups import heading_of, rigid_motions
+from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.vehicle import Vehicle, estimator_states
 from eqt_cli.loop.closed_loop import ClosedLoop
-
-# The estimate that a law is given, and its quality, at the last control instant -------------------
-#
-# Every function reads the estimator's states, which are among those of the vehicle, and returns NaN
-# where there is no estimator, as at some points of a sweep.
-
-
-def kept(s: Tracking, name: str, like: Array) -> Array:
-    """Return the estimator state of this name; NaN in the shape of `like` if there is none."""
-    states: Mapping[str, Array] = estimator_states(s.vehicle)
-    return states[name] if name in states else np.nan + 0.0 * like
-
-
-def pose(s: Tracking) -> Array:
-    """Return the estimated pose Q̂."""
-    return s.G.unpack(kept(s, "pose", s.G.pack(s.Q)))
-
-
-def error(s: Tracking) -> Array:
-    """Return the estimation error (ε, b̃) = (log(Q̂⁻¹Q), b − b̂), ``(..., 2m)``."""
-    return kept(s, "error", np.concatenate([s.P, s.P], axis=-1))
-
-
-def of_pose(s: Tracking) -> Array:
-    """Return the error ε of the estimated pose."""
-    return error(s)[..., : s.G.dimension]
-
-
-def of_bias(s: Tracking) -> Array:
-    """Return the error b̃ of the estimated bias."""
-    return error(s)[..., s.G.dimension :]
-
-
-def difference(s: Tracking) -> Array:
-    """Return I − Q̂⁻¹Q."""
-    return s.G.identity - s.G.exp(of_pose(s))
-
-
-def deviations(s: Tracking) -> Array:
-    """Return the standard deviations, the roots of the diagonal of Σ, ``(..., 2m)``."""
-    n = 2 * s.G.dimension
-    rows, columns = np.triu_indices(n)
-    entries = _covariance(s)[..., np.flatnonzero(rows == columns)]
-    return sqrt(where(less(0.0, entries), entries, 0.0))
-
-
-def consistency(s: Tracking) -> tuple[Array, Array]:
-    """Return (ε, b̃)ᵀ Σ⁻¹ (ε, b̃) and the number of its degrees of freedom, ``(...)`` each."""
-    d, y = pivots(symmetric(_covariance(s), 2 * s.G.dimension), error(s))
-    square = freedom = 0.0 * d[0]
-    for pivot, value in zip(d, y, strict=True):
-        counts = less(0.0, pivot)
-        square = square + where(counts, value * value / where(counts, pivot, 1.0), 0.0)
-        freedom = freedom + where(counts, 1.0, 0.0)
-    return square, freedom
-
-
-def innovations(s: Tracking) -> tuple[Array, Array, Array]:
-    """Return the number, mean square and lag-one correlation of the innovations."""
-    sums = kept(s, "innovations", stack([s.P[..., 0]] * 3))
-    count, squares, products = (sums[..., k] for k in range(3))
-    some = less(0.5, count)
-    mean = where(some, squares / where(some, count, 1.0), np.nan)
-    known = less(0.0, squares)
-    return count, mean, where(known, products / where(known, squares, 1.0), np.nan)
-
-
-def _covariance(s: Tracking) -> Array:
-    """Return the entries of the covariance Σ on and above its diagonal."""
-    n = 2 * s.G.dimension
-    return kept(s, "covariance", stack([s.P[..., 0]] * (n * (n + 1) // 2)))
-
-
-# Signals over time, with symbols and units, and their computation from states ---------------------
-#
-# Each signal is computed from the same laws that were integrated; none has a formula of its own
-# beyond a norm.
-
 
 MIXED = "mixed"
 """The unit of a signal whose units differ between parts of the coordinates."""
@@ -101,6 +23,37 @@ MIXED = "mixed"
 
 THRUSTER, WHEEL = "thruster", "wheel"
 """Names of the dimensions of thrusters and of wheels."""
+
+
+class LoopState(NamedTuple):
+    """What signals follow from: all that a law reads, and what the loop makes of it."""
+
+    s: Tracking
+    command: Array
+    torque: Array
+    attitude_error: Array
+    at_limit: Array
+    thrust: Array
+    wheel_momentum: Array
+    wheel_speed: Array
+    lyapunov: Array
+
+    @classmethod
+    def of(cls, loop: ClosedLoop, s: Tracking) -> Self:
+        """Evaluate a loop in a state, of floats or symbols."""
+        vehicle, command = loop.vehicle, loop.command(s)
+        torque = loop.torque(s) if vehicle.actuators or vehicle.control else command
+        attitude = loop.controller.attitude_error(s)
+        if attitude is None:
+            with np.errstate(invalid="ignore"):  # symbols compare NaN
+                attitude = s.P[..., 0] * 0.0 + np.nan
+        at_limit, thrust = loop.at_limit(s), vehicle.thrust(s.G, command, s.vehicle)
+        wheels = vehicle.wheel_states(s.G, s.V, s.vehicle)
+        return cls(s, command, torque, attitude, at_limit, thrust, *wheels, loop.lyapunov(s))
+
+
+Formula: TypeAlias = Callable[[LoopState], Array]
+Norm: TypeAlias = Literal["", "entries", "axes"]
 
 
 @dataclass(frozen=True)
@@ -117,6 +70,8 @@ class Signal:
         Its name in words.
     unit
         Its unit, or the attribute of a part of the coordinates that has it: ``pose_unit``.
+    formula
+        How it follows from a state; of a norm, the matrix or vector that it is the norm of.
     dims
         Dimensions beyond run and time: ``("row", "col")``, ``("axis",)`` or none.
     norm
@@ -136,8 +91,9 @@ class Signal:
     symbol: str
     long_name: str
     unit: str
+    formula: Formula
     dims: tuple[str, ...] = ()
-    norm: Literal["", "entries", "axes"] = ""
+    norm: Norm = ""
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
     only_there: bool = False
     exists_on: Callable[[MatrixLieGroup], bool] = lambda group: True
@@ -165,146 +121,281 @@ class Signal:
         return of
 
 
-_estimate = partial(Signal, stored_of=attrgetter("estimates"), only_there=True)
-_filtered = partial(Signal, stored_of=attrgetter("knows_covariance"), only_there=True)
-MATRIX, VECTOR = ("row", "col"), ("axis",)
-LAST = ", at the last control instant"
-
-SIGNALS = (
-    Signal("pose", "Q", "pose Q", "pose_unit", MATRIX),
-    Signal("velocity", "V", "body velocity V", "velocity_unit", VECTOR),
-    Signal("torque", r"\tau", "control torque tau, body frame", "force_unit", VECTOR),
-    Signal(
-        "pose_error",
-        r"\|I - Q_E\|_{\mathrm{F}}",
-        "pose error ||I - Q Qd^-1||_F",
-        "pose_unit",
-        norm="entries",
-    ),
-    Signal(
-        "velocity_error", r"\|V - V_d\|", "velocity error ||V - Vd||", "velocity_unit", norm="axes"
-    ),
-    Signal("torque_norm", r"\|\tau\|", "torque norm ||tau||", "force_unit", norm="axes"),
-    Signal("lyapunov", r"\mathcal{L}", "Lyapunov function L", "J"),
-    Signal(
-        "position_error",
-        r"\|p - p_d\|",
-        "distance ||p - pd|| of the positions",
-        "m",
-        exists_on=rigid_motions,
-    ),
-    Signal(
-        "heading_error",
-        r"\psi_E",
-        "size of the turn about the vertical in R Rd^T",
-        "deg",
-        exists_on=lambda group: rigid_motions(group) and group.space == 3,
-    ),
-    Signal(
-        "attitude_command_error",
-        r"\|R - R_c\|_{\mathrm{F}}",
-        "distance ||R - Rc||_F from the attitude that the law commands",
-        "1",
-        exists_for=attrgetter("commands_attitude"),
-    ),
-    Signal(
-        "command",
-        "u",
-        "torque that the law asks for, body frame",
-        "force_unit",
-        VECTOR,
-        stored_of=lambda vehicle: bool(vehicle.actuators or vehicle.control),
-    ),
-    Signal(
-        "at_limit",
-        "s",
-        "1 where an actuator is at its limit, else 0",
-        "1",
-        stored_of=attrgetter("limits"),
-    ),
-    Signal(
-        "thrust",
-        "f",
-        "thrust of each thruster",
-        "N",
-        (THRUSTER,),
-        stored_of=attrgetter("thruster_names"),
-    ),
-    Signal(
-        "wheel_momentum",
-        "h",
-        "absolute momentum of each wheel about its axis",
-        "N m s",
-        (WHEEL,),
-        stored_of=attrgetter("wheels"),
-    ),
-    Signal(
-        "wheel_speed",
-        r"\Omega",
-        "speed of each wheel relative to the body",
-        "rad/s",
-        (WHEEL,),
-        stored_of=lambda vehicle: bool(vehicle.wheels and vehicle.wheels[1].inertia is not None),
-    ),
-    _estimate("estimated_pose", r"\hat{Q}", f"estimated pose{LAST}", "pose_unit", MATRIX),
-    _estimate(
-        "estimated_velocity", r"\hat{V}", f"estimated body velocity{LAST}", "velocity_unit", VECTOR
-    ),
-    _estimate(
-        "estimated_bias",
-        r"\hat{b}",
-        "estimated bias of the measured velocity",
-        "velocity_unit",
-        VECTOR,
-    ),
-    _estimate(
-        "estimate_error",
-        r"\|I - \hat{Q}^{-1} Q\|_{\mathrm{F}}",
-        f"error of the estimated pose ||I - Qhat^-1 Q||_F{LAST}",
-        "pose_unit",
-        norm="entries",
-    ),
-    _estimate(
-        "bias_error",
-        r"\|b - \hat{b}\|",
-        f"error of the estimated bias ||b - bhat||{LAST}",
-        "velocity_unit",
-        norm="axes",
-    ),
-    _estimate(
-        "pose_estimate_error", r"\varepsilon", f"log(Qhat^-1 Q){LAST}", "length_unit", VECTOR
-    ),
-    _estimate("bias_estimate_error", r"\tilde{b}", f"b - bhat{LAST}", "velocity_unit", VECTOR),
-    _filtered(
-        "pose_estimate_std",
-        r"\sigma_\varepsilon",
-        "standard deviation of log(Qhat^-1 Q) by the filter",
-        "length_unit",
-        VECTOR,
-    ),
-    _filtered(
-        "bias_estimate_std",
-        r"\sigma_b",
-        "standard deviation of b - bhat by the filter",
-        "velocity_unit",
-        VECTOR,
-    ),
-    _filtered(
-        "nees", r"\mathrm{NEES}", "squared error of the estimate, normalised by its covariance", "1"
-    ),
-    _filtered("nees_dof", "n", "degrees of freedom of the normalised error", "1"),
-    _filtered("innovations", "N", "number of normalised innovations so far", "1"),
-    _filtered(
-        "innovation_square", r"\nu^2", "mean square of the normalised innovations so far", "1"
-    ),
-    _filtered(
-        "innovation_correlation",
-        r"\rho_1",
-        "correlation of successive normalised innovations so far",
-        "1",
-    ),
-)
+SIGNALS: list[Signal] = []
 """All signals, in the order of `compute`."""
+
+MATRIX, VECTOR = ("row", "col"), ("axis",)
+
+
+def _signal(
+    symbol: str, unit: str, dims: tuple[str, ...] = (), norm: Norm = "", **where: Any
+) -> Callable[[Formula], Formula]:
+    """Add the signal of a formula, whose docstring without the full stop is its name in words."""
+
+    def added(formula: Formula) -> Formula:
+        words = str(formula.__doc__).removesuffix(".")
+        SIGNALS.append(Signal(formula.__name__, symbol, words, unit, formula, dims, norm, **where))
+        return formula
+
+    return added
+
+
+# The motion, and the torques ----------------------------------------------------------------------
+#
+# Each signal is computed from the same laws that were integrated; none has a formula of its own
+# beyond a norm.
+
+
+@_signal("Q", "pose_unit", MATRIX)
+def pose(x: LoopState) -> Array:
+    """pose Q."""
+    return x.s.Q
+
+
+@_signal("V", "velocity_unit", VECTOR)
+def velocity(x: LoopState) -> Array:
+    """body velocity V."""
+    return x.s.V
+
+
+@_signal(r"\tau", "force_unit", VECTOR)
+def torque(x: LoopState) -> Array:
+    """control torque tau, body frame."""
+    return x.torque
+
+
+@_signal(r"\|I - Q_E\|_{\mathrm{F}}", "pose_unit", norm="entries")
+def pose_error(x: LoopState) -> Array:
+    """pose error ||I - Q Qd^-1||_F."""
+    return x.s.G.identity - x.s.Q_E
+
+
+@_signal(r"\|V - V_d\|", "velocity_unit", norm="axes")
+def velocity_error(x: LoopState) -> Array:
+    """velocity error ||V - Vd||."""
+    return x.s.V_tilde
+
+
+@_signal(r"\|\tau\|", "force_unit", norm="axes")
+def torque_norm(x: LoopState) -> Array:
+    """torque norm ||tau||."""
+    return x.torque
+
+
+@_signal(r"\mathcal{L}", "J")
+def lyapunov(x: LoopState) -> Array:
+    """Lyapunov function L."""
+    return x.lyapunov
+
+
+@_signal(r"\|p - p_d\|", "m", exists_on=rigid_motions)
+def position_error(x: LoopState) -> Array:
+    """distance ||p - pd|| of the positions."""
+    G = rigid(x.s.G)
+    return frobenius(G.translations(x.s.Q) - G.translations(x.s.Qd))
+
+
+@_signal(r"\psi_E", "deg", exists_on=lambda group: rigid_motions(group) and group.space == 3)
+def heading_error(x: LoopState) -> Array:
+    """size of the turn about the vertical in R Rd^T."""
+    return absolute(heading_of(rigid(x.s.G), x.s.Q_E)) * (180 / np.pi)
+
+
+@_signal(r"\|R - R_c\|_{\mathrm{F}}", "1", exists_for=attrgetter("commands_attitude"))
+def attitude_command_error(x: LoopState) -> Array:
+    """distance ||R - Rc||_F from the attitude that the law commands."""
+    return x.attitude_error
+
+
+# The actuators ------------------------------------------------------------------------------------
+
+
+@_signal("u", "force_unit", VECTOR, stored_of=lambda of: bool(of.actuators or of.control))
+def command(x: LoopState) -> Array:
+    """torque that the law asks for, body frame."""
+    return x.command
+
+
+@_signal("s", "1", stored_of=attrgetter("limits"))
+def at_limit(x: LoopState) -> Array:
+    """1 where an actuator is at its limit, else 0."""
+    return x.at_limit
+
+
+@_signal("f", "N", (THRUSTER,), stored_of=attrgetter("thruster_names"))
+def thrust(x: LoopState) -> Array:
+    """thrust of each thruster."""
+    return x.thrust
+
+
+@_signal("h", "N m s", (WHEEL,), stored_of=attrgetter("wheels"))
+def wheel_momentum(x: LoopState) -> Array:
+    """absolute momentum of each wheel about its axis."""
+    return x.wheel_momentum
+
+
+@_signal(
+    r"\Omega",
+    "rad/s",
+    (WHEEL,),
+    stored_of=lambda of: of.wheels and of.wheels[1].inertia is not None,
+)
+def wheel_speed(x: LoopState) -> Array:
+    """speed of each wheel relative to the body."""
+    return x.wheel_speed
+
+
+# The estimate that a law reads, and its quality, at the last control instant ----------------------
+#
+# Every formula reads the estimator's states, which are among those of the vehicle, and returns NaN
+# where there is no estimator, as at some points of a sweep.
+
+
+_estimate = partial(_signal, stored_of=attrgetter("estimates"), only_there=True)
+_filtered = partial(_signal, stored_of=attrgetter("knows_covariance"), only_there=True)
+
+
+def estimator_state(s: Tracking, name: str, like: Array) -> Array:
+    """Return the estimator state of this name; NaN in the shape of `like` if there is none."""
+    states: Mapping[str, Array] = estimator_states(s.vehicle)
+    return states[name] if name in states else np.nan + 0.0 * like
+
+
+def error(s: Tracking) -> Array:
+    """Return the estimation error (ε, b̃) = (log(Q̂⁻¹Q), b − b̂), ``(..., 2m)``."""
+    return estimator_state(s, "error", np.concatenate([s.P, s.P], axis=-1))
+
+
+def of_pose(s: Tracking) -> Array:
+    """Return the error ε of the estimated pose."""
+    return error(s)[..., : s.G.dimension]
+
+
+def of_bias(s: Tracking) -> Array:
+    """Return the error b̃ of the estimated bias."""
+    return error(s)[..., s.G.dimension :]
+
+
+def deviations(s: Tracking) -> Array:
+    """Return the standard deviations, the roots of the diagonal of Σ, ``(..., 2m)``."""
+    n = 2 * s.G.dimension
+    rows, columns = np.triu_indices(n)
+    entries = _covariance(s)[..., np.flatnonzero(rows == columns)]
+    return sqrt(where(less(0.0, entries), entries, 0.0))
+
+
+def consistency(s: Tracking) -> tuple[Array, Array]:
+    """Return (ε, b̃)ᵀ Σ⁻¹ (ε, b̃) and the number of its degrees of freedom, ``(...)`` each."""
+    d, y = pivots(symmetric(_covariance(s), 2 * s.G.dimension), error(s))
+    square = freedom = 0.0 * d[0]
+    for pivot, value in zip(d, y, strict=True):
+        counts = less(0.0, pivot)
+        square = square + where(counts, value * value / where(counts, pivot, 1.0), 0.0)
+        freedom = freedom + where(counts, 1.0, 0.0)
+    return square, freedom
+
+
+def of_innovations(s: Tracking) -> tuple[Array, Array, Array]:
+    """Return the number, mean square and lag-one correlation of the innovations."""
+    sums = estimator_state(s, "innovations", stack([s.P[..., 0]] * 3))
+    count, squares, products = (sums[..., k] for k in range(3))
+    some = less(0.5, count)
+    mean = where(some, squares / where(some, count, 1.0), np.nan)
+    known = less(0.0, squares)
+    return count, mean, where(known, products / where(known, squares, 1.0), np.nan)
+
+
+def _covariance(s: Tracking) -> Array:
+    """Return the entries of the covariance Σ on and above its diagonal."""
+    n = 2 * s.G.dimension
+    return estimator_state(s, "covariance", stack([s.P[..., 0]] * (n * (n + 1) // 2)))
+
+
+@_estimate(r"\hat{Q}", "pose_unit", MATRIX)
+def estimated_pose(x: LoopState) -> Array:
+    """estimated pose, at the last control instant."""
+    return x.s.G.unpack(estimator_state(x.s, "pose", x.s.G.pack(x.s.Q)))
+
+
+@_estimate(r"\hat{V}", "velocity_unit", VECTOR)
+def estimated_velocity(x: LoopState) -> Array:
+    """estimated body velocity, at the last control instant."""
+    return estimator_state(x.s, "velocity", x.s.P)
+
+
+@_estimate(r"\hat{b}", "velocity_unit", VECTOR)
+def estimated_bias(x: LoopState) -> Array:
+    """estimated bias of the measured velocity."""
+    return estimator_state(x.s, "bias", x.s.P)
+
+
+@_estimate(r"\|I - \hat{Q}^{-1} Q\|_{\mathrm{F}}", "pose_unit", norm="entries")
+def estimate_error(x: LoopState) -> Array:
+    """error of the estimated pose ||I - Qhat^-1 Q||_F, at the last control instant."""
+    return x.s.G.identity - x.s.G.exp(of_pose(x.s))
+
+
+@_estimate(r"\|b - \hat{b}\|", "velocity_unit", norm="axes")
+def bias_error(x: LoopState) -> Array:
+    """error of the estimated bias ||b - bhat||, at the last control instant."""
+    return of_bias(x.s)
+
+
+@_estimate(r"\varepsilon", "length_unit", VECTOR)
+def pose_estimate_error(x: LoopState) -> Array:
+    """log(Qhat^-1 Q), at the last control instant."""
+    return of_pose(x.s)
+
+
+@_estimate(r"\tilde{b}", "velocity_unit", VECTOR)
+def bias_estimate_error(x: LoopState) -> Array:
+    """b - bhat, at the last control instant."""
+    return of_bias(x.s)
+
+
+@_filtered(r"\sigma_\varepsilon", "length_unit", VECTOR)
+def pose_estimate_std(x: LoopState) -> Array:
+    """standard deviation of log(Qhat^-1 Q) by the filter."""
+    return deviations(x.s)[..., : x.s.G.dimension]
+
+
+@_filtered(r"\sigma_b", "velocity_unit", VECTOR)
+def bias_estimate_std(x: LoopState) -> Array:
+    """standard deviation of b - bhat by the filter."""
+    return deviations(x.s)[..., x.s.G.dimension :]
+
+
+@_filtered(r"\mathrm{NEES}", "1")
+def nees(x: LoopState) -> Array:
+    """squared error of the estimate, normalised by its covariance."""
+    return consistency(x.s)[0]
+
+
+@_filtered("n", "1")
+def nees_dof(x: LoopState) -> Array:
+    """degrees of freedom of the normalised error."""
+    return consistency(x.s)[1]
+
+
+@_filtered("N", "1")
+def innovations(x: LoopState) -> Array:
+    """number of normalised innovations so far."""
+    return of_innovations(x.s)[0]
+
+
+@_filtered(r"\nu^2", "1")
+def innovation_square(x: LoopState) -> Array:
+    """mean square of the normalised innovations so far."""
+    return of_innovations(x.s)[1]
+
+
+@_filtered(r"\rho_1", "1")
+def innovation_correlation(x: LoopState) -> Array:
+    """correlation of successive normalised innovations so far."""
+    return of_innovations(x.s)[2]
+
+
+# Evaluation ---------------------------------------------------------------------------------------
 
 
 def signal_of(name: str) -> Signal | None:
@@ -352,7 +443,7 @@ def at_state(
         The requested signals of estimates, NaN where there is no estimate; if empty, all that
         exist.
     """
-    of = _formulas(loop, s)
+    state = LoopState.of(loop, s)
     members = loop.vehicle.members
     for signal in SIGNALS:
         has_members = all(members.get(dim, True) for dim in signal.dims)
@@ -363,53 +454,7 @@ def at_state(
         named = {f"{signal.name}_{part.name}": part for part in signal.parts(loop.group)}
         for name, part in {signal.name: None, **named}.items():
             if always or name in names:
-                value = signal.value(of[signal.name](), part)
+                value = signal.value(signal.formula(state), part)
                 # A compiled choice between numbers does not propagate NaN.
                 yield name, value if exists else value + np.nan
-    yield "energy_balance", of["lyapunov"]() + work
-
-
-def _formulas(loop: ClosedLoop, s: Tracking) -> dict[str, Callable[[], Array]]:
-    """Return how each signal follows from a state; of norms, what they are the norm of."""
-    G: Any = s.G  # with translations, where positions exist
-    m = s.G.dimension
-    command = loop.command(s)
-    torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
-    attitude = loop.controller.attitude_error(s)
-    if attitude is None:
-        with np.errstate(invalid="ignore"):  # symbols compare NaN
-            attitude = s.P[..., 0] * 0.0 + np.nan
-    at_limit, thrust = loop.at_limit(s), loop.vehicle.thrust(G, command, s.vehicle)
-    momentum, speed = loop.vehicle.wheel_states(G, s.V, s.vehicle)
-    L = loop.lyapunov(s)
-    return {
-        "pose": lambda: s.Q,
-        "velocity": lambda: s.V,
-        "torque": lambda: torque,
-        "pose_error": lambda: G.identity - s.Q_E,
-        "velocity_error": lambda: s.V_tilde,
-        "torque_norm": lambda: torque,
-        "lyapunov": lambda: L,
-        "position_error": lambda: frobenius(G.translations(s.Q) - G.translations(s.Qd)),
-        "heading_error": lambda: absolute(heading_of(G, s.Q_E)) * (180 / np.pi),
-        "attitude_command_error": lambda: attitude,
-        "command": lambda: command,
-        "at_limit": lambda: at_limit,
-        "thrust": lambda: thrust,
-        "wheel_momentum": lambda: momentum,
-        "wheel_speed": lambda: speed,
-        "estimated_pose": lambda: pose(s),
-        "estimated_velocity": lambda: kept(s, "velocity", s.P),
-        "estimated_bias": lambda: kept(s, "bias", s.P),
-        "estimate_error": lambda: difference(s),
-        "bias_error": lambda: of_bias(s),
-        "pose_estimate_error": lambda: of_pose(s),
-        "bias_estimate_error": lambda: of_bias(s),
-        "pose_estimate_std": lambda: deviations(s)[..., :m],
-        "bias_estimate_std": lambda: deviations(s)[..., m:],
-        "nees": lambda: consistency(s)[0],
-        "nees_dof": lambda: consistency(s)[1],
-        "innovations": lambda: innovations(s)[0],
-        "innovation_square": lambda: innovations(s)[1],
-        "innovation_correlation": lambda: innovations(s)[2],
-    }
+    yield "energy_balance", state.lyapunov + work

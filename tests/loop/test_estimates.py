@@ -50,7 +50,7 @@ def test_an_error_is_normalised_by_the_covariance_of_what_is_not_known(known):
     ],
 )
 def test_innovations_have_a_mean_as_soon_as_there_is_one(sums, expected):
-    found = signals.innovations(given("SE2", innovations=sums))
+    found = signals.of_innovations(given("SE2", innovations=sums))
     assert found == pytest.approx(expected, rel=1e-12, nan_ok=True)
 
 
@@ -61,7 +61,7 @@ def test_norms_of_an_error_by_parts():
     assert signals.of_pose(s).tolist() == error[:3].tolist()
     assert signals.of_bias(s).tolist() == error[3:].tolist()
     bias, pose = signal_of("bias_error"), signal_of("estimate_error")
-    b, difference = signals.of_bias(s), signals.difference(s)
+    b, difference = signals.of_bias(s), signals.estimate_error(SimpleNamespace(s=s))
     assert bias.value(b) == pytest.approx(np.sqrt(0.6**2 + 25))
     assert bias.value(b, rotation) == pytest.approx(0.6)
     assert bias.value(b, translation) == pytest.approx(5.0)
