@@ -269,7 +269,7 @@ def claimed_point(law: Controller) -> Point | None:
     if not isinstance(law, Family) or type(law).torque is not Family.torque:
         return None
     weights = law.gyroscopic, law.transport, law.connection, law.quadratic
-    return *weights, law.error, str(law.damping)
+    return *weights, law.error, law.damping or law.error
 
 
 def seen_from_body(s: Tracking) -> Tracking:

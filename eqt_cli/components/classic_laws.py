@@ -3,6 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -440,8 +441,17 @@ class Goodarzi2013(Controller):
         return (self.ki * self.bound**2 * stored).sum(axis=-1)
 
 
+class _Compensation(Controller):
+    feedforward: bool
+
+    @cached_property
+    def compensation(self) -> float:
+        """The feedforward as a number, so that one compiled law serves both."""
+        return 1.0 if self.feedforward else 0.0
+
+
 @dataclass(frozen=True)
-class Stabilising(Controller):
+class Stabilising(_Compensation):
     """Energy shaping at a target pose with inertia feedforward, Theorem 3.2 of the paper.
 
     τ = Ṡ*S⁻* P − K_d V − L*_Q d(Υ(Q Q_target⁻¹)), Hampsey et al. (2025), eq. (11). The desired
@@ -459,9 +469,6 @@ class Stabilising(Controller):
 
     feedforward: bool = True
     compensation: float = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "compensation", 1.0 if self.feedforward else 0.0)
 
     @property
     def claims_decrease(self) -> bool | None:  # type: ignore[override]  # by its options

@@ -3,6 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
@@ -152,7 +153,7 @@ class Controller(GivenOverTime, Component):
         """Return whether L is claimed to decrease with these gains, as `claims_decrease`."""
         return self.claims_decrease
 
-    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, float]:
+    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
         """Return options that follow the gains where a configuration leaves them out."""
         return {}
 
@@ -332,8 +333,26 @@ BODY_ENERGY = "½⟨𝕀e, e⟩ + Υ(Q_L)"
 """L of a law in the errors Q_L = Q_d⁻¹Q and e = V − Ad_{Q_L⁻¹}V_d."""
 
 
+class _FromOptions(Controller):
+    """Numbers of a member of the family that follow from its options."""
+
+    damping: Frame | None
+    error: Frame
+    quadratic: float
+
+    @cached_property
+    def spatial(self) -> float:
+        """1 with damping in the spatial frame, else 0: one compiled law serves the whole family."""
+        return 1.0 if (self.damping or self.error) == "spatial" else 0.0
+
+    @cached_property
+    def has_quadratic(self) -> bool:
+        """Whether the law has the term with q, which may be a symbol later."""
+        return self.quadratic != 0
+
+
 @dataclass(frozen=True)
-class Family(Controller):
+class Family(_FromOptions):
     """The (g, c, n, q) family: the paper's four laws and three classics are points of it.
 
     τ = τ_d − g·ad*_Ṽ 𝕀V_d − c·ad*_{V_d} 𝕀Ṽ + n·𝕀 ad_V V_d − q·ad*_Ṽ 𝕀Ṽ − damping
@@ -380,10 +399,12 @@ class Family(Controller):
     def __post_init__(self) -> None:
         if self.error == "body" and self.damping == "spatial":
             raise ValueError("error: body always has damping: body; leave damping out")
-        object.__setattr__(self, "damping", self.damping or self.error)
-        # The frame as a number, so that one compiled law serves the whole family.
-        object.__setattr__(self, "spatial", 1.0 if self.damping == "spatial" else 0.0)
-        object.__setattr__(self, "has_quadratic", self.quadratic != 0)
+
+    def loaded(
+        self, source: Any, trusted: bool, G: MatrixLieGroup, problems: Problems
+    ) -> tuple[Self, dict[str, str]]:
+        """Return the law with the frame of its damping."""
+        return with_fields(self, damping=self.damping or self.error), {}
 
     @property
     def structure(self) -> Hashable:
@@ -446,20 +467,7 @@ class Family(Controller):
 
 @dataclass(frozen=True)
 class Member(Family):
-    """A named point of the family, without options.
-
-    A derived class may set other numbers.
-
-    Attributes
-    ----------
-    weights
-        (g, c, n, q).
-    frames
-        The frames of the error and of the damping.
-    """
-
-    weights: ClassVar[tuple[float, float, float, float]]
-    frames: ClassVar[tuple[Frame, Frame]] = ("spatial", "spatial")
+    """A named point of the family, without options: its weights and frames are class data."""
 
     gyroscopic: float = field(init=False)
     transport: float = field(init=False)
@@ -468,15 +476,6 @@ class Member(Family):
     error: Frame = field(init=False)
     quadratic: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        names = ("gyroscopic", "transport", "connection", "quadratic", "error", "damping")
-        bases = type(self).__mro__
-        fixed = {name for kind in bases[: bases.index(Member)] for name in vars(kind)}
-        for name, value in zip(names, (*self.weights, *self.frames), strict=True):
-            if name not in fixed:
-                object.__setattr__(self, name, value)
-        super().__post_init__()
-
 
 @dataclass(frozen=True)
 class EqT(Member):
@@ -484,7 +483,8 @@ class EqT(Member):
 
     name: ClassVar[str] = "eqt"
     title: ClassVar[str] = "EqT"
-    weights: ClassVar[tuple[float, float, float, float]] = (1.0, 1.0, 0.0, 0.0)
+    gyroscopic, transport, connection, quadratic = 1.0, 1.0, 0.0, 0.0
+    error, damping = "spatial", "spatial"
 
 
 @dataclass(frozen=True)
@@ -500,8 +500,8 @@ class GT(Member):
   publisher = {Springer},
   year      = {2005}
 }"""
-    weights: ClassVar[tuple[float, float, float, float]] = (0.5, 0.5, 0.5, 0.0)
-    frames: ClassVar[tuple[Frame, Frame]] = ("spatial", "body")
+    gyroscopic, transport, connection, quadratic = 0.5, 0.5, 0.5, 0.0
+    error, damping = "spatial", "body"
 
 
 @dataclass(frozen=True)
@@ -509,7 +509,8 @@ class NoG(Member):
     """EqT without its gyroscopic term (the paper's §7)."""
 
     name: ClassVar[str] = "nog"
-    weights: ClassVar[tuple[float, float, float, float]] = (0.0, 1.0, 0.0, 0.0)
+    gyroscopic, transport, connection, quadratic = 0.0, 1.0, 0.0, 0.0
+    error, damping = "spatial", "spatial"
 
 
 @dataclass(frozen=True)
@@ -517,7 +518,8 @@ class Asym(Member):
     """EqT with the symmetric choice of S (the paper's §7 and eq. (10))."""
 
     name: ClassVar[str] = "asym"
-    weights: ClassVar[tuple[float, float, float, float]] = (1.0, 0.5, 0.5, 0.0)
+    gyroscopic, transport, connection, quadratic = 1.0, 0.5, 0.5, 0.0
+    error, damping = "spatial", "spatial"
 
 
 @dataclass(frozen=True)
@@ -541,8 +543,8 @@ class Lee2010(Member):
   year      = {2010},
   doi       = {10.1109/CDC.2010.5717652}
 }"""
-    weights: ClassVar[tuple[float, float, float, float]] = (1.0, 1.0, 0.0, 1.0)
-    frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")
+    gyroscopic, transport, connection, quadratic = 1.0, 1.0, 0.0, 1.0
+    error, damping = "body", "body"
 
 
 @dataclass(frozen=True)
@@ -567,8 +569,8 @@ class Lee2012(Member):
   eprint    = {1109.4457},
   archivePrefix = {arXiv}
 }"""
-    weights: ClassVar[tuple[float, float, float, float]] = (0.0, 0.0, 1.0, 0.0)
-    frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")
+    gyroscopic, transport, connection, quadratic = 0.0, 0.0, 1.0, 0.0
+    error, damping = "body", "body"
 
 
 @dataclass(frozen=True)
@@ -593,5 +595,5 @@ class BulloMurray(Member):
   pages   = {17--34},
   year    = {1999}
 }"""
-    weights: ClassVar[tuple[float, float, float, float]] = (0.5, 0.5, 0.5, 0.0)
-    frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")
+    gyroscopic, transport, connection, quadratic = 0.5, 0.5, 0.5, 0.0
+    error, damping = "body", "body"

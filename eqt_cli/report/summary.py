@@ -266,8 +266,9 @@ def _law(label: str, title: str, kind: str, own: str) -> Law:
         law = controllers.get(kind)
         says = summary(law)
         # Members with body errors have another formula, given in their summary.
-        if issubclass(law, Member) and law.frames[0] == "spatial":
-            weights, damping = tuple(f"{weight:g}" for weight in law.weights), law.frames[1]
+        if issubclass(law, Member) and law.error == "spatial":
+            g, c, n, q = law.gyroscopic, law.transport, law.connection, law.quadratic
+            weights, damping = (f"{g:g}", f"{c:g}", f"{n:g}", f"{q:g}"), str(law.damping)
     return Law(title, label, kind, says, weights, damping, own)
 
 
