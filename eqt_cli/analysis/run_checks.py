@@ -698,7 +698,7 @@ class MomentumBalance(LargestExcess):
         loop, times = windows.loop, windows.problem.times
         s = loop.tracking(times, windows.states)
         G, vehicle = s.G, loop.vehicle
-        inertia = s.inertia if vehicle.inertia is None else vehicle.inertia.at(s.inertia, s.t)
+        inertia = vehicle.inertia_at(s)
         momentum = inertia.momentum(s.V)
         force = G.ad_star(s.V, momentum) + loop.torque(s)
         for each in vehicle.forces:

@@ -13,10 +13,11 @@ from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Deviations, Estimator, Measurement, Schedule
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import Channel, Errors, Sensor, channels
-from eqt_cli.components.vehicle_parts import Clock, Sampling, TrueInertia
+from eqt_cli.components.vehicle_parts import Clock, PlantInertia, Sampling, TrueInertia
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 INERTIA = "plant.inertia"
@@ -74,7 +75,7 @@ class Vehicle:
         For the vehicle of a run, the configured vehicle that it was made from.
     """
 
-    inertia: TrueInertia | None = None
+    inertia: TrueInertia | PlantInertia | None = None
     forces: tuple[Force, ...] = ()
     actuators: tuple[Actuator, ...] = ()
     control: Sampling | None = field(default=None, metadata=STRUCTURE)
@@ -587,10 +588,17 @@ class Vehicle:
             torque = torque + force.in_body(G, s.t, s.Q, s.V)
         if self.inertia is None:
             return torque
-        true = self.inertia.at(s.inertia, s.t)
+        true = self.inertia_at(s)
         free = G.ad_star(s.V, true.momentum(s.V)) - true.rate_force(s.V)
         V_dot = true.velocity(free + torque)
         return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - G.ad_star(s.V, s.P)
+
+    def inertia_at(self, s: Tracking) -> Inertia:
+        """Return the true inertia tensor in a run."""
+        if self.inertia is None:
+            return s.inertia
+        assert isinstance(self.inertia, PlantInertia)
+        return self.inertia.at(s.inertia, s.t)
 
 
 def estimator_states(states: Mapping[str, Array]) -> dict[str, Array]:

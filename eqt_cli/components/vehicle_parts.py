@@ -2,7 +2,7 @@
 
 import dataclasses
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
@@ -347,10 +347,45 @@ def check_count(value: Numbers, count: int, of: str, problems: Problems, deviati
 # The true inertia of the plant, where it differs from the model of the law ------------------------
 
 
-class TrueInertia(ABC):
-    """The inertia tensor of the plant, with numbers that may differ from run to run."""
+class PlantInertia(ABC):
+    """The inertia tensor of the plant in a run, with arrays for numbers."""
 
     departs: ClassVar[str] = "inertia not as believed"
+
+    @abstractmethod
+    def at(self, model: Inertia, t: Any) -> Inertia:
+        """Return the true tensor at time t, where `model` is the tensor of the law."""
+
+
+@dataclass(frozen=True)
+class ScaledInertia(PlantInertia):
+    """The inertia (1 + r) 𝕀, with the 𝕀 of the law."""
+
+    relative: Array
+
+    def at(self, model: Inertia, t: Any) -> Inertia:
+        """Return the model times 1 + r."""
+        factor = 1.0 + self.relative[..., None]
+        change = None if model.change is None else model.change * factor
+        return Inertia(model.matrix * factor, model.inverse / factor, change)
+
+
+@dataclass(frozen=True)
+class FixedInertia(PlantInertia):
+    """A constant tensor with its inverse."""
+
+    matrix: Array
+    inverse: Array
+
+    def at(self, model: Inertia, t: Any) -> Inertia:
+        """Return the constant tensor."""
+        return Inertia(self.matrix, self.inverse)
+
+
+class TrueInertia(ABC):
+    """The inertia tensor of the plant as configured, with numbers that may differ between runs."""
+
+    departs: ClassVar[str] = PlantInertia.departs
 
     @property
     def varies(self) -> bool:
@@ -358,12 +393,8 @@ class TrueInertia(ABC):
         return any(map(is_drawn, vars(self).values()))
 
     @abstractmethod
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """Return the inertia of one run, with arrays; without a generator, with the means."""
-
-    @abstractmethod
-    def at(self, model: Inertia, t: Any) -> Inertia:
-        """Return the true tensor at time t, where `model` is the tensor of the law."""
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> PlantInertia:
+        """Return the inertia of one run; without a generator, with the means."""
 
 
 @dataclass(frozen=True)
@@ -376,20 +407,14 @@ class RelativeInertia(TrueInertia):
         r.
     """
 
-    relative: Number
+    relative: float | Distribution
 
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> ScaledInertia:
         """Return the inertia with an r for which 1 + r is greater than 0."""
         relative = drawn(self.relative, random)
         while 1.0 + relative <= 0:
             relative = drawn(self.relative, random)
-        return replace(self, relative=np.array([relative]))
-
-    def at(self, model: Inertia, t: Any) -> Inertia:
-        """Return the model times 1 + r."""
-        factor = 1.0 + self.relative[..., None]
-        change = None if model.change is None else model.change * factor
-        return Inertia(model.matrix * factor, model.inverse / factor, change)
+        return ScaledInertia(np.array([relative]))
 
 
 @dataclass(frozen=True)
@@ -402,23 +427,18 @@ class ConstantInertia(TrueInertia):
         A number, a list (the diagonal) or a list of rows.
     """
 
-    matrix: Matrix
-    inverse: Any = field(default=None, init=False, repr=False)
+    matrix: float | Distribution | list[Any]
 
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> FixedInertia:
         """Return the inertia with matrix and inverse; draws that are not definite are repeated."""
         matrix = square(drawn(self.matrix, random), G.dimension, G)
         while random is not None and np.linalg.eigvalsh(matrix).min() <= 0:
             matrix = square(drawn(self.matrix, random), G.dimension, G)
-        return with_fields(self, matrix=matrix, inverse=np.linalg.inv(matrix))
-
-    def at(self, model: Inertia, t: Any) -> Inertia:
-        """Return the constant tensor."""
-        return Inertia(self.matrix, self.inverse)
+        return FixedInertia(matrix, np.linalg.inv(matrix))
 
 
 @dataclass(frozen=True)
-class VaryingInertia(TrueInertia):
+class VaryingInertia(TrueInertia, PlantInertia):
     """An inertia tensor that is a function of time.
 
     Attributes
@@ -429,7 +449,7 @@ class VaryingInertia(TrueInertia):
 
     law: InertiaLaw
 
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> PlantInertia:
         """Return the inertia itself: nothing of it is drawn."""
         return self
 

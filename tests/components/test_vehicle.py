@@ -504,7 +504,6 @@ def test_runs_differ_where_a_part_has_numbers_to_draw():
         (Thrusters, ["inverse", "scale"]),
         (Gust, ["amplitude", "frequency", "phase"]),
         (Drag, ["expressions"]),
-        (ConstantInertia, ["inverse"]),
     ],
 )
 def test_what_a_part_computes_of_its_options_is_no_option(part, hidden):
