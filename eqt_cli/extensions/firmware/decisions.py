@@ -13,6 +13,7 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 WATCHING = Path(__file__).parent / "decisions.h"
 
@@ -94,7 +95,7 @@ def watched(text: str, files: Collection[str]) -> tuple[str, tuple[Decision, ...
 class _Text:
     def __init__(self, text: str, files: Collection[str]) -> None:
         self.text, self.tokens = text, list(_tokens(text, files))
-        self.found: list[Decision] = []
+        self.decisions: list[Decision] = []
         self.added: list[tuple[int, float, str]] = []
         opened: list[int] = []
         for place, token in enumerate(self.tokens):
@@ -112,7 +113,7 @@ class _Text:
         for at, _, text in sorted(self.added):
             parts += [self.text[end:at], text]
             end = at
-        return "".join([*parts, self.text[end:]]), tuple(self.found)
+        return "".join([*parts, self.text[end:]]), tuple(self.decisions)
 
     def _called(self) -> list[tuple[int, str]]:
         """Return the user's functions that a call can reach: where the body begins, and the name.
@@ -165,23 +166,17 @@ class _Text:
         begin, end = self._begin(place - 1, _LOOSER), self._end(place + 1)
         around = {self._text(begin - 1), self._text(end + 1)}
         chained = {*_ORDER, *_EQUAL} if sign in _EQUAL else {*_ORDER}
-        if (
-            begin > place - 1
-            or end < place + 1
-            or around & chained
-            or "sizeof" in self._words(begin, end)
-        ):
+        if not begin < place < end or around & chained or "sizeof" in self._words(begin, end):
             return
-        number = self._decision(begin, end, function)
+        number = self._decision(begin, self._shown(begin, end), function)
         self._around(
             begin,
             end,
             "(__extension__({__auto_type eqt_l=(",
             f");eqt_decided({number},EQT_NUMBER(eqt_l)-EQT_NUMBER(eqt_r),eqt_l {sign} eqt_r);}}))",
         )
-        at = self.tokens[place].span
-        self.added.append((at[0], 0, ");__auto_type eqt_r=(/*"))
-        self.added.append((at[1], FIRST, "*/"))
+        start, stop = self.tokens[place].span
+        self.added += [(start, 0, ");__auto_type eqt_r=(/*"), (stop, FIRST, "*/")]
 
     def _condition(self, begin: int, end: int, function: int) -> None:
         words = self._words(begin, end)
@@ -190,25 +185,24 @@ class _Text:
         is_constant = all(self.tokens[k].kind == "number" for k in range(begin, end + 1))
         if is_one or is_constant or "sizeof" in words:
             return
-        number = self._decision(begin, end, function)
+        number = self._decision(begin, self._shown(begin, end), function)
         self._around(begin, end, f"eqt_decided({number},0.0,(", ")?1:0)")
 
     def _label(self, place: int, function: int, text: str, is_function: bool = False) -> None:
-        token = self.tokens[place]
-        self.found.append(Decision(token.file, token.line, text, function, True, is_function))
-        call = f"(void)eqt_decided({len(self.found) - 1},0.0,1);"
-        self.added.append((token.span[1], FIRST, call))
+        number = self._decision(place, text, function, True, is_function)
+        call = f"(void)eqt_decided({number},0.0,1);"
+        self.added.append((self.tokens[place].span[1], FIRST, call))
 
-    def _decision(self, begin: int, end: int, function: int) -> int:
-        token = self.tokens[begin]
-        text = self._shown(begin, end)
-        self.found.append(Decision(token.file, token.line, text, function))
-        return len(self.found) - 1
+    def _decision(self, place: int, *about: Any) -> int:
+        """Add a decision that begins at a place, and return its number."""
+        token = self.tokens[place]
+        self.decisions.append(Decision(token.file, token.line, *about))
+        return len(self.decisions) - 1
 
     def _around(self, begin: int, end: int, before: str, after: str) -> None:
         start, stop = self.tokens[begin].span[0], self.tokens[end].span[1]
-        self.added.append((start, -stop, before))  # the longer one begins first
-        self.added.append((stop, -start, after))  # and ends last
+        # The longer one begins first and ends last.
+        self.added += [(start, -stop, before), (stop, -start, after)]
 
     def _begin(self, place: int, stops: set[str]) -> int:
         """Return where the operand that ends at a place begins."""
@@ -217,10 +211,8 @@ class _Text:
             if token.text in (")", "]") and token.other >= 0:
                 if self._text(token.other - 1) in _CONTROL:
                     break
-                place = token.other - 1
-                continue
-            binary = token.text == "&" and self._is_operand(place - 1)
-            if token.text in stops or binary:
+                place = token.other
+            elif token.text in stops or (token.text == "&" and self._is_operand(place - 1)):
                 break
             place -= 1
         return place + 1
@@ -230,24 +222,21 @@ class _Text:
         first = place
         while place < len(self.tokens):
             token = self.tokens[place]
-            if token.text in ("(", "[", "{") and token.other > place:
-                place = token.other + 1
-                continue
-            if token.text in _LOOSER or (token.text == "&" and place > first):
+            if token.text in _OPENED and token.other > place:
+                place = token.other
+            elif token.text in _LOOSER or (token.text == "&" and place > first):
                 break
             place += 1
         return place - 1
 
     def _is_operand(self, place: int) -> bool:
         token = self.tokens[place]
-        return token.text in (")", "]") or (
-            token.kind in ("name", "number") and token.text not in _BEFORE
-        )
+        is_word = token.kind in ("name", "number")
+        return token.text in (")", "]") or (is_word and token.text not in _BEFORE)
 
     def _first(self, place: int, text: str) -> int:
         while place < len(self.tokens) - 1 and self.tokens[place].text != text:
-            token = self.tokens[place]
-            place = token.other + 1 if token.other > place else place + 1
+            place = max(place, self.tokens[place].other) + 1
         return place
 
     def _text(self, place: int) -> str:
