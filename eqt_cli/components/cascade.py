@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from pydantic import AfterValidator
 
 from eqt_cli.base.arrays import Array, apply_matrix, dot, exp, frobenius, less, sqrt, where
 from eqt_cli.base.errors import Problems, Remedy
@@ -43,9 +44,12 @@ OWN = "attitude_"
 """Prefix of the states of the attitude law, before its own names."""
 
 if TYPE_CHECKING:
-    EachAxis: TypeAlias = Any
+    EachAxis: TypeAlias = Any  # float | Array, which a series does not multiply by its type
 else:
-    EachAxis = Positive | list[Positive]
+    EachAxis = Annotated[
+        Positive | list[Positive],
+        AfterValidator(lambda k: np.array(k, dtype=float) if isinstance(k, list) else k),
+    ]
 
 
 @dataclass(frozen=True)
@@ -75,17 +79,12 @@ class PositionGains:
 
     kx: Annotated[EachAxis, Scale("k_x", "1/s^2", is_symbol=True)]
     kv: Annotated[EachAxis, Scale("k_v", "1/s", is_symbol=True)]
-    ki: Annotated[Real | None, Scale("k_i", "1/s^3", is_symbol=True)] = None
+    ki: Annotated[
+        Real | None, Scale("k_i", "1/s^3", is_symbol=True), AfterValidator(lambda ki: ki or None)
+    ] = None
     c1: Annotated[Positive | None, Scale("c_1", "1/s", is_symbol=True)] = None
     limit: Annotated[Positive | None, Scale("limit of the feedback", "m/s^2")] = None
     period: Annotated[Positive | None, Scale("period of the position loop", "s")] = None
-
-    def __post_init__(self) -> None:
-        if self.ki == 0.0:
-            object.__setattr__(self, "ki", None)
-        for name in ("kx", "kv"):
-            if isinstance(value := getattr(self, name), list):
-                object.__setattr__(self, name, np.array(value, dtype=float))
 
     def check(self, space: int, problems: Problems) -> None:
         """Note gains for each axis that are too few or too many, and c1 without an integral."""
@@ -196,7 +195,17 @@ class Cascade(Controller):
             problems.at("bandwidth").add(f"applies to rates: filter only, got rates: {self.rates}")
         check_along(self.along, G.space, problems)
         self.position.check(G.space, problems.at("position"))
-        object.__setattr__(self, "inner", law)
+
+    def loaded(
+        self, source: Any, trusted: bool, G: MatrixLieGroup, problems: Problems
+    ) -> tuple[Cascade, dict[str, str]]:
+        """Return the law with its attitude law."""
+        from eqt_cli.components.laws import controllers  # the registry imports this file
+
+        if not rigid_motions(G):
+            return self, {}
+        law = Kind(controllers).checked(self.attitude, Problems(), self.gains_group(G))
+        return with_fields(self, inner=law), {}
 
     @property
     def inside_reads_gains(self) -> bool:  # type: ignore[override]  # a constant of most laws
@@ -271,15 +280,14 @@ class Cascade(Controller):
 
     def commanded(self, s: Tracking) -> Inside:
         """Return what the position loop asks for, computed once for each state."""
-        inside: Inside | None = vars(s).get("_commanded")
-        if inside is None:
-            asked, integrand = self._asked(s)
-            if HELD in s.memory:
-                held, n = s.memory[HELD], rigid(s.G).space
-                asked = Jet.of([held[..., n * k : n * (k + 1)] for k in range(self._order + 1)])
-            inside = Inside(self._of_attitude(s, asked), asked.value, integrand)
-            vars(s)["_commanded"] = inside
-        return inside
+        return s.once("commanded", self._commanded)
+
+    def _commanded(self, s: Tracking) -> Inside:
+        asked, integrand = self._asked(s)
+        if HELD in s.memory:
+            held, n = s.memory[HELD], rigid(s.G).space
+            asked = Jet.of([held[..., n * k : n * (k + 1)] for k in range(self._order + 1)])
+        return Inside(self._of_attitude(s, asked), asked.value, integrand)
 
     @property
     def _order(self) -> int:

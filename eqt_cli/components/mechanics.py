@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property, reduce
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import distance_of_turn
 from eqt_cli.components.motions import FlatOutput
+from eqt_cli.numbers.leaves import with_fields
+
+T = TypeVar("T")
 
 # The extended Lie-Poisson system on any matrix Lie group ------------------------------------------
 
@@ -269,9 +272,8 @@ class Tracking:
         carry = G.Ad_matrix(G.inverse(Q_L))
         xi = apply_matrix(carry, self.Vd)
         xi_dot = apply_matrix(carry, self.Vd_dot) - G.ad(self.V, xi)
-        in_body = replace(self, Q=Q_L, Qd=G.identity)
-        vars(in_body).update(V=self.V)  # a measured V need not follow from P
-        return in_body.following(xi, xi_dot)
+        # A measured V need not follow from P.
+        return with_fields(self, Q=Q_L, Qd=G.identity, V=self.V).following(xi, xi_dot)
 
     def following(self, Vd: Array, Vd_dot: Array) -> Tracking:
         """Return the motion with another desired velocity V_d and its rate V̇_d."""
@@ -279,8 +281,15 @@ class Tracking:
         Pd, Pd_dot = inertia.momentum(Vd), inertia.momentum(Vd_dot) + inertia.rate_force(Vd)
         values = {each.name: getattr(self, each.name) for each in fields(self)}
         following = Following(**values | {"Pd": Pd, "tau_d": Pd_dot - G.ad_star(Vd, Pd)})
-        vars(following).update(V=self.V, Vd=Vd, Vd_dot=Vd_dot, Pd_dot=Pd_dot)  # fills the cache
-        return following
+        return with_fields(following, V=self.V, Vd=Vd, Vd_dot=Vd_dot, Pd_dot=Pd_dot)
+
+    def once(self, name: str, compute: Callable[[Tracking], T]) -> T:
+        """Return a law's own quantity of this state, which is computed once."""
+        computed = vars(self)
+        if name not in computed:
+            computed[name] = compute(self)
+        value: T = computed[name]
+        return value
 
     @cached_property
     def Q_E(self) -> Array:
@@ -444,5 +453,5 @@ class LawInput(NamedTuple):
         flat = None if self.position is None else FlatOutput(self.position, self.heading)
         # In place of P_d and τ_d, until `following` gives them, is P.
         tracking = Tracking(G, now, gains, self.t, Q, P, Qd, P, P, memory, flat=flat)
-        vars(tracking).update(V=self.velocity)
+        tracking = with_fields(tracking, V=self.velocity)
         return tracking.following(self.desired_velocity, self.desired_acceleration)

@@ -2,7 +2,6 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -23,7 +22,7 @@ from eqt_cli.components.pose_notation import pose_from, vector
 from eqt_cli.components.recording import coordinate_names
 from eqt_cli.components.recording_check import RecordingInFile
 from eqt_cli.numbers.jets import Jet, series, value_and_derivative
-from eqt_cli.numbers.leaves import STRUCTURE
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 # Base classes of references: a desired motion Q_d(t), V_d(t), V̇_d(t) and its force τ_d -----------
 
@@ -48,9 +47,7 @@ class InExpressions:
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Return the component with a new function of time for each of its expressions."""
-        other = copy(self)
-        vars(other)["expressions"] = [new() for _ in self.expressions]
-        return other
+        return with_fields(self, expressions=[new() for _ in self.expressions])
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression changes its piece, and of short pulses."""
@@ -231,10 +228,14 @@ class ClosedReference(MovingReference):
 
     def prepared(self, G: MatrixLieGroup, make: Callable[[MatrixLieGroup], T], name: str = "") -> T:
         """Return `make(G)`, which is computed once for each group and name."""
-        cache = vars(self).setdefault("_prepared", {})
-        if (G.name, name) not in cache:
-            cache[G.name, name] = make(G)
-        return cache[G.name, name]
+        if (G.name, name) not in self._prepared:
+            self._prepared[G.name, name] = make(G)
+        value: T = self._prepared[G.name, name]
+        return value
+
+    @cached_property
+    def _prepared(self) -> dict[tuple[str, str], Any]:
+        return {}
 
 
 @dataclass(frozen=True)

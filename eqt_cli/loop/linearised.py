@@ -21,7 +21,7 @@ from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import FIRST, NOTHING, Errors
 from eqt_cli.components.vehicle import ACTUATORS, CLOCKS, CONTROL, ESTIMATOR, Vehicle
 from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop
-from eqt_cli.numbers.leaves import leaves, with_leaves
+from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 
 
 def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> ClosedLoop:
@@ -174,11 +174,10 @@ class Linearised:
             if path in numbers
         }
         loop = with_leaves(self.about.loop, scaled)
-        about = dataclasses.replace(self.about, loop=loop)
-        if self.period is not None:  # motion and measurements do not depend on gains
-            known = ("_flow", "held", "_measurements")
-            vars(about).update({name: getattr(self.about, name) for name in known})
-        return about.linearised(self.is_constant)
+        # Motion and measurements of a sampled loop do not depend on gains.
+        known = () if self.period is None else ("_flow", "held", "_measurements")
+        computed = {name: getattr(self.about, name) for name in known}
+        return with_fields(self.about, loop=loop, **computed).linearised(self.is_constant)
 
 
 class Phase(NamedTuple):

@@ -50,7 +50,8 @@ def with_leaves(component: T, values: Mapping[str, Array]) -> T:
 def with_fields(component: T, **values: Any) -> T:
     """Return the component with other values of some fields, even of those that are no options.
 
-    Values that it cached from the old fields are dropped.
+    Values that it cached from the old fields are dropped; of cached properties that remain as they
+    are, `values` may have some.
     """
     # dataclasses.replace cannot set a field that the initialiser does not take.
     copy = object.__new__(type(component))

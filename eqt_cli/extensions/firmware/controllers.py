@@ -1,10 +1,10 @@
 """A law that runs a C function of the user: read, compiled and tried out before any run."""
 
-import dataclasses
 import os
 import re
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path, PurePath
 from typing import Any, ClassVar, Literal, Self
 
@@ -31,8 +31,18 @@ TORQUE = "_torque"
 """Suffix of the function's name."""
 
 
+class _Numbers(Controller):
+    numbers: dict[str, Real | list[Real]]
+
+    @cached_property
+    def values(self) -> Array:
+        """The numbers one after the other, which may differ from run to run."""
+        rows = [value if isinstance(value, list) else [value] for value in self.numbers.values()]
+        return np.array([x for row in rows for x in row])
+
+
 @dataclass(frozen=True)
-class Code(Controller):
+class Code(_Numbers):
     """A C function of your own, called at control instants, or by solve_ivp at any time.
 
     The file defines the types ``X_input``, ``X_numbers`` and ``X_memory`` and the function
@@ -73,10 +83,6 @@ class Code(Controller):
     claimed: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
     called: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
 
-    def __post_init__(self) -> None:
-        numbers = [value if isinstance(value, list) else [value] for value in self.numbers.values()]
-        object.__setattr__(self, "values", np.array([x for row in numbers for x in row]))
-
     @property
     def structure(self) -> Hashable:
         """All but the numbers."""
@@ -99,13 +105,17 @@ class Code(Controller):
             problems.at("file").add(
                 f"{self.file} gives no name in C; name the function with the key `function`"
             )
-        if self.as_ is not None:
-            from eqt_cli.components.laws import controllers  # the registry imports this file
+        self.law_of(G, problems)
 
-            claimed = Kind(controllers).checked(self.as_, problems.at("as"), G)
-            if claimed is not None and claimed.code is not None:
-                problems.at("as").add("expected a law of eqt or of a plugin, got code")
-            object.__setattr__(self, "claimed", claimed)
+    def law_of(self, G: MatrixLieGroup, problems: Problems) -> Controller | None:
+        """Return the law that it claims to be, after noting its errors."""
+        if self.as_ is None:
+            return None
+        law = Kind(controllers).checked(self.as_, problems.at("as"), G)
+        if law is None or law.code is None:
+            return law and law.loaded(None, False, G, problems)[0]
+        problems.at("as").add("expected a law of eqt or of a plugin, got code")
+        return None
 
     # The code.
 
@@ -143,7 +153,8 @@ class Code(Controller):
                 numbers = leaves(self).get("values", np.empty(0))
                 try_out(function, numbers, PERIOD, first_inputs(G).rows(code.inputs))
                 _tried.add(code)
-            return self.calling(function, G), {self.file: text}
+            law = with_fields(self, claimed=self.law_of(G, problems))
+            return law.calling(function, G), {self.file: text}
         return None, {self.file: text}
 
     def calling(self, function: Any, G: MatrixLieGroup) -> Self:
@@ -155,9 +166,7 @@ class Code(Controller):
             If its memory has another size than that of the law that it claims to be.
         """
         # The function's name must not depend on the file's name, which a result changes.
-        copy = dataclasses.replace(self, function=self.prefix + TORQUE)
-        object.__setattr__(copy, "claimed", self.claimed)
-        object.__setattr__(copy, "called", function)
+        copy = with_fields(self, function=self.prefix + TORQUE, called=function)
         length, claimed = sum(function.lengths.values()), self.claimed
         expected = sum(claimed.memory(G).values()) if claimed else length
         if length != expected:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,8 +15,6 @@ from eqt_cli.cli.output import laid_out, print_found, say
 
 if TYPE_CHECKING:
     from eqt_cli.extensions.recordings.check import LogCheck
-    from eqt_cli.extensions.recordings.plant_fit import PlantFit
-    from eqt_cli.extensions.recordings.prediction import Growth
 
 Measured = Annotated[Path, options.option("--measured")]
 Hold = Annotated[str, options.option("--hold", autocompletion=completion.words("zero", "linear"))]
@@ -130,7 +128,7 @@ def fit(
     print_found(_plain(fitted), numbers, "", residuals, "", str(fitted.config), json=json)
 
 
-def _plain(findings: Growth | PlantFit) -> dict[str, Any]:
+def _plain(findings: Any) -> dict[str, Any]:
     """Return the findings in types that JSON can hold."""
     values = {each.name: getattr(findings, each.name) for each in fields(findings)}
     return {name: _entry(value) for name, value in values.items() if name != "source"}
@@ -138,7 +136,7 @@ def _plain(findings: Growth | PlantFit) -> dict[str, Any]:
 
 def _entry(value: Any) -> Any:
     if isinstance(value, list | tuple):
-        return [vars(each) if hasattr(each, "__dict__") else each for each in value]
+        return [_plain(each) if is_dataclass(each) else each for each in value]
     return str(value) if isinstance(value, Path) else getattr(value, "tolist", lambda: value)()
 
 

@@ -12,6 +12,7 @@ from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.mechanics import Gains, Tracking
 from eqt_cli.extensions.firmware.controllers import Code
+from eqt_cli.numbers.leaves import with_fields
 
 G = group_named("SO3")
 GAINS = Gains(np.eye(3), np.diag([1.0, 2.0, 3.0]))
@@ -30,6 +31,7 @@ def state():
 def notes(**options):
     problems, law = Problems(), Code(**{"file": "mine.c", **options})
     law.check(G, problems)
+    law = with_fields(law, claimed=law.law_of(G, Problems()))
     return law, [(problem.path, problem.message) for problem in problems]
 
 
