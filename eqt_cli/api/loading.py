@@ -9,9 +9,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import point_group
-from eqt_cli.config import yaml_source
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.read_study import study
 from eqt_cli.config.source import ConfigSource, overridden, read_config

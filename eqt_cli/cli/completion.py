@@ -76,7 +76,7 @@ def _starting(incomplete: str, known: dict[str, str]) -> Completions:
 def _written(path: Path | None) -> list[str]:
     """Return the keys in a file; none if it cannot be read."""
     from eqt_cli.base.files import content_of
-    from eqt_cli.config.yaml_source import MAX_BYTES, load
+    from eqt_cli.base.yaml_source import MAX_BYTES, load
 
     try:
         data = load(content_of(path, MAX_BYTES), "").data if path else {}

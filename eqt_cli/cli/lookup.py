@@ -216,6 +216,7 @@ def check(
     Experiment
         --most-torque TORQUE  Report an error if the reference needs a larger torque.
     """
+    from eqt_cli.base.yaml_source import dump
     from eqt_cli.config.preflight import (
         check_reference,
         reference_over_horizon,
@@ -223,7 +224,6 @@ def check(
         wheels_needed,
     )
     from eqt_cli.config.read_study import study
-    from eqt_cli.config.yaml_source import dump
     from eqt_cli.runs.preflight import check_resources, rehearse
 
     source = options.source_of(config, set_)

@@ -203,7 +203,7 @@ def _options(
     Each flag sets an option, given as name and value, of all figures that have it.
     """
     from eqt_cli.base.option_types import option_names
-    from eqt_cli.config.yaml_source import parse_value
+    from eqt_cli.base.yaml_source import parse_value
     from eqt_cli.figures.figure import figures
 
     known = {name: option_names(figures.get(name)) for name in names}

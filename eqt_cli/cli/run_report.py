@@ -38,7 +38,7 @@ def shard_from(text: str | None) -> Shard | None:
 def executor_from(experiment: Study, setup: options.Setup) -> Executor:
     """Return the requested executor, ``NAME`` or ``NAME:KEY=VALUE,KEY=VALUE``, or a default."""
     from eqt_cli.api import choose_executor
-    from eqt_cli.config.yaml_source import parse_value
+    from eqt_cli.base.yaml_source import parse_value
 
     name, _, listed = (setup.executor or "").partition(":")
     if setup.scheduler and name not in ("", "dask"):

@@ -191,6 +191,6 @@ def _plugins(results: Result, json: bool) -> None:
 
 def _stored(results: Result, name: str) -> Any:
     """Return the content of an attribute of the file, parsed as YAML."""
-    from eqt_cli.config import yaml_source
+    from eqt_cli.base import yaml_source
 
     return yaml_source.load(str(results.attributes[name]), name).data

@@ -10,6 +10,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import ConfigError, EqtError, InputError, InputProblem, Problems, parse_key
 from eqt_cli.base.option_types import Kind, option_names, shown
 from eqt_cli.base.reporting import reporter, step
+from eqt_cli.base.yaml_source import parse_value
 from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.config.build import OF_EVERY_LAW, build
 from eqt_cli.config.experiment import Experiment
@@ -17,7 +18,6 @@ from eqt_cli.config.schema import Config, not_swept
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.config.study import Study, at_point, section_of, sweep_of, without_sweep
 from eqt_cli.config.sweep import EXPECTED
-from eqt_cli.config.yaml_source import parse_value
 from eqt_cli.numbers.leaves import leaves
 
 # Finds registered laws among the points of a sweep over the options of laws -----------------------

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import (
     ComponentError,
     ConfigError,
@@ -25,10 +26,9 @@ from eqt_cli.base.files import FILE_NAME, YAML, content_of, file_name, near, ref
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.registry import load_plugin
 from eqt_cli.base.store_reader import ResultFile, open_results
+from eqt_cli.base.yaml_source import Source
 from eqt_cli.components.log_table import recording_text
 from eqt_cli.components.motions import GivenOverTime
-from eqt_cli.config import yaml_source
-from eqt_cli.config.yaml_source import Source
 
 # Describes the parts of a loop, as a signal path and as a sentence --------------------------------
 

@@ -21,6 +21,7 @@ from eqt_cli.base.errors import ConfigError, EqtError, Problems, printable, sugg
 from eqt_cli.base.option_types import fields_of
 from eqt_cli.base.store_reader import ResultFile
 from eqt_cli.base.store_writer import Attribute
+from eqt_cli.base.yaml_source import dump, load
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.laws import controllers
 from eqt_cli.config.build import build
@@ -29,7 +30,6 @@ from eqt_cli.config.schema import VEHICLE, Config, marked
 from eqt_cli.config.source import ConfigSource, loop_in_words, source_of
 from eqt_cli.config.study import config_at
 from eqt_cli.config.vehicle_section import vehicle_from
-from eqt_cli.config.yaml_source import dump, load
 
 CROSS_CHECK = ("method", "runs", "difference", "bound")
 """Fields of a cross-check, each an attribute; a file has all of them or none."""

@@ -26,9 +26,9 @@ from eqt_cli.base.files import (
     write_record,
 )
 from eqt_cli.base.option_types import shown
+from eqt_cli.base.yaml_source import dump
 from eqt_cli.config.experiment import renamed
 from eqt_cli.config.study import Study
-from eqt_cli.config.yaml_source import dump
 from eqt_cli.runs.lock import LOCK, MANIFEST, OWN_PARTS, PARTS, PartFiles
 
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"

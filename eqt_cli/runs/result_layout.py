@@ -17,10 +17,10 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.files import point_group
 from eqt_cli.base.store_writer import Assembly, Attribute, Blank, Variable, assemble
+from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.laws import Controller
 from eqt_cli.config.read_study import LAW, law_names
 from eqt_cli.config.study import Study
-from eqt_cli.config.yaml_source import dump
 from eqt_cli.results.metrics import coordinates, quantities
 from eqt_cli.results.quantity import Quantity, ValuePer
 

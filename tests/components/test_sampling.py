@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from case_tables import slow
 
+from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import validated
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.sensors import Bias, Noise
-from eqt_cli.config import yaml_source
 from eqt_cli.config.read_study import study
 from eqt_cli.config.schema import ControlSection
 from eqt_cli.config.source import ConfigSource

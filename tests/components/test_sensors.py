@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from eqt_cli.api import load_experiment, margins
+from eqt_cli.base import yaml_source
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.mechanics import LawInput
-from eqt_cli.config import yaml_source
 from eqt_cli.config.build import build
 from eqt_cli.config.read_study import study
 from eqt_cli.config.source import loop_in_words, read_config, signal_path

@@ -10,6 +10,7 @@ import yaml
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.base.option_types import Scale, option_names
 from eqt_cli.base.registry import KINDS, Registry, registry
+from eqt_cli.base.yaml_source import load
 from eqt_cli.components.initial_states import pose_distributions, velocity_distributions
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.references import references
@@ -19,7 +20,6 @@ from eqt_cli.config.json_schema import json_schema, scale_of
 from eqt_cli.config.read_study import study
 from eqt_cli.config.schema import SolverChecks
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.config.yaml_source import load
 from eqt_cli.engines.engine import engines
 
 

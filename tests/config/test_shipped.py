@@ -12,11 +12,11 @@ from slow_cases import mostly_slow
 
 from eqt_cli.analysis.certificates import Verdict
 from eqt_cli.analysis.verification import verify_experiment
+from eqt_cli.base.yaml_source import load
 from eqt_cli.components.groups import ProductGroup, groups
 from eqt_cli.config import shipped
 from eqt_cli.config.build import build
 from eqt_cli.config.source import read_config
-from eqt_cli.config.yaml_source import load
 from eqt_cli.engines.engine import engines
 
 # The first seconds of a few runs, which show what is wrong with a law as well as all of them.

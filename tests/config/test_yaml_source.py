@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from said import cases, error_of
 
+from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import ConfigError, dotted
-from eqt_cli.config import yaml_source
-from eqt_cli.config.yaml_source import MAX_BYTES, MAX_DEPTH, dump, load, parse_value
+from eqt_cli.base.yaml_source import MAX_BYTES, MAX_DEPTH, dump, load, parse_value
 
 _PARSERS = [yaml.SafeLoader, *([yaml.CSafeLoader] if yaml.__with_libyaml__ else [])]
 

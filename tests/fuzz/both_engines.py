@@ -25,8 +25,8 @@ import numpy as np
 import yaml
 from mutated_configurations import _places, mistaken
 
+from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError
-from eqt_cli.config import yaml_source
 from eqt_cli.config.read_study import study
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.study import Study

@@ -11,6 +11,7 @@ from typing import Any
 
 from eqt_cli.analysis.law_search import without_search
 from eqt_cli.api.loading import Configuration, ResultPath, path_from, source_from
+from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import validated
@@ -23,7 +24,6 @@ from eqt_cli.components.log_table import (
     recording_text,
 )
 from eqt_cli.components.recording_check import Recording, read_recording
-from eqt_cli.config import yaml_source
 from eqt_cli.config.build import build
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.source import ConfigSource

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from eqt_cli.config import yaml_source
+from eqt_cli.base import yaml_source
 from eqt_cli.engines import compiler
 from eqt_cli.extensions.firmware import own_code
 

@@ -8,8 +8,8 @@ import pytest
 from case_tables import refusal, slow
 
 import eqt_cli
+from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.config import yaml_source
 
 # Two arrangements of one formula, over a run of twenty periods; measured 3e-16.
 ROUNDING = 1e-13

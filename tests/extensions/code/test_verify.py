@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from eqt_cli.config import yaml_source
+from eqt_cli.base import yaml_source
 
 DOUBLE = "torque of Lee 2010, double, at random states"
 SAME = "the same as in the law: "
