@@ -13,14 +13,13 @@ from zlib import crc32
 import numpy as np
 
 from eqt_cli.analysis.intervals import Resampling, relative_difference
-from eqt_cli.analysis.law_search import TUNE
-from eqt_cli.analysis.notation import Plain
+from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, significant
 from eqt_cli.config.designs import CASE
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.origin import law_title
-from eqt_cli.results.quantity import WHOLE, Quantity, Window
+from eqt_cli.results.quantity import WHOLE, Plain, Quantity, Window
 from eqt_cli.results.result import PerRun, Result, mean_over_runs
 
 # Ranks scored points: feasible points first, then by objectives -----------------------------------

@@ -10,9 +10,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from eqt_cli.analysis.notation import Plain
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import reporter, step
+from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import PerRun
 
 # Intervals of means, ratios and shares, by bootstrap and in closed form, and the runs needed ------

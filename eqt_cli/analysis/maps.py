@@ -18,11 +18,10 @@ from eqt_cli.analysis.intervals import (
     share,
     shares,
 )
-from eqt_cli.analysis.notation import Plain, fixed
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, reporter, significant, step
-from eqt_cli.results.quantity import Quantity
+from eqt_cli.results.quantity import Plain, Quantity, fixed
 from eqt_cli.results.result import Result, SweptKey, mean_over_runs
 
 # Compares laws at every point of a sweep, with p-values adjusted for the number of points ---------

@@ -15,16 +15,14 @@ import numpy as np
 
 from eqt_cli.analysis.fronts import Population, Scores, first_points, generator, selected, trials
 from eqt_cli.analysis.law_search import (
-    Kind,
     LawSearch,
     SearchFolder,
     check_ends,
     check_overlaps,
-    coordinate_of,
-    expanded,
     laws_of,
     range_of,
 )
+from eqt_cli.analysis.search_record import Kind, coordinate_of, expanded
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.files import FILE_NAME

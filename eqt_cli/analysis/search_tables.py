@@ -18,12 +18,11 @@ from eqt_cli.analysis.intervals import (
     relative_difference,
     resolved_differences,
 )
-from eqt_cli.analysis.law_search import values_text
-from eqt_cli.analysis.notation import Plain, in_one_form
-from eqt_cli.analysis.worst import AGREEING
+from eqt_cli.analysis.search_record import AGREEING, values_text
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.results.origin import law_title
+from eqt_cli.results.quantity import Plain, in_one_form
 from eqt_cli.results.result import Result, mean_over_runs
 
 Record = Mapping[str, Any]

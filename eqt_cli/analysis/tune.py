@@ -11,16 +11,14 @@ import numpy as np
 
 from eqt_cli.analysis.fronts import Constraint, Population, Scores, scores, selected
 from eqt_cli.analysis.law_search import (
-    TUNE,
     LawSearch,
     SearchFolder,
-    entries_of,
     found_files,
     require_metric,
-    values_text,
     without_search,
 )
 from eqt_cli.analysis.search import Outcome, Searches, compute, evolve
+from eqt_cli.analysis.search_record import TUNE, entries_of, values_text
 from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
 from eqt_cli.config.build import build

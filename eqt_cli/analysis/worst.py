@@ -12,7 +12,7 @@ import numpy as np
 from eqt_cli.analysis import law_search
 from eqt_cli.analysis.fronts import Population, Scores, selected
 from eqt_cli.analysis.search import Outcome, Searches, compute, evolve
-from eqt_cli.base.arrays import Array
+from eqt_cli.analysis.search_record import AGREEING, WORST, costs_of_runs, entries_of, expanded
 from eqt_cli.base.errors import EqtError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import reporter
@@ -57,7 +57,7 @@ class Line:
 class WorstSearch(Searches[WorstSection]):
     """A checked search for the worst run: the section `worst`."""
 
-    kind = law_search.WORST
+    kind = WORST
     example = "{over: {gains.kp: [0.8, 1.2]}, objective: final_pose_error}"
     continuing = frozenset({"budget", "seeds", "profile"})
     keeps_ends = True
@@ -117,7 +117,7 @@ class WorstSearch(Searches[WorstSection]):
     def along(self, lines: list[Line]) -> ConfigSource:
         """Return a sweep of all laws over all lines, by default without trajectories."""
         points = [point for line in lines for point in line.points]
-        columns = law_search.expanded({key: [point[key] for point in points] for key in points[0]})
+        columns = expanded({key: [point[key] for point in points] for key in points[0]})
         data = self.base.source.data
         ensemble = dict(data.get("ensemble") or {}) | {"runs": self.profile_runs}
         own: dict[str, Any] = {
@@ -160,7 +160,7 @@ class WorstSearch(Searches[WorstSection]):
         laws = [
             {
                 "label": law.label,
-                "config": law_search.found_files(law_search.WORST, law, 1)[0],
+                "config": law_search.found_files(WORST, law, 1)[0],
                 **alone[law.label],
                 **_search_record(self, law, by_law[law.label], first[law.label], shares[law.label]),
                 "lines": _line_ranges(lines, law.label),
@@ -172,7 +172,7 @@ class WorstSearch(Searches[WorstSection]):
     @classmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
         """Return the range of a key that holds a number and can be swept; integers if it does."""
-        first = law_search.entries_of(key)[0]
+        first = entries_of(key)[0]
         require_sweepable(first)
         held = law_search.value_at(base.resolved, parse_key(first))
         if isinstance(held, bool | str | list):
@@ -197,19 +197,6 @@ class WorstSearch(Searches[WorstSection]):
                     f"'{section.objective}' has no better direction, so no run is the worst by "
                     "it; choose another metric, such as final_pose_error"
                 )
-
-
-AGREEING = 0.01
-"""Searches agree if their worst values are within this share of the worst value of all."""
-
-
-def costs_of_runs(result: Result, metric: str) -> Array:
-    """Return the cost of each run by a metric, in the shape of `Result.metric`.
-
-    The worst run has the largest cost: ∞ for a failed run, −∞ for a run without a value.
-    """
-    costs = result.quantity(metric).cost(result.counted(metric))
-    return np.where(result.good, np.where(np.isnan(costs), -np.inf, costs), np.inf)
 
 
 def badness(metric: str, result: Result) -> Scores:

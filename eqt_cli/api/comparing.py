@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eqt_cli.analysis.intervals import Resampling
-from eqt_cli.analysis.law_search import TUNE
+from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.api.loading import Configuration, ResultPath, experiment_at, path_from
 from eqt_cli.base.errors import EqtError
 from eqt_cli.config.study import Study

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from eqt_cli.analysis.compare import Comparison
     from eqt_cli.analysis.differences import Change, Dataset, Differences
     from eqt_cli.analysis.intervals import Resampling
-    from eqt_cli.analysis.notation import Plain
     from eqt_cli.base.reporting import TextTable
+    from eqt_cli.results.quantity import Plain
     from eqt_cli.results.result import Result
 
 MAPPED = "mean_pose_error"
@@ -119,7 +119,7 @@ def compare(
     """
     from eqt_cli import api
     from eqt_cli.analysis.intervals import Resampling
-    from eqt_cli.analysis.notation import Latex, Plain
+    from eqt_cli.results.quantity import Latex, Plain
 
     result = options.only_result(
         "compare", [result, *(more or ())], " and compares its controllers"
@@ -249,8 +249,7 @@ def _of_whole(
 
 
 def _print_metrics(results: Result, json: bool) -> None:
-    from eqt_cli.analysis.notation import Plain
-    from eqt_cli.results.quantity import WHOLE
+    from eqt_cli.results.quantity import WHOLE, Plain
 
     write, rows = Plain(), []
     for each in results.comparable.values():
@@ -360,7 +359,7 @@ def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _F
 def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Found | None:
     """Return the laws at equal cost; None if the result is not of a two-objective search."""
     from eqt_cli.analysis.fronts import at_equal_cost, equal_cost_table, fronts, held_out
-    from eqt_cli.analysis.law_search import TUNE
+    from eqt_cli.analysis.search_record import TUNE
 
     record = TUNE.beside(result)
     if record is None or len(record["objectives"]) < 2:

@@ -163,7 +163,7 @@ def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
 def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list[str]:
     """Return the figures to draw by default."""
     from eqt_cli.analysis.fronts import side_by_side
-    from eqt_cli.analysis.law_search import WORST
+    from eqt_cli.analysis.search_record import WORST
     from eqt_cli.figures.shown import are_choices
     from eqt_cli.results.result import open_result
 

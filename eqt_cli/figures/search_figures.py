@@ -10,8 +10,7 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.analysis.fronts import Front, fronts, held_out
 from eqt_cli.analysis.intervals import intervals_of_means
-from eqt_cli.analysis.law_search import TUNE, WORST, coordinate_of
-from eqt_cli.analysis.worst import costs_of_runs
+from eqt_cli.analysis.search_record import TUNE, WORST, coordinate_of, costs_of_runs
 from eqt_cli.base.arrays import Array
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale, scale_along

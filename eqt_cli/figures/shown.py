@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.colors import is_color_like, to_hex, to_rgba
 
 from eqt_cli.analysis.certificates import Row, Verdict
-from eqt_cli.analysis.law_search import TUNE
+from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems, suggestion
 from eqt_cli.components.groups import MatrixLieGroup

@@ -17,9 +17,8 @@ from eqt_cli.analysis.certificates import Row, certificate_table, with_titles
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import findings, text_tables
 from eqt_cli.analysis.fronts import side_by_side
-from eqt_cli.analysis.law_search import TUNE, WORST
 from eqt_cli.analysis.maps import sweep_tables
-from eqt_cli.analysis.notation import Plain
+from eqt_cli.analysis.search_record import TUNE, WORST
 from eqt_cli.analysis.search_tables import tuning_tables, worst_tables
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
@@ -43,7 +42,7 @@ from eqt_cli.figures.figure import Extras, OfCertificates, figures
 from eqt_cli.figures.labels import norm_symbol
 from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.report import summary
-from eqt_cli.results.quantity import plain
+from eqt_cli.results.quantity import Plain, plain
 from eqt_cli.results.result import HEADLINE, Result
 
 # Location and rendering of the page templates -----------------------------------------------------

@@ -9,7 +9,7 @@ from said import cases, error_of
 
 from eqt_cli import api
 from eqt_cli.analysis.fronts import Scores, best_of, held_out
-from eqt_cli.analysis.law_search import TUNE
+from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.analysis.search_tables import tuning_tables
 from eqt_cli.analysis.tune import Search
 from eqt_cli.api.loading import source_from

@@ -11,11 +11,10 @@ from scipy.stats import binomtest
 from eqt_cli.analysis.compare import AtMost, compare, judge_at_most, judge_less
 from eqt_cli.analysis.comparison_tables import records
 from eqt_cli.analysis.intervals import Resampling, resolved_differences
-from eqt_cli.analysis.notation import Latex, Plain
 from eqt_cli.base.errors import EqtError
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import decay_rate
-from eqt_cli.results.quantity import Window
+from eqt_cli.results.quantity import Latex, Plain, Window
 
 RUNS = 40
 NOISE = np.random.default_rng(5).normal(size=RUNS)

@@ -10,8 +10,8 @@ from scipy.stats import false_discovery_control, ttest_rel
 
 from eqt_cli.analysis.intervals import Resampling, share
 from eqt_cli.analysis.maps import NOBODY, Map, compare_map, reaches, robustness_table, runs_to_show
-from eqt_cli.analysis.notation import Plain
 from eqt_cli.base.errors import EqtError
+from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result, SweptKey
 
 RUNS = 20

@@ -3,7 +3,7 @@
 import pytest
 from said import cases, error_of
 
-from eqt_cli.analysis.law_search import values_text
+from eqt_cli.analysis.search_record import values_text
 from eqt_cli.analysis.tune import Search
 from eqt_cli.api.loading import load_experiment, source_from
 from eqt_cli.base.errors import ConfigError, EqtError

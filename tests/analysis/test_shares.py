@@ -7,7 +7,7 @@ from scipy.stats import binomtest
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import records, text_tables
 from eqt_cli.analysis.intervals import PairedShares, share, shares
-from eqt_cli.analysis.notation import Plain
+from eqt_cli.results.quantity import Plain
 
 # Complete response before and after consolidation therapy (Cavo et al. 2012), and airway
 # hyper-responsiveness before and after stem cell transplantation (Bentur et al. 2009), as in

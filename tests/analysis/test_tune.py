@@ -9,7 +9,7 @@ import yaml
 
 from eqt_cli import api
 from eqt_cli.analysis.fronts import Constraint, scores
-from eqt_cli.analysis.law_search import fits_tuning
+from eqt_cli.analysis.search_record import fits_tuning
 from eqt_cli.analysis.search_tables import tuning_tables
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Reporter, reporting

@@ -11,7 +11,7 @@ import yaml
 from said import cases, error_of
 
 from eqt_cli import api
-from eqt_cli.analysis.law_search import WORST, fits_worst
+from eqt_cli.analysis.search_record import WORST, fits_worst
 from eqt_cli.analysis.search_tables import worst_tables
 from eqt_cli.analysis.worst import WorstSearch, _agree, _worst_run, badness
 from eqt_cli.api.loading import source_from

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from said import cases, error_of
 
-from eqt_cli.analysis.law_search import TUNE
+from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.figures.run_figures import RunsFigure
 from eqt_cli.figures.shown import Chosen, ShownControllers, looks, names
 from eqt_cli.figures.style import Style, house_style, line_style

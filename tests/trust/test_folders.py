@@ -27,7 +27,8 @@ from typer.main import get_command
 import eqt_cli
 import eqt_cli.api.running
 import eqt_cli.report.document  # before anything that these import is replaced
-from eqt_cli.analysis.law_search import GENERATIONS, TUNE, WORST
+from eqt_cli.analysis.law_search import GENERATIONS
+from eqt_cli.analysis.search_record import TUNE, WORST
 from eqt_cli.analysis.tune import Search
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import FILE_NAME, FOUND_BY, kind_of, name_to_be, new_file, replace_file

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from eqt_cli.analysis.notation import Plain
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
 from eqt_cli.base.reporting import Block, TextTable
@@ -16,6 +15,7 @@ from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.motions import Pieces, through
 from eqt_cli.components.recording import WRENCH, recorded_names
 from eqt_cli.components.recording_check import Recording
+from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
 
 FEWEST = 20

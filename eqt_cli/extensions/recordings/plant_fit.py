@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from eqt_cli.analysis.intervals import FEWEST
-from eqt_cli.analysis.law_search import entries_of, expanded, value_at
+from eqt_cli.analysis.law_search import value_at
+from eqt_cli.analysis.search_record import entries_of, expanded
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, parse_key
 from eqt_cli.base.files import FOUND_BY, check_entries, check_targets, refusals

@@ -1,0 +1,196 @@
+"""The record of a search beside the result that judges it, its keys, and the costs of runs."""
+
+import re
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from eqt_cli.base import files
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import OTHER_FOLDER, InputError
+from eqt_cli.results.result import Result
+
+# Keys that a search varies ------------------------------------------------------------------------
+
+MOST_ENTRIES = 100
+"""Largest number of list entries that one searched number can set."""
+
+T = TypeVar("T")
+
+_SLICE = re.compile(r"(.+)\[(\d+):(\d+)\]")
+
+
+def entries_of(key: str) -> list[str]:
+    """Return the keys that a searched key sets: ``kp[0]`` and ``kp[1]`` for ``kp[0:2]``.
+
+    Raises
+    ------
+    InputError
+        If the range is empty.
+    """
+    matched = _SLICE.fullmatch(key)
+    if matched is None:
+        return [key]
+    first, end = int(matched[2]), int(matched[3])
+    if not first < end <= first + MOST_ENTRIES:
+        raise InputError(
+            f"expected a range of 1 to {MOST_ENTRIES} entries, such as {matched[1]}[0:3] for the "
+            f"first three, got '{key}'"
+        )
+    return [f"{matched[1]}[{index}]" for index in range(first, end)]
+
+
+def expanded(values: Mapping[str, T]) -> dict[str, T]:
+    """Repeat each value for every key of the configuration that it sets."""
+    return {entry: value for key, value in values.items() for entry in entries_of(key)}
+
+
+def coordinate_of(key: str) -> str:
+    """Return the sweep coordinate that holds the values of a key."""
+    return entries_of(key)[0].replace("[", ".").replace("]", "")
+
+
+def values_text(values: Mapping[str, float]) -> str:
+    """Format values with short unambiguous keys: ``kp 2.1, kd[0] 0.5``."""
+    short = {key: key.rpartition(".")[2] for key in values}
+    if len(set(short.values())) < len(short):
+        short = {key: key for key in values}
+    return ", ".join(f"{short[key]} {value:.4g}" for key, value in values.items())
+
+
+# The record, which is validated because it may come from anyone -----------------------------------
+
+
+_BOUND = {"metric", "bound", "above", "every_run"}
+
+
+def fits_tuning(record: dict[str, Any], result: Result) -> bool:
+    """Whether a record has the form that `tune` writes, with laws and metrics of the result."""
+    with suppress(TypeError, KeyError, AttributeError, ValueError):
+        laws, place = record["laws"], result.labels.index
+        searches = [search for law in laws for search in law["searches"]]
+        winners = [winner for law in laws for winner in law["winners"]]
+        labels = [*(law["start"] for law in laws), *(w["label"] for w in winners)]
+        wanted = list(record["objectives"])
+        metrics = [*wanted, *(bound["metric"] for bound in record["constraints"])]
+        numbers = [
+            *(value for winner in winners for value in winner["values"].values()),
+            *(bound["bound"] for bound in record["constraints"]),
+            *(record[name] for name in ("generations", "population", "runs")),
+            *(number for search in searches for row in search["objectives"] for number in row),
+        ]
+        flags = [bound[name] for bound in record["constraints"] for name in ("above", "every_run")]
+
+        return (
+            0 < len(wanted) <= 2
+            and len(record["cases"]) == (result.points if result.is_sweep else 0)
+            and all(isinstance(case, str) for case in record["cases"])
+            and record["over_cases"] in ("mean", "worst")
+            and bool(labels)
+            and len(set(wanted)) == len(wanted)
+            and set(metrics) <= set(result.metrics)
+            and len(set(labels)) == len(labels)
+            and {*labels, *(search["label"] for search in searches)} - {None} <= set(result.labels)
+            and all(len(row) == len(wanted) for search in searches for row in search["objectives"])
+            and all(law["searches"] for law in laws)
+            and all(isinstance(law["label"], str) for law in laws)
+            and all(isinstance(number, int | float) for number in numbers)
+            and all(isinstance(flag, bool) for flag in flags)
+            and all(set(bound) == _BOUND for bound in record["constraints"])
+            and all(place(w["label"]) < place(law["start"]) for law in laws for w in law["winners"])
+        )
+    return False
+
+
+def fits_worst(record: dict[str, Any], result: Result) -> bool:
+    """Whether a record has the form that `worst` writes, with laws and a metric of the result."""
+    with suppress(TypeError, KeyError, AttributeError, ValueError):
+        laws = record["laws"]
+        labels = [law["label"] for law in laws]
+        lines = [line for law in laws for line in law["lines"]]
+        ends = [end for line in lines for end in line["points"]]
+        searched = [one for law in laws for one in (law, *law["searches"])]
+        numbers = [
+            *(value for law in laws for value in law["values"].values()),
+            *(one["value"] for one in searched if not one["failed"]),
+            *(law["first"][name] for law in laws for name in ("runs", "unsettled")),
+            *(record[name] for name in ("generations", "population", "runs")),
+        ]
+        counts = [law[name] for law in laws for name in ("run", "unsettled", "runs", "agreeing")]
+        names = {coordinate_of(key) for law in laws for key in law["values"]}
+        return (
+            bool(labels)
+            and result.is_sweep
+            and len(set(labels)) == len(labels)
+            and set(labels) <= set(result.labels)
+            and record["objective"] in result.metrics
+            and names <= set(result.coordinates)
+            and all(line["key"] in law["values"] for law in laws for line in law["lines"])
+            and all(law["lines"] and law["searches"] for law in laws)
+            and all(set(law["log"]) <= set(law["values"]) for law in laws)
+            and all(len(line["points"]) == 2 for line in lines)
+            and all(isinstance(number, int) for number in (*ends, *counts, *record["seeds"]))
+            and all(0 <= line["points"][0] < line["points"][1] <= result.points for line in lines)
+            and all(isinstance(number, int | float) for number in numbers)
+            and all(isinstance(one["failed"], bool) for one in searched)
+            and all(isinstance(law["config"], str) for law in laws)
+        )
+    return False
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of search: for gains, or for the worst run.
+
+    Attributes
+    ----------
+    command
+        Command that starts the search: ``tune``.
+    title
+        Name of the search in messages.
+    record, found
+        Names of the file of the outcome, and of the folder of the configurations that were found.
+    fits
+        Whether a record is complete and belongs to a result.
+    runs
+        Whether each configuration that was found has its own result folder; else a law may have
+        several configurations.
+    """
+
+    command: str
+    title: str
+    record: str
+    found: str
+    fits: Callable[[dict[str, Any], Result], bool]
+    runs: bool = False
+
+    def record_in(self, folder: Path) -> dict[str, Any] | None:
+        """Return the record in a folder; None if it has none."""
+        with files.refusals(folder, "used", OTHER_FOLDER):
+            return files.read_record(folder / self.record, "digest")
+
+    def beside(self, result: Result) -> dict[str, Any] | None:
+        """Return the record of the search that a result judges; None if there is no such search."""
+        record = self.record_in(result.path.parent)
+        # The record of an unfinished search has no outcome yet, and does not fit.
+        return record if record is not None and self.fits(record, result) else None
+
+
+TUNE = Kind("tune", "tuning", "tuning.json", "tuned", fits_tuning)
+WORST = Kind("worst", "search for the worst run", "worst.json", "worst", fits_worst, runs=True)
+
+AGREEING = 0.01
+"""Searches agree if their worst values are within this share of the worst value of all."""
+
+
+def costs_of_runs(result: Result, metric: str) -> Array:
+    """Return the cost of each run by a metric, in the shape of `Result.metric`.
+
+    The worst run has the largest cost: ∞ for a failed run, −∞ for a run without a value.
+    """
+    costs = result.quantity(metric).cost(result.counted(metric))
+    return np.where(result.good, np.where(np.isnan(costs), -np.inf, costs), np.inf)
