@@ -602,6 +602,7 @@ class MakeResult:
             f"  - kind: {kind}\n    label: {json.dumps(label)}\n"
             for label, kind in zip(labels, kinds or labels, strict=True)
         )
+        experiment = json.dumps({"kinds": dict(zip(labels, kinds or labels, strict=True))})
         dims = ("controller", "run" if stored is None else "stored_run", "time", "axis")
         table = Table(
             {
@@ -624,7 +625,12 @@ class MakeResult:
                 if stored is None
                 else {"stored_run": Variable(("stored_run",), np.arange(stored))}
             ),
-            {"title": title, "group": "SO3", "config": f"controllers:\n{entries}"},
+            {
+                "title": title,
+                "group": "SO3",
+                "config": f"controllers:\n{entries}",
+                "experiment": experiment,
+            },
         )
         path = self.folder / f"results{len(self.opened)}.h5"
         write(path, table)

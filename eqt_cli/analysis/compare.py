@@ -403,7 +403,7 @@ def compare(
     levels, pairs, resamples = statistics(measured, result.labels, result.good, how)
     shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
     judgements = _judgements(result, kinds, samples, pairs, how.confidence)
-    if result.departures:
+    if result.described.departures:
         uncovered = ClaimVerdict.NOT_COVERED
         judgements = [replace(row, verdict=uncovered, runs_to_decide=None) for row in judgements]
     of_all = result.lyapunov_functions
@@ -428,7 +428,7 @@ def compare(
             and {pair.first, pair.second} <= set(labels)
         ],
         judgements=judgements,
-        departures=result.departures,
+        departures=result.described.departures,
         lyapunov_functions=functions if len(set(functions.values())) > 1 else {},
         not_matched=[label for label in result.not_matched if label in labels],
         missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],

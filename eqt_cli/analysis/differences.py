@@ -17,12 +17,13 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import KeyPath, dotted
 from eqt_cli.config.experiment import renamed
+from eqt_cli.config.source import source_of
 from eqt_cli.results.origin import KnownResult
 
 BLOCK_ENTRIES = 2**22
 """Number of entries of a dataset that are read at once."""
 
-_APART = ("config", "provenance", "digest", "files", "plugins")
+_APART = ("config", "experiment", "provenance", "digest", "files", "plugins")
 """Attributes that are compared entry by entry, or that follow from others."""
 
 
@@ -107,7 +108,7 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
     A stored file has the same name in both if its text is the same, since packing renames files.
     """
     both = first, second
-    sources = [each.source for each in both]
+    sources = [source_of(each) for each in both]
     texts = [{**(source.stored_plugins or {}), **source.files} for source in sources]
     known = {text: name for name, text in texts[0].items()}
     own = [{name: known.get(text, name) for name, text in each.items()} for each in texts]

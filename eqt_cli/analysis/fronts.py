@@ -15,8 +15,8 @@ import numpy as np
 from eqt_cli.analysis.intervals import Resampling, relative_difference
 from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.base.arrays import Array
+from eqt_cli.base.files import CASE
 from eqt_cli.base.reporting import Block, TextTable, significant
-from eqt_cli.config.designs import CASE
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import WHOLE, Plain, Quantity, Window

@@ -29,9 +29,10 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.schema import SEARCH, LogRange, TunedAxis, marked
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.config.study import Study
-from eqt_cli.results.metrics import METRICS, quantities
+from eqt_cli.results.metrics import METRICS
 from eqt_cli.runs.folder import OWN_COPIES, OWN_RESULT, ResultFolder
 from eqt_cli.runs.lock import MANIFEST
+from eqt_cli.runs.result_layout import quantities
 
 # The search for one law: its experiment and the ranges of the varied keys -------------------------
 

@@ -19,8 +19,10 @@ from eqt_cli.components.initial_states import Stream, generator
 from eqt_cli.components.laws import EqT
 from eqt_cli.components.mechanics import Gains, as_distance
 from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.config.build import build
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import along_reference, reference_over_horizon, small_loops
+from eqt_cli.config.source import source_of
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine, Solution
 from eqt_cli.engines.native import compiled_if_faster
@@ -110,7 +112,7 @@ def verify_stored(
     EqtError
         If the result is a sweep's, or its experiment cannot be built, as without its plugins.
     """
-    experiment = results.experiment(trust_plugins=trust_plugins)
+    experiment = build(source_of(results), trust_plugins=trust_plugins)
     results.single("one experiment is verified")
     with threadpool_limits(1):
         runs = min(FEW_RUNS, experiment.config.ensemble.runs)

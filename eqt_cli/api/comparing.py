@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.analysis.search_record import TUNE
-from eqt_cli.api.loading import Configuration, ResultPath, experiment_at, path_from
+from eqt_cli.api.loading import Configuration, ResultPath, experiment_at, open_at, path_from
 from eqt_cli.base.errors import EqtError
-from eqt_cli.config.study import Study
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result, open_result
 
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from eqt_cli.analysis.maps import Map
     from eqt_cli.analysis.margins import Margins
     from eqt_cli.analysis.verification import Verification
+    from eqt_cli.config.study import Study
 
 # Each function imports the analysis that it needs: together they take half a second.
 
@@ -82,7 +82,7 @@ def compare(
     if isinstance(windows, str | Window):
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
-    with open_result(path_from("result", result), point) as opened:
+    with open_at(path_from("result", result), point) as opened:
         results = opened.in_units(units)
         how = Resampling(confidence, resamples, seed)
         labels = chosen_labels(results, controllers, without_start=without_start)
@@ -250,12 +250,12 @@ def verify(
     """
     from eqt_cli.analysis.verification import RUNS, verify_experiment, verify_stored
 
-    if not isinstance(target, (Study, Mapping)):
+    if isinstance(target, str | os.PathLike):
         path = Path(target)
         if path.suffix == ".h5" or path.is_dir():
             if runs is not None:
                 raise EqtError(f"{path}: a result is verified as it is; leave runs out")
-            with open_result(path, point) as opened:
+            with open_at(path, point) as opened:
                 return verify_stored(
                     opened, trust_plugins=trust_plugins, workers=workers, exact=exact
                 )

@@ -6,22 +6,24 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from eqt_cli.analysis.certificates import Row
-from eqt_cli.api.loading import ResultPath, experiment_at
-from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Remedy, suggestion
-from eqt_cli.base.files import YAML, check_targets, write_all
+from eqt_cli.api.loading import ResultPath, experiment_at, open_at
+from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Problems, Remedy, suggestion
+from eqt_cli.base.files import FIGURES, REPORT, YAML, check_targets, write_all
 from eqt_cli.base.registry import of_extension
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
+from eqt_cli.base.yaml_source import load
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.recording_check import Recording
-from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.source import load_stored_plugins, source_of
-from eqt_cli.config.study import Study
 from eqt_cli.results.result import Result, open_result, point_folder
-from eqt_cli.runs.folder import FIGURES, REPORT
+
+if TYPE_CHECKING:
+    from eqt_cli.config.experiment import Experiment
+    from eqt_cli.config.study import Study
+    from eqt_cli.figures.shown import DesiredMotion
 
 # Draws figures of results and experiments, animates runs, and writes reports ----------------------
 
@@ -77,13 +79,13 @@ def animate(
     from eqt_cli.report.document import animation
 
     contents = {}
-    with open_result(Path(result), point) as opened:
+    with open_at(Path(result), point) as opened:
         if trust_plugins:
-            load_stored_plugins(opened)
+            _load_plugins(opened)
         try:
             motion(opened, run, controllers)  # checks first that the run can be shown
         except ComponentError as error:
-            if trust_plugins or not source_of(opened).stored_plugins:
+            if trust_plugins or not load(str(opened.attributes["plugins"]), "plugins").data:
                 raise
             text = f"{error}; the result holds plugins, which are executed only on request"
             advice = "read them with `eqt show --plugins`, then add {}"
@@ -102,7 +104,7 @@ def animate(
     return list(contents)
 
 
-Shown = ResultPath | Study
+Shown: TypeAlias = "ResultPath | Study"
 """A result to draw, or an experiment, loaded or as a YAML file."""
 
 
@@ -194,7 +196,7 @@ def plot(
         if trust_plugins:
             for one in opened:
                 if isinstance(one, Result):
-                    load_stored_plugins(one)
+                    _load_plugins(one)
         figure = figure or (
             "measured" if measured else "paper" if isinstance(first, Result) else "reference"
         )
@@ -237,7 +239,7 @@ def plot(
         return files
 
 
-def _rename(shown: Sequence[Result | Experiment], titles: Mapping[str, str]) -> None:
+def _rename(shown: Sequence[Result | DesiredMotion], titles: Mapping[str, str]) -> None:
     """Call laws and quantities otherwise in figures.
 
     Raises
@@ -255,7 +257,7 @@ def _rename(shown: Sequence[Result | Experiment], titles: Mapping[str, str]) -> 
 
 
 def _recording(
-    shown: Result | Experiment,
+    shown: Result | DesiredMotion,
     wanted: Iterable[str],
     measured: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
@@ -277,10 +279,11 @@ def _recording(
 @contextmanager
 def _opened(
     result: Shown | Sequence[Shown], point: int | Sequence[int] | None
-) -> Iterator[list[Result | Experiment]]:
+) -> Iterator[list[Result | DesiredMotion]]:
     """Open the chosen points of all results, or build those of configurations."""
-    given: list[Shown]
-    given = [result] if isinstance(result, str | os.PathLike | Study) else list(result)
+    given: list[Any] = [result]
+    if isinstance(result, Sequence) and not isinstance(result, str):
+        given = list(result)
     if not given:
         raise EqtError("result: expected a result or several, got none")
     points = _points(point) or [None]
@@ -288,10 +291,34 @@ def _opened(
         yield [_shown(one, number, stack) for one in given for number in points]
 
 
-def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | Experiment:
-    if not isinstance(one, Study) and Path(one).suffix not in YAML:
-        return stack.enter_context(open_result(Path(one), point))
-    return experiment_at(one, point)
+def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | DesiredMotion:
+    if isinstance(one, str | os.PathLike) and Path(one).suffix not in YAML:
+        return stack.enter_context(open_at(Path(one), point))
+    return desired_motion(experiment_at(one, point))
+
+
+def desired_motion(experiment: Experiment) -> DesiredMotion:
+    """Return the reference of an experiment, with remarks on it."""
+    from eqt_cli.config.preflight import check_reference, reference_over_horizon
+    from eqt_cli.figures.shown import DesiredMotion
+
+    desired, problems = reference_over_horizon(experiment), Problems(lambda path: "")
+    jumps = check_reference(desired, None, problems)
+    return DesiredMotion(
+        experiment.name,
+        experiment.source.path,
+        experiment.digest,
+        experiment.group,
+        (desired.times, desired.pose, desired.velocity, desired.torque),
+        [*(problem.message for problem in problems), *jumps],
+    )
+
+
+def _load_plugins(result: Result) -> None:
+    """Execute the plugins in a trusted result."""
+    from eqt_cli.config.source import load_stored_plugins
+
+    load_stored_plugins(result)
 
 
 def _points(point: int | Sequence[int] | None) -> list[Any]:
@@ -361,21 +388,22 @@ def write_report(
     >>> eqt_cli.write_report("results/paper", author="Ada Lovelace").name
     'report.html'
     """
-    from eqt_cli.analysis.verification import verify_stored
     from eqt_cli.report.document import named, report
 
-    with open_result(Path(result), point) as opened:
+    with open_at(Path(result), point) as opened:
         within = Path() if point is None else point_folder(point)
         home = opened.path.parent if out is None else Path(out).parent
         path = home / within / REPORT if out is None else Path(out)
         check_targets([path], home)  # fails before the work, not after it
         if trust_plugins:
-            load_stored_plugins(opened)
+            _load_plugins(opened)
         shown = opened.in_units(units)
         wanted = named(figures) if figures else None
         rows: list[Row] = []
         reason = QUICK if quick and not opened.is_sweep else ""
         if not (quick or opened.is_sweep):
+            from eqt_cli.analysis.verification import verify_stored
+
             try:
                 rows = verify_stored(opened, trust_plugins=trust_plugins, workers=workers).rows
             except EqtError as error:

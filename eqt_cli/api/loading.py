@@ -12,14 +12,18 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import point_group
-from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.read_study import study
-from eqt_cli.config.source import ConfigSource, overridden, read_config
-from eqt_cli.config.study import Study
+from eqt_cli.results.origin import KnownResult
 from eqt_cli.results.result import Result, open_result
 
 if TYPE_CHECKING:
     import xarray
+
+    from eqt_cli.config.experiment import Experiment
+    from eqt_cli.config.source import ConfigSource
+    from eqt_cli.config.study import Study
+    from eqt_cli.loop.closed_loop import ClosedLoop
+
+# What reads results alone imports no configuration, since that takes as long as the rest.
 
 # Loads experiments from configurations in files, results or mappings; paths as arguments ----------
 
@@ -75,6 +79,8 @@ def load_experiment(
     >>> eqt_cli.load_experiment("configs/paper.yaml", {"ensemble.runs": 10})
     <experiment paper on SO3: 10 runs of eqt, gt, nog, asym>
     """
+    from eqt_cli.config.read_study import study
+
     if overrides is not None and not isinstance(overrides, Mapping):
         raise EqtError(
             f"overrides: expected values by key, as {{'gains.kp': 2}}, got {overrides!r}"
@@ -90,6 +96,8 @@ def experiment_at(
     target: Study | Configuration, point: int | None, *, trust_plugins: bool = False
 ) -> Experiment:
     """Return the experiment at a point of a sweep, loading a configuration. Default: the first."""
+    from eqt_cli.config.study import Study
+
     if not isinstance(target, Study):
         target = load_experiment(target, trust_plugins=trust_plugins)
     if not 0 <= (point or 0) < len(target):
@@ -99,6 +107,8 @@ def experiment_at(
 
 def source_from(config: Configuration, overrides: Mapping[str, str]) -> ConfigSource:
     """Return a configuration with its overrides, not yet checked."""
+    from eqt_cli.config.source import ConfigSource, overridden, read_config
+
     if not isinstance(config, Mapping):
         return read_config(path_from("config", config, "a path or a mapping"), overrides)
     # A mapping is converted to text first, so that it is checked like any other configuration.
@@ -110,6 +120,30 @@ def source_from(config: Configuration, overrides: Mapping[str, str]) -> ConfigSo
 
 
 # Opens a result with eqt's reader or with xarray --------------------------------------------------
+
+
+def open_at(path: str | os.PathLike[str], point: int | None = None) -> Result:
+    """Open a result, or one point of a sweep with its own configuration; raises as `open_result`.
+
+    Points of equal shape have it in no file: the configuration of the sweep gives it.
+    """
+    result = open_result(path, point, _attributes_at)
+    result.loops_of = _loops_of
+    return result
+
+
+def _attributes_at(result: Result, point: int) -> dict[str, str]:
+    from eqt_cli.config.study import attributes_at
+
+    return attributes_at(result, point)
+
+
+def _loops_of(result: KnownResult) -> Mapping[str, ClosedLoop]:
+    """Build the loops of a result again, by label; its plugins are loaded before, if trusted."""
+    from eqt_cli.config.build import build
+    from eqt_cli.config.source import source_of
+
+    return build(source_of(result)).loops
 
 
 @overload
@@ -168,7 +202,7 @@ def open_results(
         raise EqtError(f"kind {kind!r}: expected 'xarray', 'arrays' or None")
     installed = find_spec("xarray") is not None and find_spec("h5netcdf") is not None
     if kind == "arrays" or (kind is None and not installed):
-        return open_result(Path(path), point)
+        return open_at(Path(path), point)
     if not installed:
         raise EqtError(
             "xarray is not installed (extra xarray): pip install xarray h5netcdf, or open with "
@@ -176,13 +210,13 @@ def open_results(
         )
     import xarray
 
-    with open_result(path) as checked:
+    with open_at(path, point) as checked:
         file, in_group = checked.path, checked.has_groups
-        attributes = None if point is None else dict(checked.point(point).attributes)
-    if point is None or attributes is None:
+        attributes = dict(checked.attributes)
+    if point is None:
         return xarray.open_dataset(file, engine="h5netcdf")
     group = point_group(point) if in_group else None
-    opened = xarray.open_dataset(file, engine="h5netcdf", group=group)
-    found = (opened if in_group else opened.isel(point=point)).assign_attrs(attributes)
-    found.set_close(opened.close)
+    whole = xarray.open_dataset(file, engine="h5netcdf", group=group)
+    found = (whole if in_group else whole.isel(point=point)).assign_attrs(attributes)
+    found.set_close(whole.close)
     return found

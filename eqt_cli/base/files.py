@@ -608,8 +608,10 @@ def _holds(stream: BinaryIO, read: bytes, mark: bytes) -> bool:
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
 """Valid names of variables, dimensions and attributes, which all HDF5 tools accept."""
 
-FORMAT = 1
-"""Number of the file layout; a reader refuses every other number."""
+FORMAT = 2
+"""Number of the file layout; a reader refuses every other number.
+
+In 2, results hold what readers show of the experiment, and need no configuration."""
 
 FORMAT_ATTRIBUTE = "eqt_format"
 """The root attribute that marks a file as eqt's and holds its `FORMAT`."""
@@ -617,14 +619,20 @@ FORMAT_ATTRIBUTE = "eqt_format"
 VERSION_ATTRIBUTE = "eqt_version"
 """The root attribute with the version of eqt that wrote the file, a string of fixed length."""
 
-FILE_NAME = "results.h5"
-"""The name of the result file in a result folder."""
+FILE_NAME, FIGURES, REPORT = "results.h5", "figures", "report.html"
+"""Names in a result folder: of the result file, of the folder of pictures, and of the report."""
 
 PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."
 """Label of netCDF-4 for the scale of a dimension with a size but without coordinate values."""
 
 POINT = "point"
 """The dimension of a sweep's points."""
+
+CASE = "case"
+"""The coordinate of a sweep with the names of cases, which is no key of the configuration."""
+
+LAW = "law"
+"""The variable with the registered law that a controller equals at a point."""
 
 POINT_GROUP = re.compile(r"point_(0|[1-9][0-9]*)")
 """Names of the groups of points, one for each, in a sweep whose points differ in shape."""

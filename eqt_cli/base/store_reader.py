@@ -423,6 +423,8 @@ class ResultFile:
     ----------
     path
         The file, or the result folder that holds it.
+    oldest
+        The oldest format that is read.
 
     Attributes
     ----------
@@ -436,14 +438,14 @@ class ResultFile:
         The variables and the coordinates, in the order of writing.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, oldest: int = files.FORMAT) -> None:
         self.path = path = _find(Path(path))
         with ExitStack() as stack, _guard(path):
             stream = stack.enter_context(files.open_regular(path))
             self._view = stack.enter_context(mmap(stream.fileno(), 0, access=ACCESS_READ))
             # No locks: result files never change, and some network disks refuse to lock.
             self._file = stack.enter_context(_opened(path))
-            _check_format(path, format_of(self._file), version_of(self._file))
+            _check_format(path, format_of(self._file), version_of(self._file), oldest)
             self._root, self._points, self._heaps = inspect(self._file, self._view)
             self.attributes: Mapping[str, Attribute] = _Attributes(path, self._root.attributes)
             self._show(self._root)
@@ -657,13 +659,15 @@ class ResultFile:
         return self._entries[name]
 
 
-def open_results(path: str | Path) -> ResultFile:
+def open_results(path: str | Path, oldest: int = files.FORMAT) -> ResultFile:
     """Open a result file, after checking that it is safe to read.
 
     Parameters
     ----------
     path
         The file, or the result folder that holds it as ``results.h5``.
+    oldest
+        The oldest format that is read.
 
     Returns
     -------
@@ -676,7 +680,7 @@ def open_results(path: str | Path) -> ResultFile:
         If there is no such file, it was not written by eqt, is damaged, points to other files or
         declares more data than it holds.
     """
-    return ResultFile(path)
+    return ResultFile(path, oldest)
 
 
 def _opened(path: Path) -> Any:
@@ -764,13 +768,13 @@ def _refused(path: Path, reason: str) -> ResultError:
     return ResultError(f"{path}: refused: {reason}; {_RESTORE}")
 
 
-def _check_format(path: Path, number: int | None, writer: str | None) -> None:
+def _check_format(path: Path, number: int | None, writer: str | None, oldest: int) -> None:
     if number is None:
         raise ResultError(
             f"{path}: is an HDF5 file, but not one of eqt's (it has no attribute "
             f"'{files.FORMAT_ATTRIBUTE}'); give the {files.FILE_NAME} that eqt wrote"
         )
-    if number != files.FORMAT:
+    if not oldest <= number <= files.FORMAT:
         wrote = f"eqt {writer}" if writer else "the version of eqt that wrote it"
         raise ResultError(
             f"{path}: has format {number}, but eqt {__version__} reads format {files.FORMAT}; "

@@ -146,15 +146,16 @@ def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
 
     It is a study for a configuration, with the changes by ``--set``, and the path for a result.
     """
-    from eqt_cli.config.read_study import study
-    from eqt_cli.config.source import load_stored_plugins
-    from eqt_cli.results.result import open_result
-
     if path.suffix in YAML:
+        from eqt_cli.config.read_study import study
+
         return study(options.source_of(path, set_))
     if set_:
         raise EqtError(f"--set changes configurations, and {path} is a result")
     if trust_plugins:
+        from eqt_cli.config.source import load_stored_plugins
+        from eqt_cli.results.result import open_result
+
         with open_result(path) as result:
             load_stored_plugins(result)
     return path

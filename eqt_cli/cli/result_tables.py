@@ -182,7 +182,7 @@ def _disagreement(result: Result) -> Iterator[str]:
 
 def _inaccurate(result: Result) -> Iterator[str]:
     """Yield a remark if error estimates far exceed the tolerance."""
-    estimates, rtol = result["error_estimate"], result.rtol
+    estimates, rtol = result["error_estimate"], result.described.rtol
     if rtol is None or not np.isfinite(estimates).any():
         return
     above = int(np.count_nonzero(estimates > FAR_ABOVE * rtol))

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.files import FILE_NAME
 from eqt_cli.cli import completion, options, output
-from eqt_cli.runs.lock import OTHERS, VERSIONS, Unfinished, differences, unfinished
 
 if TYPE_CHECKING:
     from eqt_cli.results.result import Result
+    from eqt_cli.runs.lock import Unfinished
 
 UNKNOWN = "at an unknown time"
 
@@ -50,10 +51,12 @@ def show(
     flags = (config, plugins, variables, failed, unsettled)
     views = (_config, _plugins, _variables, _failed, _unsettled)
     view = next((view for flag, view in zip(flags, views, strict=True) if flag), None)
-    state = None if view or table else unfinished(result)
-    if state is not None:
-        _unfinished(result, state, json)
-        return
+    if result.is_dir() and not (result / FILE_NAME).exists() and not (view or table):
+        from eqt_cli.runs.lock import unfinished
+
+        if state := unfinished(result):
+            _unfinished(result, state, json)
+            return
 
     from eqt_cli import api
     from eqt_cli.cli.result_tables import print_run_table
@@ -109,14 +112,14 @@ def _document(results: Result) -> dict[str, object]:
 
 def _summary(results: Result, json: bool) -> None:
     from eqt_cli.cli.result_tables import print_outcome
-    from eqt_cli.config.source import signal_path
+    from eqt_cli.results.origin import OTHERS, VERSIONS, differences
 
     if json:
         output.print_json(_document(results))
         return
     origin = results.provenance
     packages = ", ".join(f"{name} {origin[name]}" for name in VERSIONS if name in origin)
-    path = signal_path(_stored(results, "config"))
+    path = results.described.signal_path
     heading = [
         f"{results.title} on {results.group_name}  ({results.path})",
         f"run      {str(origin.get('started', UNKNOWN)).replace('+00:00', ' UTC')} with {packages}",

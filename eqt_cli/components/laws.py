@@ -1,6 +1,7 @@
 """Control laws: their base class, and the (g, c, n) family with the laws of the paper."""
 
 from abc import abstractmethod
+from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -597,3 +598,9 @@ class BulloMurray(Member):
 }"""
     gyroscopic, transport, connection, quadratic = 0.5, 0.5, 0.5, 0.0
     error, damping = "body", "body"
+
+
+def told_apart(titles: Mapping[str, str]) -> dict[str, str]:
+    """Titles by label; the labels in place of titles that several have."""
+    shared = [title for title, count in Counter(titles.values()).items() if count > 1]
+    return {label: label if title in shared else title for label, title in titles.items()}

@@ -14,6 +14,7 @@ from pydantic import Field, Tag
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, KeyPath, Problems, parse_key
+from eqt_cli.base.files import CASE
 from eqt_cli.base.option_types import (
     MAX_POINTS,
     AnyReal,
@@ -187,9 +188,6 @@ SampledAxis = Annotated[
 
 
 D = TypeVar("D", bound="Design")
-
-CASE = "case"
-"""The key of named points, which is no key of the configuration."""
 
 
 class Design(Component):

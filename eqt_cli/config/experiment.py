@@ -3,7 +3,6 @@
 import json
 import math
 import re
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -19,9 +18,10 @@ from eqt_cli.base.option_types import option_names, shown, unknown_key, validate
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import not_rigid
 from eqt_cli.components.initial_states import PoseDistribution, VelocityDistribution
-from eqt_cli.config.schema import DEFAULT_ENGINE, WORDS, Config, SolverChecks, marks_of
+from eqt_cli.components.laws import told_apart
+from eqt_cli.config.schema import DEFAULT_ENGINE, WORDS, Config, marks_of
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.engines.engine import Engine, engines
+from eqt_cli.engines.engine import Engine, SolverChecks, engines
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 # The sections `solver` and `settling`: the engine of the runs, and when a run has settled ---------
@@ -227,9 +227,3 @@ def renamed(data: Any, names: Mapping[str, str]) -> Any:
     if isinstance(data, list):
         return [renamed(value, names) for value in data]
     return names.get(data, data) if isinstance(data, str) else data
-
-
-def told_apart(titles: Mapping[str, str]) -> dict[str, str]:
-    """Titles by label; the labels in place of titles that several have."""
-    shared = [title for title, count in Counter(titles.values()).items() if count > 1]
-    return {label: label if title in shared else title for label, title in titles.items()}

@@ -23,9 +23,6 @@ from eqt_cli.numbers.leaves import leaves
 # Finds registered laws among the points of a sweep over the options of laws -----------------------
 
 
-LAW = "law"
-"""Variable of a sweep's result that holds the names."""
-
 STATES = 4
 """Number of random states at which torques are compared; one suffices for smooth laws."""
 

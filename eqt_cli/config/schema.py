@@ -7,7 +7,7 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -766,25 +766,3 @@ def not_swept(key: str) -> str:
 
 
 DEFAULT_ENGINE = "solve_ivp"
-
-
-@dataclass(frozen=True)
-class SolverChecks:
-    """The keys of `solver` that do not belong to an engine.
-
-    Attributes
-    ----------
-    max_error
-        Runs whose error estimate exceeds it count as failed.
-    error_estimate
-        Solve every run a second time at a tenth of the tolerance and compare. Default: where the
-        engine makes that cheap.
-    cross_check
-        How many runs per law are redone by another engine and compared.
-    """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
-
-    max_error: Positive | None = None
-    error_estimate: bool | None = None
-    cross_check: CountOrNone = 3

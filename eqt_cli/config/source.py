@@ -53,6 +53,32 @@ def signal_path(config: Mapping[str, Any]) -> str:
     return " → ".join(["reference", *stages, *inputs, "law"])
 
 
+def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
+    """Return what readers of a result show of its experiment, as `results.origin.Experiment`.
+
+    Parameters
+    ----------
+    config
+        The resolved configuration.
+    departures
+        Departures of its vehicle from the theorems.
+    """
+    words, rtol = loop_in_words(config), config["solver"].get("rtol")
+    rows = [entry["thrusters"] for entry in config.get("actuators") or () if "thrusters" in entry]
+    return {
+        "kinds": {entry["label"]: entry["kind"] for entry in config["controllers"]},
+        "rtol": rtol if isinstance(rtol, float) else None,
+        "seed": config["ensemble"]["seed"],
+        "signal_path": signal_path(config),
+        "loop": words,
+        "departures": (departures or words) if words else "",
+        "thrusters": [
+            [[*map(float, each[key]), 0.0][:3] for key in ("at", "along")]
+            for each in next(filter(None, rows), ())
+        ],
+    }
+
+
 def loop_in_words(config: Mapping[str, Any]) -> str:
     """Describe how a loop departs from the paper's; "" for the ideal loop.
 
@@ -177,7 +203,7 @@ def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -
         listed = ", ".join(map(str, files[:_MAX_LISTED])) + (", …" if files[_MAX_LISTED:] else "")
         raise EqtError(f"{path}: is a folder without a result; give one of its files: {listed}")
     if path.suffix == ".h5" or path.is_dir():
-        with open_results(path) as results:
+        with open_results(path, oldest=1) as results:  # all formats have the same configuration
             config = source_of(results)
     else:
         source = yaml_source.load(_text(path), str(path))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Collection, Hashable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -13,12 +14,14 @@ from typing import Any
 
 from eqt_cli.base.errors import EqtError, Problems, parse_key
 from eqt_cli.base.registry import load_plugin
+from eqt_cli.base.store_reader import ResultFile
+from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.build import build
 from eqt_cli.config.experiment import Experiment, hashes, renamed
 from eqt_cli.config.parts import MANY_PARTS, Plan, Plans
 from eqt_cli.config.schema import DESIRED, SHAPES, STARTS, VEHICLE, marks_of
-from eqt_cli.config.source import ConfigSource, changed_at
+from eqt_cli.config.source import ConfigSource, changed_at, description, source_of
 from eqt_cli.config.sweep import Sweep
 from eqt_cli.config.vehicle_section import decides_parts
 
@@ -89,6 +92,15 @@ def config_at(source: ConfigSource, point: int) -> ConfigSource:
     if not 0 <= point < len(sweep):
         raise EqtError(f"{name}: has no point {point}; choose one of 0 to {len(sweep) - 1}")
     return at_point(without_sweep(source), sweep, point)
+
+
+def attributes_at(results: ResultFile, point: int) -> dict[str, str]:
+    """Return the attributes of one point of a result file that has only those of its sweep."""
+    config = config_at(source_of(results), point).data
+    experiment = json.loads(str(results.attributes["experiment"]))
+    with suppress(KeyError, TypeError, AttributeError, ValueError):  # values in other units
+        experiment = description(config, experiment["departures"])
+    return {"config": dump(config), "experiment": json.dumps(experiment, ensure_ascii=False)}
 
 
 MOST_TRAJECTORIES = 10_000

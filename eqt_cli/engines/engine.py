@@ -18,6 +18,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import CountOrNone, Positive
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components.sensors import Errors
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -718,3 +719,25 @@ class Engine(Component):
 
 
 engines = Registry("engine", "engines", Engine, ("engines.solve_ivp", "engines.native"))
+
+
+@dataclass(frozen=True)
+class SolverChecks:
+    """The keys of `solver` that do not belong to an engine.
+
+    Attributes
+    ----------
+    max_error
+        Runs whose error estimate exceeds it count as failed.
+    error_estimate
+        Solve every run a second time at a tenth of the tolerance and compare. Default: where the
+        engine makes that cheap.
+    cross_check
+        How many runs per law are redone by another engine and compared.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+
+    max_error: Positive | None = None
+    error_estimate: bool | None = None
+    cross_check: CountOrNone = 3

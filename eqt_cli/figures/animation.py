@@ -17,7 +17,6 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.components.groups import Part, group_named
-from eqt_cli.config.source import source_of
 from eqt_cli.figures.cells import scale_norm
 from eqt_cli.figures.figure import ShownRuns
 from eqt_cli.figures.labels import quantity, signal_label
@@ -142,12 +141,11 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
 
 
 def _thrusts(results: Result, run: int, shown: list[int]) -> Array:
-    actuators = source_of(results).data["actuators"] if results.has("thrust") else ()
-    rows = [each["thrusters"] for each in actuators if each.get("thrusters")]
-    if not rows:
+    thrusters = results.described.thrusters if results.has("thrust") else []
+    if not thrusters:
         return np.empty((len(shown), len(results.times), 0, 2, 3))
     thrust = results.trajectory("thrust", run)[shown][..., None]
-    at, along = (np.array([[*each[key], 0.0][:3] for each in rows[0]]) for key in ("at", "along"))
+    at, along = np.array(thrusters).swapaxes(0, 1)
     at, thrust = (each / (np.nanmax(np.abs(each)) or 1.0) for each in (at, thrust))
     along = along / np.linalg.norm(along, axis=-1, keepdims=True)
     return np.stack(np.broadcast_arrays(at, at + thrust * along), axis=-2)

@@ -13,7 +13,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
-from eqt_cli.config.json_schema import scale_of
 from eqt_cli.figures.labels import free_text, in_words
 from eqt_cli.figures.style import Width, ink
 from eqt_cli.results.result import Result, SweptKey
@@ -126,14 +125,10 @@ def key_at(result: Result, swept: SweptKey, point: int) -> str:
 
 def _named(result: Result, swept: SweptKey) -> tuple[str, str]:
     """Return the name or symbol of a swept key, as text to draw, and its unit."""
-    key, scale = swept.key, scale_of(result.config, swept.key)
-    if scale is None:
-        return free_text(key, _LONGEST_KEY), swept.unit
-    of, unit = _owner(result, key), swept.unit or _unit(result, scale.unit)
-    if scale.is_symbol:
-        return f"${scale.label}$" + free_text(of, _LONGEST_KEY), unit
-    label = re.sub(r"(?<= )[gcnq]$", r"$\g<0>$", scale.label)  # the letter of a weight
-    return free_text(label + of, _LONGEST_KEY), unit
+    if not swept.label:
+        return free_text(swept.key, _LONGEST_KEY), swept.unit
+    of, unit = _owner(result, swept.key), swept.unit or _unit(result, swept.unit_of_key)
+    return free_text(swept.label + of, _LONGEST_KEY), unit
 
 
 def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> None:

@@ -20,13 +20,13 @@ from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.matrix_groups import turn_of_distance
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.recording_check import Recording
-from eqt_cli.config.experiment import Experiment
 from eqt_cli.figures import layout
 from eqt_cli.figures.labels import in_words, signal_label
 from eqt_cli.figures.layout import add_letters, add_remarks, freeze
 from eqt_cli.figures.shown import (
     ALL,
     Chosen,
+    DesiredMotion,
     Ensemble,
     ShownCertificates,
     ShownControllers,
@@ -186,11 +186,11 @@ class ShownRuns(ShownControllers):
             be built.
         """
         result = ensemble.results
-        if result.loop_in_words:
+        if result.described.loop:
             raise self.error(
-                f"separates feedforward from feedback in ideal loops only. {result.loop_in_words}"
+                f"separates feedforward from feedback in ideal loops only. {result.described.loop}"
             )
-        loop = result.experiment().loops[ensemble.law]
+        loop = result.loops[ensemble.law]
         poses, velocities = (self._stored(name, ensemble) for name in ("pose", "velocity"))
         desired = [self._desired(name, ensemble) for name in ("pose", "velocity", "torque")]
         torque = np.empty_like(velocities)
@@ -264,12 +264,12 @@ class ShownRuns(ShownControllers):
 
         None if the vehicle has no such limits.
         """
-        experiment = ensemble.results.experiment()
-        vehicle = experiment.loops[ensemble.law].vehicle
-        random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, run)
-        flying = vehicle.of_run(experiment.group, random_of)
+        result = ensemble.results
+        loop = result.loops[ensemble.law]
+        random_of = partial(generator_at, result.described.seed, Stream.VEHICLE, run)
+        flying = loop.vehicle.of_run(loop.group, random_of)
         known = {"thrust": flying.thrust_limits, "wheel_momentum": flying.momentum_limits}
-        limits = known[signal] if signal in known else flying.torque_limits(experiment.group)
+        limits = known[signal] if signal in known else flying.torque_limits(loop.group)
         factor = ensemble.results.factor(signal)
         return limits and (limits[0] * factor, limits[1] * factor)
 
@@ -280,7 +280,7 @@ class ShownRuns(ShownControllers):
     def _loops(self) -> Iterator[str]:
         """Yield how each loop differs from the paper's ideal loop."""
         for one, name in zip(self.results, names(self.results), strict=True):
-            if words := one.loop_in_words:
+            if words := one.described.loop:
                 yield f"{name}: {words}" if len(self.results) > 1 else words
 
     def _thinned(self) -> Iterator[str]:
@@ -410,7 +410,7 @@ class Figure(Component, Generic[S]):
 
     def draw(
         self,
-        results: Sequence[Result | Experiment],
+        results: Sequence[Result | DesiredMotion],
         width: Width = "column",
         *,
         style: Style | None = None,
@@ -423,7 +423,7 @@ class Figure(Component, Generic[S]):
         Parameters
         ----------
         results
-            Open results; they may be closed afterwards. A figure without runs takes an experiment.
+            Open results; they may be closed afterwards. A figure without runs takes a reference.
         width
             One ``column`` of a journal (3.5 in), the ``page`` (7.16 in) or a ``slide`` (13.3 in).
         style
@@ -447,10 +447,10 @@ class Figure(Component, Generic[S]):
         self.check(problems)
         problems.raise_if_any()
         for one in results if self.needs_runs else ():
-            if isinstance(one, Experiment):
+            if isinstance(one, DesiredMotion):
                 others = [name for name in figures.names() if not figures.get(name).needs_runs]
                 raise EqtError(
-                    f"{one.source.path}: figure '{self.name}' shows results, and this is a "
+                    f"{one.path}: figure '{self.name}' shows results, and this is a "
                     f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
                 )
         with house_style(replace(style or HOUSE, width=width)):
@@ -661,7 +661,7 @@ class OfReference(Timed[ShownReference]):
 
     needs_runs: ClassVar[bool] = False
 
-    def subject(self, results: Sequence[Result | Experiment], extras: Extras) -> ShownReference:
+    def subject(self, results: Sequence[Result | DesiredMotion], extras: Extras) -> ShownReference:
         """Return the reference in the chosen range of time."""
         if len(results) > 1:
             raise EqtError(f"figure '{self.name}' shows one reference at a time")

@@ -26,10 +26,9 @@ from eqt_cli.base.files import write_all
 from eqt_cli.base.option_types import validated
 from eqt_cli.base.registry import summary
 from eqt_cli.base.version import __version__
-from eqt_cli.config.experiment import Experiment
 from eqt_cli.figures.figure import NO_EXTRAS, Extras, Figure, figures
 from eqt_cli.figures.layout import COLOUR_SCALE, NO_NUMBERS
-from eqt_cli.figures.shown import names
+from eqt_cli.figures.shown import DesiredMotion, names
 from eqt_cli.figures.style import ENLARGED, HOUSE, WIDTHS, Style, house_style, replaced, sentence
 from eqt_cli.results.result import Result
 
@@ -259,7 +258,7 @@ NUMBERS: Literal["json"] = "json"
 
 
 def render(
-    results: Sequence[Result | Experiment],
+    results: Sequence[Result | DesiredMotion],
     figure_name: str,
     folder: Path,
     formats: Sequence[str] = FORMATS,
@@ -277,7 +276,7 @@ def render(
     Parameters
     ----------
     results
-        Open results to show side by side; or an experiment, for figures without runs.
+        Open results to show side by side; or a reference, for figures without runs.
     figure_name
         Name of a figure in `eqt_cli.figures.figure`.
     width
@@ -319,7 +318,7 @@ def render(
     )
     title = f"{', '.join(_names(results))}: {figure.name}"
     digests = ", ".join(
-        one.digest if isinstance(one, Experiment) else str(one.attributes.get("digest", ""))
+        one.digest if isinstance(one, DesiredMotion) else str(one.attributes.get("digest", ""))
         for one in results
     )
     description = f"{summary(type(figure))} Experiment {digests}"
@@ -342,9 +341,9 @@ def caption_name(figure: str) -> str:
     return f"{figure}-caption.tex"
 
 
-def _names(shown: Sequence[Result | Experiment]) -> list[str]:
+def _names(shown: Sequence[Result | DesiredMotion]) -> list[str]:
     results = [one for one in shown if isinstance(one, Result)]
-    return names(results) + [one.name for one in shown if isinstance(one, Experiment)]
+    return names(results) + [one.name for one in shown if isinstance(one, DesiredMotion)]
 
 
 def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:

@@ -13,10 +13,8 @@ from matplotlib.colors import is_color_like, to_hex, to_rgba
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtError, Problems, suggestion
+from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.preflight import check_reference, reference_over_horizon
 from eqt_cli.figures.labels import notation
 from eqt_cli.figures.style import CurvePlace, Look, colours_of_style, distinct
 from eqt_cli.loop.signals import MIXED
@@ -626,13 +624,37 @@ MOST_REMARKS = 3
 """Largest number of remarks on a reference below its figure."""
 
 
+@dataclass(frozen=True)
+class DesiredMotion:
+    """The reference of a configuration, before anything is run.
+
+    Attributes
+    ----------
+    name, path, digest
+        Name of the experiment, its configuration, and the hash of what affects its numbers.
+    group
+        The group G.
+    motion
+        Times, poses, velocities and torques, as of `ShownReference`.
+    remarks
+        Where it is not finite, and where it jumps.
+    """
+
+    name: str
+    path: str
+    digest: str
+    group: MatrixLieGroup
+    motion: tuple[Array, Array, Array, Array]
+    remarks: Sequence[str] = ()
+
+
 class ShownReference:
     """The desired motion of an experiment, from a result or before anything is run.
 
     Parameters
     ----------
     source
-        The open result, or the experiment.
+        The open result, or the reference of a configuration.
     figure, chosen
         See `ShownControllers`; the reference is the same for all controllers.
 
@@ -653,25 +675,21 @@ class ShownReference:
         If the result is a sweep, lacks the reference or is on an unknown group.
     """
 
-    def __init__(self, source: Result | Experiment, figure: str, chosen: Chosen = ALL) -> None:
-        self._remarks: list[str] = []
+    def __init__(self, source: Result | DesiredMotion, figure: str, chosen: Chosen = ALL) -> None:
+        self._remarks = source.remarks if isinstance(source, DesiredMotion) else ()
         self.group, of = self._take(source, figure, chosen.controllers)
-        place = "the reference" if isinstance(source, Experiment) else str(source.path)
+        place = "the reference" if isinstance(source, DesiredMotion) else str(source.path)
         shown = chosen.time.samples(
             of[0], lambda message: EqtError(f"{place}: figure '{figure}' {message}")
         )
         self.times, self.pose, self.velocity, self.torque = (each[shown] for each in of)
 
     def _take(
-        self, source: Result | Experiment, figure: str, chosen: Sequence[str]
+        self, source: Result | DesiredMotion, figure: str, chosen: Sequence[str]
     ) -> tuple[MatrixLieGroup, tuple[Array, Array, Array, Array]]:
         """Return the group, and times, poses, velocities and torques over the whole horizon."""
-        if isinstance(source, Experiment):
-            desired = reference_over_horizon(source)
-            problems = Problems(lambda path: "")
-            jumps = check_reference(desired, None, problems)
-            self._remarks += [problem.message for problem in problems] + jumps
-            return source.group, (desired.times, desired.pose, desired.velocity, desired.torque)
+        if isinstance(source, DesiredMotion):
+            return source.group, source.motion
         source.single(f"figure '{figure}' shows single experiments")
         positions([source], figure, chosen)
         needed = ("desired_pose", "desired_velocity", "desired_torque")

@@ -16,11 +16,9 @@ from eqt_cli.base.errors import ComponentError, EqtError
 from eqt_cli.base.option_types import option_names
 from eqt_cli.base.registry import summary
 from eqt_cli.base.reporting import listed
+from eqt_cli.base.yaml_source import load
 from eqt_cli.components.laws import Member, controllers
-from eqt_cli.config.build import OF_EVERY_LAW
-from eqt_cli.config.schema import DEFAULT_ENGINE, SolverChecks
-from eqt_cli.config.source import source_of
-from eqt_cli.engines.engine import engines
+from eqt_cli.engines.engine import SolverChecks, engines
 from eqt_cli.figures.shown import looks as looks_of
 from eqt_cli.figures.style import house_style, line_style
 from eqt_cli.results.metrics import QUANTITIES
@@ -255,7 +253,7 @@ def laws(result: Result) -> list[Law]:
 def _own(entry: Mapping[str, Any]) -> str:
     """Return the gains and options that an entry of `controllers` sets: ``gains: kp 4``."""
     gains = in_words(entry.get("gains"))
-    options = {key: value for key, value in entry.items() if key not in ("kind", *OF_EVERY_LAW)}
+    options = {key: value for key, value in entry.items() if key not in ("kind", "label", "gains")}
     return "; ".join(filter(None, [f"gains: {gains}" if gains else "", in_words(options)]))
 
 
@@ -279,11 +277,10 @@ def given(result: Result) -> list[StatedValue]:
 
 
 def _stored(result: Result) -> Mapping[str, Any]:
-    """Return the configuration in a result; empty for a file of the first versions."""
-    try:
-        return source_of(result).data
-    except (EqtError, KeyError):
-        return {}
+    """Return the configuration in a result; empty if it cannot be read."""
+    with suppress(EqtError):
+        return load(str(result.attributes["config"]), "config").data
+    return {}
 
 
 def _parts(config: Mapping[str, Any], result: Result) -> Iterator[StatedValue]:
@@ -314,8 +311,8 @@ def _parts(config: Mapping[str, Any], result: Result) -> Iterator[StatedValue]:
 def _used(solver: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return the keys of `solver` that its engine uses; a result stores those of all engines."""
     try:
-        engine = engines.get(solver.get("engine", DEFAULT_ENGINE))
-    except ComponentError:  # engine of a plugin that is not loaded here
+        engine = engines.get(solver["engine"])
+    except (KeyError, ComponentError):  # engine of a plugin that is not loaded here
         return solver
     known = ("engine", *option_names(engine), *option_names(SolverChecks))
     return {key: value for key, value in solver.items() if key in known}
@@ -439,7 +436,8 @@ def lead(result: Result) -> str:
         points = f"{result.points} points over {keys}, each with "
     lasting = f" of {horizon:g} s" if horizon else ""
     controllers = f"each of {len(labels)} laws" if len(labels) > 1 else "one law"
-    loop = f" {result.loop_in_words}" if result.loop_in_words and not result.is_sweep else ""
+    words = result.described.loop
+    loop = f" {words}" if words and not result.is_sweep else ""
     runs = f"{result.runs} run{'s' * (result.runs > 1)}{lasting} for {controllers}"
     return f"{points}{runs}; the same initial states for all of them.{loop}"
 

@@ -1,7 +1,6 @@
 """The stored metrics, and the table of all quantities of a result."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from functools import partial
 from operator import attrgetter
 from typing import Any
@@ -9,14 +8,10 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array, absolute, less, maximum, sqrt, where
-from eqt_cli.base.store_writer import Variable
-from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.matrix_groups import turn_of_distance
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.schema import Config
 from eqt_cli.engines.engine import Status
-from eqt_cli.loop.signals import MIXED, SIGNALS, Signal, signal_of
+from eqt_cli.loop.signals import SIGNALS, signal_of
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.quantity import WHOLE, Quantity, ValuePer, Window
 
@@ -183,30 +178,12 @@ def share_inside(over: SampledRuns, square: Any, freedom: Any) -> Any:
     return over.weighted(np.ones(len(over.times)), inside) / len(over.times)
 
 
-# Rows that depend on keys of the configuration ---------------------------------------------------
-
-
 def _early(window_s: float = EARLY.stop) -> dict[str, Any]:
     return {
         "window": Window(0.0, window_s),
         "long_name": f"mean ||tau|| over the first {window_s:g} s",
         "label": f"mean {{}}, first {window_s:g} s",
     }
-
-
-def by_thresholds_of_parts(quantity: Quantity, thresholds: Mapping[str, float]) -> Quantity:
-    """Return a row that uses the settling threshold, for separate thresholds of the parts."""
-    assert quantity.of is not None
-    words = quantity.long_name.replace("||I - Q_E||_F", "the largest error of a part")
-    words = words.replace("||I - Qhat^-1 Q||_F", "the largest error of a part of the estimate")
-    return replace(
-        quantity,
-        long_name=words.replace("the settling threshold", "its settling threshold"),
-        signals=(ESTIMATE_SETTLING if quantity.signals == ("estimate_error",) else SETTLING,),
-        of=partial(quantity.of, threshold=1.0),
-        settings={},
-        notes={f"threshold_{name}": value for name, value in thresholds.items()},
-    )
 
 
 # The table ---------------------------------------------------------------------------------------
@@ -425,7 +402,7 @@ STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status i
 DESIRED = {"desired_pose": "pose", "desired_velocity": "velocity", "desired_torque": "torque"}
 """Stored quantities of the reference, and the signal that each corresponds to."""
 
-_SIGNALS = {signal.name: signal for signal in SIGNALS}
+SIGNAL = {signal.name: signal for signal in SIGNALS}
 
 _OVER_TIME = tuple(
     Quantity(
@@ -446,15 +423,15 @@ _DESIRED = tuple(
         name.replace("_", " ") + ", from a solve of its own",
         ValuePer.DESIRED,
         signals=(like,),
-        own_symbol=_SIGNALS[like].symbol + "_d",
+        own_symbol=SIGNAL[like].symbol + "_d",
         label="{}",
-        dims=("time", *_SIGNALS[like].dims),
+        dims=("time", *SIGNAL[like].dims),
     )
     for name, like in DESIRED.items()
 )
 
 _INITIAL = tuple(
-    Quantity(f"initial_{like}", words, ValuePer.INITIAL, signals=(like,), dims=_SIGNALS[like].dims)
+    Quantity(f"initial_{like}", words, ValuePer.INITIAL, signals=(like,), dims=SIGNAL[like].dims)
     for like, words in (
         ("pose", "pose at the start, same for all controllers"),
         ("velocity", "body velocity at the start"),
@@ -521,72 +498,6 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.o
 """Stored quantities that are computed from the signals of a run."""
 
 
-def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
-    """Return the row of the table for the keys of a configuration."""
-    thresholds = config.settling_threshold
-    if isinstance(thresholds, dict) and "settling_threshold" in quantity.settings.values():
-        return by_thresholds_of_parts(quantity, thresholds)
-    values = {name: getattr(config, key) for name, key in quantity.choices.items()}
-    return quantity.with_choices(values)
-
-
-def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Quantity]:
-    """Return the variables of an experiment's result with their units, in the file's order.
-
-    Parameters
-    ----------
-    vehicles
-        Vehicles of all points of a sweep; a variable stored for one is stored for all. Default:
-        the vehicle of the experiment.
-    """
-    quantities, group = [], experiment.group
-    own = next(iter(experiment.loops.values())).vehicle
-    vehicles = vehicles or [own]
-    for quantity in QUANTITIES.values():
-        # Points with and without thrusters or wheels have different shapes.
-        of = [own] if own.members.keys() & set(quantity.dims) else vehicles
-        if not (quantity.stored and any(map(quantity.stored_of, of)) and _exists(quantity, group)):
-            continue
-        quantity = with_keys_of(experiment.config, quantity)
-        notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
-        signal = _SIGNALS.get(quantity.signals[0]) if quantity.signals else None
-        laws = [loop.controller for loop in experiment.loops.values()]
-        if signal and not any(map(signal.exists_for, laws)):
-            continue
-        units = quantity.unit(signal.units(group) if signal else "")
-        quantities.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
-        if signal and (quantity.per is ValuePer.TRAJECTORY or quantity.stored_by_part):
-            quantities += [
-                replace(quantity.part(part.name), units=quantity.unit(signal.unit_in(part)))
-                for part in _parts_of_their_own(quantity, signal, group)
-            ]
-    return quantities
-
-
-def _exists(quantity: Quantity, group: MatrixLieGroup) -> bool:
-    """Return whether a group has the signals of a quantity."""
-    return all(_SIGNALS[name].exists_on(group) for name in quantity.signals if name in _SIGNALS)
-
-
-def _parts_of_their_own(
-    quantity: Quantity, signal: Signal, group: MatrixLieGroup
-) -> tuple[Part, ...]:
-    """Return the parts stored besides a norm; for numbers per run, only if their units differ."""
-    mixes = quantity.per is ValuePer.TRAJECTORY or signal.units(group) == MIXED
-    return signal.parts(group) if mixes else ()
-
-
-def measured_of(config: Config, group: MatrixLieGroup) -> list[Quantity]:
-    """Return the quantities computed from signals on a group, including those of parts."""
-    rows = [with_keys_of(config, quantity) for quantity in MEASURED if _exists(quantity, group)]
-    return rows + [
-        row.part(part.name)
-        for row in rows
-        if row.stored_by_part
-        for part in _parts_of_their_own(row, _SIGNALS[row.signals[0]], group)
-    ]
-
-
 def quantity_of(name: str, long_name: str = "") -> Quantity:
     """Return the row of a variable by its name in a result file.
 
@@ -601,27 +512,3 @@ def quantity_of(name: str, long_name: str = "") -> Quantity:
     if (signal := signal_of(name)) and signal.norm:
         return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
     return Quantity(name, long_name or name, units="")
-
-
-def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
-    """Return the coordinates of all dimensions; `kept` runs have stored trajectories."""
-
-    def along(dim: str, values: Array, long_name: str, **units: str) -> Variable:
-        return Variable((dim,), values, {**units, "long_name": long_name})
-
-    G, runs, labels = experiment.group, experiment.config.ensemble.runs, list(experiment.loops)
-    times = experiment.times[:: experiment.config.store.decimate]
-    variables = [
-        along("controller", np.array(labels, dtype=object), "control law"),
-        along("run", np.arange(runs), "run, with its own initial state", units="1"),
-        along("time", times, "time", units="s"),
-        along("row", np.arange(G.size), "row of a pose matrix", units="1"),
-        along("col", np.arange(G.size), "column of a pose matrix", units="1"),
-        along("axis", np.array(G.axis_names, dtype=object), "algebra coordinate"),
-    ]
-    members = next(iter(experiment.loops.values())).vehicle.members.items()
-    variables += [along(dim, np.array(of, dtype=object), dim) for dim, of in members if of and kept]
-    if 0 < kept < runs:
-        stored = np.arange(kept)
-        variables.append(along("stored_run", stored, "run whose trajectory is stored", units="1"))
-    return {variable.dims[0]: variable for variable in variables}

@@ -6,30 +6,31 @@ A result file is validated when it is opened, so that every reader can rely on i
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BaseModel, Json, NonNegativeInt, TypeAdapter, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    FiniteFloat,
+    Json,
+    NonNegativeInt,
+    TypeAdapter,
+    ValidationError,
+)
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import ConfigError, EqtError, Problems, printable, suggestion
-from eqt_cli.base.option_types import fields_of
+from eqt_cli.base.errors import EqtError, printable, suggestion
 from eqt_cli.base.store_reader import ResultFile
 from eqt_cli.base.store_writer import Attribute
-from eqt_cli.base.yaml_source import dump, load
 from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.components.laws import controllers
-from eqt_cli.config.build import build
-from eqt_cli.config.experiment import Experiment, told_apart
-from eqt_cli.config.schema import VEHICLE, Config, marked
-from eqt_cli.config.source import ConfigSource, loop_in_words, source_of
-from eqt_cli.config.study import config_at
-from eqt_cli.config.vehicle_section import vehicle_from
+from eqt_cli.components.laws import controllers, told_apart
+from eqt_cli.loop.closed_loop import ClosedLoop
 
 CROSS_CHECK = ("method", "runs", "difference", "bound")
 """Fields of a cross-check, each an attribute; a file has all of them or none."""
@@ -145,12 +146,47 @@ class _AboutLaws(BaseModel):
     not_matched: list[str] = []
 
 
+Words = Annotated[str, AfterValidator(printable)]
+Arrow = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+
+
+class Experiment(BaseModel):
+    """What readers show of an experiment.
+
+    Attributes
+    ----------
+    kinds
+        Kind of each controller, by label.
+    rtol
+        Relative tolerance of all runs; None if it is swept.
+    seed
+        Seed of all random numbers.
+    signal_path
+        Path of the signals through the loop; empty for the paper's loop.
+    loop
+        Sentence about what the paper's loop does not have; may be empty.
+    departures
+        Departures of the loop from the one of the theorems, as verify says them.
+    thrusters
+        Place, m, and direction of each thruster in the body; a planar one has z = 0.
+    """
+
+    kinds: dict[str, Words] = {}
+    rtol: FiniteFloat | None = None
+    seed: int = 0
+    signal_path: Words = ""
+    loop: Words = ""
+    departures: Words = ""
+    thrusters: list[tuple[Arrow, Arrow]] = []
+
+
 _TEXT, _NUMBER = ("text", TypeAdapter(str)), ("a number", TypeAdapter(float))
 
 _EXPECTED: dict[str, tuple[str, TypeAdapter[Any]]] = {
     **dict.fromkeys(("title", "group", "digest", "config", "plugins"), _TEXT),
     "titles": ("a mapping in JSON from names to texts", TypeAdapter(Json[dict[str, str]])),
     "provenance": ("versions and times in JSON", TypeAdapter(Json[_Origin])),
+    "experiment": ("a description in JSON", TypeAdapter(Json[Experiment])),
     "lyapunov_functions": ("names of functions in JSON", TypeAdapter(Json[_AboutLaws])),
     "matching": ("labels of laws in JSON", TypeAdapter(Json[_AboutLaws])),
     "cross_check_method": _TEXT,
@@ -159,6 +195,36 @@ _EXPECTED: dict[str, tuple[str, TypeAdapter[Any]]] = {
     "cross_check_bound": _NUMBER,
 }
 """Expected kind of each attribute that a file may have, in words and as a type."""
+
+
+# Versions and times of sessions ------------------------------------------------------------------
+
+
+NUMERIC = ("eqt", "numpy", "scipy", "machine")
+"""Entries on which the last bits of a number can depend."""
+
+VERSIONS = ("eqt", "python", "numpy", "scipy")
+"""Entries that a summary shows."""
+
+OTHERS = "other_sessions"
+"""Entry for other sessions that computed some of the runs and differ in `NUMERIC`."""
+
+
+def differences(other: dict[str, Any], origin: dict[str, Any]) -> str:
+    """Describe the differences of a session from this one, as ``numpy 2.0.0 (not 2.4.6)``."""
+    return ", ".join(
+        f"{name} {other.get(name, 'none')} (not {origin.get(name, 'none')})"
+        for name in NUMERIC
+        if other.get(name) != origin.get(name)
+    )
+
+
+def numeric(origin: dict[str, Any]) -> tuple[Any, ...]:
+    """Return the entries on which the last bits of a number can depend."""
+    return tuple(origin.get(name) for name in NUMERIC)
+
+
+# The cross-check, and the result -----------------------------------------------------------------
 
 
 OUT_OF_TIME = "ended by its limit of time"
@@ -226,19 +292,21 @@ class KnownResult(ResultFile):
                     view.__dict__.pop(name, None)
         return view
 
-    def point(self, point: int) -> Self:
-        """Return a point of a sweep as the result of a single experiment with its configuration.
+    def point(self, point: int, own: Mapping[str, Attribute] | None = None) -> Self:
+        """Return a point of a sweep as the result of a single experiment.
+
+        Parameters
+        ----------
+        own
+            Attributes of the point, where the file has only those of the sweep.
 
         Raises
         ------
         ResultError
             If there is no such point.
         """
-        view = self.at(point)
-        attributes = {"title": f"{view.attributes['title']}, point {point}"}
-        if not self.has_groups:  # else each group has its configuration
-            attributes["config"] = dump(config_at(source_of(self), point).data)
-        return self.at(point, attributes)
+        title = f"{self.at(point).attributes['title']}, point {point}"
+        return self.at(point, {"title": title, **(own or {})})
 
     def error(self, message: str) -> EqtError:
         """Return an error about this result."""
@@ -364,69 +432,28 @@ class KnownResult(ResultFile):
         return json.loads(str(self.attributes.get(name, "{}")))
 
     @cached_property
-    def kinds(self) -> dict[str, str]:
-        """Kind of each controller by label, from the stored configuration; else the label."""
-        with suppress(KeyError, TypeError):
-            entries = self.config["controllers"]
-            return {str(entry["label"]): str(entry["kind"]) for entry in entries}
-        return {label: label for label in self.labels}
-
-    @cached_property
-    def loop_in_words(self) -> str:
-        """Sentence about parts of the loop that the paper's loop does not have; may be empty."""
-        with suppress(KeyError, TypeError, AttributeError, ValueError):
-            return loop_in_words(self.config)
-        return ""
-
-    @cached_property
-    def departures(self) -> str:
-        """Departures of the loop from the one of the theorems, in words, as verify says them.
-
-        Empty if it is ideal. They follow from the configuration; where it needs a plugin that is
-        not loaded, they are in the words of `loop_in_words`.
-        """
-        if not self.loop_in_words or self.group is None:
-            return self.loop_in_words
-        problems, vehicle = Problems(), marked(VEHICLE)
-        given = {name: self.config[name] for name in vehicle if name in self.config}
-        sections = dict.fromkeys(vehicle) | fields_of(Config, given, problems, self.group)
-        departures = vehicle_from(sections, self.group, 0.0, problems).departures
-        return departures or self.loop_in_words
-
-    @cached_property
-    def config(self) -> dict[str, Any]:
-        """The stored configuration without any checks; empty if it cannot be read."""
-        with suppress(ConfigError):
-            return load(str(self.attributes.get("config", "")), "config").data
-        return {}
+    def described(self) -> Experiment:
+        """What readers show of the experiment."""
+        return Experiment.model_validate_json(str(self.attributes.get("experiment", "{}")))
 
     @property
-    def source(self) -> ConfigSource:
-        """The stored configuration with the stored plugins."""
-        return source_of(self)
+    def kinds(self) -> dict[str, str]:
+        """Kind of each controller by label; the label where it is unknown."""
+        return {label: self.described.kinds.get(label, label) for label in self.labels}
 
-    def experiment(self, *, trust_plugins: bool = False) -> Experiment:
-        """Build the experiment from the stored configuration.
+    loops_of: Callable[[KnownResult], Mapping[str, ClosedLoop]]
+    """Builds the loops from the stored configuration; set by who can read one."""
 
-        Parameters
-        ----------
-        trust_plugins
-            Whether to execute the plugin sources that the file holds.
+    @cached_property
+    def loops(self) -> Mapping[str, ClosedLoop]:
+        """The loops by label, which figures of parts of the torque evaluate again.
 
         Raises
         ------
         EqtError
-            If it cannot be built, for example without its plugins.
+            If they cannot be built, for example without their plugins.
         """
-        return build(self.source, trust_plugins=trust_plugins)
-
-    @property
-    def rtol(self) -> float | None:
-        """Relative tolerance of all runs; None if it was swept or is unknown."""
-        solver = self.config.get("solver")
-        swept = any(name.startswith("solver") for name in self.coordinates)
-        rtol = solver.get("rtol") if isinstance(solver, dict) else None
-        return rtol if isinstance(rtol, float) and not swept else None
+        return self.loops_of(self)
 
     @property
     def provenance(self) -> dict[str, Any]:

@@ -3,9 +3,9 @@
 import copy
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,9 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, ExpressionError, printable, suggestion
 from eqt_cli.base.expressions import constant
-from eqt_cli.base.files import POINT
+from eqt_cli.base.files import CASE, LAW, POINT
+from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.units import in_wished, offered, size_of, split
-from eqt_cli.config.designs import CASE
-from eqt_cli.config.read_study import LAW
 from eqt_cli.engines.engine import Status
 from eqt_cli.loop.signals import MIXED, signal_of
 from eqt_cli.numbers.running import SampledRuns
@@ -47,6 +46,8 @@ class SweptKey:
         The unit with which all values are written; empty if the key has its own unit.
     is_number
         Whether the values are numbers; else they number texts or matrices.
+    label, unit_of_key
+        Name of the key on an axis, with ``$…$`` for symbols, and its own unit; may be empty.
     """
 
     key: str
@@ -55,6 +56,8 @@ class SweptKey:
     asks_log: bool = False
     unit: str = ""
     is_number: bool = True
+    label: str = ""
+    unit_of_key: str = ""
 
     @property
     def levels(self) -> list[int]:
@@ -159,18 +162,6 @@ def _in_words(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def log_keys(section: Any) -> Iterator[str]:
-    """Yield the keys of ranges with ``scale: log`` in the section of a sweep."""
-    if isinstance(section, list):
-        for entry in section:
-            yield from log_keys(entry)
-    elif isinstance(section, dict):
-        for key, entry in section.items():
-            if isinstance(entry, dict) and entry.get("scale") == "log":
-                yield str(key)
-            yield from log_keys(entry)
-
-
 # The class `Result`: reads the runs of a result and their numbers with their meaning --------------
 
 
@@ -267,10 +258,16 @@ class StoredRuns(KnownResult):
         return None if number is None or len(others) > 1 else (number, next(iter(others), None))
 
     def _swept_key(self, name: str) -> SweptKey:
+        about = self.attributes_of(name)
+        label, unit = (printable(str(about.get(of, ""))) for of in ("label", "unit_of_key"))
+        return replace(self._values_of_key(name), label=label, unit_of_key=unit)
+
+    def _values_of_key(self, name: str) -> SweptKey:
         values = self.coordinate(name)
         key = self.long_name(name).removesuffix(", swept")
         if values.dtype != object:
-            return SweptKey(key, values.astype(float), {}, key in self._on_log_scales)
+            is_log = self.attributes_of(name).get("scale") == "log"
+            return SweptKey(key, values.astype(float), {}, is_log)
         written = [printable(str(value)) for value in values]
         numbers = [number for text in written if (number := with_unit(text)) is not None]
         units = {unit for _, unit in numbers}
@@ -283,13 +280,6 @@ class StoredRuns(KnownResult):
         places = [order.setdefault(text, float(len(order))) for text in written]
         texts = {place: text for text, place in order.items()}
         return SweptKey(key, np.array(places), texts, is_number=False)
-
-    @cached_property
-    def _on_log_scales(self) -> set[str]:
-        """Keys with a logarithmic range in the sweep."""
-        with suppress(KeyError, TypeError, RecursionError):
-            return set(log_keys(self.config["sweep"]))
-        return set()
 
     def point_name(self, point: int) -> str:
         """Describe a point of a sweep: ``kp 2, kd 0.5``; a case by its name only."""
@@ -805,7 +795,11 @@ class Result(StoredRuns):
         return self.error(f"cannot compute {what}: it needs {lacks(quantity.signals)}")
 
 
-def open_result(path: str | os.PathLike[str], point: int | None = None) -> Result:
+def open_result(
+    path: str | os.PathLike[str],
+    point: int | None = None,
+    attributes_at: Callable[[Result, int], Mapping[str, Attribute]] = lambda result, point: {},
+) -> Result:
     """Open a result, or one point of a sweep as the result of a single experiment.
 
     Parameters
@@ -814,6 +808,8 @@ def open_result(path: str | os.PathLike[str], point: int | None = None) -> Resul
         The result folder, or the result file in it.
     point
         Number of a point of a sweep.
+    attributes_at
+        Returns the attributes of a point where the file has only those of the sweep.
 
     Returns
     -------
@@ -827,7 +823,10 @@ def open_result(path: str | os.PathLike[str], point: int | None = None) -> Resul
     """
     result = Result(Path(path))
     try:
-        return result if point is None else result.point(point)
+        if point is None:
+            return result
+        view = result.point(point)
+        return view if result.has_groups else result.point(point, attributes_at(result, point))
     except BaseException:
         result.close()
         raise

@@ -17,9 +17,8 @@ from eqt_cli.components.initial_states import Stream, draw_initial_states, gener
 from eqt_cli.components.sensors import Errors
 from eqt_cli.components.vehicle import RandomOf
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.schema import SolverChecks
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Engine, Problem
+from eqt_cli.engines.engine import Engine, Problem, SolverChecks
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import STARTS, ClosedLoop, OwnStarts, ReferenceSystem
 from eqt_cli.numbers.leaves import leaves, structure

@@ -26,7 +26,7 @@ from eqt_cli.engines.engine import Solution, Status
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
 from eqt_cli.loop.signals import at_state, knows_energy, of_pose
 from eqt_cli.numbers.running import SampledRuns
-from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING, measured_of
+from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.runs.batches import (
     Batch,
@@ -39,7 +39,7 @@ from eqt_cli.runs.batches import (
 )
 from eqt_cli.runs.executors import TaskContext
 from eqt_cli.runs.lock import FinishedPart, PartFiles
-from eqt_cli.runs.result_layout import Layout
+from eqt_cli.runs.result_layout import Layout, measured_of
 
 LEADING = {
     ValuePer.TRAJECTORY: "kept",

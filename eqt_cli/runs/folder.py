@@ -11,8 +11,10 @@ from typing import Any
 
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, FullDiskError, KeyPath, Remedy, dotted
 from eqt_cli.base.files import (
+    FIGURES,
     FILE_NAME,
     NO_SPACE,
+    REPORT,
     Own,
     OwnFile,
     OwnFolder,
@@ -31,8 +33,7 @@ from eqt_cli.config.experiment import renamed
 from eqt_cli.config.study import Study
 from eqt_cli.runs.lock import LOCK, MANIFEST, OWN_PARTS, PARTS, PartFiles
 
-CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
-FILES = "stored_files"
+CONFIG, PLUGINS, FILES = "config.yaml", "stored_plugins", "stored_files"
 RERUN = "reruns"
 """Folder for the parts of failed runs that are computed again."""
 

@@ -24,6 +24,7 @@ from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.version import __version__
 from eqt_cli.config.parts import Plans
+from eqt_cli.results.origin import OTHERS, numeric
 
 # Records the origin of a result: versions, machine, commit. Nothing here affects numbers ----------
 
@@ -105,15 +106,6 @@ def _hash(text: str) -> str | None:
 
 PACKAGES = ("numpy", "scipy", "h5py")
 
-NUMERIC = ("eqt", "numpy", "scipy", "machine")
-"""Entries on which the last bits of a number can depend."""
-
-VERSIONS = ("eqt", "python", "numpy", "scipy")
-"""Entries that a summary shows."""
-
-OTHERS = "other_sessions"
-"""Entry for other sessions that computed some of the runs and differ in `NUMERIC`."""
-
 
 def provenance(folder: Path, tools: Mapping[str, str]) -> dict[str, Any]:
     """Describe this machine, the tools of the engine, and the session of a configuration."""
@@ -138,25 +130,12 @@ def now() -> str:
 
 def together(origin: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     """Return `origin` with the sessions of both that differ from it in `NUMERIC`."""
-    known = {_numeric(origin): origin}
+    known = {numeric(origin): origin}
     for entry in [*origin.get(OTHERS, ()), *other.get(OTHERS, ()), other]:
-        known.setdefault(_numeric(entry), {k: v for k, v in entry.items() if k != OTHERS})
+        known.setdefault(numeric(entry), {k: v for k, v in entry.items() if k != OTHERS})
     _, *differing = known.values()
     plain = {key: value for key, value in origin.items() if key != OTHERS}
     return plain | ({OTHERS: differing} if differing else {})
-
-
-def differences(other: dict[str, Any], origin: dict[str, Any]) -> str:
-    """Describe the differences of a session from this one, as ``numpy 2.0.0 (not 2.4.6)``."""
-    return ", ".join(
-        f"{name} {other.get(name, 'none')} (not {origin.get(name, 'none')})"
-        for name in NUMERIC
-        if other.get(name) != origin.get(name)
-    )
-
-
-def _numeric(origin: dict[str, Any]) -> tuple[Any, ...]:
-    return tuple(origin.get(name) for name in NUMERIC)
 
 
 # Locks a result folder for one writer; the lock ends with its process -----------------------------

@@ -22,12 +22,11 @@ from eqt_cli.config.preflight import TOGETHER, trial
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.loop.closed_loop import parts_of
-from eqt_cli.results.metrics import quantities
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import Batch, batches, by_kind
 from eqt_cli.runs.compute_part import compute_part, shared_reference
 from eqt_cli.runs.executors import Executor, TaskContext
-from eqt_cli.runs.result_layout import Layout
+from eqt_cli.runs.result_layout import Layout, quantities
 
 # Begins a study with two runs of every law --------------------------------------------------------
 

@@ -5,9 +5,11 @@ holds only the numbers of each run, and a group for each point holds all of its 
 """
 
 import json
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -15,20 +17,139 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.files import point_group
+from eqt_cli.base.files import LAW, point_group
 from eqt_cli.base.store_writer import Assembly, Attribute, Blank, Variable, assemble
 from eqt_cli.base.yaml_source import dump
+from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
-from eqt_cli.config.read_study import LAW, law_names
-from eqt_cli.config.study import Study
-from eqt_cli.results.metrics import coordinates, quantities
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.read_study import law_names
+from eqt_cli.config.schema import Config
+from eqt_cli.config.source import description
+from eqt_cli.config.study import Study, section_of
+from eqt_cli.loop.signals import MIXED, Signal
+from eqt_cli.results.metrics import ESTIMATE_SETTLING, MEASURED, QUANTITIES, SETTLING, SIGNAL
 from eqt_cli.results.quantity import Quantity, ValuePer
 
 TEXT_BYTES = 16
 """Size of a reference to a string in HDF5, bytes."""
 
-MIXED = "mixed"
-"""Unit of a variable whose unit differs between points."""
+
+# The rows of the table for a configuration -------------------------------------------------------
+
+
+def by_thresholds_of_parts(quantity: Quantity, thresholds: Mapping[str, float]) -> Quantity:
+    """Return a row that uses the settling threshold, for separate thresholds of the parts."""
+    assert quantity.of is not None
+    words = quantity.long_name.replace("||I - Q_E||_F", "the largest error of a part")
+    words = words.replace("||I - Qhat^-1 Q||_F", "the largest error of a part of the estimate")
+    return replace(
+        quantity,
+        long_name=words.replace("the settling threshold", "its settling threshold"),
+        signals=(ESTIMATE_SETTLING if quantity.signals == ("estimate_error",) else SETTLING,),
+        of=partial(quantity.of, threshold=1.0),
+        settings={},
+        notes={f"threshold_{name}": value for name, value in thresholds.items()},
+    )
+
+
+def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
+    """Return the row of the table for the keys of a configuration."""
+    thresholds = config.settling_threshold
+    if isinstance(thresholds, dict) and "settling_threshold" in quantity.settings.values():
+        return by_thresholds_of_parts(quantity, thresholds)
+    values = {name: getattr(config, key) for name, key in quantity.choices.items()}
+    return quantity.with_choices(values)
+
+
+def _vehicle(experiment: Experiment) -> Vehicle:
+    """Return the vehicle, which all laws share."""
+    return next(iter(experiment.loops.values())).vehicle
+
+
+def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Quantity]:
+    """Return the variables of an experiment's result with their units, in the file's order.
+
+    Parameters
+    ----------
+    vehicles
+        Vehicles of all points of a sweep; a variable stored for one is stored for all. Default:
+        the vehicle of the experiment.
+    """
+    quantities, group = [], experiment.group
+    own = _vehicle(experiment)
+    vehicles = vehicles or [own]
+    for quantity in QUANTITIES.values():
+        # Points with and without thrusters or wheels have different shapes.
+        of = [own] if own.members.keys() & set(quantity.dims) else vehicles
+        if not (quantity.stored and any(map(quantity.stored_of, of)) and _exists(quantity, group)):
+            continue
+        quantity = with_keys_of(experiment.config, quantity)
+        notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
+        signal = SIGNAL.get(quantity.signals[0]) if quantity.signals else None
+        laws = [loop.controller for loop in experiment.loops.values()]
+        if signal and not any(map(signal.exists_for, laws)):
+            continue
+        units = quantity.unit(signal.units(group) if signal else "")
+        quantities.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
+        if signal and (quantity.per is ValuePer.TRAJECTORY or quantity.stored_by_part):
+            quantities += [
+                replace(quantity.part(part.name), units=quantity.unit(signal.unit_in(part)))
+                for part in _parts_of_their_own(quantity, signal, group)
+            ]
+    return quantities
+
+
+def _exists(quantity: Quantity, group: MatrixLieGroup) -> bool:
+    """Return whether a group has the signals of a quantity."""
+    return all(SIGNAL[name].exists_on(group) for name in quantity.signals if name in SIGNAL)
+
+
+def _parts_of_their_own(
+    quantity: Quantity, signal: Signal, group: MatrixLieGroup
+) -> tuple[Part, ...]:
+    """Return the parts stored besides a norm; for numbers per run, only if their units differ."""
+    mixes = quantity.per is ValuePer.TRAJECTORY or signal.units(group) == MIXED
+    return signal.parts(group) if mixes else ()
+
+
+def measured_of(config: Config, group: MatrixLieGroup) -> list[Quantity]:
+    """Return the quantities computed from signals on a group, including those of parts."""
+    rows = [with_keys_of(config, quantity) for quantity in MEASURED if _exists(quantity, group)]
+    return rows + [
+        row.part(part.name)
+        for row in rows
+        if row.stored_by_part
+        for part in _parts_of_their_own(row, SIGNAL[row.signals[0]], group)
+    ]
+
+
+def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
+    """Return the coordinates of all dimensions; `kept` runs have stored trajectories."""
+
+    def along(dim: str, values: Array, long_name: str, **units: str) -> Variable:
+        return Variable((dim,), values, {**units, "long_name": long_name})
+
+    G, runs, labels = experiment.group, experiment.config.ensemble.runs, list(experiment.loops)
+    times = experiment.times[:: experiment.config.store.decimate]
+    variables = [
+        along("controller", np.array(labels, dtype=object), "control law"),
+        along("run", np.arange(runs), "run, with its own initial state", units="1"),
+        along("time", times, "time", units="s"),
+        along("row", np.arange(G.size), "row of a pose matrix", units="1"),
+        along("col", np.arange(G.size), "column of a pose matrix", units="1"),
+        along("axis", np.array(G.axis_names, dtype=object), "algebra coordinate"),
+    ]
+    members = _vehicle(experiment).members.items()
+    variables += [along(dim, np.array(of, dtype=object), dim) for dim, of in members if of and kept]
+    if 0 < kept < runs:
+        stored = np.arange(kept)
+        variables.append(along("stored_run", stored, "run whose trajectory is stored", units="1"))
+    return {variable.dims[0]: variable for variable in variables}
+
+
+# The file ----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -179,7 +300,9 @@ def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly
     group = file.group(point_group(point), _sizes(coords), coords, layout.blanks(single=True))
     experiment = study.experiment(point)
     config = dump(experiment.resolved | {"store": study.resolved["store"]})
-    group.describe({"config": config, "group": experiment.group.name})
+    words = description(experiment.resolved, _vehicle(experiment).departures)
+    about = json.dumps(words, ensure_ascii=False)
+    group.describe({"config": config, "group": experiment.group.name, "experiment": about})
     return group
 
 
@@ -222,6 +345,40 @@ Destination = Assembly | _Spread
 """Receives the variables of a piece."""
 
 
+def _experiment(study: Study) -> dict[str, Any]:
+    """Return what readers show of the experiment; a swept tolerance is none."""
+    words = description(study.resolved, _vehicle(study.base).departures)
+    swept = study.sweep is not None and "solver" in map(section_of, study.sweep.sets)
+    return words | ({"rtol": None} if swept else {})
+
+
+def _scale_attributes(study: Study, key: str) -> dict[str, Attribute]:
+    """Return the scale of a swept key, and its name on the axis of a figure with its unit."""
+    from eqt_cli.config.json_schema import scale_of  # only sweeps need it
+
+    found: dict[str, Attribute] = {}
+    assert study.sweep is not None
+    if key in log_keys(study.sweep.data):
+        found["scale"] = "log"
+    if scale := scale_of(study.resolved, key):
+        letter = re.sub(r"(?<= )[gcnq]$", r"$\g<0>$", scale.label)  # of a weight
+        found["label"] = f"${scale.label}$" if scale.is_symbol else letter
+        found |= {"unit_of_key": scale.unit} if scale.unit else {}
+    return found
+
+
+def log_keys(section: Any) -> Iterator[str]:
+    """Yield the keys of ranges with ``scale: log`` in the section of a sweep."""
+    if isinstance(section, list):
+        for entry in section:
+            yield from log_keys(entry)
+    elif isinstance(section, dict):
+        for key, entry in section.items():
+            if isinstance(entry, dict) and entry.get("scale") == "log":
+                yield str(key)
+            yield from log_keys(entry)
+
+
 def swept_coordinates(study: Study) -> dict[str, Variable]:
     """Return a coordinate along `point` for each swept key: numbers, texts, or JSON texts."""
     if study.sweep is None:
@@ -230,7 +387,7 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
     columns = list(zip(*map(study.sweep.values, range(len(study))), strict=True))
     for key, values in zip(study.sweep.keys, columns, strict=True):
         name = key.replace("[", ".").replace("]", "")
-        attributes = {"long_name": f"{key}, swept", "key": key}
+        attributes = {"long_name": f"{key}, swept", "key": key} | _scale_attributes(study, key)
         if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
             swept[name] = Variable(("point",), np.array(values), attributes)
         else:
@@ -259,6 +416,7 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
         **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
         "digest": study.digest,
         "group": ", ".join(groups),
+        "experiment": json.dumps(_experiment(study), ensure_ascii=False),
         "titles": json.dumps(study.base.titles, ensure_ascii=False),
         "provenance": json.dumps(provenance, ensure_ascii=False),
         "references": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",

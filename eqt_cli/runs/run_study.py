@@ -16,13 +16,14 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, ResultError
+from eqt_cli.base.files import LAW
 from eqt_cli.base.reporting import RUNS_DONE, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly, Attribute
 from eqt_cli.config.parts import StudyPart
-from eqt_cli.config.read_study import LAW
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Status
+from eqt_cli.results.origin import OTHERS, differences
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.runs import lock
 from eqt_cli.runs.batches import LEAST_SECONDS, chosen_entries, combined, cross_check
@@ -315,7 +316,7 @@ class _Session:
 
     def _remark_versions(self, earlier: Sequence[dict[str, Any]], here: dict[str, Any]) -> None:
         """Remark if some runs were computed with other versions."""
-        differing = (lock.differences(session, here) for session in earlier)
+        differing = (differences(session, here) for session in earlier)
         if listed := "; or ".join(filter(None, differing)):
             reporter().remark(
                 EqtWarning(
@@ -331,7 +332,7 @@ class _Session:
         origin = lock.provenance(study.source.folder, study.base.engine.provenance())
         if same and not afresh and "provenance" in earlier:
             origin = lock.together(origin, earlier["provenance"])
-            self._remark_versions(origin.get(lock.OTHERS, []), origin)
+            self._remark_versions(origin.get(OTHERS, []), origin)
         return {
             "name": study.name,
             "digest": study.digest,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.errors import ResultError
+from eqt_cli.base.files import FORMAT
 from eqt_cli.base.store_reader import Refusal, open_results, read_heaps
 from eqt_cli.base.store_writer import Table, Variable, write
 from eqt_cli.base.version import __version__
@@ -100,12 +101,12 @@ def test_an_hdf5_file_of_another_program(tmp_path):
 def test_another_format(path, version, said):
     with h5py.File(path, "r+") as file:
         assert file.attrs["eqt_version"] == __version__.encode()
-        file.attrs["eqt_format"] = 2
+        file.attrs["eqt_format"] = 1
         del file.attrs["eqt_version"]
         if version is not None:
             file.attrs["eqt_version"] = version
     assert refusal(path) == (
-        f"{path}: has format 2, but eqt {__version__} reads format 1; read it with {said}"
+        f"{path}: has format 1, but eqt {__version__} reads format 2; read it with {said}"
     )
 
 
@@ -305,7 +306,7 @@ def test_what_eqt_never_writes_is_refused(path, build):
 def test_the_layout_without_checksums(tmp_path):
     path = tmp_path / "results.h5"
     with h5py.File(path, "w", libver=("earliest", "v108")) as file:
-        file.attrs["eqt_format"] = 1
+        file.attrs["eqt_format"] = FORMAT
     assert refusal(path) == refused_as(path, "it has an HDF5 layout without checksums")
 
 

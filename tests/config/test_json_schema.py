@@ -18,9 +18,8 @@ from eqt_cli.config import shipped
 from eqt_cli.config.designs import designs
 from eqt_cli.config.json_schema import json_schema, scale_of
 from eqt_cli.config.read_study import study
-from eqt_cli.config.schema import SolverChecks
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.engines.engine import engines
+from eqt_cli.engines.engine import SolverChecks, engines
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 from small_experiment import mapping
 
 from eqt_cli import api
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import is_foreign, meanings
 from eqt_cli.components.recording_check import Recording
@@ -21,7 +22,6 @@ from eqt_cli.figures.run_figures import EstimateFigure
 from eqt_cli.figures.search_figures import Fronts, WorstFigure
 from eqt_cli.figures.style import Style
 from eqt_cli.figures.time_figures import Commands
-from eqt_cli.results.result import open_result
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -82,8 +82,8 @@ def recording_of_run(result):
 def results(made_once):
     """As `make_results` has made them, once for all processes of the tests."""
     folder = made_once("figures of every kind", make_results)
-    opened = {name: open_result(folder / name) for name in ("single", "bare", "sweep", "estimated")}
-    opened |= {name: open_result(folder / name) for name in ("tuned", "worst")}
+    opened = {name: open_at(folder / name) for name in ("single", "bare", "sweep", "estimated")}
+    opened |= {name: open_at(folder / name) for name in ("tuned", "worst")}
     rows = pickle.loads((folder / "rows").read_bytes())
     yield opened, Extras(rows, recording_of_run(opened["single"]))
     for one in opened.values():

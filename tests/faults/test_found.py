@@ -142,6 +142,7 @@ def test_a_cross_check_that_is_not_whole(result, invoke, name, command):
         ("titles", "[]", "a mapping in JSON from names to texts"),
         ("provenance", '{"eqt": 1}', "versions and times in JSON"),
         ("provenance", "[" * 500, "versions and times in JSON"),
+        ("experiment", '{"kinds": 5}', "a description in JSON"),
         ("lyapunov_functions", '{"unclaimed": 5}', "names of functions in JSON"),
         ("matching", '{"not_matched": 5}', "labels of laws in JSON"),
     ],

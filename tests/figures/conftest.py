@@ -9,8 +9,8 @@ import pytest
 import yaml
 from small_experiment import mapping, study_of
 
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.store_writer import Table, Variable, write
-from eqt_cli.results.result import open_result
 from eqt_cli.runs.run_study import execute
 
 RUNS = 6
@@ -105,7 +105,7 @@ def opened(_open):
 
     def open_once(path):
         if path not in _open:
-            _open[path] = open_result(path)
+            _open[path] = open_at(path)
         return _open[path]
 
     return open_once
@@ -144,7 +144,7 @@ def altered(tmp_path, opened, request):
             new.replace(target)
         else:
             write(target, changed(results, arrays))
-        altered = open_result(target)
+        altered = open_at(target)
         request.addfinalizer(altered.close)
         return altered
 

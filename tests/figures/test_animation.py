@@ -9,6 +9,7 @@ from PIL import Image
 from said import error_of
 
 import eqt_cli
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.figures.animation import (
     CORNERS,
@@ -25,12 +26,11 @@ from eqt_cli.figures.animation import (
     tips,
 )
 from eqt_cli.report.document import animation
-from eqt_cli.results.result import open_result
 
 
 @pytest.fixture(scope="module")
 def results(paper_result):
-    with open_result(paper_result) as opened:
+    with open_at(paper_result) as opened:
         yield opened
 
 
@@ -69,7 +69,7 @@ def rotors(tmp_path_factory):
     }
     folder = tmp_path_factory.mktemp("rotors") / "out"
     eqt_cli.run(config, folder)
-    with open_result(folder) as opened:
+    with open_at(folder) as opened:
         yield opened
 
 
@@ -171,7 +171,7 @@ def test_a_body_that_fails_is_said_to(altered, paper_result, opened):
 @pytest.fixture(scope="module")
 def flight(se3):
     """A run on SE3 as a scene."""
-    with open_result(se3) as opened:
+    with open_at(se3) as opened:
         yield scene_of(motion(opened, 2))
 
 

@@ -20,6 +20,7 @@ from said import error_of
 from slow_cases import mostly_slow
 
 from eqt_cli.analysis.verification import verify_stored
+from eqt_cli.api.loading import open_at
 from eqt_cli.extensions.recordings.figures import MeasuredFigure
 from eqt_cli.figures.comparison_figures import Certificates
 from eqt_cli.figures.figure import Extras, OfCertificates, OfReference, OfSweep, OverTime, figures
@@ -29,7 +30,6 @@ from eqt_cli.figures.run_figures import EstimateFigure
 from eqt_cli.figures.search_figures import Fronts, WorstFigure
 from eqt_cli.figures.style import WIDTHS, house_style
 from eqt_cli.figures.time_figures import Commands
-from eqt_cli.results.result import open_result
 
 FORMATS = ("pdf", "svg", "png")  # the pixels of the last one are looked at
 
@@ -78,7 +78,7 @@ def drawn():
         listener = logging.StreamHandler(said)
         log.addHandler(listener)
         try:
-            with open_result(path) as results, redirect_stdout(said), redirect_stderr(said):
+            with open_at(path) as results, redirect_stdout(said), redirect_stderr(said):
                 found = Drawn(figures.get(name)().draw([results], width))
                 for format in formats_of(name):
                     with recorded_texts() as found.texts:
@@ -190,8 +190,8 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
     code = (
         "from pathlib import Path\n"
         "from eqt_cli.figures.render import render\n"
-        "from eqt_cli.results.result import open_result\n"
-        f"with open_result({str(so3)!r}) as results:\n"
+        "from eqt_cli.api.loading import open_at\n"
+        f"with open_at({str(so3)!r}) as results:\n"
         f"    for name, formats in {formats}.items():\n"
         "        render([results], name, Path.cwd(), formats)\n"
     )

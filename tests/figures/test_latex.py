@@ -185,8 +185,8 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
         "from pathlib import Path\n"
         "from eqt_cli.figures.render import render\n"
         "from eqt_cli.figures.style import Style\n"
-        "from eqt_cli.results.result import open_result\n"
-        f"with open_result({str(so3)!r}) as results:\n"
+        "from eqt_cli.api.loading import open_at\n"
+        f"with open_at({str(so3)!r}) as results:\n"
         "    render([results], 'paper', Path.cwd(), style=Style(tex=True))\n"
     )
     found = []

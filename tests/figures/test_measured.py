@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from said import cases
 
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.extensions.recordings.figures import MeasuredFigure
 from eqt_cli.figures.figure import Extras
 from eqt_cli.figures.render import curves
 from eqt_cli.figures.style import Style, house_style
-from eqt_cli.results.result import open_result
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -21,7 +21,7 @@ OFFSET = 0.137
 
 @pytest.fixture
 def result(paper_result):
-    with open_result(paper_result) as opened:
+    with open_at(paper_result) as opened:
         yield opened
 
 

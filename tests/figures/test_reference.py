@@ -7,11 +7,12 @@ import pytest
 from said import error_of
 
 from eqt_cli import api
+from eqt_cli.api.drawing import desired_motion
+from eqt_cli.api.loading import open_at
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.labels import without_jumps
 from eqt_cli.figures.render import curves
 from eqt_cli.figures.shown import ShownReference
-from eqt_cli.results.result import open_result
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -29,7 +30,7 @@ CONFIG = {
 
 
 def experiment(**changes):
-    return api.load_experiment(CONFIG | changes).base
+    return desired_motion(api.load_experiment(CONFIG | changes).base)
 
 
 def drawn(source, **options):
@@ -62,7 +63,7 @@ def test_degrees_are_those_of_rotations():
 
 def test_a_result_shows_the_same(tmp_path):
     result = api.run(api.load_experiment(CONFIG), tmp_path / "result")
-    with open_result(result.path) as opened:
+    with open_at(result.path) as opened:
         stored = ShownReference(opened, "reference")
     unrun = ShownReference(experiment(), "reference")
     rows = np.searchsorted(unrun.times, stored.times - 1e-9)

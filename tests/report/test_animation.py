@@ -6,14 +6,14 @@ import re
 import numpy as np
 import pytest
 
+from eqt_cli.api.loading import open_at
 from eqt_cli.figures.animation import motion, scene_of
 from eqt_cli.report.document import animation
-from eqt_cli.results.result import open_result
 
 
 @pytest.fixture(scope="module")
 def text(paper_result):
-    with open_result(paper_result) as results:
+    with open_at(paper_result) as results:
         return animation(results, 4)
 
 
@@ -23,7 +23,7 @@ def data(text):
 
 def test_page_holds_the_run(text, paper_result):
     found = data(text)
-    with open_result(paper_result) as results:
+    with open_at(paper_result) as results:
         pose = results.read("pose", controller=2, run=4)
     rotation = np.array(found["bodies"][2]["rotation"]).reshape(-1, 3, 3)
     # Four digits are kept.
@@ -33,7 +33,7 @@ def test_page_holds_the_run(text, paper_result):
 
 def test_page_has_the_scene_of_the_gif(text, paper_result):
     found = data(text)
-    with open_result(paper_result) as results:
+    with open_at(paper_result) as results:
         scene = scene_of(motion(results, 4))
     assert np.array(found["ground"]) == pytest.approx(scene.ground, rel=5.1e-4)
     assert np.array(found["reach"]) == pytest.approx(scene.reach, rel=5.1e-4)

@@ -5,9 +5,9 @@ from html.parser import HTMLParser
 
 import pytest
 
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.report.document import DEFAULT, inline_figures, inlined, named
-from eqt_cli.results.result import open_result
 
 FILE = b"""<?xml version="1.0"?>
 <svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" width="10pt"
@@ -55,7 +55,7 @@ def test_label_says_what_is_drawn(svg):
 @pytest.mark.slow("draws every figure of a page, which the tests of pages do too")
 @pytest.mark.usefixtures("unarranged")
 def test_figures_of_a_result(paper_result):
-    with open_result(paper_result) as results:
+    with open_at(paper_result) as results:
         drawn, remarks = inline_figures(results, DEFAULT)
     assert [figure["key"] for figure in drawn][:3] == ["figure1", "figure2", "figure3"]
     assert remarks == []

@@ -10,10 +10,10 @@ import pytest
 
 import eqt_cli
 from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.api.loading import open_at
 from eqt_cli.report.document import Wanted, report
 from eqt_cli.report.summary import in_words
 from eqt_cli.results.metrics import QUANTITIES
-from eqt_cli.results.result import open_result
 
 MEANS = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
 HOSTILE = "</script><img src=x onerror=alert(1)>"
@@ -69,7 +69,7 @@ def test_page_of_the_paper_stays_below_3_megabytes(page_of, paper_result):
 @pytest.mark.slow("draws all figures, twice")
 @pytest.mark.usefixtures("unarranged")
 def test_equal_results_give_equal_pages(paper_result):
-    with open_result(paper_result) as results:
+    with open_at(paper_result) as results:
         assert report(results) == report(results)
 
 
@@ -180,7 +180,7 @@ def test_certificates_keep_kinds_apart_and_failures_stand_out(paper_result):
         Row("rate of L", "Theorem 3.2", "identity", "", 0.0, 1e-12, Verdict.HOLDS),
         Row("𝕀_t is bounded", "Theorem 3.2", "hypothesis", "", 0.0, None, Verdict.HOLDS),
     ]
-    with open_result(paper_result) as results:
+    with open_at(paper_result) as results:
         text = report(results, [], rows)
     assert "checked on this experiment: 1 hold, 1 fail" in text
     doubts, every = text[text.index('id="certificates-table"') :].split('class="folded"')

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from eqt_cli import api
+from eqt_cli.api.loading import open_at
 from eqt_cli.report import summary
 from eqt_cli.report.summary import (
     LEVELS,
@@ -18,7 +19,6 @@ from eqt_cli.report.summary import (
     quantised,
     run_table,
 )
-from eqt_cli.results.result import open_result
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def test_values_as_running_text(value, words):
 
 
 def test_values_of_the_paper(paper_result):
-    with open_result(paper_result) as result:
+    with open_at(paper_result) as result:
         values = {entry.name: entry.words or entry.matrix for entry in given(result)}
     assert values["Inertia"][0] == ["0.824", "0", "0.12"]
     assert values["Weight of the navigation function"] == "1 · I"
@@ -111,7 +111,7 @@ def test_own_gains_and_options_of_laws_and_keys_of_the_engine_alone(tmp_path):
         encoding="utf-8",
     )
     api.run(config, out=tmp_path / "out")
-    with open_result(tmp_path / "out") as result:
+    with open_at(tmp_path / "out") as result:
         assert [law.own for law in laws(result)] == [
             "",
             "gains: kp 4",
@@ -146,7 +146,7 @@ def test_all_zero_values():
 
 
 def test_curves_of_a_result(paper_result):
-    with open_result(paper_result) as results:
+    with open_at(paper_result) as results:
         found = curves(results)
         torque = results.read("torque_norm", controller=1, run=7)
     assert [panel["name"] for panel in found["panels"]] == ["‖I − Q_E‖", "‖V − V_d‖", "‖τ‖", "L"]
@@ -159,7 +159,7 @@ def test_curves_of_a_result(paper_result):
 
 
 def test_units_of_a_user(paper_result):
-    with open_result(paper_result) as results:
+    with open_at(paper_result) as results:
         usual, other = results, results.in_units(["mN m"])
         (torque,) = (panel for panel in curves(usual)["panels"] if panel["unit"] == "N m")
         (shown,) = (panel for panel in curves(other)["panels"] if panel["unit"] == "mN m")
@@ -173,7 +173,7 @@ def test_units_of_a_user(paper_result):
 
 def test_runs_that_would_not_fit_are_left_out(paper_result, monkeypatch):
     monkeypatch.setattr(summary, "LARGEST", 50_000)
-    with open_result(paper_result) as results:
+    with open_at(paper_result) as results:
         found = curves(results)
     assert found["stored"] == 60
     assert sum(len(panel["codes"]) for panel in found["panels"]) <= 50_000 + 16
@@ -181,7 +181,7 @@ def test_runs_that_would_not_fit_are_left_out(paper_result, monkeypatch):
 
 
 def test_controllers_look_as_in_the_figures(paper_result):
-    with open_result(paper_result) as results:
+    with open_at(paper_result) as results:
         looks = curves(results)["controllers"]
     assert [(look["title"], look["colour"], bool(look["dashes"])) for look in looks[:2]] == [
         ("EqT", "#0a62ae", False),

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.maps import extreme_points
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.reporting import significant
 from eqt_cli.report.document import report
 from eqt_cli.report.summary import point_table
-from eqt_cli.results.result import open_result
 
 
 @pytest.fixture(scope="module")
 def results(swept_result):
-    with open_result(swept_result) as opened:
+    with open_at(swept_result) as opened:
         yield opened
 
 
@@ -115,7 +115,7 @@ def test_three_keys_leave_out_the_maps(invoke, tmp_path):
         *(f"--set={setting}" for setting in settings),
         *grids,
     )
-    with open_result(tmp_path / "out") as results:
+    with open_at(tmp_path / "out") as results:
         text = report(results)
     assert text.count("<figure id=") == 1 and "Pareto front" in text
     assert "8 points over gains.kp, gains.kd and ensemble.seed, each with 2 runs" in text

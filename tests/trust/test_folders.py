@@ -31,13 +31,21 @@ from eqt_cli.analysis.law_search import GENERATIONS
 from eqt_cli.analysis.search_record import TUNE, WORST
 from eqt_cli.analysis.tune import Search
 from eqt_cli.base.errors import EqtError
-from eqt_cli.base.files import FILE_NAME, FOUND_BY, kind_of, name_to_be, new_file, replace_file
+from eqt_cli.base.files import (
+    FIGURES,
+    FILE_NAME,
+    FOUND_BY,
+    kind_of,
+    name_to_be,
+    new_file,
+    replace_file,
+)
 from eqt_cli.base.store_writer import Table, write
 from eqt_cli.cli import main
 from eqt_cli.cli.app import app
 from eqt_cli.config import read_study
 from eqt_cli.runs.folder import CONFIG as CONFIG_NAME
-from eqt_cli.runs.folder import FIGURES, FILES, OWN_RESULT, PLUGINS, RERUN
+from eqt_cli.runs.folder import FILES, OWN_RESULT, PLUGINS, RERUN
 from eqt_cli.runs.lock import LOCK, MANIFEST, PARTS, holder, locked
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="links need rights on Windows")
