@@ -367,7 +367,7 @@ MEANINGS = {
     "config": "configuration with every default written out, YAML",
     "plugins": "source of every plugin by its path, YAML",
     "digest": "SHA-256 of all that the numbers depend on",
-    "titles": "how figures write each controller, JSON",
+    "experiment": "the loop, its laws and their names, as readers show them, JSON",
     "provenance": "versions, machine and times, JSON",
     "references": "the paper",
     "cross_check_method": "method that repeated some of the runs, and in which part of time",

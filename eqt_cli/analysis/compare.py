@@ -430,7 +430,7 @@ def compare(
         judgements=judgements,
         departures=result.described.departures,
         lyapunov_functions=functions if len(set(functions.values())) > 1 else {},
-        not_matched=[label for label in result.not_matched if label in labels],
+        not_matched=[label for label in result.described.not_matched if label in labels],
         missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
         confidence=how.confidence,
         resamples=resamples,

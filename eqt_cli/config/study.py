@@ -99,7 +99,7 @@ def attributes_at(results: ResultFile, point: int) -> dict[str, str]:
     config = config_at(source_of(results), point).data
     experiment = json.loads(str(results.attributes["experiment"]))
     with suppress(KeyError, TypeError, AttributeError, ValueError):  # values in other units
-        experiment = description(config, experiment["departures"])
+        experiment |= description(config, experiment["departures"])
     return {"config": dump(config), "experiment": json.dumps(experiment, ensure_ascii=False)}
 
 

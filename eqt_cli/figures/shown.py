@@ -182,7 +182,7 @@ class ShownControllers:
             for e in self.ensembles
             if (count := np.count_nonzero(~e.good))
         ]
-        own = [e.title for e in self.shown if e.law in e.results.not_matched]
+        own = [e.title for e in self.shown if e.law in e.results.described.not_matched]
         matched = [f"Gains not matched: {', '.join(own)}."] if own else []
         return failed + matched + self.remarks
 

@@ -50,7 +50,7 @@ def check_attributes(result: ResultFile) -> None:
                 value = kind.validate_python(result.attributes[name], strict=True)
             except ValidationError:
                 raise result.refusal(f"its attribute '{name}' is not {expected}") from None
-            if isinstance(value, _AboutLaws):
+            if isinstance(value, Experiment):
                 _check_labels(result, name, value)
     there = [name for name in CROSS_CHECK if f"cross_check_{name}" in result.attributes]
     if there and len(there) < len(CROSS_CHECK):
@@ -58,7 +58,7 @@ def check_attributes(result: ResultFile) -> None:
         raise result.refusal(f"it lacks the attribute 'cross_check_{lacking}'")
 
 
-def _check_labels(result: ResultFile, name: str, value: _AboutLaws) -> None:
+def _check_labels(result: ResultFile, name: str, value: Experiment) -> None:
     """Refuse an attribute about controllers that the file does not have."""
     if "controller" not in result.coordinates:
         return
@@ -130,22 +130,6 @@ class _Origin(BaseModel):
     other_sessions: list[dict[str, Any]] = []
 
 
-class _AboutLaws(BaseModel):
-    """An attribute about some laws, by their labels.
-
-    Attributes
-    ----------
-    functions, unclaimed
-        Name of each law's function L, and the laws that claim no decrease of it.
-    not_matched
-        Laws whose stiffness and damping are not those of the gains.
-    """
-
-    functions: dict[str, str] = {}
-    unclaimed: list[str] = []
-    not_matched: list[str] = []
-
-
 Words = Annotated[str, AfterValidator(printable)]
 Arrow = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
@@ -155,8 +139,11 @@ class Experiment(BaseModel):
 
     Attributes
     ----------
-    kinds
-        Kind of each controller, by label.
+    titles, kinds, functions
+        Display name of each controller, its kind, and the name of its function L, by label.
+    unclaimed, not_matched
+        Labels of the laws that do not claim that their L decreases, and of those whose stiffness
+        and damping are not those of the gains.
     rtol
         Relative tolerance of all runs; None if it is swept.
     seed
@@ -171,7 +158,11 @@ class Experiment(BaseModel):
         Place, m, and direction of each thruster in the body; a planar one has z = 0.
     """
 
+    titles: dict[str, Words] = {}
     kinds: dict[str, Words] = {}
+    functions: dict[str, str] = {}
+    unclaimed: list[str] = []
+    not_matched: list[str] = []
     rtol: FiniteFloat | None = None
     seed: int = 0
     signal_path: Words = ""
@@ -184,11 +175,8 @@ _TEXT, _NUMBER = ("text", TypeAdapter(str)), ("a number", TypeAdapter(float))
 
 _EXPECTED: dict[str, tuple[str, TypeAdapter[Any]]] = {
     **dict.fromkeys(("title", "group", "digest", "config", "plugins"), _TEXT),
-    "titles": ("a mapping in JSON from names to texts", TypeAdapter(Json[dict[str, str]])),
     "provenance": ("versions and times in JSON", TypeAdapter(Json[_Origin])),
     "experiment": ("a description in JSON", TypeAdapter(Json[Experiment])),
-    "lyapunov_functions": ("names of functions in JSON", TypeAdapter(Json[_AboutLaws])),
-    "matching": ("labels of laws in JSON", TypeAdapter(Json[_AboutLaws])),
     "cross_check_method": _TEXT,
     "cross_check_runs": ("a whole number of at least 0", TypeAdapter(NonNegativeInt)),
     "cross_check_difference": _NUMBER,
@@ -369,13 +357,8 @@ class KnownResult(ResultFile):
     @cached_property
     def _own_titles(self) -> dict[str, str]:
         """Titles of the laws by label, without the names that a user gives."""
-        stored = self._json("titles")
-        return told_apart(
-            {
-                label: printable(stored.get(label, label) if stored else law_title(label))
-                for label in self.labels
-            }
-        )
+        stored = self.described.titles
+        return told_apart({label: stored.get(label) or law_title(label) for label in self.labels})
 
     @cached_property
     def title_of(self) -> dict[str, str]:
@@ -408,28 +391,14 @@ class KnownResult(ResultFile):
     @cached_property
     def lyapunov_functions(self) -> dict[str, str]:
         """Name of each law's function L, by label; empty if it is the same for all."""
-        functions = self._json("lyapunov_functions").get("functions", {})
+        functions = self.described.functions
         return functions if len(set(functions.values())) > 1 else {}
-
-    @cached_property
-    def unclaimed(self) -> list[str]:
-        """Labels of the laws that do not claim that their L decreases."""
-        return list(self._json("lyapunov_functions").get("unclaimed", []))
 
     @cached_property
     def without_function(self) -> list[str]:
         """Labels of laws that claim no decrease, if other laws claim it for their own L."""
-        all_are = len(self.unclaimed) == len(self.labels)
-        return self.unclaimed if self.lyapunov_functions and not all_are else []
-
-    @cached_property
-    def not_matched(self) -> list[str]:
-        """Labels of laws whose stiffness and damping are not those of the gains."""
-        return list(self._json("matching").get("not_matched", []))
-
-    def _json(self, name: str) -> dict[str, Any]:
-        """Return the JSON data of an attribute; empty if the file does not have it."""
-        return json.loads(str(self.attributes.get(name, "{}")))
+        all_are = len(self.described.unclaimed) == len(self.labels)
+        return self.described.unclaimed if self.lyapunov_functions and not all_are else []
 
     @cached_property
     def described(self) -> Experiment:
@@ -458,7 +427,7 @@ class KnownResult(ResultFile):
     @property
     def provenance(self) -> dict[str, Any]:
         """Versions, machine and times from the file; empty if it has none."""
-        return self._json("provenance")
+        return json.loads(str(self.attributes.get("provenance", "{}")))
 
     @property
     def cross_check(self) -> CrossCheck | None:

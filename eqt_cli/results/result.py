@@ -742,7 +742,7 @@ class Result(StoredRuns):
         values[:, runs] = columns
         values[~self.good] = np.nan
         if quantity.name == "decay_rate":  # the decay of L is not claimed for these
-            values[[label in self.unclaimed for label in self.labels]] = np.nan
+            values[[label in self.described.unclaimed for label in self.labels]] = np.nan
         censored = self.good & np.isnan(values) & quantity.censored
         values[censored] = window.stop
         unit, factor = self.shown_in(quantity.name, unit)

@@ -6,7 +6,7 @@ holds only the numbers of each run, and a group for each point holds all of its 
 
 import json
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,7 +21,6 @@ from eqt_cli.base.files import LAW, point_group
 from eqt_cli.base.store_writer import Assembly, Attribute, Blank, Variable, assemble
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.laws import Controller
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.read_study import law_names
@@ -300,8 +299,7 @@ def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly
     group = file.group(point_group(point), _sizes(coords), coords, layout.blanks(single=True))
     experiment = study.experiment(point)
     config = dump(experiment.resolved | {"store": study.resolved["store"]})
-    words = description(experiment.resolved, _vehicle(experiment).departures)
-    about = json.dumps(words, ensure_ascii=False)
+    about = _experiment(experiment, experiment.resolved, set())
     group.describe({"config": config, "group": experiment.group.name, "experiment": about})
     return group
 
@@ -345,11 +343,16 @@ Destination = Assembly | _Spread
 """Receives the variables of a piece."""
 
 
-def _experiment(study: Study) -> dict[str, Any]:
-    """Return what readers show of the experiment; a swept tolerance is none."""
-    words = description(study.resolved, _vehicle(study.base).departures)
-    swept = study.sweep is not None and "solver" in map(section_of, study.sweep.sets)
-    return words | ({"rtol": None} if swept else {})
+def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[str]) -> str:
+    """Return what readers show of an experiment, in JSON; a swept tolerance is none."""
+    laws = {label: loop.controller for label, loop in experiment.loops.items()}
+    about = description(config, _vehicle(experiment).departures) | {
+        "titles": experiment.titles,
+        "functions": {label: law.energy for label, law in laws.items()},
+        "unclaimed": [k for k, loop in experiment.loops.items() if not loop.claims_decrease],
+        "not_matched": [label for label, law in laws.items() if law.matched is False],
+    }
+    return json.dumps(about | ({"rtol": None} if "solver" in swept else {}), ensure_ascii=False)
 
 
 def _scale_attributes(study: Study, key: str) -> dict[str, Attribute]:
@@ -400,15 +403,7 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
 def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
     """Return the attributes that describe a result and allow running it again."""
     groups = {study.piece(index).base.group.name: None for index in range(len(study.shapes))}
-    loops = study.base.loops
-    functions = {label: loop.controller.energy for label, loop in loops.items()}
-    unclaimed = [label for label, loop in loops.items() if not loop.claims_decrease]
-    own = {}  # results of the paper's laws need none of these
-    if set(functions.values()) != {Controller.energy} or unclaimed:
-        claims = {"functions": functions, "unclaimed": unclaimed}
-        own["lyapunov_functions"] = json.dumps(claims, ensure_ascii=False)
-    if not_matched := [label for label, loop in loops.items() if loop.controller.matched is False]:
-        own["matching"] = json.dumps({"not_matched": not_matched}, ensure_ascii=False)
+    swept = set(map(section_of, study.sweep.sets)) if study.sweep else set[str]()
     return {
         "title": study.name,
         "config": dump(study.resolved),
@@ -416,9 +411,7 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
         **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
         "digest": study.digest,
         "group": ", ".join(groups),
-        "experiment": json.dumps(_experiment(study), ensure_ascii=False),
-        "titles": json.dumps(study.base.titles, ensure_ascii=False),
+        "experiment": _experiment(study.base, study.resolved, swept),
         "provenance": json.dumps(provenance, ensure_ascii=False),
         "references": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
-        **own,
     }

@@ -123,7 +123,9 @@ def strange(good, tmp_path_factory):
         config = file.attrs["config"].replace("label: eqt", f"label: {json.dumps(UNSEEN)}")
         file.attrs["config"] = config
         file.attrs["title"] = file.attrs["group"] = UNSEEN
-        file.attrs["titles"] = json.dumps({UNSEEN: UNSEEN})
+        texts = dict.fromkeys(("signal_path", "loop", "departures"), UNSEEN)
+        maps = {name: {UNSEEN: UNSEEN} for name in ("titles", "kinds")}
+        file.attrs["experiment"] = json.dumps(texts | maps)
         file.attrs["plugins"] = f"{json.dumps(UNSEEN)}: {json.dumps(UNSEEN)}\n"
         file.attrs["provenance"] = json.dumps(
             json.loads(file.attrs["provenance"]) | {"started": UNSEEN, "eqt": UNSEEN}

@@ -215,7 +215,7 @@ def test_a_law_that_is_only_called_like_another_has_no_title(simulate, opened, l
 
 def test_results_without_titles_take_those_of_laws_of_that_name(so3, opened, tmp_path, legend):
     results = opened(so3)
-    attributes = {k: v for k, v in results.attributes.items() if k != "titles"}
+    attributes = {k: v for k, v in results.attributes.items() if k != "experiment"}
     variables, coordinates = (
         {n: Variable(results.dims(n), results[n], {"units": results.units(n)}) for n in names}
         for names in (results.names, results.coordinates)

@@ -19,8 +19,8 @@ HOSTILE_ATTRIBUTES: list[Any] = [
 ]
 NAMES = [
     *("cross_check_bound", "cross_check_difference", "cross_check_method", "cross_check_runs"),
-    *("config", "plugins", "files", "provenance", "title", "titles", "group", "digest"),
-    *("lyapunov_functions", "experiment"),
+    *("config", "plugins", "files", "provenance", "title", "experiment", "group"),
+    "digest",
 ]
 
 COMMANDS = [
