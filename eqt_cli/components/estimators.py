@@ -43,6 +43,16 @@ class Schedule:
         return [channel for channel in self.channels if channel.signal == "pose"]
 
     @cached_property
+    def rare(self) -> list[Channel]:
+        """Measured parts of the velocity without a new measurement at every tick."""
+        return [each for each in self.channels if each.signal == "velocity" and each.holds]
+
+    @cached_property
+    def timed(self) -> list[Channel]:
+        """Parts of which an estimator reads when they are measured, those of the pose first."""
+        return [*self.fixes, *self.rare]
+
+    @cached_property
     def depth(self) -> int:
         """Largest delay of a measurement, in ticks."""
         return max((channel.delay for channel in self.channels), default=0)
@@ -85,6 +95,10 @@ class Schedule:
             if step <= self.waits(channel):
                 yield number, channel
 
+    def known(self, step: int) -> Array:
+        """Return 1 where a velocity measured `step` ticks after the oldest is known, else 0."""
+        return np.where(step <= self.depth - self.of_axes("velocity", "delay", 0), 1.0, 0.0)
+
 
 # The base class of estimators, which give the law pose and velocity from measurements -------------
 #
@@ -124,12 +138,23 @@ class Estimate(NamedTuple):
     bias : (..., m)
         b̂.
     covariance : (..., n, n)
-        Σ of (log(Q̂⁻¹Q), b − b̂), with n = 2m; n = 0 for kinds without one.
+        Σ of (log(Q̂⁻¹Q), b − b̂, n − n̂), with n = 3m; n = 0 for kinds without one.
+    noise : (..., m)
+        n̂, the noise of the last measured velocity, which the next prediction uses once more.
+    age : (..., m)
+        Ticks since that measurement.
+    drift, share : (..., m)
+        Of the next prediction: the ticks through which the bias drifts, 0 without a measurement at
+        its end, and the weight of that measurement, 0 where it is not known yet.
     """
 
     pose: Array
     bias: Array
     covariance: Array
+    noise: Any = 0.0
+    age: Any = 0.0
+    drift: Any = 1.0
+    share: Any = 0.5
 
 
 class Fix(NamedTuple):
@@ -155,7 +180,7 @@ class Measurement(NamedTuple):
     pose, velocity
         Measurements as they have arrived, ``(..., d, d)`` and ``(..., m)``.
     fresh : (..., parts)
-        1 for each measured part of the pose with a measurement now that will arrive, else 0.
+        1 for each `timed` part with a measurement now that will arrive, else 0.
     true_pose, true_bias
         Q and b, for the error and the start of the estimate.
     """
@@ -172,10 +197,12 @@ class Estimator(VehiclePart):
     """A filter on G with a bias of the velocity in g; the law reads Q̂ and V̂ = V_m − b̂.
 
     At each tick it predicts with the mean of the last two measured velocities, corrects
-    with the parts of the pose that are measured at that instant, and tells the law. Where
-    measurements arrive late, it keeps the estimate at the oldest instant of which one may still
-    come, and at each instant repeats the steps from there to the present with all that is known by
-    then. Between instants the estimate is held.
+    with the parts of the pose that are measured at that instant, and tells the law. Where a
+    velocity is not measured at every tick, the last one stands in; the next one makes up for that,
+    so that the mean of the two counts for the time between them. Where measurements arrive late,
+    it keeps the estimate at the oldest instant of which one may still come, and at each instant
+    repeats the steps from there to the present with all that is known by then. Between instants
+    the estimate is held.
 
     b̂ starts at 0, and Q̂ at the first fix.
 
@@ -231,14 +258,15 @@ class Estimator(VehiclePart):
     def states(self, schedule: Schedule) -> dict[str, int]:
         """Return the length of each state that is kept from instant to instant, by name."""
         G, depth = schedule.G, schedule.depth
-        m, n = G.dimension, 2 * G.dimension * self.has_covariance
+        m, n = G.dimension, 3 * G.dimension * self.has_covariance
         own = {"pose": G.pose_length, "bias": m, "covariance": n * (n + 1) // 2}
+        own |= {"noise": n // 3, "age": m if schedule.rare else 0}
         sizes = {**own, "velocity": m, "error": 2 * m, "begun": 1, "past_velocity": (depth + 1) * m}
         if self.has_covariance:
             sizes |= {"innovations": INNOVATIONS, "last_innovation": m, "lost": 1}
         if depth:
             sizes |= {f"behind_{name}": length for name, length in own.items()}
-            sizes |= {"past_live": depth, "past_fresh": depth * len(schedule.fixes)}
+            sizes |= {"past_live": depth, "past_fresh": depth * len(schedule.timed)}
             sizes |= {
                 f"past_fix_{channel.part.name}": schedule.waits(channel) * channel.size
                 for channel in schedule.fixes
@@ -255,28 +283,33 @@ class Estimator(VehiclePart):
         here = self._loaded(G, states, "behind_" if depth else "")
         start = self._start(schedule, measured)
         is_begun = less(0.5, begun)
-        here = Estimate(
-            where(is_begun[..., None], here.pose, start.pose),
-            where(is_begun, here.bias, start.bias),
-            where(is_begun[..., None], here.covariance, start.covariance),
+        here = here._replace(
+            pose=where(is_begun[..., None], here.pose, start.pose),
+            bias=where(is_begun, here.bias, start.bias),
+            covariance=where(is_begun[..., None], here.covariance, start.covariance),
         )
-        here = self.predicted(schedule, here, past.velocity(0), past.duration(0))
+        here = self._ahead(schedule, here, past, 0)
         fix = past.fix(0, here.pose, is_given)
         here, innovations = self.corrected(schedule, here, fix)
-        changed = self._stored(G, here, "behind_") if depth else {}
+        changed = self._stored(schedule, here, "behind_") if depth else {}
         for step in range(1, depth + 1):
-            here = self.predicted(schedule, here, past.velocity(step), past.duration(step))
+            here = self._ahead(schedule, here, past, step)
             if any(schedule.available(step)):
                 here, _ = self.corrected(schedule, here, past.fix(step, here.pose))
-        changed |= self._stored(G, here) | past.later
+        changed |= self._stored(schedule, here) | past.later
         error = G.log(G.inverse(here.pose) @ measured.true_pose)
         changed["velocity"] = measured.velocity - here.bias
         changed["error"] = np.concatenate([error, measured.true_bias - here.bias], axis=-1)
         changed["begun"] = 1.0 + 0.0 * begun
         if innovations is not None:
             changed |= _summed(innovations, fix.arrived, states)
-            changed["lost"] = indefinite(here.covariance)[..., None]
+            judged = slice(0, 2 * G.dimension)
+            changed["lost"] = indefinite(here.covariance[..., judged, judged])[..., None]
         return changed
+
+    def _ahead(self, schedule: Schedule, here: Estimate, past: "_Past", step: int) -> Estimate:
+        here = past.weighed(step, here)
+        return self.predicted(schedule, here, past.velocity(step, here), past.duration(step))
 
     def _start(self, schedule: Schedule, measured: Measurement) -> Estimate:
         G, Q = schedule.G, measured.true_pose
@@ -290,16 +323,20 @@ class Estimator(VehiclePart):
 
     def _loaded(self, G: MatrixLieGroup, states: Mapping[str, Array], prefix: str) -> Estimate:
         pose, bias = G.unpack(states[f"{prefix}pose"]), states[f"{prefix}bias"]
+        age = states.get(f"{prefix}age", 0.0)
         if not self.has_covariance:
-            return Estimate(pose, bias, self.first(G, pose).covariance)
-        return Estimate(pose, bias, symmetric(states[f"{prefix}covariance"], 2 * G.dimension))
+            return Estimate(pose, bias, self.first(G, pose).covariance, age=age)
+        covariance = symmetric(states[f"{prefix}covariance"], 3 * G.dimension)
+        return Estimate(pose, bias, covariance, states[f"{prefix}noise"], age)
 
-    def _stored(self, G: MatrixLieGroup, now: Estimate, prefix: str = "") -> dict[str, Array]:
-        stored = {f"{prefix}pose": G.pack(now.pose), f"{prefix}bias": now.bias}
+    def _stored(self, schedule: Schedule, now: Estimate, prefix: str = "") -> dict[str, Array]:
+        stored = {"pose": schedule.G.pack(now.pose), "bias": now.bias}
         if self.has_covariance:
-            rows, columns = np.triu_indices(2 * G.dimension)
-            stored[f"{prefix}covariance"] = now.covariance[..., rows, columns]
-        return stored
+            rows, columns = np.triu_indices(3 * schedule.G.dimension)
+            stored |= {"covariance": now.covariance[..., rows, columns], "noise": now.noise}
+        if schedule.rare:
+            stored["age"] = now.age
+        return {f"{prefix}{name}": values for name, values in stored.items()}
 
 
 class _Past:
@@ -309,7 +346,7 @@ class _Past:
         self, schedule: Schedule, measured: Measurement, states: Mapping[str, Array]
     ) -> None:
         self._schedule, self._measured, self._begun = schedule, measured, states["begun"]
-        m, depth, parts = schedule.G.dimension, schedule.depth, len(schedule.fixes)
+        m, depth, parts = schedule.G.dimension, schedule.depth, len(schedule.timed)
         self._velocities = [*_cut(states["past_velocity"], m, depth + 1), measured.velocity]
         self._live = [*_cut(states.get("past_live"), 1, depth), self._begun]
         self._fresh = [*_cut(states.get("past_fresh"), parts, depth), measured.fresh]
@@ -336,9 +373,25 @@ class _Past:
         }
         return {f"past_{name}": ring for name, ring in by_name.items()}
 
-    def velocity(self, step: int) -> Array:
-        """Return the mean velocity of both ends of a step; the last one stands for unknown ones."""
-        return (self._at(step) + self._at(step + 1)) / 2
+    def weighed(self, step: int, here: Estimate) -> Estimate:
+        """Return the estimate before a step, with the weight of the velocity at its end."""
+        schedule, new = self._schedule, np.ones(self._schedule.G.dimension)
+        if not schedule.rare:
+            return here._replace(drift=new, share=new / 2)
+        new = new + 0.0 * self._measured.velocity
+        for number, channel in enumerate(schedule.rare, len(schedule.fixes)):
+            new[channel.entries] = self._fresh[step][..., number, None]
+        drift = new * (1.0 + here.age)  # its half makes up for the ticks of the last one
+        age = (1.0 - new) * (here.age + self._live[step])
+        return here._replace(age=age, drift=drift, share=schedule.known(step) * drift / 2)
+
+    def velocity(self, step: int, here: Estimate) -> Array:
+        """Return the mean velocity of a step, by its weights; the last one stands for unknown ones.
+
+        The noise of the first, where it is estimated, is taken off.
+        """
+        first, last = self._at(step) - here.noise, self._at(step + 1)
+        return (1.0 - here.share) * first + here.share * last
 
     def _at(self, end: int) -> Array:
         places = self._place[end]

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, apply_matrix, sqrt, transpose
+from eqt_cli.base.arrays import Array, apply_matrix, less, sqrt, transpose, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, VELOCITY, Scale
 from eqt_cli.components.estimators import Deviations, Estimate, Estimator, Fix, Schedule, symmetric
@@ -29,9 +29,10 @@ DEVIATIONS = ("pose_std", "velocity_std", "bias_walk", "initial_pose_std", "init
 class ErrorStateFilter(Estimator):
     """The base class of filters with a covariance, which differ in how they apply a correction.
 
-    A step of h seconds: Q̂ ← Q̂ exp(hV̂), Σ ← ΦΣΦᵀ + diag(h²σ_v², hσ_b²), with
-    Φ = exp(h[[−ad_V̂, −I], [0, 0]]) in closed form. A fix is taken coordinate by coordinate, in
-    Joseph form.
+    A step of h seconds is Q̂ ← Q̂ exp(x) with x = ½h(V_k − n̂ + V_k+1) − hb̂ of two measured
+    velocities. The noise n of one counts in both steps beside it, and Σ has its rows:
+    ε ← Ad_exp(x)⁻¹ ε − J(−x) h(b̃ + ½(n − n̂) + ½(n' + w)), b̃ ← b̃ + w, n ← n', with n' of deviation
+    σ_v, and w of √h σ_b. A fix is taken coordinate by coordinate, in Joseph form.
 
     Attributes
     ----------
@@ -69,11 +70,11 @@ class ErrorStateFilter(Estimator):
 
     @abstractmethod
     def output(self, G: MatrixLieGroup, residual: Array) -> Array:
-        """Return H of log(Q̂⁻¹Q_m) = H (ε, b̃) + n, ``(..., m, 2m)``; the left side is measured."""
+        """Return H of log(Q̂⁻¹Q_m) = H ε + n_p, ``(..., m, m)``; the left side is measured."""
 
     @abstractmethod
     def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
-        """Return the estimate moved by a correction of (ε, b̃), ``(..., 2m)``."""
+        """Return the estimate moved by a correction of (ε, b̃, n), ``(..., 3m)``."""
 
     # Options.
 
@@ -160,53 +161,66 @@ class ErrorStateFilter(Estimator):
         bias = np.zeros_like(pose, shape=(*pose.shape[:-2], G.dimension))
         own: Any = self
         std = own.pose_std if own.initial_pose_std is None else own.initial_pose_std
-        deviations = np.concatenate([std + bias, own.initial_bias_std + bias], axis=-1)
-        return Estimate(pose, bias, _diagonal(deviations * deviations))
+        deviations = np.concatenate(
+            [each + bias for each in (std, own.initial_bias_std, own.velocity_std)], axis=-1
+        )
+        return Estimate(pose, bias, _diagonal(deviations * deviations), bias)
 
     def predicted(
         self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
     ) -> Estimate:
-        """Return the estimate with Q̂ exp(hV̂) and ΦΣΦᵀ + diag(kh²σ_v², hσ_b²).
+        """Return the estimate with Q̂ exp(hV̂), and Σ after the step that the class describes.
 
-        Each velocity is held over k periods, so that its noise counts k times.
+        Where no velocity is known at the end, the last one counts alone and n stays, less the drift
+        of a bias that is not known yet.
         """
-        G, m, own = schedule.G, schedule.G.dimension, _of(self)
+        G, m, own, S = schedule.G, schedule.G.dimension, _of(self), now.covariance
+        bias, last = slice(m, 2 * m), slice(2 * m, 3 * m)
         x = duration * (velocity - now.bias)
         step = G.exp(x)
-        A = G.Ad_matrix(G.inverse(step))
-        B = -duration[..., None] * G.jacobian(-x)
-        S = now.covariance
-        first = A @ S[..., :m, :] + B @ S[..., m:, :]
-        pose, both = first[..., :m], first[..., m:]
-        held = schedule.of_axes("velocity", "every", 1)
-        noise, walk = duration * own.velocity_std, own.bias_walk
-        top = pose @ transpose(A) + both @ transpose(B) + _diagonal(held * noise * noise)
-        rest = S[..., m:, m:] + _diagonal(duration * walk * walk)
+        A, B = G.Ad_matrix(G.inverse(step)), -G.jacobian(-x)
+        end, held = duration * now.share, where(less(0.0, now.share), 0.0, 1.0)
+        start = duration - end
+        noise = own.velocity_std * own.velocity_std
+        walk = now.drift * duration * own.bias_walk * own.bias_walk
+        through = duration[..., None] * S[..., bias, :] + start[..., None] * S[..., last, :]
+        top = A @ S[..., :m, :] + B @ through
+        across = duration[..., None] * top[..., bias] + start[..., None, :] * top[..., last]
+        across = across + B * (end * end * (noise + walk))[..., None, :]
         covariance = np.zeros_like(S)
-        covariance[..., :m, :m], covariance[..., m:, m:] = top, rest
-        covariance[..., :m, m:] = both
-        return Estimate(now.pose @ step, now.bias, mirrored(covariance))
+        covariance[..., :m, :m] = top[..., :m] @ transpose(A) + across @ transpose(B)
+        covariance[..., :m, bias] = top[..., bias] + B * (end * walk)[..., None, :]
+        covariance[..., bias, bias] = S[..., bias, bias] + _diagonal(walk)
+        kept = S[..., last] * held[..., None, :]
+        covariance[..., :m, last] = (
+            held[..., None, :] * top[..., last] + B * (end * noise)[..., None, :]
+        )
+        covariance[..., bias, last] = kept[..., bias, :] - _diagonal(held * walk)
+        new = (1.0 - held) * noise + held * walk
+        covariance[..., last, last] = held[..., None] * kept[..., last, :] + _diagonal(new)
+        changed = {"noise": held * now.noise, "covariance": mirrored(covariance)}
+        return now._replace(pose=now.pose @ step, **changed)
 
     def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, Array]:
         """Return the estimate corrected coordinate by coordinate, and its whitened innovations.
 
         K = Σhᵀ/(hΣhᵀ + σ²), and in Joseph form Σ ← (I − Kh)Σ(I − Kh)ᵀ + σ²KKᵀ.
         """
-        G, own = schedule.G, _of(self)
+        G, m, own = schedule.G, schedule.G.dimension, _of(self)
         residual = G.log(G.inverse(now.pose) @ fix.pose)
         H, S = self.output(G, residual), now.covariance
-        by = 0.0 * np.concatenate([now.bias, now.bias], axis=-1)
+        by = 0.0 * np.concatenate([now.bias] * 3, axis=-1)
         innovations = 0.0 * now.bias
         for axis in schedule.axes:
             h = H[..., axis, :]
-            seen = (S @ h[..., None])[..., 0]
+            seen = (S[..., :m] @ h[..., None])[..., 0]
             variance = (own.pose_std * own.pose_std)[..., axis, None]
-            total = (h * seen).sum(axis=-1)[..., None] + variance
+            total = (h * seen[..., :m]).sum(axis=-1)[..., None] + variance
             K = fix.arrived[..., axis, None] * seen / total
-            unexpected = residual[..., axis, None] - (h * by).sum(axis=-1)[..., None]
+            unexpected = residual[..., axis, None] - (h * by[..., :m]).sum(axis=-1)[..., None]
             by = by + K * unexpected
             left = S - K[..., :, None] * seen[..., None, :]
-            back = variance * K - (left @ h[..., None])[..., 0]
+            back = variance * K - (left[..., :m] @ h[..., None])[..., 0]
             S = mirrored(left + back[..., :, None] * K[..., None, :])
             innovations[..., axis] = (unexpected / sqrt(total))[..., 0]
         return self.moved(G, now._replace(covariance=S), by), innovations
@@ -247,23 +261,29 @@ class Eqf(ErrorStateFilter):
     name: ClassVar[str] = "eqf"
 
     def output(self, G: MatrixLieGroup, residual: Array) -> Array:
-        """Return [I − ½ad_r  0]."""
-        m = G.dimension
-        H = np.zeros_like(residual, shape=(*residual.shape[:-1], m, 2 * m))
-        H[..., :m] = np.eye(m) - G.ad_matrix(residual) / 2
-        return H
+        """Return I − ½ad_r."""
+        return np.eye(G.dimension) - G.ad_matrix(residual) / 2
 
     def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
-        """Return Q̂ exp(δ_ε), b̂ + J(−δ_ε) δ_b, and Σ transported by Ad_{exp(−δ_ε)}."""
-        m, S = G.dimension, now.covariance
+        """Return Q̂ exp(δ_ε), b̂ + J(−δ_ε) δ_b, n̂ + δ_n, and Σ transported by Ad_{exp(−δ_ε)}.
+
+        The noise n belongs to the sensor, and is not transported.
+        """
+        m, covariance = G.dimension, now.covariance
         step = G.exp(by[..., :m])
-        bias = now.bias + apply_matrix(G.jacobian(-by[..., :m]), by[..., m:])
         carry = G.Ad_matrix(G.inverse(step))
-        covariance = np.zeros_like(S)
-        for rows in (slice(0, m), slice(m, 2 * m)):
-            for columns in (slice(0, m), slice(m, 2 * m)):
-                covariance[..., rows, columns] = carry @ S[..., rows, columns] @ transpose(carry)
-        return Estimate(now.pose @ step, bias, mirrored(covariance))
+        for _ in ("rows", "columns"):
+            S = covariance.copy()
+            S[..., :m, :] = carry @ covariance[..., :m, :]
+            S[..., m : 2 * m, :] = carry @ covariance[..., m : 2 * m, :]
+            covariance = transpose(S)
+        return Estimate(
+            now.pose @ step,
+            now.bias + apply_matrix(G.jacobian(-by[..., :m]), by[..., m : 2 * m]),
+            mirrored(covariance),
+            now.noise + by[..., 2 * m :],
+            now.age,
+        )
 
 
 @dataclass(frozen=True)
@@ -277,13 +297,11 @@ class Invariant(ErrorStateFilter):
     name: ClassVar[str] = "invariant"
 
     def output(self, G: MatrixLieGroup, residual: Array) -> Array:
-        """Return [I 0]."""
-        m = G.dimension
-        H = np.zeros_like(residual, shape=(*residual.shape[:-1], m, 2 * m))
-        H[...] = np.eye(m, 2 * m)
-        return H
+        """Return I."""
+        return np.eye(G.dimension) + 0.0 * residual[..., None]
 
     def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
-        """Return Q̂ exp(δ_ε), b̂ + δ_b."""
-        m = G.dimension
-        return now._replace(pose=now.pose @ G.exp(by[..., :m]), bias=now.bias + by[..., m:])
+        """Return Q̂ exp(δ_ε), b̂ + δ_b, n̂ + δ_n."""
+        m, pose = G.dimension, now.pose @ G.exp(by[..., : G.dimension])
+        bias, noise = now.bias + by[..., m : 2 * m], now.noise + by[..., 2 * m :]
+        return now._replace(pose=pose, bias=bias, noise=noise)

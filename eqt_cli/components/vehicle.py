@@ -238,8 +238,8 @@ class Vehicle:
         schedule, own = self.schedule(G), estimator_states(states)
         arrived = {channel.name: errors.arrived[..., k] for k, channel in enumerate(holding)}
         fresh = [
-            where(less(0.5 * MEASURED, arrived[fix.name]), 1.0, 0.0) if fix.holds else 1.0
-            for fix in schedule.fixes
+            where(less(0.5 * MEASURED, arrived[part.name]), 1.0, 0.0) if part.holds else 1.0
+            for part in schedule.timed
         ]
         now = stack([flag + 0.0 * V[..., 0] for flag in fresh])
         measured = Measurement(*self.as_arrived(G, Q_m, V_m, read), now, Q, errors.bias)

@@ -109,7 +109,8 @@ _POSES = {f"{_OWN}pose", f"{_OWN}behind_pose"}
 
 _BIAS, _BEHIND_BIAS = f"{_OWN}bias", f"{_OWN}behind_bias"
 _SETTLE = {
-    f"{_OWN}{name}" for name in ("covariance", "behind_covariance", "past_live", "past_fresh")
+    f"{_OWN}{name}"
+    for name in ("covariance", "behind_covariance", "age", "behind_age", "past_live", "past_fresh")
 }
 """States of an estimator that no error changes to first order."""
 

@@ -278,15 +278,13 @@ def of_bias(s: Tracking) -> Array:
 
 def deviations(s: Tracking) -> Array:
     """Return the standard deviations, the roots of the diagonal of Σ, ``(..., 2m)``."""
-    n = 2 * s.G.dimension
-    rows, columns = np.triu_indices(n)
-    entries = _covariance(s)[..., np.flatnonzero(rows == columns)]
+    entries = _covariance(s)[..., range(2 * s.G.dimension), range(2 * s.G.dimension)]
     return sqrt(where(less(0.0, entries), entries, 0.0))
 
 
 def consistency(s: Tracking) -> tuple[Array, Array]:
     """Return (ε, b̃)ᵀ Σ⁻¹ (ε, b̃) and the number of its degrees of freedom, ``(...)`` each."""
-    d, y = pivots(symmetric(_covariance(s), 2 * s.G.dimension), error(s))
+    d, y = pivots(_covariance(s), error(s))
     square = freedom = 0.0 * d[0]
     for pivot, value in zip(d, y, strict=True):
         counts = less(0.0, pivot)
@@ -306,9 +304,10 @@ def of_innovations(s: Tracking) -> tuple[Array, Array, Array]:
 
 
 def _covariance(s: Tracking) -> Array:
-    """Return the entries of the covariance Σ on and above its diagonal."""
-    n = 2 * s.G.dimension
-    return estimator_state(s, "covariance", stack([s.P[..., 0]] * (n * (n + 1) // 2)))
+    """Return the covariance of (ε, b̃), ``(..., 2m, 2m)``."""
+    m, n = s.G.dimension, 3 * s.G.dimension
+    entries = estimator_state(s, "covariance", stack([s.P[..., 0]] * (n * (n + 1) // 2)))
+    return symmetric(entries, n)[..., : 2 * m, : 2 * m]
 
 
 @_estimate(r"\hat{Q}", "pose_unit", MATRIX)

@@ -65,8 +65,8 @@ class EstimatorProgram:
     estimator
         The estimator as it flies; it starts at the first fix.
     measured
-        Measured ``pose`` and ``velocity``, and ``arrived``, 1 for each part of the pose that has a
-        new measurement.
+        Measured ``pose`` and ``velocity``, and ``arrived``, 1 for each part that has a new
+        measurement: those of the pose, and of a velocity that is not measured at every tick.
     numbers
         Its options.
     states
@@ -93,11 +93,12 @@ def estimator_program(loop: ClosedLoop) -> EstimatorProgram:
     G, vehicle = loop.group, loop.vehicle
     assert vehicle.estimator is not None
     estimator, schedule = with_fields(vehicle.estimator, initial_error=None), vehicle.schedule(G)
-    d, m, fixes = G.size, G.dimension, [channel.part.name for channel in schedule.fixes]
+    d, m = G.size, G.dimension
+    timed = [f"{each.signal} ({each.part.name})" for each in schedule.timed]
     measured = (
         Entry(POSE, (d, d), "Q as it is measured", by_part(G, "pose_unit")),
         Entry(VELOCITY, (m,), "V as it is measured", by_part(G, "velocity_unit")),
-        Entry("arrived", (len(fixes),), f"1 where a part of Q is new: {', '.join(fixes)}"),
+        Entry("arrived", (len(timed),), f"1 where a part is new: {', '.join(timed)}"),
     )
     numbers = tuple(Entry(path, value.shape, path) for path, value in leaves(estimator).items())
     lengths = estimator.states(schedule)
@@ -217,7 +218,7 @@ def _flown(loop: ClosedLoop, seed: int) -> tuple[dict[str, Array], Array]:
         states = states | flying.after_measuring(G, Q, V, at, states)
         Q_m, V_m = flying.as_arrived(G, Q @ at.pose, V + at.velocity, states)
         new = dict(zip(holding, 1.0 * (at.arrived >= ARRIVED), strict=True))
-        fresh = np.array([new.get(fix.name, 1.0) for fix in flying.schedule(G).fixes])
+        fresh = np.array([new.get(part.name, 1.0) for part in flying.schedule(G).timed])
         for name, values in zip(flown, (Q_m, V_m, fresh), strict=True):
             flown[name].append(values.ravel())
         Q_hat, V_hat = flying.estimated(G, states)
