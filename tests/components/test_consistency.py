@@ -4,6 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, chi2
 
+from eqt_cli.components.filters import Eqf, Invariant
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.sensors import CHANNEL_MEASURED, FIRST, NOTHING, Bias, Errors, Noise
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.loop.signals import compute
 
 TEXT = """
@@ -79,6 +84,68 @@ def test_nees_is_in_the_interval_of_chi_squared(solved, group, kind, runs, durat
 def test_a_filter_that_trusts_its_fixes_too_much_is_told(solved, kind):
     s = signals(solved, "SE2", kind, 10, 5, options=", pose_std: 0.02")
     assert not within(s["nees"][:, -1], 6)
+
+
+# Linear: NEES and innovations of many runs side by side, without a loop ---------------------------
+
+
+def judged(group, kind, pose, velocity, acceleration, runs=60_000, ticks=50):
+    """Mean of NEES over its degrees of freedom, and the correlation of innovations, of one axis.
+
+    The velocity is linear between the ticks, with this acceleration at first and at rest with 0.
+    """
+    G, random = group_named(group), np.random.default_rng(5)
+    white, walk, first = 0.1, 0.02, 0.1
+    sensors = Noise(std=white, **velocity), Bias(value=first, walk=walk)
+    fixes = (Noise(std=0.05, **pose),)
+    vehicle = Vehicle(
+        control=Sampling(0.1), pose_sensors=fixes, velocity_sensors=sensors, estimator=kind()
+    ).of_run(G)
+    clocks = {channel.signal: channel.clock for channel in vehicle.channels(G)}
+    states = {name: np.zeros((runs, count)) for name, count in vehicle.states(G).items()}
+    V = acceleration * np.sin(0.13 * np.arange(ticks)) / 1.3
+    q = np.concatenate([[0.0], np.cumsum(0.05 * (V[1:] + V[:-1]))])
+    b = first * random.standard_normal((runs, 1))
+    nees = []
+    for k in range(ticks):
+        due = {name: k == 0 or clock.is_due(k) for name, clock in clocks.items()}
+        if due["pose"]:
+            off = 0.05 * random.standard_normal((runs, 1))
+        if due["velocity"]:
+            drift = walk * np.sqrt(0.1 * clocks["velocity"].every) * (k > 0)
+            b = b + drift * random.standard_normal((runs, 1))
+            noise = white * random.standard_normal((runs, 1))
+        events = [
+            FIRST if k == 0 else CHANNEL_MEASURED if due[channel.signal] else NOTHING
+            for channel in vehicle.holding(G)
+        ]
+        errors = Errors(G.exp(off), b + noise, np.full((runs, len(events)), events), b)
+        motion = G.exp(np.full((runs, 1), q[k])), np.full((runs, 1), V[k])
+        states = states | vehicle.after_measuring(G, *motion, errors, states)
+        P, e = states["estimator_covariance"], states["estimator_error"]
+        square = P[:, 3] * e[:, 0] ** 2 - 2 * P[:, 1] * e[:, 0] * e[:, 1] + P[:, 0] * e[:, 1] ** 2
+        nees.append((square / (P[:, 0] * P[:, 3] - P[:, 1] ** 2)).mean() / 2)
+    _, squares, products = states["estimator_innovations"].sum(axis=0)
+    return np.mean(nees), products / squares
+
+
+@pytest.mark.slow("60,000 runs")
+@pytest.mark.parametrize("acceleration", [0.0, 0.5], ids=["at rest", "accelerated"])
+@pytest.mark.parametrize(
+    ("group", "kind", "pose", "velocity"),
+    [
+        ("SO2", Invariant, {}, {}),
+        ("R1", Eqf, {}, {}),
+        ("R1", Invariant, {"period": 0.3}, {"period": 0.3}),
+        ("R1", Invariant, {"delay": 2}, {}),
+        ("SO2", Invariant, {"period": 0.6, "delay": 1}, {"period": 0.2}),
+    ],
+)
+def test_linear_filters_are_consistent(group, kind, pose, velocity, acceleration):
+    """The estimate of Kalman with the exact covariance."""
+    nees, correlation = judged(group, kind, pose, velocity, acceleration)
+    assert abs(nees - 1) <= 0.01
+    assert abs(correlation) <= 0.003
 
 
 FROM_120 = ", initial_error: [1.2092, -1.2092, 1.2092]"

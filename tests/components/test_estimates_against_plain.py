@@ -7,7 +7,7 @@ that the run drew. So nothing is integrated twice, and only rounding can differ.
 import numpy as np
 import plain_filters as plain
 import pytest
-from scipy.linalg import block_diag, solve_discrete_are
+from scipy.linalg import solve_discrete_are
 
 from eqt_cli.components.estimators import Complementary
 from eqt_cli.components.filters import Eqf, Invariant
@@ -24,9 +24,9 @@ POSE, VELOCITY, BIAS, WALK = 0.05, 0.02, 0.1, 0.01
 PERIOD = 0.1
 
 
-def text(group, kind, *, every=0.5, duration=2.0, fixes="", options="", pose=None, walk=WALK):
+def text(group, kind, *, every=0.5, duration=2.0, fixes="", options="", rates="", walk=WALK):
     """A loop whose law reads an estimate; samples are the control instants."""
-    pose = pose or f"[{{kind: noise, std: {POSE}, period: {every}{fixes}}}]"
+    pose = f"[{{kind: noise, std: {POSE}, period: {every}{fixes}}}]"
     samples = round(duration / PERIOD) + 1
     turning = [0.3, -0.2, 0.4, 0.2, 0.1, -0.3, 0.2, 0.1, -0.1][: DIMENSION[group]]
     return f"""
@@ -40,7 +40,9 @@ ensemble: {{runs: 2, seed: 4}}
 control: {{period: {PERIOD}}}
 sensors:
   pose: {pose}
-  velocity: [{{kind: noise, std: {VELOCITY}}}, {{kind: bias, value: {BIAS}, walk: {walk}}}]
+  velocity:
+    - {{kind: noise, std: {VELOCITY}{rates}}}
+    - {{kind: bias, value: {BIAS}, walk: {walk}}}
 estimator: {{kind: {kind}{options}}}
 time: {{duration: {duration}, samples: {samples}}}
 solver: {{engine: solve_ivp}}
@@ -58,11 +60,12 @@ def told(problem, solution):
     return signals, signals["pose"] @ E, signals["velocity"] + b
 
 
-def true_bias(group, run, instants, walk=WALK):
-    """The bias at every instant, as the sensor draws it."""
+def true_bias(group, run, instants, every=1):
+    """The bias at every instant, as the sensor draws it once in so many."""
     random = generator_at(4, Stream.VEHICLE, run, "sensors.velocity[1]")
     steps = random.standard_normal((instants, DIMENSION[group]))
-    return BIAS + walk * np.sqrt(PERIOD) * (np.cumsum(steps, axis=0) - steps[:1])
+    drift = np.cumsum(steps, axis=0) - steps[:1]
+    return BIAS + WALK * np.sqrt(every * PERIOD) * drift[np.arange(instants) // every]
 
 
 def close(found, expected, tolerance=1e-8):
@@ -86,14 +89,14 @@ def test_estimates_are_those_of_a_plain_filter(solved, group, instants, kind):
     every, duration = instants // 3 * PERIOD, instants * PERIOD
     given = text(group, kind, every=every, duration=duration, options=options)
     s, Q_m, V_m = told(*solved(given, runs=[1]))
-    P = block_diag(0.8**2 * np.eye(m), 0.2**2 * np.eye(m))
+    P = plain.covariance_of(m, 0.8, 0.2, VELOCITY)
     b = true_bias(group, 1, instants)
 
     Q = s["pose"][0, 0] @ A.exp(-np.array(error))
     F = FILTERS[kind](group, PERIOD, VELOCITY, WALK, Q, np.zeros(m), P)
     for k in range(instants):
         if k:
-            F.predict((V_m[0, k] + V_m[0, k - 1]) / 2)
+            F.predict(V_m[0, k - 1], V_m[0, k])
         if k % (instants // 3) == 0:
             off = A.log(np.linalg.inv(F.pose) @ Q_m[0, k])
             F.correct(off, list(range(m)), POSE**2 * np.eye(m))
@@ -122,34 +125,48 @@ def by_turns(*groups):
     )
 
 
+@pytest.mark.parametrize(
+    ("fixes", "rates"),
+    [
+        ((5, 0), (1, 0)),
+        pytest.param((1, 0), (3, 0), marks=MORE),
+        ((2, 3), (3, 1)),
+        pytest.param((2, 1), (1, 2), marks=MORE),
+    ],
+    ids=["slow fixes", "slow velocities", "late fixes", "late velocities"],
+)
 @by_turns("R3", "SO2")
-def test_on_vectors_and_on_the_circle_it_is_kalmans_filter(solved, group, kind):
-    """The first fix begins it, with the deviations of the sensors."""
-    n = DIMENSION[group]
-    s, Q_m, V_m = told(*solved(text(group, kind)))
+def test_on_vectors_and_on_the_circle_it_is_kalmans_filter(solved, group, kind, fixes, rates):
+    """The first fix begins it. Fixes and velocities come once in so many ticks, so many late."""
+    n, ((every, late), (held, behind)) = DIMENSION[group], (fixes, rates)
+    timing = {"every": every * PERIOD, "fixes": f", delay: {late}"}
+    timing["rates"] = f", period: {held * PERIOD}, delay: {behind}"
+    s, Q_m, V_m = told(*solved(text(group, kind, **timing)))
     q, q_m, q_hat = (coordinates(group, Q) for Q in (s["pose"], Q_m, s["estimated_pose"]))
-    P = block_diag(POSE**2 * np.eye(n), BIAS**2 * np.eye(n))
+    ticks = range(0, 20, every), range(0, 20, held)
+    F = plain.Kalman(PERIOD, *ticks, POSE, VELOCITY, BIAS, WALK)
     for run in range(2):
-        b = true_bias(group, run, 20)
-        F = plain.Kalman(n, PERIOD, VELOCITY, WALK, q_m[run, 0], np.zeros(n), P)
-        fixes, squares = 0, 0.0
+        b = true_bias(group, run, 20, held)
+        given = [(q_m[run, ::every, axis], V_m[run, ::held, axis]) for axis in range(n)]
         for k in range(20):
-            if k:
-                F.predict((V_m[run, k] + V_m[run, k - 1]) / 2)
-            if k and k % 5 == 0:
-                squares += F.correct(q_m[run, k], POSE**2 * np.eye(n))
-                fixes += 1
-            assert s["innovations"][run, k] == n * fixes
-            if fixes:
-                close(s["innovation_square"][run, k], squares / (n * fixes), 1e-10)
-            e = np.concatenate([q[run, k], b[k]]) - F.x
-            close(q_hat[run, k], F.x[:n], 1e-10)
-            close(s["estimated_bias"][run, k], F.x[n:], 1e-10)
-            close(s["pose_estimate_error"][run, k], e[:n], 1e-10)
-            close(s["bias_estimate_error"][run, k], e[n:], 1e-10)
-            close(s["pose_estimate_std"][run, k] ** 2, np.diag(F.P)[:n], 1e-10)
-            close(s["bias_estimate_std"][run, k] ** 2, np.diag(F.P)[n:], 1e-10)
-            close(s["nees"][run, k], e @ np.linalg.solve(F.P, e), 1e-10 * (1 + s["nees"][run, k]))
+            known, settled = max(k - behind, 0) // held + 1, k - max(late, behind)
+            white = np.array([F.innovations(settled, *one, known) for one in given])
+            assert s["innovations"][run, k] == white.size
+            if white.size:
+                close(s["innovation_square"][run, k], (white**2).mean(), 1e-10)
+                products = (white[:, 1:] * white[:, :-1]).sum()
+                close(s["innovation_correlation"][run, k], products / (white**2).sum(), 1e-10)
+            x, P = zip(*(F.estimate(k, k - late, *one, known) for one in given), strict=True)
+            x, P = np.array(x), np.array(P)
+            e = np.stack([q[run, k], b[k]], axis=1) - x
+            close(q_hat[run, k], x[:, 0], 1e-10)
+            close(s["estimated_bias"][run, k], x[:, 1], 1e-10)
+            close(s["pose_estimate_error"][run, k], e[:, 0], 1e-10)
+            close(s["bias_estimate_error"][run, k], e[:, 1], 1e-10)
+            close(s["pose_estimate_std"][run, k] ** 2, P[:, 0, 0], 1e-10)
+            close(s["bias_estimate_std"][run, k] ** 2, P[:, 1, 1], 1e-10)
+            nees = np.einsum("ai,aij,aj", e, np.linalg.inv(P), e)
+            close(s["nees"][run, k], nees, 1e-10 * (1 + nees))
 
 
 @by_turns("SO2", "R1")
@@ -158,9 +175,10 @@ def test_its_steady_covariance_solves_the_riccati_equation(solved, group, kind):
     noise = ", pose_std: 0.1, velocity_std: 2.0, bias_walk: 4.0"
     given = text(group, kind, every=PERIOD, duration=3.0, options=noise)
     s, _, _ = told(*solved(given, runs=[0]))
-    F = np.array([[1, -PERIOD], [0, 1]])
-    N = np.diag([PERIOD**2 * 2.0**2, PERIOD * 4.0**2])
-    H, R = np.array([[1.0, 0.0]]), np.array([[0.1**2]])
+    F = np.array([[1, -PERIOD, -PERIOD / 2], [0, 1, 0], [0, 0, 0]])
+    noise, walk = np.array([-PERIOD / 2, 0, 1]) * 2.0, np.array([-PERIOD / 2, 1, 0]) * 4.0
+    N = np.outer(noise, noise) + PERIOD * np.outer(walk, walk)
+    H, R = np.array([[1.0, 0.0, 0.0]]), np.array([[0.1**2]])
     before = solve_discrete_are(F.T, H.T, N, R)
     P = before - before @ H.T @ np.linalg.inv(H @ before @ H.T + R) @ H @ before
     close(s["pose_estimate_std"][0, -1, 0] ** 2, P[0, 0], 1e-10)
@@ -270,8 +288,8 @@ def started(kind, given, Q, Q_m):
     if kind == "complementary":
         between = [0.1, 0.3, 0.3]
         return plain.GradientFilter("SE2", PERIOD, pose, np.array(KP), np.array(KI), between)
-    std, walk = np.array([0.03, 0.04, 0.04]) * np.sqrt([1, 2, 2]), np.array([0, 0.03, 0.03])
-    P = plain.covariance_of(3, 0.8 if given else [0.02, 0.05, 0.05], [0, 0.1, 0.1])
+    std, walk = np.array([0.03, 0.04, 0.04]), np.array([0, 0.03, 0.03])
+    P = plain.covariance_of(3, 0.8 if given else [0.02, 0.05, 0.05], [0, 0.1, 0.1], std)
     return FILTERS[kind]("SE2", PERIOD, std, walk, pose, np.zeros(3), P)
 
 
@@ -292,7 +310,9 @@ def replayed(F, k, given, Q_m, V_m, arrives):
     found, R = ([], np.zeros(0)), np.diag([0.02, 0.05, 0.05]) ** 2
     for j in range(k + 1):
         if j:
-            F.predict((velocity(V_m, j, k) + velocity(V_m, j - 1, k)) / 2)
+            drift = np.where([True, j % 2 == 0, j % 2 == 0], [1.0, 2.0, 2.0], 0.0)
+            share = drift / 2 * [True, j + 2 <= k, j + 2 <= k]
+            F.predict(velocity(V_m, j - 1, k), velocity(V_m, j, k), share, drift)
         elif not given:
             continue
         there = j % 3 == 0 and arrives[j // 3] and (k >= j + 3 or j == 0)
@@ -319,7 +339,10 @@ def replayed(F, k, given, Q_m, V_m, arrives):
     ids=["invariant", "eqf", "complementary"],
 )
 def test_each_part_counts_at_its_own_time(kind, estimator):
-    """However late its pose and its velocity arrive; until then, the last velocity stands in."""
+    """However late its pose and its velocity arrive; until then, the last velocity stands in.
+
+    A new one then makes up for it: a speed at every second tick counts for the whole of the second.
+    """
     bodies, given = [body(run) for run in range(2)], estimator.initial_error is not None
     told = {1: sensed(1, *bodies[1])}  # a run beside another
     assert not told[1][-1].all()

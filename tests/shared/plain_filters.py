@@ -83,28 +83,56 @@ class Algebra:
 
 
 class Kalman:
-    """x = (q, b) with q⁺ = q + h (V_m − b), of vectors."""
+    """The means of q and b of one coordinate, given all that is measured, and their covariance.
 
-    def __init__(self, n, period, velocity_std, bias_walk, q, b, covariance):
-        one, none = np.eye(n), np.zeros((n, n))
-        self.F = np.block([[one, -period * one], [none, one]])
-        self.B = np.vstack([period * one, none])
-        self.N = block_diag(period**2 * velocity_std**2 * one, period * bias_walk**2 * one)
-        self.H = np.hstack([one, none])
-        self.x, self.P = np.concatenate([q, b]), covariance
+    No recursion: all that is random (the noise of each fix and velocity, the first bias and each of
+    its steps) is one normal vector u, and what is measured depends on it linearly. Between two
+    measured velocities, q moves by their mean; beyond the last one known, by that one.
+    """
 
-    def predict(self, V):
-        self.x = self.F @ self.x + self.B @ V
-        self.P = self.F @ self.P @ self.F.T + self.N
+    def __init__(self, period, fixes, velocities, pose_std, velocity_std, bias_std, walk):
+        """Ticks of all fixes and of all velocities, the first of each at 0, whenever known."""
+        self.h, self.fixes, self.ticks = period, list(fixes), np.array(velocities)
+        steps = walk * np.sqrt(period * np.diff(self.ticks))
+        each = [len(self.fixes) * [pose_std], len(self.ticks) * [velocity_std], [bias_std], steps]
+        self.D = np.diag(np.concatenate(each) ** 2)
+        self.p, self.n, self.s = np.split(
+            np.eye(len(self.D)), np.cumsum([len(self.fixes), len(self.ticks)])
+        )
 
-    def correct(self, q, noise):
-        """Return the square of the normalised innovation."""
-        S = self.H @ self.P @ self.H.T + noise
-        K = self.P @ self.H.T @ np.linalg.inv(S)
-        r = q - self.H @ self.x
-        self.x = self.x + K @ r
-        self.P = (np.eye(len(self.x)) - K @ self.H) @ self.P
-        return r @ np.linalg.solve(S, r)
+    def weights(self, tick, known):
+        """Of the first `known` velocities in the way from 0 to a tick, s."""
+        found, ends = np.zeros(len(self.ticks)), [*self.ticks[1:known], np.inf]
+        for j, (start, end) in enumerate(zip(self.ticks, ends, strict=False)):
+            if end <= tick:
+                found[j : j + 2] += self.h * (end - start) / 2
+            elif start < tick:
+                found[j] += self.h * (tick - start)
+        return found
+
+    def error(self, tick, known):
+        """Of q, by the first fix and these velocities alone: its row in u."""
+        return -self.p[0] - self.weights(tick, known) @ (np.cumsum(self.s, axis=0) + self.n)
+
+    def residuals(self, last_fix, q_m, V_m, known):
+        """Of the fixes after the first, up to a tick, and their rows in u."""
+        used = [i for i, at in enumerate(self.fixes) if 0 < at <= last_fix]
+        rows = [self.error(self.fixes[i], known) + self.p[i] for i in used]
+        y = [q_m[i] - q_m[0] - self.weights(self.fixes[i], known) @ V_m for i in used]
+        return np.array(y), np.array(rows).reshape(-1, len(self.D))
+
+    def estimate(self, tick, last_fix, q_m, V_m, known):
+        """The mean of (q, b) at a tick, and its covariance."""
+        y, R = self.residuals(last_fix, q_m, V_m, known)
+        X = np.array([self.error(tick, known), self.s[self.ticks <= tick].sum(axis=0)])
+        K = np.linalg.solve(R @ self.D @ R.T, R @ self.D @ X.T).T
+        start = np.array([q_m[0] + self.weights(tick, known) @ V_m, 0.0])
+        return start + K @ y, X @ self.D @ X.T - K @ R @ self.D @ X.T
+
+    def innovations(self, last_fix, q_m, V_m, known):
+        """Each residual less its mean given those before it, over its deviation."""
+        y, R = self.residuals(last_fix, q_m, V_m, known)
+        return np.linalg.solve(np.linalg.cholesky(R @ self.D @ R.T), y)
 
 
 # On groups: rows are the coordinates that a fix measures ------------------------------------------
@@ -115,21 +143,47 @@ def covariance_of(m, *deviations):
     return np.diag(np.concatenate([np.ones(m) * each for each in deviations]) ** 2)
 
 
-class InvariantFilter:
-    """Q̂, b̂ and the covariance of (ε, b̃) with Q = Q̂ exp ε and b = b̂ + b̃."""
+class ErrorStateFilter:
+    """What both have: the covariance of pose, bias and the noise n̂ of the last velocity."""
 
     def __init__(self, group, period, velocity_std, bias_walk, Q, b, covariance):
-        self.A, self.h = Algebra(group), period
-        self.pose, self.bias, self.P = Q, b, covariance
-        self.N = covariance_of(self.A.m, period * velocity_std, np.sqrt(period) * bias_walk)
+        self.A, self.h, self.noise, self.P = Algebra(group), period, 0.0 * b, covariance
+        self.stds = velocity_std, np.sqrt(period) * bias_walk
 
-    def predict(self, V_m):
-        """Through a period, with the mean of the velocities measured at its ends."""
-        A, m, V = self.A, self.A.m, V_m - self.bias
+    def mean(self, first, last, share):
+        return (1 - share) * (first - self.noise) + share * last
+
+    def advance(self, A, B, D, carry, share, drift):
+        """(ε, b̃, n) by ε ← Aε + B(b̃ + (1 − β)n + β(n' + w)), b̃ ← D b̃ + w, n ← n'.
+
+        n' and w are of the body, and `carry` is from there to the frame of B, and of D.
+        """
+        m, (white, walk) = self.A.m, self.stds
+        (start, end), one, none = carry, np.eye(m), np.zeros((m, m))
+        share, drift = (np.diag(x * np.ones(m)) for x in (share, drift))
+        held = np.diag(1.0 * (np.diag(share) == 0))
+        F = np.block([[A, B, B @ start @ (one - share)], [none, D, none], [none, none, held]])
+        both = B @ start @ share
+        N = np.block([[both, both], [none, end], [one - held, -held]])
+        u = block_diag(white**2 * one, walk**2 * drift)
+        self.P, self.noise = F @ self.P @ F.T + N @ u @ N.T, held @ self.noise
+
+
+class InvariantFilter(ErrorStateFilter):
+    """Q̂, b̂ and the covariance of (ε, b̃, n) with Q = Q̂ exp ε and b = b̂ + b̃."""
+
+    def __init__(self, group, period, velocity_std, bias_walk, Q, b, covariance):
+        super().__init__(group, period, velocity_std, bias_walk, Q, b, covariance)
+        self.pose, self.bias = Q, b
+
+    def predict(self, first, last, share=0.5, drift=1.0):
+        """Through a period, from the velocities measured at its ends."""
+        A, m, V = self.A, self.A.m, self.mean(first, last, share) - self.bias
         rate = np.block([[-A.ad(V), -np.eye(m)], [np.zeros((m, 2 * m))]])
         F = expm(self.h * rate)
         self.pose = self.pose @ A.exp(self.h * V)
-        self.P = F @ self.P @ F.T + self.N
+        one = np.eye(m)
+        self.advance(F[:m, :m], F[:m, m:], one, (one, one), share, drift)
 
     def correct(self, residual, rows, noise):
         """By a fix whose residual is in the body frame, of these coordinates.
@@ -137,28 +191,29 @@ class InvariantFilter:
         Returns the residual in the coordinates in which its covariance is 1, one after the other.
         """
         m = self.A.m
-        H = np.eye(2 * m)[rows]
+        H = np.eye(3 * m)[rows]
         S = H @ self.P @ H.T + noise
         K = self.P @ H.T @ np.linalg.inv(S)
         step = K @ residual
-        self.pose, self.bias = self.pose @ self.A.exp(step[:m]), self.bias + step[m:]
-        self.P = (np.eye(2 * m) - K @ H) @ self.P
+        self.pose, self.bias = self.pose @ self.A.exp(step[:m]), self.bias + step[m : 2 * m]
+        self.noise = self.noise + step[2 * m :]
+        self.P = (np.eye(3 * m) - K @ H) @ self.P
         return np.linalg.solve(np.linalg.cholesky(S), residual)
 
     def nees(self, Q, b):
         e = np.concatenate([self.A.log(np.linalg.inv(self.pose) @ Q), b - self.bias])
-        return e @ np.linalg.solve(self.P, e)
+        return e @ np.linalg.solve(self.P[: len(e), : len(e)], e)
 
 
-class EquivariantFilter:
+class EquivariantFilter(ErrorStateFilter):
     """T = [[Q̂, Q̂ b̂^], [0, Q̂]] in the tangent group, and the covariance of its error.
 
     The error is T of the truth times T̂⁻¹, (QQ̂⁻¹, Ad_Q̂(b − b̂)), in the coordinates (log, identity).
+    Beside it is the noise of the last velocity, in the body.
     """
 
     def __init__(self, group, period, velocity_std, bias_walk, Q, b, covariance):
-        self.A, self.h = Algebra(group), period
-        self.N = covariance_of(self.A.m, period * velocity_std, np.sqrt(period) * bias_walk)
+        super().__init__(group, period, velocity_std, bias_walk, Q, b, covariance)
         self.T = self.element(Q, b)
         self.P = self.carried(covariance)
 
@@ -175,17 +230,17 @@ class EquivariantFilter:
 
     def carried(self, covariance):
         """From the body frame to that of space."""
-        both = block_diag(self.A.Ad(self.pose), self.A.Ad(self.pose))
+        both = block_diag(self.A.Ad(self.pose), self.A.Ad(self.pose), np.eye(self.A.m))
         return both @ covariance @ both.T
 
-    def predict(self, V_m):
+    def predict(self, first, last, share=0.5, drift=1.0):
         """ε̇_r = −ε_b, ε̇_b = ad_{Ad_Q̂ V̂} ε_b, with noise that is Ad_Q̂ of the body's."""
-        A, V, b = self.A, V_m - self.bias, self.bias
-        one, none = np.eye(A.m), np.zeros((A.m, A.m))
-        F = expm(self.h * np.block([[none, -one], [none, A.ad(A.Ad(self.pose) @ V)]]))
-        before = F @ self.P @ F.T
+        A, m, b, V = self.A, self.A.m, self.bias, self.mean(first, last, share) - self.bias
+        one, none, start = np.eye(m), np.zeros((m, m)), A.Ad(self.pose)
+        F = expm(self.h * np.block([[none, -one], [none, A.ad(start @ V)]]))
         self.T = self.element(self.pose @ A.exp(self.h * V), b)
-        self.P = before + self.carried(self.N)
+        carry = start, A.Ad(self.pose)
+        self.advance(one, F[:m, m:], F[m:, m:], carry, share, drift)
 
     def correct(self, residual, rows, noise):
         """n = log(exp(−ε) exp(r)) is r − (1 − ½ad_r)ε to third order; the rest is in space.
@@ -195,18 +250,19 @@ class EquivariantFilter:
         A, full = self.A, np.zeros(self.A.m)
         full[rows] = residual
         back = np.linalg.inv(A.Ad(self.pose))
-        C = np.hstack([(np.eye(A.m) - A.ad(full) / 2) @ back, np.zeros((A.m, A.m))])[rows]
+        C = np.hstack([(np.eye(A.m) - A.ad(full) / 2) @ back, np.zeros((A.m, 2 * A.m))])[rows]
         S = C @ self.P @ C.T + noise
         K = self.P @ C.T @ np.linalg.inv(S)
-        u, s = (A.hat(part) for part in np.split(K @ residual, 2))
+        u, s, n = np.split(K @ residual, 3)
+        u, s, self.noise = A.hat(u), A.hat(s), self.noise + n
         self.T = expm(np.block([[u, s], [0 * u, u]])) @ self.T
-        self.P = (np.eye(2 * A.m) - K @ C) @ self.P
+        self.P = (np.eye(3 * A.m) - K @ C) @ self.P
         return np.linalg.solve(np.linalg.cholesky(S), residual)
 
     def nees(self, Q, b):
         off = self.A.log(Q @ np.linalg.inv(self.pose))
         e = np.concatenate([off, self.A.Ad(self.pose) @ (b - self.bias)])
-        return e @ np.linalg.solve(self.P, e)
+        return e @ np.linalg.solve(self.P[: len(e), : len(e)], e)
 
 
 class PassiveFilter:
@@ -241,7 +297,8 @@ class GradientFilter:
         self.A, self.h, self.pose, self.bias = Algebra(group), period, pose, 0.0 * kp
         self.kp, self.ki, self.between = kp, ki, np.array(between)
 
-    def predict(self, V_m):
+    def predict(self, first, last, share, drift):
+        V_m = (1 - share) * first + share * last
         self.pose = self.pose @ self.A.exp(self.h * (V_m - self.bias))
 
     def correct(self, off, rows):
