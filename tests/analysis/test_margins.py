@@ -460,16 +460,17 @@ def test_the_delay_margin_with_slow_sensors() -> None:
 KALMAN = {"pose_std": 0.1, "velocity_std": 1.0, "bias_walk": 1.0, "initial_bias_std": 1.0}
 
 
-def settled_gains(h: float, ticks: int) -> tuple[float, float]:
-    """Of angle and bias, of a Kalman filter with KALMAN and a fix once in so many ticks."""
+def settled_gains(h: float, ticks: int) -> tuple[float, float, float]:
+    """Of angle, bias and rate, of a Kalman filter with KALMAN and a fix once in so many ticks."""
     fix, rate, walk, start = KALMAN.values()
-    step, P = np.array([[1.0, -h], [0.0, 1.0]]), np.diag([fix, start]) ** 2
+    step, P = np.array([[1, -h, -h / 2], [0, 1, 0], [0, 0, 0]]), np.diag([fix, start, rate]) ** 2
+    new = np.array([[-h / 2, 0, 1], [-h / 2, 1, 0]]) * [[rate], [np.sqrt(h) * walk]]
     for _ in range(100):
         for _ in range(ticks):
-            P = step @ P @ step.T + np.diag([(h * rate) ** 2, h * walk**2])
+            P = step @ P @ step.T + new.T @ new
         K = P[:, 0] / (P[0, 0] + fix**2)
         P = P - np.outer(K, P[0])
-    return K[0], -K[1]
+    return K[0], -K[1], K[2]
 
 
 @pytest.mark.parametrize(
@@ -477,7 +478,7 @@ def settled_gains(h: float, ticks: int) -> tuple[float, float]:
     [
         pytest.param(
             {"kind": "complementary", "kp": 0.7, "ki": 0.2},
-            (0.3 * 0.7, 0.3 * 0.2),
+            (0.3 * 0.7, 0.3 * 0.2, 0.0),
             marks=pytest.mark.slow("a second filter"),
         ),
         ({"kind": "invariant", **KALMAN}, settled_gains(0.1, 3)),
@@ -485,10 +486,10 @@ def settled_gains(h: float, ticks: int) -> tuple[float, float]:
     ids=["complementary", "invariant"],
 )
 def test_an_estimator_is_part_of_the_loop(
-    estimator: dict[str, Any], gains: tuple[float, float]
+    estimator: dict[str, Any], gains: tuple[float, float, float]
 ) -> None:
     """A filter with a fix at every third tick, against a cycle of one axis by hand."""
-    h, k, d, (kp, ki) = 0.1, 0.2, 0.8, gains
+    h, k, d, (kp, ki, kn) = 0.1, 0.2, 0.8, gains
 
     def cycle(J: float) -> Array:
         motion = np.array([[1, h, h**2 / (2 * J)], [0, 1, h / J]])
@@ -499,7 +500,8 @@ def test_an_estimator_is_part_of_the_loop(
             sigma = (angle - guess) * (1.0 if tick == 0 else 0.0)
             guess, bias = guess + kp * sigma, bias - ki * sigma
             command = -k * guess - d * (rate - bias)
-            return np.array([*motion @ [angle, rate, command], guess, bias, rate])
+            before = rate - kn * sigma  # without its noise, as far as that is known
+            return np.array([*motion @ [angle, rate, command], guess, bias, before])
 
         found = np.eye(5)
         for tick in range(3):
