@@ -207,10 +207,10 @@ def part_torques(part):
 # Filters ------------------------------------------------------------------------------------------
 
 
-def filtered(kind, real="double", **timing):
+def filtered(kind, real="double", rates=None, **timing):
     """A law with memory on SO(3), which reads an estimate."""
     pose = {"kind": "noise", "std": 0.02, "period": 0.2, "dropout": 0.3, **timing}
-    velocity = [{"kind": "noise", "std": 0.01}, {"kind": "bias", "value": 0.05}]
+    velocity = [{"kind": "noise", "std": 0.01, **(rates or {})}, {"kind": "bias", "value": 0.05}]
     sensors, estimator = {"pose": [pose], "velocity": velocity}, {"kind": kind}
     config = made("SO3", ["goodarzi2013"], sensors=sensors, estimator=estimator)
     [found] = exported(config, [], ARITHMETICS[real])
@@ -219,15 +219,15 @@ def filtered(kind, real="double", **timing):
 
 @pytest.mark.skipif(not compilers(), reason="no C compiler")
 @pytest.mark.parametrize(
-    ("kind", "real"),
+    ("kind", "real", "rates"),
     [
-        ("invariant", "double"),
-        pytest.param("complementary", "double", marks=pytest.mark.slow("one of each is fast")),
-        pytest.param("eqf", "float", marks=pytest.mark.slow("one of each is fast")),
+        ("invariant", "double", {"period": 0.3, "dropout": 0.2}),
+        pytest.param("complementary", "double", {}, marks=pytest.mark.slow("one of each is fast")),
+        pytest.param("eqf", "float", {}, marks=pytest.mark.slow("one of each is fast")),
     ],
 )
-def test_a_filter_in_c_estimates_what_eqt_estimates(tmp_path, kind, real):
-    law = filtered(kind, real)
+def test_a_filter_in_c_estimates_what_eqt_estimates(tmp_path, kind, real, rates):
+    law = filtered(kind, real, rates)
     folder, compiler = written(law, tmp_path / "c"), compilers()[0]
     code, said = checked(law, folder, compiler)
     assert (code, " states pass; " in said) == (0, True), said
