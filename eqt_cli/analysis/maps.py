@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.intervals import (
-    FEWEST,
     Interval,
     Resampling,
     intervals_of_means,
@@ -48,10 +47,15 @@ class Cell:
     runner_up
         Index of the next best law.
     wins
-        Whether the best law is better than every other law at this point, after the adjustment for
-        all points, and settles in at least one run.
+        Whether a law, which is then the best, is better than every other law in more than half of
+        the runs, after the adjustment for all points, and in the mean, and settles in at least one
+        run.
+    in_most_runs
+        Index of the law that is better than every other one in more than half of the runs; it does
+        not win if its mean is not the better one. `NOBODY` if the runs do not decide.
     p_value
-        P-value that the best law is better than all others, adjusted for the number of points.
+        P-value of the sign test behind this, adjusted for the number of points; NaN if the runs are
+        too few.
     difference
         Paired difference best minus next, with an unadjusted interval.
     lead
@@ -66,6 +70,7 @@ class Cell:
     best: int
     runner_up: int
     wins: bool
+    in_most_runs: int
     p_value: float
     difference: Interval
     lead: Interval
@@ -95,10 +100,10 @@ class Map:
         Means over the runs that did not fail. A value beyond the horizon counts as the horizon.
     cells
         The comparison at each point.
-    tests
-        Number of points at which laws could be tested.
+    fewest
+        Number of runs with which a law could win at a point; with fewer, none wins.
     confidence
-        Confidence of each interval, and 1 minus the allowed expected share of false wins.
+        Confidence of each interval, and 1 minus the allowed probability of any false win.
     """
 
     quantity: Quantity
@@ -108,8 +113,24 @@ class Map:
     runs: int
     means: Array
     cells: list[Cell]
-    tests: int
+    fewest: int
     confidence: float
+
+    @property
+    def has_too_few_runs(self) -> bool:
+        """Whether no law could win at any point."""
+        return self.runs < self.fewest
+
+    def verdict(self, cell: Cell) -> str:
+        """Return the winner of a point, or why there is none."""
+        if cell.winner != NOBODY:
+            return self.titles[cell.winner]
+        if self.has_too_few_runs:
+            return "too few runs"
+        if cell.in_most_runs not in (NOBODY, cell.best):
+            most, mean = self.titles[cell.in_most_runs], self.titles[cell.best]
+            return f"{most} in most runs, {mean} in the mean"
+        return "undecided"
 
     def wins(self, law: int) -> int:
         """Return the number of points that a law wins."""
@@ -126,12 +147,15 @@ def compare_map(
 ) -> Map:
     """Compare the laws of a sweep at each of its points, run by run on the same initial states.
 
-    A law wins at a point if it is better than every other law there. The law with the best mean is
-    tested against each other law by Student's paired t-test, and the largest p-value counts: a win
-    is false if it is false for any other law (intersection-union test, Berger 1982). The p-values
-    of all points are adjusted after Benjamini and Yekutieli (2001), which is valid for dependent
-    tests such as those on the same runs. A law with more failed runs than another cannot win at a
-    point, because its other runs are a biased sample. A law that settles in no run cannot win.
+    A law wins at a point if it is better than every other law in more than half of the runs there,
+    and in the mean. More than half is tested by the sign test, which is exact for any number of
+    runs and any distribution; runs without a difference are left out, and a run that failed is
+    worse than one that did not. The largest p-value over the other laws counts: a win is false if
+    it is false for any other law (intersection-union test, Berger 1982). The p-values of all points
+    are adjusted after Holm (1979), which is valid for dependent tests such as those on the same
+    runs. A law with more failed runs than another cannot win, because its other runs are a biased
+    sample. A law that settles in no run cannot win. What fails in fewer than 3/n of the runs is not
+    in the data of n runs, so no test of them excludes it.
 
     Parameters
     ----------
@@ -165,16 +189,16 @@ def compare_map(
     # Laws with more failed runs come last: their other runs are a biased sample.
     order = np.lexsort((np.where(np.isfinite(costs), costs, np.inf), failed), axis=-1)
     points = np.arange(len(values))
+    ahead, p_values = _better_in_most_runs(quantity.cost(values))
+    fewest = _fewest(len(points), how.confidence)
+    adjusted = _adjusted(p_values if result.runs >= fewest else np.full(len(points), np.nan))
+    decided = adjusted <= 1 - how.confidence
+    # The law that is better in most runs is the best one, unless the means contradict.
+    agrees = decided & _better_in_the_mean(quantity.cost(values), failed, ahead)
+    order = np.where(agrees[:, None], _first(order, ahead), order)
     best, runner_up = order[:, 0], order[:, 1]
-    others = values[points[:, None], order[:, 1:]]
-    # Best minus each of the others, (points, laws - 1, runs).
-    differences = resolved_differences(values[points, best][:, None], others)
-    tests = _p_values(differences)
-    rivals = failed[points[:, None], order[:, 1:]] == failed[points, best][:, None]
-    p_values = np.where(rivals, tests, 0.0).max(axis=-1)  # NaN (too few values) is kept
-    p_values = np.where(np.isfinite(costs[points, best]), p_values, np.nan)
-    adjusted = _adjusted(p_values)
-    ends = _intervals(differences[:, 0], how) if intervals else np.full((len(points), 3), np.nan)
+    differences = resolved_differences(values[points, best], values[points, runner_up])
+    ends = _intervals(differences, how) if intervals else np.full((len(points), 3), np.nan)
     settles = result.settles
     settled = None if settles is None else np.count_nonzero(settles[:, chosen], axis=-1)
     cells = [
@@ -182,10 +206,13 @@ def compare_map(
             point=point,
             best=int(best[point]),
             runner_up=int(runner_up[point]),
-            wins=bool(adjusted[point] <= 1 - how.confidence) and count != 0,
+            wins=bool(agrees[point]) and count != 0,
+            in_most_runs=int(ahead[point]) if decided[point] else NOBODY,
             p_value=float(adjusted[point]),
             difference=Interval(*ends[point].tolist()),
-            lead=relative_difference(differences[point, 0], others[point, 0], how.confidence),
+            lead=relative_difference(
+                differences[point], values[point, runner_up[point]], how.confidence
+            ),
             failed=tuple(map(int, failed[point])),
             censored=tuple(map(int, np.count_nonzero(censored[point], axis=-1))),
             settled=count,
@@ -195,8 +222,7 @@ def compare_map(
     ]
     labels, titles = ([names[k] for k in chosen] for names in (result.labels, result.titles))
     unit = result.units(metric)
-    tested = int(np.isfinite(adjusted).sum())
-    return Map(quantity, unit, labels, titles, result.runs, means, cells, tested, how.confidence)
+    return Map(quantity, unit, labels, titles, result.runs, means, cells, fewest, how.confidence)
 
 
 def _intervals(rows: Array, how: Resampling) -> Array:
@@ -212,30 +238,61 @@ def _intervals(rows: Array, how: Resampling) -> Array:
     return np.concatenate(columns)
 
 
-def _p_values(differences: Array) -> Array:
-    """Return the p-values of paired t-tests over the last axis; NaN for too few values."""
-    from scipy.special import stdtr
+def _better_in_most_runs(costs: Array) -> tuple[Array, Array]:
+    """Return the law that is better than all others in most runs, and the p-value of sign tests.
 
-    known = np.isfinite(differences)
-    count = known.sum(axis=-1)
-    filled = np.where(known, differences, 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = filled.sum(axis=-1) / count
-        spread = np.where(known, differences - mean[..., None], 0.0)
-        error = np.sqrt((spread**2).sum(axis=-1) / (count - 1) / count)
-        p = 2 * stdtr(count - 1, -np.abs(mean) / error)
-    p = np.where(mean == 0, 1.0, np.where(error == 0, 0.0, p))
-    return np.where(count >= FEWEST, p, np.nan)
+    Without such a law at a point, it is `NOBODY`, and its p-value is 1.
+
+    Parameters
+    ----------
+    costs : (points, laws, runs)
+        Less is better; NaN for a run that failed.
+    """
+    from scipy.special import bdtr
+
+    points, laws, _ = costs.shape
+    costs = np.where(np.isnan(costs), np.inf, costs)
+    ahead, p_values = np.full(points, NOBODY), np.ones(points)
+    for law in range(laws):
+        others = np.delete(costs, law, axis=1)
+        with np.errstate(invalid="ignore"):
+            raw = costs[:, [law]] - others  # infinite where one of both failed, NaN where both did
+        differences = np.where(np.isfinite(raw), resolved_differences(costs[:, [law]], others), raw)
+        better, worse = ((differences * sign > 0).sum(axis=-1) for sign in (-1, 1))
+        p = np.minimum(1, 2 * bdtr(worse, better + worse, 0.5)).max(axis=-1)
+        leads = (better > worse).all(axis=-1)
+        ahead[leads], p_values[leads] = law, p[leads]
+    return ahead, p_values
+
+
+def _better_in_the_mean(costs: Array, failed: Array, ahead: Array) -> Array:
+    """Return whether a law has no more failed runs than any other, and the smaller paired means."""
+    points = np.arange(len(costs))
+    differences = resolved_differences(costs[points, ahead][:, None], costs)
+    means = mean_over_runs(differences)
+    fewest = failed[points, ahead] == failed.min(axis=-1)
+    means[points, ahead] = -np.inf
+    # Of a law that failed in every run in which the other one did not, no mean is left.
+    return (ahead != NOBODY) & fewest & ~(means >= 0).any(axis=-1)
+
+
+def _first(order: Array, law: Array) -> Array:
+    """Return the same order of laws at each point with one of them moved to the front."""
+    return np.take_along_axis(order, np.argsort(order != law[:, None], axis=-1, kind="stable"), -1)
+
+
+def _fewest(points: int, confidence: float) -> int:
+    """Return how many runs could show a win at one of so many points: 2^(1-n) ≤ (1-c)/points."""
+    return math.ceil(1 - math.log2((1 - confidence) / points))
 
 
 def _adjusted(p_values: Array) -> Array:
-    """Adjust p-values after Benjamini and Yekutieli."""
-    from scipy.stats import false_discovery_control
-
-    known = np.isfinite(p_values)
-    adjusted = p_values.copy()
-    if known.any():
-        adjusted[known] = false_discovery_control(p_values[known], method="by")
+    """Adjust p-values after Holm; NaN counts as no test."""
+    order = np.argsort(p_values)  # NaN last
+    tests = np.count_nonzero(~np.isnan(p_values))
+    steps = p_values[order] * np.maximum(tests - np.arange(len(p_values)), 1)
+    adjusted = np.empty_like(p_values)
+    adjusted[order] = np.minimum(1, np.maximum.accumulate(steps))
     return adjusted
 
 
@@ -259,7 +316,8 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
         for law, title in enumerate(wins.titles)
     ]
     undecided = sum(cell.winner == NOBODY for cell in wins.cells)
-    counted.append(["undecided", str(undecided), "", ""])
+    name_of_rest = "too few runs" if wins.has_too_few_runs else "undecided"
+    counted.append([name_of_rest, str(undecided), "", ""])
     summary = TextTable(
         "winners",
         f"Which law has the better {name}, at {points} points of {wins.runs} runs each",
@@ -290,11 +348,22 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
 def _notes(wins: Map) -> list[str]:
     share = f"{100 * (1 - wins.confidence):g} %"
     notes = [
-        "A law wins at a point where it is better than every other one there, run by run on the "
-        "same initial states. The best law of a point is compared with each other one by a paired "
-        f"t-test, and the largest p-value counts. The {wins.tests} p-values of the points are "
-        f"adjusted after Benjamini and Yekutieli (2001): expected share of false wins ≤ {share}."
+        "A law wins at a point where it is better than every other one in more than half of the "
+        "runs, by sign tests on the same initial states, and in the mean. The largest p-value "
+        "over the other laws counts, and those of the points are adjusted after Holm (1979): "
+        f"with probability {share} at most, any win is false. Failures rarer than 3/n of the runs, "
+        f"here {300 / wins.runs:.2g} %, are not excluded."
     ]
+    if wins.has_too_few_runs:
+        notes.append(
+            f"{wins.runs} runs are too few to show a win at one of {len(wins.cells)} points: use "
+            f"{wins.fewest} or more (ensemble.runs)."
+        )
+    if split := sum(cell.in_most_runs not in (NOBODY, cell.best) for cell in wins.cells):
+        notes.append(
+            f"At {split} of {len(wins.cells)} points a law is better in most runs but not in the "
+            "mean; no law wins there."
+        )
     failed, censored = (
         [sum(getattr(cell, name)[law] for cell in wins.cells) for law in range(len(wins.labels))]
         for name in ("failed", "censored")
@@ -332,7 +401,7 @@ def _row(wins: Map, cell: Cell, write: Plain) -> list[str]:
         _mean(wins.means[cell.point, law], cell.failed[law], cell.censored[law])
         for law in range(len(wins.labels))
     ]
-    winner = "undecided" if cell.winner == NOBODY else write.text(wins.titles[cell.winner])
+    winner = write.text(wins.verdict(cell))
     p_value = "-" if cell.p_value != cell.p_value else f"{cell.p_value:.2g}"
     return [*means, winner, _lead(cell, write), p_value]
 
@@ -360,6 +429,10 @@ def map_records(wins: Map, result: Result) -> list[dict[str, Any]]:
             "point": cell.point,
             **{key.key: key.value(cell.point) for key in result.swept_keys},
             "winner": None if cell.winner == NOBODY else wins.labels[cell.winner],
+            "in_most_runs": (
+                None if cell.in_most_runs == NOBODY else wins.labels[cell.in_most_runs]
+            ),
+            "too_few_runs": wins.has_too_few_runs,
             "best": wins.labels[cell.best],
             "next": wins.labels[cell.runner_up],
             "difference": cell.difference.value,
@@ -470,7 +543,7 @@ def _compared(result: Result) -> Iterator[str]:
 def _won(wins: Map) -> str:
     """As in ``Points won by mean ‖I − Q_E‖: EqT 3, GT 12, undecided 5``."""
     counts = {title: wins.wins(law) for law, title in enumerate(wins.titles)}
-    counts["undecided"] = wins.wins(NOBODY)
+    counts["too few runs" if wins.has_too_few_runs else "undecided"] = wins.wins(NOBODY)
     points = ", ".join(f"{name} {count}" for name, count in counts.items())
     return f"Points won by {Plain().name(wins.quantity)}: {points}."
 

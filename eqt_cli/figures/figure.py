@@ -615,7 +615,7 @@ class OfDifferences(OfOneMetric):
     Attributes
     ----------
     confidence
-        Confidence of each interval on its own; of a map, 1 minus the allowed share of false wins.
+        Confidence of each interval on its own; of a map, 1 minus the probability of any false win.
     """
 
     confidence: float = 0.95

@@ -271,6 +271,8 @@ _LEAST, _MOST = 1.2, 3.6
 """Least and largest height of the map, in."""
 _TINT = 0.55
 """Share of a law's colour in its cells, which keeps the numbers readable."""
+_PALE = 0.2
+"""The same where the runs are too few for a win."""
 WITH_FAILED = "////"
 
 
@@ -278,8 +280,9 @@ WITH_FAILED = "////"
 class Winners(OfDifferences):
     """Which law wins at each point of a sweep over one or two keys, and by how many per cent.
 
-    A law wins where it is better than every other one, run by run, with all tests of the map
-    counted (`eqt compare` on the sweep). White: undecided. Hatched: some runs failed.
+    A law wins where it is better than every other one in most runs and in the mean, with all tests
+    of the map counted (`eqt compare` on the sweep). White: undecided. Hatched: some runs failed.
+    With too few runs for a win, the colours are paler, and those of the better mean.
     """
 
     name: ClassVar[str] = "winners"
@@ -298,8 +301,11 @@ class Winners(OfDifferences):
         own = [look.colour for look in swept.looks]
         # Cells have no dashes: a colour that the style gives to several laws is paler for each.
         colours = [ink(0), *(mixed(c, ink(0), 0.5 ** own[:k].count(c)) for k, c in enumerate(own))]
-        winners = np.array([cell.winner - NOBODY for cell in wins.cells], dtype=float)
-        look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
+        too_few = wins.has_too_few_runs
+        ahead = [cell.best if too_few else cell.winner for cell in wins.cells]
+        winners = np.array([law - NOBODY for law in ahead], dtype=float)
+        tint = _PALE if too_few else _TINT
+        look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": tint, "label": "winner"}
         look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
         panel.grid(False)
         panel.tick_params(length=0)
@@ -316,11 +322,18 @@ class Winners(OfDifferences):
         )
         _explain_winners(drawing, colours, wins, bool(failed))
         share = f"{100 * (1 - self.confidence):g} %"
-        swept.remarks += [
-            "Numbers: lead over the next law in per cent of its mean.",
-            f"{wins.tests} points tested, {wins.runs} runs each; expected share of false wins "
-            f"≤ {share}.",
-        ]
+        swept.remarks += (
+            [
+                f"Colours: the better mean of {wins.runs} runs, too few for a win at one of "
+                f"{len(wins.cells)} points, which takes {wins.fewest}."
+            ]
+            if too_few
+            else [
+                "Numbers: lead over the next law in per cent of its mean.",
+                f"{len(wins.cells)} points, {wins.runs} runs each; probability of any false win ≤ "
+                f"{share}; failures rarer than 3/n of the runs are not excluded.",
+            ]
+        )
         return drawing
 
 
@@ -337,10 +350,14 @@ def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None
 def _explain_winners(drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool) -> None:
     """Add a legend of the laws that win somewhere."""
     frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
-    patches = {f"undecided: {wins.wins(NOBODY)}": Patch(facecolor=colours[0], **frame)}
+    too_few = wins.has_too_few_runs
+    patches = {}
+    if not too_few:
+        patches[f"undecided: {wins.wins(NOBODY)}"] = Patch(facecolor=colours[0], **frame)
     for law, title in enumerate(wins.titles):
-        name = f"{title}: {wins.wins(law)}"
-        patches[name] = Patch(facecolor=(colours[law + 1], _TINT), **frame)
+        name = title if too_few else f"{title}: {wins.wins(law)}"
+        tint = _PALE if too_few else _TINT
+        patches[name] = Patch(facecolor=(colours[law + 1], tint), **frame)
     if failed:
         hatched = Patch(fill=False, hatch=WITH_FAILED, edgecolor=ink(0.35), linewidth=0)
         patches["with failed runs"] = hatched

@@ -23,7 +23,7 @@ def test_the_summary(eqt):
     assert "6 points, 36 runs, simulation " in done.out
     assert done.out.endswith(f"results  {Path('out/results.h5')}\nnext     eqt compare out\n")
     assert "settled   ‖τ‖₅" not in done.out  # nothing over all points
-    won = "Points won by mean ‖I − Q_E‖: EqT 0, GT 0, undecided 6.\n"  # of 3 runs
+    won = "Points won by mean ‖I − Q_E‖: EqT 0, GT 0, too few runs 6.\n"  # of 3 runs
     assert re.search(r"^  EqT +best +\d +", done.out, re.M) and won in done.out
     with open_results("out") as results:
         assert results["effort"].shape == (6, 2, 3)
@@ -38,7 +38,7 @@ def test_scenarios_are_listed_and_none_is_best(eqt):
     assert done.out.startswith("mean ‖I − Q_E‖, each point\n\n")
     assert table[0].split()[:5] == ["point", "at", "EqT", "GT", "winner"]
     assert [row.split()[1] for row in table[2:4]] == ["ideal", "slow"]
-    assert table[2].split()[4] == "undecided"
+    assert table[2].split()[4:7] == ["too", "few", "runs"]
     assert "best" not in done.out
 
 

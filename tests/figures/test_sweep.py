@@ -8,14 +8,14 @@ from said import error_of
 
 from eqt_cli.analysis.fronts import front
 from eqt_cli.analysis.intervals import Resampling, relative_difference, share
-from eqt_cli.analysis.maps import compare_map
+from eqt_cli.analysis.maps import NOBODY, compare_map
 from eqt_cli.base.errors import EqtError
 from eqt_cli.figures import sweep_figures
 from eqt_cli.figures.cells import FEW, number_values
 from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.figures.curves import name_points
 from eqt_cli.figures.shown import ShownSweep
-from eqt_cli.figures.sweep_figures import Envelope, Pareto, Region, SweepFigure, Winners
+from eqt_cli.figures.sweep_figures import _PALE, Envelope, Pareto, Region, SweepFigure, Winners
 from eqt_cli.results.result import briefly
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -304,12 +304,30 @@ def test_cells_with_failed_runs_are_hatched_and_are_not_the_best(swept, altered)
     assert abs(cell.x0 - frame.x0) > 0.5 or abs(cell.y0 - frame.y0) > 0.5
 
 
-def test_winners_are_those_of_the_comparison(swept, picture):
-    results = swept(TWO)
+def test_winners_are_those_of_the_comparison(swept, altered, picture):
+    results = swept(TWO, **MORE_RUNS)
+    effort = results["effort"].copy()
+    effort[1, 0] /= 100
+    effort[4, 1] /= 100
+    results = altered(results.path, effort=effort)
     found = compare_map(results, "effort", Resampling(confidence=0.9, resamples=999))
+    assert [cell.winner for cell in found.cells] == [NOBODY, 0, NOBODY, NOBODY, 1, NOBODY]
     image = picture(Winners(metric="effort", confidence=0.9), results).axes[0].collections[0]
     drawn = np.asarray(image.get_array()).reshape(2, 3)
     assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]
+
+
+def test_with_too_few_runs_winners_show_the_better_means_in_paler_colours(swept, picture):
+    results = swept(TWO)
+    found = compare_map(results, "effort", Resampling())
+    drawing = picture(Winners(metric="effort"), results)
+    image = drawing.axes[0].collections[0]
+    drawn = np.asarray(image.get_array()).reshape(2, 3)
+    assert drawn.T.ravel().tolist() == [cell.best + 1 for cell in found.cells]
+    assert image.get_alpha() == _PALE
+    assert "too few for a win at one of 6 points, which takes 8." in " ".join(
+        drawing.get_supxlabel().split()
+    )
 
 
 def test_cells_over_one_key_are_as_high_as_the_panel(swept, picture):
@@ -361,13 +379,13 @@ def test_a_forest_is_of_two_laws(swept):
 
 
 def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):
-    results = swept(TWO)
+    results = swept(TWO, **MORE_RUNS)
     status = results["status"].copy()
     status[0, 0, 0] = 1
     drawing = Winners(metric="effort").draw([altered(results.path, status=status)])
     first, second, *_ = drawing.get_supxlabel().split("\n")
     assert first == "Numbers: lead over the next law in per cent of its mean."
-    assert second.startswith("6 points tested, ")
+    assert second.startswith("6 points, 8 runs each; probability of any false win ≤ 5 %;")
     assert "1 run failed; 1 of 12 means left out." in drawing.get_supxlabel()
 
 
