@@ -32,8 +32,8 @@ def main() -> None:
     gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     # Else Python searches all objects once more at the end of the process, for 0.1 to 0.4 s.
     atexit.register(gc.freeze)
-    told_as_others = warnings.catch_warnings()
-    with process.as_exceptions(_interrupted_again), without_current_folder(), told_as_others:
+    warning_state = warnings.catch_warnings()
+    with process.as_exceptions(_interrupted_again), without_current_folder(), warning_state:
         warnings.showwarning = _show
         _run()
 

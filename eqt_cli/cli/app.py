@@ -47,10 +47,10 @@ def in_words() -> Iterator[None]:
             raise
         context: Any = getattr(error, "ctx", None)
         below = context.command_path.removeprefix(context.find_root().info_name) if context else ""
-        raise EqtError(f"{_told(error, context)}; see `eqt{below} --help`") from None
+        raise EqtError(f"{_usage_message(error, context)}; see `eqt{below} --help`") from None
 
 
-def _told(error: Any, context: Any) -> str:
+def _usage_message(error: Any, context: Any) -> str:
     parameter = getattr(error, "param", None)
     name = "" if parameter is None else _name(parameter)
     if type(error).__name__ == "MissingParameter":
@@ -58,15 +58,15 @@ def _told(error: Any, context: Any) -> str:
     said = error.message
     for pattern, words in _REWRITTEN:
         if match := re.fullmatch(pattern, said):
-            told = match.expand(words)
+            message = match.expand(words)
             break
     typed = getattr(error, "option_name", None) or (match and match.groups() and match[1]) or ""
-    hint = _hint(typed, context) if told.startswith("unknown ") and not name else ""
-    given = f", got '{_given(parameter)}'" if told.startswith("expected ") and name else ""
-    return ": ".join(filter(None, [name, told + given + hint]))
+    hint = _hint(typed, context) if message.startswith("unknown ") and not name else ""
+    got = f", got '{_typed_value(parameter)}'" if message.startswith("expected ") and name else ""
+    return ": ".join(filter(None, [name, message + got + hint]))
 
 
-def _given(parameter: Any) -> str:
+def _typed_value(parameter: Any) -> str:
     """Return the last value of an option, written ``--option value`` or ``--option=value``."""
     options, values = tuple(parameter.opts), sys.argv[1:]
     for before, value in reversed([*zip(["", *values], values, strict=False)]):
@@ -98,7 +98,7 @@ MOST_COLUMNS = 1000
 """Maximum width assumed of the terminal, since lines are padded with spaces to their width."""
 
 
-_OWN = {
+_CORE = {
     "run": ("cli.run.run", COMPUTE, "configs/paper.yaml --set gains.kp=2"),
     "sweep": ("cli.run.sweep", COMPUTE, "configs/paper.yaml --grid gains.kp=1,2"),
     "tune": ("cli.run.tune", COMPUTE, "configs/tune_paper.yaml"),
@@ -121,7 +121,7 @@ _OWN = {
 
 def _with_extensions() -> dict[str, tuple[str, str, str]]:
     """Return all commands: each of an extension follows the one that the extension names."""
-    listed = [*_OWN.items()]
+    listed = [*_CORE.items()]
     for extension, manifest in extensions().items():
         for name, (place, before, arguments) in getattr(manifest, "COMMANDS", {}).items():
             at = next(i for i, (other, _) in enumerate(listed) if other == before)
@@ -217,8 +217,8 @@ def main(
 def _command(name: str) -> Any:
     """Return a command, or a group of commands."""
     place, panel, arguments = COMMANDS[name]
-    module, _, found = place.rpartition(".")
-    function = getattr(import_module(f"eqt_cli.{module}"), found)
+    module, _, attribute = place.rpartition(".")
+    function = getattr(import_module(f"eqt_cli.{module}"), attribute)
     alone = typer.Typer()
     if isinstance(function, typer.Typer):
         alone.add_typer(function, name=name, rich_help_panel=panel, context_settings=_HELP)

@@ -151,7 +151,7 @@ def compare(
             point=point,
             units=unit or (),
         )
-        shown = _Found(
+        shown = _Findings(
             *of_extension("recordings.measured.findings")(explained, measured, write, verbose)
         )
     if shown is None and robust:
@@ -186,7 +186,7 @@ def compare(
     _print(shown, result, format, json)
 
 
-def _print(shown: _Found, result: Path, format: TableFormat, json: bool) -> None:
+def _print(shown: _Findings, result: Path, format: TableFormat, json: bool) -> None:
     if json:
         output.print_json({"path": str(result), **shown.document})
     elif format is TableFormat.CSV:
@@ -202,7 +202,7 @@ def _print(shown: _Found, result: Path, format: TableFormat, json: bool) -> None
         output.say(remark)
 
 
-class _Found(NamedTuple):
+class _Findings(NamedTuple):
     """Findings to print: a document for programs, rows, tables, and text around them."""
 
     document: dict[str, Any]
@@ -221,7 +221,7 @@ def _of_whole(
     how: Resampling,
     write: Plain,
     units: Sequence[str],
-) -> _Found | None:
+) -> _Findings | None:
     """Return the findings on a sweep or on fronts as a whole; None for other results."""
     from eqt_cli import api
     from eqt_cli.analysis.maps import map_records, map_tables
@@ -245,7 +245,7 @@ def _of_whole(
         whole = table is TableName.POINTS
         made = [each for one in maps for each in map_tables(one, result, write, whole=whole)]
         shown = [each for each in made if table is None or each.name == table]
-        return _Found({"points": records}, records, shown)
+        return _Findings({"points": records}, records, shown)
 
 
 def _print_metrics(results: Result, json: bool) -> None:
@@ -280,7 +280,7 @@ def _of_experiment(
     *,
     whole: bool | None,
     laws_as_rows: bool = False,
-) -> _Found:
+) -> _Findings:
     """Return the findings on one experiment.
 
     `whole` is None if a user chose a part; else the findings come with all tables (True), or with
@@ -323,7 +323,7 @@ def _of_experiment(
     elif narrowed and len(comparison.labels) > 2 and not against:
         remarks.append("next: --table pairs prints every pair, --list all metrics")
     sentences = () if whole is None else _findings(comparison)
-    return _Found(document, rows[table or TableName.PAIRS], shown, remarks, sentences)
+    return _Findings(document, rows[table or TableName.PAIRS], shown, remarks, sentences)
 
 
 def _findings(comparison: Comparison) -> list[str]:
@@ -344,7 +344,7 @@ def _findings(comparison: Comparison) -> list[str]:
     return [output.folded(line, room, more) for line, more in zip(lines, hanging, strict=True)]
 
 
-def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _Found:
+def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _Findings:
     """Return the range of the swept number over which the runs of each law settle."""
     from eqt_cli import api
     from eqt_cli.analysis.maps import robustness_table
@@ -353,10 +353,10 @@ def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _F
         if not result.is_sweep:
             raise EqtError(f"--robust needs a sweep; {path} is a single experiment")
         table, rows = robustness_table(result, share, confidence, write)
-    return _Found({"share": share, "tested": rows}, rows, [table])
+    return _Findings({"share": share, "tested": rows}, rows, [table])
 
 
-def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Found | None:
+def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Findings | None:
     """Return the laws at equal cost; None if the result is not of a two-objective search."""
     from eqt_cli.analysis.fronts import at_equal_cost, equal_cost_table, fronts, held_out
     from eqt_cli.analysis.search_record import TUNE
@@ -367,7 +367,7 @@ def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Found | None:
     result = held_out(result, record)
     table = equal_cost_table(result, record, write, how)
     pairs = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
-    return _Found({"objectives": record["objectives"], "fronts": pairs}, pairs, [table])
+    return _Findings({"objectives": record["objectives"], "fronts": pairs}, pairs, [table])
 
 
 # Differences --------------------------------------------------------------------------------------

@@ -51,8 +51,8 @@ def settings(ctx: typer.Context, incomplete: str) -> Completions:
     """Complete ``KEY=``, a key of any configuration or of the given one."""
     # `args` holds words not parsed yet, where the line ends in an option without its value.
     words = [ctx.params.get("config"), ctx.params.get("target"), *ctx.args]
-    given = next((Path(word) for word in words if word and Path(word).is_file()), None)
-    known = dict.fromkeys(_written(given), "") | _known()["keys"]
+    file = next((Path(word) for word in words if word and Path(word).is_file()), None)
+    known = dict.fromkeys(_written(file), "") | _known()["keys"]
     return _starting(incomplete, {f"{key}=": text for key, text in known.items()})
 
 
@@ -105,9 +105,9 @@ def _known() -> dict[str, Any]:
     caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     state, file = _state(), Path(caches) / "eqt" / "completion.json"
     with suppress(OSError):
-        kept = read_record(file, "state", "names", "keys", "figure_options")
-        if kept and kept["state"] == state:
-            return kept
+        cached = read_record(file, "state", "names", "keys", "figure_options")
+        if cached and cached["state"] == state:
+            return cached
     from eqt_cli.base.option_types import option_names
     from eqt_cli.config.json_schema import json_schema, keys_of
 
@@ -125,6 +125,6 @@ def _known() -> dict[str, Any]:
 
 def _state() -> list[int]:
     """Return when eqt's own files and the installed packages last changed."""
-    own = Path(__file__).parents[1]
-    times = [path.stat().st_mtime_ns for path in own.rglob("*.py")]
+    package = Path(__file__).parents[1]
+    times = [path.stat().st_mtime_ns for path in package.rglob("*.py")]
     return [len(times), max(times), Path(sysconfig.get_path("purelib")).stat().st_mtime_ns]

@@ -15,7 +15,7 @@ from eqt_cli.base.files import new_file, refusals
 from eqt_cli.base.registry import KINDS, load_plugin, of_extension, registry, summary
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.options import Command, Group, example
-from eqt_cli.cli.output import print_found, say
+from eqt_cli.cli.output import print_findings, say
 from eqt_cli.config import shipped
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def list_components(
     for path in plugin or ():
         load_plugin(path)
     listed = {name: _described(name) for name in ([kind] if kind else kinds)}
-    print_found(listed, _text(listed), json=json)
+    print_findings(listed, _text(listed), json=json)
 
 
 def _described(kind: str) -> list[dict[str, Any]]:
@@ -120,7 +120,7 @@ def docs(
     pages = _address()
     if not address and not json and not webbrowser.open(pages):
         say("no browser could be opened; the documentation is at:")
-    print_found({"documentation": pages}, pages, json=json)
+    print_findings({"documentation": pages}, pages, json=json)
 
 
 def _address() -> str:
@@ -271,7 +271,7 @@ def check(
     wheels = wheels_needed(experiment, shown)
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, by the reference"]
     text = "\n".join([text, *needed, *(f"reference: {jump}" for jump in jumps), *untried])
-    output.print_found(_document(config, [], checked), text, json=json)
+    output.print_findings(_document(config, [], checked), text, json=json)
 
 
 def _document(

@@ -89,17 +89,17 @@ _ROW = re.compile(r" +(--\S+) ?(\S*)  (\S.*)")
 
 def _described(table: str) -> dict[str, dict[str, Any]]:
     """Return group, metavar and text of each option, ``    --seed N  Random seed.``, by group."""
-    found: dict[str, dict[str, Any]] = {}
+    rows: dict[str, dict[str, Any]] = {}
     group = name = ""
     for line in table.splitlines():
         if row := _ROW.fullmatch(line):
             name = row[1]
-            found[name] = {"rich_help_panel": group, "metavar": row[2], "help": row[3]}
+            rows[name] = {"rich_help_panel": group, "metavar": row[2], "help": row[3]}
         elif line.startswith(" "):
-            found[name]["help"] += f" {line.strip()}"
+            rows[name]["help"] += f" {line.strip()}"
         else:
             group = line
-    return found
+    return rows
 
 
 _HEADING = "\n\nOptions\n-------\n"
@@ -154,14 +154,14 @@ MOST_SHOWN = 60
 
 def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:
     """Map places in messages, such as ``--set gains.kp=2``, to values of a repeated option."""
-    found: dict[str, str] = {}
+    by_place: dict[str, str] = {}
     for text in texts or ():
         key, _, _ = text.partition("=")
         place = f"{option} {text if len(text) <= MOST_SHOWN else f'{key}=…'}"
-        while place in found:
+        while place in by_place:
             place += " (again)"
-        found[place] = text
-    return found
+        by_place[place] = text
+    return by_place
 
 
 def overrides(set_: Sequence[str] | None, **solver: str | None) -> dict[str, str]:
@@ -219,13 +219,13 @@ def pairs(option: str, texts: Sequence[str] | None, expected: str = "NAME=TEXT")
     EqtError
         If a value has no name or no text.
     """
-    found = {}
+    parsed = {}
     for text in texts or ():
         name, _, value = (piece.strip() for piece in text.partition("="))
         if not (name and value):
             raise EqtError(f"{option}: expected {expected}, got '{text}'")
-        found[name] = value
-    return found
+        parsed[name] = value
+    return parsed
 
 
 def only_result(command: str, results: Sequence[Path], does: str = "") -> Path:
@@ -361,8 +361,8 @@ def spread(command: Callable[..., None]) -> Callable[..., None]:
 
 def require_measured(mapping: Path | None, kind: str, run: int = 0) -> None:
     """Refuse options of a recording if no recording is given."""
-    given = {"--mapping": mapping, "--log-format": kind != "csv", "--run": run}
-    for name in (name for name, value in given.items() if value):
+    options = {"--mapping": mapping, "--log-format": kind != "csv", "--run": run}
+    for name in (name for name, value in options.items() if value):
         raise EqtError(f"{name} is of a recording; add --measured FILE")
 
 

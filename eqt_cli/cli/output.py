@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 def folded(line: str, width: int, indent: str = "") -> str:
     """Wrap a line to a width, with the further lines indented."""
-    kept = WORD.sub(lambda word: word[0].replace(" ", "\u00a0"), line)
+    joined = WORD.sub(lambda word: word[0].replace(" ", "\u00a0"), line)
     return textwrap.fill(
-        kept, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        joined, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
     ).replace("\u00a0", " ")
 
 
@@ -123,7 +123,7 @@ def json_text(document: Any, indent: int | None = None) -> str:
     return printable(text, _LINES, lambda character: json.dumps(character)[1:-1])
 
 
-def print_found(document: Any, *pieces: str | Text, json: bool, nothing: str = "") -> None:
+def print_findings(document: Any, *pieces: str | Text, json: bool, nothing: str = "") -> None:
     """Print findings as one JSON document or as text; say `nothing` if there are none."""
     if json:
         print_json(document)
@@ -170,7 +170,7 @@ def print_records(header: list[str], rows: Sequence[Sequence[Any]], *, json: boo
     """Print a table, or its rows as JSON objects, where a cell of several words is a list."""
     records = [dict(zip(header, row, strict=True)) for row in rows]
     cells = [[cell if isinstance(cell, str) else ", ".join(cell) for cell in row] for row in rows]
-    print_found(records, table(header, cells), json=json)
+    print_findings(records, table(header, cells), json=json)
 
 
 def table(header: list[str], rows: list[list[str]]) -> Text:
@@ -264,7 +264,7 @@ class Meter(Reporter):
 
     def begin(self, what: str, count: int) -> None:
         """Restart the count."""
-        self.total, self.what, self.done, self.found = count, what, 0.0, 0.0
+        self.total, self.what, self.done, self.skipped = count, what, 0.0, 0.0
         self.latest = ""
         self.started = time.monotonic()
 
@@ -279,7 +279,7 @@ class Meter(Reporter):
 
     def skip(self, amount: float) -> None:
         """Count an amount that is left out of the rate."""
-        self.found += amount
+        self.skipped += amount
         self.advance(amount)
 
     def note(self, about: str, words: str) -> None:
@@ -294,7 +294,7 @@ class Meter(Reporter):
     @property
     def rate(self) -> float:
         """Return the number of runs per second."""
-        return (self.done - self.found) / max(time.monotonic() - self.started, 1e-9)
+        return (self.done - self.skipped) / max(time.monotonic() - self.started, 1e-9)
 
     @property
     def speed(self) -> str:
@@ -305,7 +305,7 @@ class Meter(Reporter):
     def left(self) -> str:
         """Return the remaining time in words; empty if too little is done to estimate it."""
         remaining = max(self.total - self.done, 0.0)
-        if self.done - self.found < GUESS_AFTER * (self.total - self.found):
+        if self.done - self.skipped < GUESS_AFTER * (self.total - self.skipped):
             return ""
         seconds = remaining / max(self.rate, 1e-9)
         return (f"{seconds:.0f} s" if seconds < 120 else duration(seconds)) + " left"
@@ -417,18 +417,18 @@ class _Lines(Meter):
     def end(self) -> None:
         """Say that the step is done, if it took long enough to be shown."""
         took = time.monotonic() - self.started
-        if took >= SHOW_AFTER and self.found + 1 <= round(self.done) >= self.total:
+        if took >= SHOW_AFTER and self.skipped + 1 <= round(self.done) >= self.total:
             say(f"{self.total}/{self.total} {self.what}: done in {duration(took)}")
         super().end()
 
     def show(self) -> None:
         """Print a line at intervals, but none for the last count."""
-        now, first = time.monotonic(), round(self.done) < self.found + 1
+        now, first = time.monotonic(), round(self.done) < self.skipped + 1
         if now < self.next_line or round(self.done) >= self.total:
             return
         if first and now < self.started + LINE_EVERY:
             return
         self.next_line = now + LINE_EVERY
         speed = "" if first else self.speed
-        told = [f"{self.done:.0f}/{self.total} {self.what}", speed, self.left, self.latest]
-        say(", ".join(filter(None, told)))
+        words = [f"{self.done:.0f}/{self.total} {self.what}", speed, self.left, self.latest]
+        say(", ".join(filter(None, words)))

@@ -12,7 +12,7 @@ import typer
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.files import YAML
 from eqt_cli.cli import completion, options
-from eqt_cli.cli.output import print_found, print_source, say
+from eqt_cli.cli.output import print_findings, print_source, say
 
 if TYPE_CHECKING:
     from eqt_cli.api import Shown
@@ -138,7 +138,7 @@ def plot(
         workers=options.cores(),
     )
     text = "\n".join(f"figure   {file}" for file in files)
-    print_found({"figures": list(map(str, files))}, text, json=json)
+    print_findings({"figures": list(map(str, files))}, text, json=json)
 
 
 def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
@@ -197,7 +197,7 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
 
 
 def _options(
-    names: Sequence[str], given: Sequence[str], flags: Mapping[str, tuple[str, Any]]
+    names: Sequence[str], texts: Sequence[str], flags: Mapping[str, tuple[str, Any]]
 ) -> dict[str, dict[str, Any]]:
     """Return the options of each figure from ``KEY=VALUE``, ``FIGURE.KEY=VALUE`` and `flags`.
 
@@ -215,7 +215,7 @@ def _options(
             raise EqtError(f"{flag}: {_WITHOUT[key].format(' and '.join(known))}")
         for name in takers if wish is not None else ():
             by_figure[name][key] = wish
-    for index, text in enumerate(given):
+    for index, text in enumerate(texts):
         place = f"--option[{index}]"
         left, equals, right = text.partition("=")
         if not equals:
@@ -279,7 +279,7 @@ def animate(
     )
     sizes = {file: f"{file.stat().st_size / 1e6:.1f} MB" for file in files}
     text = "\n".join(f"animation  {file}  ({size})" for file, size in sizes.items())
-    print_found({"files": list(map(str, files))}, text, json=json)
+    print_findings({"files": list(map(str, files))}, text, json=json)
 
 
 # `eqt report` and `eqt cite`: a result as one HTML page, and references to cite with it -----------
@@ -338,7 +338,7 @@ def report(
     )
     size = path.stat().st_size
     text = f"report   {path}  ({size / 1e6:.1f} MB)"
-    print_found({"report": str(path), "bytes": size}, text, json=json)
+    print_findings({"report": str(path), "bytes": size}, text, json=json)
 
 
 def cite(

@@ -75,11 +75,11 @@ def outcome_record(result: Result) -> dict[str, Any]:
     if not result.is_sweep:
         return {"controllers": result.headline()}
     won = {
-        found.quantity.name: {
-            **{label: found.wins(law) for law, label in enumerate(found.labels)},
-            "undecided": found.wins(NOBODY),
+        winner_map.quantity.name: {
+            **{label: winner_map.wins(law) for law, label in enumerate(winner_map.labels)},
+            "undecided": winner_map.wins(NOBODY),
         }
-        for found in winners(result)
+        for winner_map in winners(result)
     }
     return {"points_won": won}
 
@@ -124,9 +124,9 @@ def _shares(result: Result) -> Iterator[str]:
     for name in result.attitude_errors if rows else ():
         unit, factor = result.shown_in("", "deg")
         turns = np.degrees(turn_of_distance(result.metric(f"final_{name}"))) * factor
-        told = zip(result.titles, mean_over_runs(turns).tolist(), strict=True)
+        means = zip(result.titles, mean_over_runs(turns).tolist(), strict=True)
         part = f" of {name.removeprefix('pose_error_')}" if len(result.attitude_errors) > 1 else ""
-        words = ", ".join(f"{title} {significant(mean)}" for title, mean in told)
+        words = ", ".join(f"{title} {significant(mean)}" for title, mean in means)
         yield f"final attitude error{part} ({unit}): {words}"
     if all("saturated_share" in row for _, row in rows):
         shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
@@ -141,14 +141,14 @@ def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
     few = {title: count for title, count in unsettled.items() if count < RARE * runs}
     if runs < MANY or not few:
         return
-    found = {
+    shares = {
         title: share(count, runs, Resampling.confidence, exact=True) for title, count in few.items()
     }
-    told = "; ".join(
+    words = "; ".join(
         f"{title} {few[title]} of {runs}, {value:.2g} [{low:.2g}, {high:.2g}]"
-        for title, (value, low, high) in found.items()
+        for title, (value, low, high) in shares.items()
     )
-    yield f"not settled: {told} (exact {100 * Resampling.confidence:g} % intervals)"
+    yield f"not settled: {words} (exact {100 * Resampling.confidence:g} % intervals)"
     if any(few.values()):
         yield f"`eqt show {result.path.parent} --unsettled` lists their starts"
 
@@ -203,9 +203,9 @@ def _failures(result: Result) -> Iterator[str]:
     places: dict[str, list[str]] = {}
     for where, message in zip(first, result.messages(first), strict=True):
         places.setdefault(message, []).append(result.place(where))
-    for message, found in list(places.items())[:MOST_FAILURES]:
-        others = f" and {len(found) - 1} more" if len(found) > 1 else ""
-        yield f"  {found[0]}{others}: {message}"
+    for message, runs in list(places.items())[:MOST_FAILURES]:
+        others = f" and {len(runs) - 1} more" if len(runs) > 1 else ""
+        yield f"  {runs[0]}{others}: {message}"
     if total > min(len(places), MOST_FAILURES):
         those = f"of the first {MOST_READ}; " if total > MOST_READ else ""
         cut = "… " if len(places) > MOST_FAILURES else ""
@@ -250,8 +250,8 @@ def _rows(result: Result, swept: list[str], numbers: list[str]) -> Iterator[list
     for point in range(result.points):
         here = [point, *(_shown(value[point]) for value in values)] if result.is_sweep else []
         for controller, label in enumerate(result.labels):
-            found = [column[point, controller].tolist() for column in columns]
-            for run, row in enumerate(zip(*found, strict=True)):
+            per_run = [column[point, controller].tolist() for column in columns]
+            for run, row in enumerate(zip(*per_run, strict=True)):
                 yield [*here, label, run, *map(_shown, row)]
 
 

@@ -12,7 +12,7 @@ import typer
 from eqt_cli.base.errors import EqtError, InterruptedRun
 from eqt_cli.base.process import Interrupted
 from eqt_cli.cli import completion, options, output
-from eqt_cli.cli.output import notes, print_found, say
+from eqt_cli.cli.output import notes, print_findings, say
 from eqt_cli.cli.run_report import executor_from, report, run_experiment, time_line
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ def run(config: options.Config, setup: options.Setup, handling: options.Handling
     if source.data.get("sweep"):
         place = source.place(("sweep",))
         raise EqtError(f"{place}: defines a sweep; use `eqt sweep {source.path}`")
-    found = study(source, trust_plugins=handling.trust_plugins)
-    run_experiment(found, executor_from(found, setup), setup.out, handling)
+    experiment = study(source, trust_plugins=handling.trust_plugins)
+    run_experiment(experiment, executor_from(experiment, setup), setup.out, handling)
 
 
 FIRST_POINTS = 5
@@ -79,16 +79,16 @@ def sweep(
             f"or use `eqt run {source.path}`"
         )
     most_checked = MOST_CHECKED if dry_run else None
-    found = study(source, trust_plugins=handling.trust_plugins, most_checked=most_checked)
-    executor = executor_from(found, setup)
+    sweep_study = study(source, trust_plugins=handling.trust_plugins, most_checked=most_checked)
+    executor = executor_from(sweep_study, setup)
     if dry_run:
-        points = len(found)
+        points = len(sweep_study)
         if points > MOST_CHECKED:
             checked = f"{MOST_CHECKED} of its {points} points were checked"
             say(f"{config}: {checked}; a run checks all")
-        _print_plan(found, executor, handling.json)
+        _print_plan(sweep_study, executor, handling.json)
         return
-    run_experiment(found, executor, setup.out, handling)
+    run_experiment(sweep_study, executor, setup.out, handling)
 
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
@@ -115,10 +115,10 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
         lines.append(f"  {index}  {values}")
     if len(study) > FIRST_POINTS:
         lines.append("  …")
-    kept = f"{study.kept} trajectories each" if study.kept else "metrics only"
+    stored = f"{study.kept} trajectories each" if study.kept else "metrics only"
     lines.append(time_line(expected.seconds, expected.workers))
-    lines.append(f"size     {size(expected.size)}, {kept}")
-    print_found(document, "\n".join(lines), json=json)
+    lines.append(f"size     {size(expected.size)}, {stored}")
+    print_findings(document, "\n".join(lines), json=json)
 
 
 def pack(
@@ -245,7 +245,7 @@ def _searched(
         raise InterruptedRun(
             f"interrupted; what was found is kept in {out}: run the same command again to continue",
             error.exit_code,
-            [f"  {law}, {found}" for law, found in notes().items()],
+            [f"  {law}, {note}" for law, note in notes().items()],
         ) from None
 
 
@@ -264,7 +264,7 @@ def _print_search_plan(search: Searches[Any], executor: Executor, *, json: bool)
     """Print the runs and the time that a search will take."""
     from eqt_cli.analysis.search import expected
 
-    section, found = search.section, expected(search, executor)
+    section, estimate = search.section, expected(search, executor)
     factors = [
         output.count_of(len(search.laws), "law"),
         f"{section.seeds} search{'es' if section.seeds > 1 else ''}",
@@ -272,11 +272,11 @@ def _print_search_plan(search: Searches[Any], executor: Executor, *, json: bool)
         output.count_of(section.population, "point"),
     ]
     lines = [
-        f"{' × '.join(factors)} = {found.points}",
+        f"{' × '.join(factors)} = {estimate.points}",
         _runs_line(search),
-        time_line(found.seconds, found.workers),
+        time_line(estimate.seconds, estimate.workers),
     ]
-    output.print_found(asdict(found), "\n".join(lines), json=json)
+    output.print_findings(asdict(estimate), "\n".join(lines), json=json)
 
 
 def _report(

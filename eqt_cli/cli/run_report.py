@@ -43,14 +43,14 @@ def executor_from(experiment: Study, setup: options.Setup) -> Executor:
     name, _, listed = (setup.executor or "").partition(":")
     if setup.scheduler and name not in ("", "dask"):
         raise EqtError(f"--scheduler: is for --executor dask, got --executor {name}")
-    given = {}
+    values = {}
     for option in filter(None, listed.split(",")):
         key, equals, value = option.partition("=")
         if not equals:
             raise EqtError(f"--executor: expected NAME:KEY=VALUE, got '{setup.executor}'")
-        given[key.strip()] = parse_value(value, "--executor")
+        values[key.strip()] = parse_value(value, "--executor")
     count = setup.workers or options.cores()
-    return choose_executor(experiment, count, name or None, setup.scheduler, given)
+    return choose_executor(experiment, count, name or None, setup.scheduler, values)
 
 
 LONG = 5.0
@@ -76,10 +76,10 @@ def run_experiment(
         )
     except Interrupted as error:
         begun = unfinished(out)
-        kept = begun.done if begun else 0
-        whole = "" if kept else f" (whole parts of {plans.runs_of(0)} are)"
+        finished = begun.done if begun else 0
+        whole = "" if finished else f" (whole parts of {plans.runs_of(0)} are)"
         raise InterruptedRun(
-            f"interrupted; {kept} of {plans.total} runs are kept in {out}{whole}: "
+            f"interrupted; {finished} of {plans.total} runs are kept in {out}{whole}: "
             "run the same command again to continue",
             error.exit_code,
         ) from None
@@ -102,10 +102,10 @@ def _say_faster() -> None:
     if Native.unavailable():
         return
     with suppress(OSError, RuntimeError):  # no folder: it is said again
-        told = caches_of_user() / "eqt" / "told_of_native"
-        told.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        marker = caches_of_user() / "eqt" / "told_of_native"
+        marker.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         try:
-            new_file(told, b"")
+            new_file(marker, b"")
         except FileExistsError:
             return
     output.say(
@@ -136,7 +136,7 @@ def report(
             f"next     eqt pack {done.path}{trust}  (when all shards are done)"
         )
         with nullcontext() if json else output.as_remark():
-            output.print_found({"folder": str(done.path), **counted}, text, json=json)
+            output.print_findings({"folder": str(done.path), **counted}, text, json=json)
     else:
         with open_result(done.file) as results:
             check = results.cross_check

@@ -89,7 +89,7 @@ def _unfinished(path: Path, state: Unfinished, json: bool) -> None:
     if state.remaining is not None:
         lines.append(f"left     about {output.duration(state.remaining)}")
     document = {"path": str(path), **asdict(state), "remaining_s": state.remaining}
-    output.print_found(document, "\n".join(lines), json=json)
+    output.print_findings(document, "\n".join(lines), json=json)
 
 
 def _document(results: Result) -> dict[str, object]:
@@ -155,7 +155,7 @@ def _failed(results: Result, json: bool) -> None:
         place |= {"controller": results.labels[where[-2]], "status": int(results.status[where])}
         document.append({**place, "message": message})
         lines.append(f"{results.place(where)}: {message}")
-    output.print_found(document, "\n".join(lines), json=json, nothing="no run failed")
+    output.print_findings(document, "\n".join(lines), json=json, nothing="no run failed")
 
 
 def _unsettled(results: Result, json: bool) -> None:

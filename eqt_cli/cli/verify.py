@@ -13,7 +13,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import of_extension
 from eqt_cli.base.reporting import Block, TextTable
 from eqt_cli.cli import completion, options
-from eqt_cli.cli.output import complain, count_of, laid_out, print_found
+from eqt_cli.cli.output import complain, count_of, laid_out, print_findings
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -80,7 +80,7 @@ def verify(
         workers=workers or options.cores(),
         exact=exact,
     )
-    print_found(_document(target, result), *_pieces(result, verbose=verbose), json=json)
+    print_findings(_document(target, result), *_pieces(result, verbose=verbose), json=json)
     if quiet and not json:
         for cause in _causes(
             with_titles(result.rows, result.experiment.titles), result.failed_runs
@@ -179,7 +179,7 @@ def margins(
         options.study_at(source, point, trust_plugins=trust_plugins, doing="without")
     )
     causes = [f"the loop of '{law.label}' is unstable" for law in result.laws if law.is_unstable]
-    print_found(_margins_document(result, causes), *_margins_pieces(result), json=json)
+    print_findings(_margins_document(result, causes), *_margins_pieces(result), json=json)
     if quiet and not json:
         for cause in causes:
             complain(f"eqt: {config}: {cause}")

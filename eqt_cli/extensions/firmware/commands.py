@@ -9,7 +9,7 @@ import typer
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.cli import completion, options
-from eqt_cli.cli.output import print_found, table
+from eqt_cli.cli.output import print_findings, table
 
 if TYPE_CHECKING:
     from eqt_cli.api import ExportedFiles
@@ -77,4 +77,4 @@ def _report(exported: ExportedFiles, *, json: bool) -> None:
         told = [law["label"], f"{law['name']}.c", law["operations"], largest, law["singular"]]
         rows.append([*map(str, told), *cost])
     document = {"folder": str(exported.folder), "files": exported.files, "laws": exported.laws}
-    print_found(document, table(header, rows), f"\nexported  {exported.folder}", json=json)
+    print_findings(document, table(header, rows), f"\nexported  {exported.folder}", json=json)

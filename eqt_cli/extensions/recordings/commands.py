@@ -11,7 +11,7 @@ import typer
 from eqt_cli.base.errors import EqtError
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.options import Command, Group, example
-from eqt_cli.cli.output import laid_out, print_found, say
+from eqt_cli.cli.output import laid_out, print_findings, say
 
 if TYPE_CHECKING:
     from eqt_cli.extensions.recordings.check import LogCheck
@@ -68,7 +68,7 @@ def replay(
         out=out,
         trust_plugins=trust_plugins,
     )
-    print_found(_plain(growth), laid_out(growth_table(growth)), json=json)
+    print_findings(_plain(growth), laid_out(growth_table(growth)), json=json)
     if out is not None:
         say(f"figure in {out}")
 
@@ -125,7 +125,7 @@ def fit(
         trust_plugins=trust_plugins,
     )
     numbers, residuals = map(laid_out, fit_tables(fitted))
-    print_found(_plain(fitted), numbers, "", residuals, "", str(fitted.config), json=json)
+    print_findings(_plain(fitted), numbers, "", residuals, "", str(fitted.config), json=json)
 
 
 def _plain(findings: Any) -> dict[str, Any]:
