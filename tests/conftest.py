@@ -32,7 +32,7 @@ from small_experiment import configuration
 
 from eqt_cli.base.arrays import Array, transpose
 from eqt_cli.base.errors import EqtWarning, Problems
-from eqt_cli.base.process import ASKED_BY
+from eqt_cli.base.process import STOP_SIGNALS
 from eqt_cli.base.reporting import Reporter, reporting
 from eqt_cli.base.store_writer import Table, Variable, write
 from eqt_cli.cli import main, run_report
@@ -121,7 +121,7 @@ def pytest_collection() -> Iterator[None]:
 typer.main.get_command = cache(typer.main.get_command)
 
 # Under `nohup`, or behind `&` of a script, signals are ignored, and then by all that tests start.
-for number in ASKED_BY:
+for number in STOP_SIGNALS:
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, signal.SIG_DFL)
 

@@ -30,7 +30,7 @@ from eqt_cli.config.schema import SEARCH, LogRange, TunedAxis, marked
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.config.study import Study
 from eqt_cli.results.metrics import METRICS
-from eqt_cli.runs.folder import OWN_COPIES, OWN_RESULT, ResultFolder
+from eqt_cli.runs.folder import COPY_FOLDERS, RESULT_ENTRIES, ResultFolder
 from eqt_cli.runs.lock import MANIFEST
 from eqt_cli.runs.result_layout import quantities
 
@@ -213,10 +213,10 @@ def value_at(data: Any, path: KeyPath) -> Any:
 GENERATIONS = "generations"
 
 
-_NUMBERED = files.OwnFile(r"\d+\.yaml", marked=True)
+_NUMBERED = files.FilePattern(r"\d+\.yaml", marked=True)
 
 
-def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Own]:
+def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
     """Return the entries that eqt writes in the folder of a search, beside those of the result.
 
     Parameters
@@ -227,16 +227,16 @@ def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Own]:
         Whether only a configuration with eqt's mark counts, because a user's file may match the
         name.
     """
-    generation = files.OwnFolder(r"\d{3,}(-case-\d+)?", OWN_RESULT, MANIFEST)
-    one_search = files.OwnFolder(r"seed-\d+", (generation,))
-    winners = files.OwnFolder(slug, (*OWN_COPIES, files.OwnFile(_NUMBERED.name, marked)))
-    run = files.OwnFolder(slug, OWN_RESULT, MANIFEST)
-    single = files.OwnFile(rf"({slug})\.yaml", marked)
-    own: tuple[files.Own, ...] = (*OWN_COPIES, single, run if kind.runs else winners)
+    generation = files.FolderPattern(r"\d{3,}(-case-\d+)?", RESULT_ENTRIES, MANIFEST)
+    one_search = files.FolderPattern(r"seed-\d+", (generation,))
+    winners = files.FolderPattern(slug, (*COPY_FOLDERS, files.FilePattern(_NUMBERED.name, marked)))
+    run = files.FolderPattern(slug, RESULT_ENTRIES, MANIFEST)
+    single = files.FilePattern(rf"({slug})\.yaml", marked)
+    own: tuple[files.Entry, ...] = (*COPY_FOLDERS, single, run if kind.runs else winners)
     return {
-        kind.record: files.OwnFile(re.escape(kind.record)),
-        GENERATIONS: files.OwnFolder(GENERATIONS, (files.OwnFolder(slug, (one_search,)),)),
-        kind.found: files.OwnFolder(kind.found, own),
+        kind.record: files.FilePattern(re.escape(kind.record)),
+        GENERATIONS: files.FolderPattern(GENERATIONS, (files.FolderPattern(slug, (one_search,)),)),
+        kind.found: files.FolderPattern(kind.found, own),
     }
 
 
@@ -280,7 +280,7 @@ class SearchFolder:
             Lines to write above each configuration; each begins with ``#``.
         """
         names = found_files(self.kind, law, len(studies), numbered)
-        mark = files.FOUND_BY.format(self.kind.command) + comment
+        mark = files.CONFIG_MARK.format(self.kind.command) + comment
         with files.refusals(self.path, "used", OTHER_FOLDER):
             for name, study in zip(names, studies, strict=True):
                 path = self.path / name
@@ -288,7 +288,7 @@ class SearchFolder:
                 ResultFolder(path.parent).write_config(study, path.name, mark.encode())
             for path in (self.path / self.kind.found / law.slug).glob("*.yaml") if numbered else ():
                 if path.relative_to(self.path).as_posix() not in names:
-                    files.remove_own(path, _NUMBERED)
+                    files.remove_written(path, _NUMBERED)
 
     def check(self, laws: Sequence[LawSearch]) -> None:
         """Check the folder of a search for these laws before anything in it changes.
@@ -301,7 +301,7 @@ class SearchFolder:
         slugs = "|".join(re.escape(law.slug) for law in laws)
         with files.refusals(self.path, "used", OTHER_FOLDER):
             files.check_entries(
-                self.path, (*OWN_RESULT, *_own(self.kind, slugs, marked=False).values())
+                self.path, (*RESULT_ENTRIES, *_own(self.kind, slugs, marked=False).values())
             )
 
     def claim(self, name: str, digest: str, force: bool) -> None:
@@ -327,7 +327,7 @@ class SearchFolder:
             raise EqtError(f"{self.path}: holds {holds}", OTHER_FOLDER, *force_too)
         with files.refusals(self.path, "used", OTHER_FOLDER):
             for entry in (GENERATIONS, self.kind.found) if force else ():
-                files.remove_own(self.path / entry, own[entry])
+                files.remove_written(self.path / entry, own[entry])
             files.remove_left_over(self.path, list(own.values()))
         if force or record is None:
             self.write_record({"name": name, "digest": digest})

@@ -230,12 +230,12 @@ class Problems:
     def __init__(self, located: Callable[[KeyPath], str] = lambda path: "") -> None:
         self._located = located
         self._path: KeyPath = ()
-        self._found: dict[InputProblem, KeyPath] = {}
+        self._places: dict[InputProblem, KeyPath] = {}
 
     def at(self, *steps: str | int) -> Self:
         """Return the problems of a place within this one."""
         inner = type(self)(self._located)
-        inner._path, inner._found = (*self._path, *steps), self._found
+        inner._path, inner._places = (*self._path, *steps), self._places
         return inner
 
     @property
@@ -247,16 +247,16 @@ class Problems:
         """Note an error at this place; the same error is noted once."""
         place = self._located(self._path)
         problem = InputProblem(self.path, message, place, remedies)
-        self._found.setdefault(problem, self._path)
-        if len(self._found) > MAX_PROBLEMS:
-            first = sorted(list(self._found)[:MAX_PROBLEMS], key=_position)
+        self._places.setdefault(problem, self._path)
+        if len(self._places) > MAX_PROBLEMS:
+            first = sorted(list(self._places)[:MAX_PROBLEMS], key=_position)
             raise ConfigError(
                 [*first, InputProblem("", f"and more; only the first {MAX_PROBLEMS} are shown")]
             )
 
     def include(self, inner: "Problems") -> None:
         """Note the errors of an input that is written at this place."""
-        for problem, path in inner._found.items():
+        for problem, path in inner._places.items():
             self.at(*path).add(problem.message, *problem.remedies)
 
     @contextmanager
@@ -269,7 +269,7 @@ class Problems:
 
     def __iter__(self) -> Iterator[InputProblem]:
         depth = len(self._path)
-        return (problem for problem, path in self._found.items() if path[:depth] == self._path)
+        return (problem for problem, path in self._places.items() if path[:depth] == self._path)
 
     def __bool__(self) -> bool:
         """Whether there is an error at this place or within it."""

@@ -355,7 +355,7 @@ def text_of(
 
 
 @dataclass(frozen=True)
-class OwnFile:
+class FilePattern:
     """A pattern of files that eqt writes.
 
     Attributes
@@ -371,7 +371,7 @@ class OwnFile:
 
 
 @dataclass(frozen=True)
-class OwnFolder:
+class FolderPattern:
     """A pattern of folders in which eqt writes.
 
     Attributes
@@ -385,11 +385,11 @@ class OwnFolder:
     """
 
     name: str
-    entries: Sequence[Own] = ()
+    entries: Sequence[EntryPattern] = ()
     record: str = ""
 
 
-Own = OwnFile | OwnFolder
+EntryPattern = FilePattern | FolderPattern
 
 
 def kind_of(path: Path) -> str | None:
@@ -421,13 +421,13 @@ def check_within(home: Path, path: Path) -> None:
     check_kind(path, FILE)
 
 
-def check_entries(folder: Path, own: Sequence[Own]) -> None:
+def check_entries(folder: Path, patterns: Sequence[EntryPattern]) -> None:
     """Refuse a folder in which an entry has a name of eqt's but is of another kind.
 
     Names of marked files are skipped, because others may use them for anything.
     """
-    for path, entry in _entries(folder, own):
-        if isinstance(entry, OwnFolder):
+    for path, entry in _entries(folder, patterns):
+        if isinstance(entry, FolderPattern):
             check_kind(path, FOLDER)
             check_entries(path, entry.entries)
         elif not entry.marked:
@@ -442,38 +442,38 @@ def foreign(path: Path, kind: str, expected: str) -> EqtError:
     )
 
 
-def remove_own(path: Path, own: Own) -> list[Path]:
+def remove_written(path: Path, pattern: EntryPattern) -> list[Path]:
     """Remove what eqt wrote, and nothing else; return the removed paths.
 
     If a folder also holds other entries, only eqt's entries in it are removed.
     """
-    if isinstance(own, OwnFile):
-        if kind_of(path) != FILE or (own.marked and not is_eqts(path)):
+    if isinstance(pattern, FilePattern):
+        if kind_of(path) != FILE or (pattern.marked and not is_eqts(path)):
             return []
         path.unlink()
         return [path]
-    if kind_of(path) != FOLDER or (own.record and not _has_record(path / own.record)):
+    if kind_of(path) != FOLDER or (pattern.record and not _has_record(path / pattern.record)):
         return []
-    gone = remove_left_over(path, own.entries)
-    for inner, entry in _entries(path, own.entries):
-        gone += remove_own(inner, entry)
+    gone = remove_left_over(path, pattern.entries)
+    for inner, entry in _entries(path, pattern.entries):
+        gone += remove_written(inner, entry)
     if any(path.iterdir()):
         return gone
     path.rmdir()
     return [path]
 
 
-def remove_left_over(folder: Path, own: Sequence[Own]) -> list[Path]:
+def remove_left_over(folder: Path, patterns: Sequence[EntryPattern]) -> list[Path]:
     """Remove unfinished files of eqt that killed processes left behind; return their paths."""
-    files = [entry for entry in own if isinstance(entry, OwnFile)]
+    files = [entry for entry in patterns if isinstance(entry, FilePattern)]
     left = list[Path]()
     for path in _listed(folder):
         name = name_to_be(path.name)
         if name and _pattern_of(name, files) and kind_of(path) == FILE:
             path.unlink()
             left.append(path)
-        entry = _pattern_of(path.name, own)
-        if isinstance(entry, OwnFolder) and kind_of(path) == FOLDER:
+        entry = _pattern_of(path.name, patterns)
+        if isinstance(entry, FolderPattern) and kind_of(path) == FOLDER:
             left += remove_left_over(path, entry.entries)
     return left
 
@@ -482,15 +482,15 @@ def _has_record(path: Path) -> bool:
     return kind_of(path) == FILE and read_record(path, "digest") is not None
 
 
-def _entries(folder: Path, own: Sequence[Own]) -> Iterator[tuple[Path, Own]]:
+def _entries(folder: Path, patterns: Sequence[EntryPattern]) -> Iterator[tuple[Path, EntryPattern]]:
     """Yield the entries of a folder that have a name of eqt's, with the matching pattern."""
     for path in _listed(folder):
-        if entry := _pattern_of(path.name, own):
+        if entry := _pattern_of(path.name, patterns):
             yield path, entry
 
 
-def _pattern_of(name: str, own: Sequence[Own]) -> Own | None:
-    return next((entry for entry in own if re.fullmatch(entry.name, name)), None)
+def _pattern_of(name: str, patterns: Sequence[EntryPattern]) -> EntryPattern | None:
+    return next((entry for entry in patterns if re.fullmatch(entry.name, name)), None)
 
 
 def _listed(folder: Path) -> list[Path]:
@@ -555,8 +555,8 @@ def write_all(contents: Mapping[Path, bytes], home: Path) -> None:
 
 # Marks -------------------------------------------------------------------------------------------
 
-FOUND_BY = "# found by eqt {}\n"
-"""The mark of a configuration that a command found."""
+CONFIG_MARK = "# found by eqt {}\n"
+"""The mark of a configuration that a search or a fit wrote."""
 
 _HEAD = 4096
 """Number of bytes at the start of a file that are searched for a mark; a PDF file is searched

@@ -108,8 +108,8 @@ class Place(NamedTuple):
         for part in self.group.parts:
             of, _, per = part.velocity_unit.partition("/")
             if self.of in ("", part.name):
-                own = _OF_PART[unit].format(force=part.force_unit, of=of, per=per)
-                by_part[part.name] = own, part.axes
+                part_unit = _OF_PART[unit].format(force=part.force_unit, of=of, per=per)
+                by_part[part.name] = part_unit, part.axes
         return by_part
 
 
@@ -135,7 +135,7 @@ class Written(str):
 
 
 class _InUnit:
-    """Marks an option with a unit: its texts, also in lists, are told what units they may have."""
+    """Marks an option with a unit: its texts, also in lists, get the units that they may have."""
 
     unit: str
 
@@ -144,11 +144,11 @@ class _InUnit:
         if not self.unit:
             return schema
         return core_schema.with_info_before_validator_function(
-            lambda value, info: self.told(value, info.context or Place()), schema
+            lambda value, info: self.with_units(value, info.context or Place()), schema
         )
 
-    def told(self, value: Any, place: Place) -> Any:
-        """Return the value, in which texts know what units they may have."""
+    def with_units(self, value: Any, place: Place) -> Any:
+        """Return the value, in which texts have the units that they may have."""
         if isinstance(value, int | float):
             return value
         if self.unit not in (*_OF_PART, MEASURED):
@@ -166,8 +166,8 @@ class _InUnit:
         units = list(dict.fromkeys(by_axis))
         if isinstance(value, list) and not any(isinstance(entry, list) for entry in value):
             by_entry = [[unit] for unit in by_axis]
-            own = by_entry if len(value) == len(by_axis) else [units] * len(value)
-            return [_tagged(entry, some) for entry, some in zip(value, own, strict=True)]
+            allowed = by_entry if len(value) == len(by_axis) else [units] * len(value)
+            return [_tagged(entry, some) for entry, some in zip(value, allowed, strict=True)]
         if isinstance(value, dict) and value.keys() <= by_part.keys():
             return {name: _tagged(entry, [by_part[name][0]]) for name, entry in value.items()}
         return _tagged(value, units, mixed=len(units) > 1 and not isinstance(value, list))
@@ -210,12 +210,12 @@ def number_of(value: Any) -> Any:
             f"expected a list with an entry for each coordinate, because they are of different "
             f"kinds ({listed}), got '{value}'"
         )
-    for own in units:
-        if (size := factor(unit, base_of(unit) if own == ANY else own)) is not None:
+    for allowed in units:
+        if (size := factor(unit, base_of(unit) if allowed == ANY else allowed)) is not None:
             return number * size
     plain = expected if units else "a number that has no unit"
-    own = base_of(unit)
-    converted = "" if own == unit else f", which is {number * (factor(unit, own) or 1):.6g} {own}"
+    si = base_of(unit)
+    converted = "" if si == unit else f", which is {number * (factor(unit, si) or 1):.6g} {si}"
     raise ValueError(f"expected {plain}, got '{value}'{converted}")
 
 
@@ -359,14 +359,14 @@ def common_divisor(times: Iterable[float]) -> float:
 
 
 def check_period(
-    own: float, control: float | None, problems: Problems, name: str = "periods"
+    period: float, control: float | None, problems: Problems, name: str = "periods"
 ) -> int | None:
     """Return the number of control periods, or ticks, in a period; note it if it is not whole."""
     if control is None:
         problems.add("counts control periods; set control.period")
         return None
     try:
-        return periods_in(own, control, 1, name)
+        return periods_in(period, control, 1, name)
     except ValueError as error:
         problems.add(str(error))
         return None
@@ -571,8 +571,8 @@ def _meanings(owner: type) -> dict[str, str]:
     )
     return {
         name: texts.get(name, "").removesuffix(".")
-        + "".join(f", for example {name}: {each}" for each in given)
-        for name, given in examples.items()
+        + "".join(f", for example {name}: {each}" for each in values)
+        for name, values in examples.items()
     }
 
 

@@ -20,7 +20,7 @@ from typing import Any, TextIO
 # exception.
 
 
-ASKED_BY = tuple(
+STOP_SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 """Signals of Ctrl-C, of the end of a job's time, and of a closed terminal."""
@@ -71,7 +71,7 @@ def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
     handler = _Handler(at_once)
     earlier: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():  # only it may set handlers
-        for number in ASKED_BY:
+        for number in STOP_SIGNALS:
             if signal.getsignal(number) != signal.SIG_IGN:
                 earlier[number] = signal.signal(number, handler.handle)
     try:
@@ -109,7 +109,7 @@ class _Handler:
             self._at_once()
             _end_now(number)
         elif time.monotonic() > self.requested_at + ONE_MOMENT:
-            for each in ASKED_BY:
+            for each in STOP_SIGNALS:
                 if signal.getsignal(each) == self.handle:
                     signal.signal(each, signal.SIG_DFL)
 
@@ -212,7 +212,7 @@ def of_worker() -> None:
 
     On Linux, this process is killed when its parent ends, however that ends.
     """
-    for number in ASKED_BY:
+    for number in STOP_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])

@@ -93,11 +93,11 @@ class Registry(Generic[T]):
 
     @lru_cache  # noqa: B019  # registries live as long as the process
     def _in_module(self, module: str) -> dict[str, type[T]]:
-        found = self._components(importlib.import_module(f"eqt_cli.{module}"))
-        return {_name(component): component for component in found}
+        components = self._components(importlib.import_module(f"eqt_cli.{module}"))
+        return {_name(component): component for component in components}
 
     @cached_property
-    def _own(self) -> dict[str, type[T]]:
+    def _core(self) -> dict[str, type[T]]:
         return {n: each for module in self.modules for n, each in self._in_module(module).items()}
 
     @cached_property
@@ -111,7 +111,7 @@ class Registry(Generic[T]):
 
     @cached_property
     def _installed(self) -> dict[str, type[T]]:
-        found: dict[str, type[T]] = {}
+        components: dict[str, type[T]] = {}
         for point in _entry_points().select(group=self.entry_point_group):
             try:
                 component = point.load()
@@ -126,8 +126,8 @@ class Registry(Generic[T]):
                     f"{self.base.__name__}; derive it from eqt_cli.extend.{self.base.__name__}"
                 )
             self._check_complete(component)
-            found.setdefault(_name(component), component)
-        return found
+            components.setdefault(_name(component), component)
+        return components
 
     def _shipped(self, name: str) -> type[T] | None:
         """Return a component of eqt; modules behind the one that has it are not imported."""
@@ -140,8 +140,8 @@ class Registry(Generic[T]):
 
     def _components(self, module: ModuleType) -> Iterator[type[T]]:
         for _, member in inspect.getmembers(module, inspect.isclass):
-            is_own = member.__module__ == module.__name__ and "name" in vars(member)
-            if is_own and issubclass(member, self.base):
+            is_defined_here = member.__module__ == module.__name__ and "name" in vars(member)
+            if is_defined_here and issubclass(member, self.base):
                 self._check_complete(member, f"{Path(str(module.__file__)).name}: ")
                 yield member
 
@@ -155,7 +155,7 @@ class Registry(Generic[T]):
 
     def _known(self) -> set[str]:
         """Names of the components of eqt, its extensions, and other distributions."""
-        return {*self._own, *self._of_extensions, *self._installed}
+        return {*self._core, *self._of_extensions, *self._installed}
 
     def names(self) -> list[str]:
         """Return all names, built-in and installed components first, plugins last, each sorted."""
@@ -177,9 +177,9 @@ class Registry(Generic[T]):
             raise ComponentError(f"unknown {self.kind} '{name}'{hint}")
         return component
 
-    def own(self) -> list[type[T]]:
+    def core(self) -> list[type[T]]:
         """Return the components of eqt itself, without extensions and other distributions."""
-        return list(self._own.values())
+        return list(self._core.values())
 
     def all(self) -> list[type[T]]:
         """Return every component, in the order of `names`."""
@@ -293,8 +293,8 @@ def is_foreign(module: str) -> bool:
 @lru_cache(maxsize=1)
 def _foreign_packages() -> frozenset[str]:
     groups = {registry.entry_point_group for registry in _registries}
-    found = (point.value for group in groups for point in _entry_points().select(group=group))
-    return frozenset(value.partition(":")[0].partition(".")[0] for value in found)
+    values = (point.value for group in groups for point in _entry_points().select(group=group))
+    return frozenset(value.partition(":")[0].partition(".")[0] for value in values)
 
 
 @lru_cache(maxsize=1)
@@ -322,15 +322,15 @@ def description(component: type) -> str:
 
 def meanings(component: type) -> dict[str, str]:
     """Return the text on each attribute in the docstrings of a class and its bases."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for owner in reversed(component.__mro__):
         doc = inspect.cleandoc(owner.__doc__ or "")
         section = re.search(r"Attributes\n-+\n(.*?)(?:\n\n\S|\Z)", doc, re.DOTALL)
         attributes = section[1] + "\n" if section else ""
         for names, text in re.findall(r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)+)", attributes, re.M):
             for name in names.partition(" : ")[0].split(", "):
-                found[name] = " ".join(text.split())
-    return found
+                texts[name] = " ".join(text.split())
+    return texts
 
 
 def place_of(error: BaseException, is_component: Callable[[str], bool] = is_foreign) -> str | None:
@@ -343,13 +343,13 @@ def place_of(error: BaseException, is_component: Callable[[str], bool] = is_fore
     is_component
         Whether the lines of a module count.
     """
-    found = None
+    place = None
     for frame, line in traceback.walk_tb(error.__traceback__):
         if is_component(str(frame.f_globals.get("__name__", ""))):
             code = frame.f_code
             source = traceback.FrameSummary(code.co_filename, line, code.co_name).line
-            found = f"{Path(code.co_filename).name}:{line}" + (f": {source}" if source else "")
-    return found
+            place = f"{Path(code.co_filename).name}:{line}" + (f": {source}" if source else "")
+    return place
 
 
 def place_of_function(function: object) -> str:

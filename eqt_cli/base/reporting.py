@@ -240,8 +240,8 @@ class TextTable:
 
     def without(self, headings: Sequence[str]) -> TextTable:
         """Return the table without some columns, and without the notes that explain them."""
-        kept = [k for k, heading in enumerate(self.header) if heading not in headings]
-        return replace(self.of_columns(kept), notes=self.notes_without(headings))
+        remaining = [k for k, heading in enumerate(self.header) if heading not in headings]
+        return replace(self.of_columns(remaining), notes=self.notes_without(headings))
 
     def notes_without(self, headings: Sequence[str]) -> list[str]:
         """Return the notes but those that explain one of these columns: ``d: mean over …``."""
@@ -252,14 +252,14 @@ class TextTable:
 
         Spare columns are left out first. Each table repeats the first columns.
         """
-        kept = list(range(len(self.header)))
+        remaining = list(range(len(self.header)))
         for heading in self.spare:
-            if len(kept) > most and heading in self.header:
-                kept.remove(self.header.index(heading))
-        keys, others = kept[: self.keys], kept[self.keys :]
+            if len(remaining) > most and heading in self.header:
+                remaining.remove(self.header.index(heading))
+        keys, others = remaining[: self.keys], remaining[self.keys :]
         room = max(1, most - len(keys))
-        parts = [others[k : k + room] for k in range(0, len(others), room)] or [[]]
-        made = [self.of_columns([*keys, *part]) for part in parts]
+        pieces = [others[k : k + room] for k in range(0, len(others), room)] or [[]]
+        made = [self.of_columns([*keys, *piece]) for piece in pieces]
         return [replace(table, notes=[]) for table in made[:-1]] + made[-1:]
 
     @property

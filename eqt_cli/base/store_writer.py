@@ -106,7 +106,7 @@ class Sink:
     def __init__(self, file: io.FileIO) -> None:
         self._file = file
         self._error: BaseException | None = None
-        self._kept: list[tuple[int, bytes]] = []
+        self._buffered: list[tuple[int, bytes]] = []
 
     def __enter__(self) -> Self:
         return self
@@ -129,7 +129,7 @@ class Sink:
         count = self._file.readinto(view)
         if self._error is not None:
             view[count:] = bytes(len(view) - count)
-            for position, data in self._kept:
+            for position, data in self._buffered:
                 first, last = max(start, position), min(start + len(view), position + len(data))
                 if first < last:
                     view[first - start : last - start] = data[first - position : last - position]
@@ -147,7 +147,7 @@ class Sink:
             except BaseException as error:  # even an interruption must wait for HDF5
                 self._error = error
         if self._error is not None and len(data) <= READ_BACK:
-            self._kept.append((start, bytes(data)))
+            self._buffered.append((start, bytes(data)))
 
     def truncate(self, size: int) -> None:
         """Set the length of the file, unless an earlier step failed."""

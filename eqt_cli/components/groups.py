@@ -354,7 +354,7 @@ def group_named(name: str) -> MatrixLieGroup:
     ComponentError
         If there is none; the message names the closest group, or else examples.
     """
-    for kinds in (groups.own, groups.all):
+    for kinds in (groups.core, groups.all):
         if group := next(filter(None, (kind.named(name) for kind in kinds())), None):
             return group
     known = [example for kind in groups.all() for example in kind.examples()]

@@ -70,7 +70,7 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     name = section.get("engine", DEFAULT_ENGINE)
     with problems.catching("engine"):
         _require_available(name)
-    kinds = engines.own()
+    kinds = engines.core()
     if all(kind.name != name for kind in kinds) or set(section) - set(_keys(kinds)):
         kinds = engines.all()
     owners: list[type[Any]] = [SolverChecks, *kinds]

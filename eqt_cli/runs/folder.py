@@ -15,15 +15,15 @@ from eqt_cli.base.files import (
     FILE_NAME,
     NO_SPACE,
     REPORT,
-    Own,
-    OwnFile,
-    OwnFolder,
+    Entry,
+    FilePattern,
+    FolderPattern,
     check_entries,
     kind_of,
     read_record,
     refusals,
     remove_left_over,
-    remove_own,
+    remove_written,
     replace_file,
     write_record,
 )
@@ -31,29 +31,29 @@ from eqt_cli.base.option_types import shown
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.config.experiment import renamed
 from eqt_cli.config.study import Study
-from eqt_cli.runs.lock import LOCK, MANIFEST, OWN_PARTS, PARTS, PartFiles
+from eqt_cli.runs.lock import LOCK, MANIFEST, PART_ENTRIES, PARTS, PartFiles
 
 CONFIG, PLUGINS, FILES = "config.yaml", "stored_plugins", "stored_files"
 RERUN = "reruns"
 """Folder for the parts of failed runs that are computed again."""
 
-_PICTURES = (OwnFile(r".+\.(pdf|svg|png|json|gif|html)", marked=True),)
-OWN_COPIES = tuple(OwnFolder(name, (OwnFile(r"\d+-.+"),)) for name in (PLUGINS, FILES))
+_PICTURES = (FilePattern(r".+\.(pdf|svg|png|json|gif|html)", marked=True),)
+COPY_FOLDERS = tuple(FolderPattern(name, (FilePattern(r"\d+-.+"),)) for name in (PLUGINS, FILES))
 """Copies of the files that a configuration refers to."""
 
-_OWN: dict[str, Own] = {
-    FILE_NAME: OwnFile(re.escape(FILE_NAME)),
-    PARTS: OwnFolder(PARTS, OWN_PARTS),
-    RERUN: OwnFolder(RERUN, OWN_PARTS),
-    FIGURES: OwnFolder(FIGURES, (OwnFolder(r"point(_\d+)+", _PICTURES), *_PICTURES)),
-    **{one.name: one for one in OWN_COPIES},
-    REPORT: OwnFile(re.escape(REPORT), marked=True),
-    CONFIG: OwnFile(re.escape(CONFIG)),
-    MANIFEST: OwnFile(re.escape(MANIFEST)),
+_OWN: dict[str, Entry] = {
+    FILE_NAME: FilePattern(re.escape(FILE_NAME)),
+    PARTS: FolderPattern(PARTS, PART_ENTRIES),
+    RERUN: FolderPattern(RERUN, PART_ENTRIES),
+    FIGURES: FolderPattern(FIGURES, (FolderPattern(r"point(_\d+)+", _PICTURES), *_PICTURES)),
+    **{one.name: one for one in COPY_FOLDERS},
+    REPORT: FilePattern(re.escape(REPORT), marked=True),
+    CONFIG: FilePattern(re.escape(CONFIG)),
+    MANIFEST: FilePattern(re.escape(MANIFEST)),
 }
 """Entries that eqt writes in a result folder, in the order of their removal."""
 
-OWN_RESULT: tuple[Own, ...] = (*_OWN.values(), OwnFile(re.escape(LOCK) + "(-.+)?"))
+RESULT_ENTRIES: tuple[Entry, ...] = (*_OWN.values(), FilePattern(re.escape(LOCK) + "(-.+)?"))
 """The same entries, and the locks."""
 
 MOST_NAMES = 3
@@ -128,7 +128,7 @@ class ResultFolder:
             If an entry that eqt would write or remove is a link, or was not written by eqt.
         """
         with self._refusals():
-            check_entries(self.path, OWN_RESULT)
+            check_entries(self.path, RESULT_ENTRIES)
 
     def claim(self, study: Study, manifest: dict[str, Any], force: bool) -> list[str]:
         """Claim the folder for this study; return the names of removed entries.
@@ -157,12 +157,12 @@ class ResultFolder:
 
     def tidy(self) -> None:
         """Remove unfinished files of killed processes."""
-        remove_left_over(self.path, OWN_RESULT)
+        remove_left_over(self.path, RESULT_ENTRIES)
         self.parts.tidy()
 
     def remove(self, name: str) -> list[Path]:
         """Remove what eqt wrote under a name, and nothing else; return the removed paths."""
-        return remove_own(self.path / name, _OWN[name])
+        return remove_written(self.path / name, _OWN[name])
 
     def finish(self, manifest: dict[str, Any]) -> None:
         """Write the final manifest, and remove the parts, which the result file now holds."""

@@ -332,8 +332,8 @@ MANIFEST, PARTS = "manifest.json", "parts"
 
 _NAME = re.compile(r"(\d{6,})(?:\.f(\d+))?\.h5")
 
-_PART = files.OwnFile(_NAME.pattern)
-OWN_PARTS = (_PART, files.OwnFile(r"reference(-\d+)?\.h5"))
+_PART = files.FilePattern(_NAME.pattern)
+PART_ENTRIES = (_PART, files.FilePattern(r"reference(-\d+)?\.h5"))
 """Entries that eqt writes in the folder of the parts."""
 
 
@@ -379,7 +379,7 @@ class PartFiles:
         best = {part.path.name for part in self.listed().values()}
         for path in self.folder.iterdir() if self.folder.exists() else ():
             if _NAME.fullmatch(path.name) and path.name not in best:
-                files.remove_own(path, _PART)
+                files.remove_written(path, _PART)
 
 
 RECENT = 200

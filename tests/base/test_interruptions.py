@@ -11,13 +11,13 @@ from typing import Annotated
 import pytest
 from pydantic import BaseModel, BeforeValidator, Discriminator, Tag, TypeAdapter
 
-from eqt_cli.base.process import ASKED_BY, Interrupted, as_exceptions
+from eqt_cli.base.process import STOP_SIGNALS, Interrupted, as_exceptions
 
 
 @pytest.fixture(autouse=True)
 def handlers():
     """Signals mean again what they meant before: who was told to stop ignores more."""
-    before = {number: signal.getsignal(number) for number in ASKED_BY}
+    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
     yield
     for number, handler in before.items():
         signal.signal(number, handler)

@@ -17,7 +17,7 @@ from said import error_of
 
 from eqt_cli.api import choose_executor, load_experiment
 from eqt_cli.base.errors import EqtError
-from eqt_cli.base.process import ASKED_BY, Interrupted, as_exceptions
+from eqt_cli.base.process import STOP_SIGNALS, Interrupted, as_exceptions
 from eqt_cli.base.reporting import Reporter, reporting, step
 from eqt_cli.cli.run_report import executor_from
 from eqt_cli.runs import executors as auto
@@ -163,7 +163,7 @@ def test_a_signal_while_a_worker_is_started_leaves_none(task, monkeypatch):
         signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr(Popen, "_launch", launch_and_tell)
-    before = {number: signal.getsignal(number) for number in ASKED_BY}
+    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
     try:
         with pytest.raises(Interrupted), as_exceptions(lambda: None):
             list(executors.get("local")(2).outcomes(task, range(100, 10**6)))

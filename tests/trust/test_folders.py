@@ -32,9 +32,9 @@ from eqt_cli.analysis.search_record import TUNE, WORST
 from eqt_cli.analysis.tune import Search
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import (
+    CONFIG_MARK,
     FIGURES,
     FILE_NAME,
-    FOUND_BY,
     kind_of,
     name_to_be,
     new_file,
@@ -45,7 +45,7 @@ from eqt_cli.cli import main
 from eqt_cli.cli.app import app
 from eqt_cli.config import read_study
 from eqt_cli.runs.folder import CONFIG as CONFIG_NAME
-from eqt_cli.runs.folder import FILES, OWN_RESULT, PLUGINS, RERUN
+from eqt_cli.runs.folder import FILES, PLUGINS, RERUN, RESULT_ENTRIES
 from eqt_cli.runs.lock import LOCK, MANIFEST, PARTS, holder, locked
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="links need rights on Windows")
@@ -239,9 +239,9 @@ def made(tmp_path_factory):
     home = tmp_path_factory.mktemp("made")
     for name, text in {"c": "", "one": ONE + BUDGET, "many": MANY + BUDGET, "bad": BAD}.items():
         (home / f"{name}.yaml").write_text(CONFIG + text, encoding="utf-8")
-    literal = {name for own in OWN_RESULT for name in [literally(own)] if name}
-    for own in OWN_RESULT:
-        assert literally(own) or own.name.startswith(re.escape(LOCK))
+    literal = {name for entry in RESULT_ENTRIES for name in [literally(entry)] if name}
+    for entry in RESULT_ENTRIES:
+        assert literally(entry) or entry.name.startswith(re.escape(LOCK))
     here = Path.cwd()
     os.chdir(home)
     try:
@@ -295,7 +295,7 @@ def canary(tmp_path):
     names = ("000000.h5", "reference.h5", "0-a.py", "eqt.yaml", "1.yaml", "config.yaml", "x.tmp")
     for folder in (home, home / "folder", home / "folder" / "inner"):
         for name in (*names, "results.h5", "torque.json", f"a.{'0' * 16}.tmp"):
-            (folder / name).write_text(FOUND_BY.format("tune"))
+            (folder / name).write_text(CONFIG_MARK.format("tune"))
     (home / "file").write_bytes(b"precious")
     return home
 
@@ -422,7 +422,7 @@ def test_only_own_names_are_deleted(lay, command):
     assert {name for name in kept if (out / name).read_bytes() != b"mine"} == set()
     assert [name for name in killed if (out / name).exists()] == []
     assert not list((out / RERUN).glob("*.h5"))
-    assert slug == "tuned/notes.yaml" or FOUND_BY.format("tune") in (out / slug).read_text()
+    assert slug == "tuned/notes.yaml" or CONFIG_MARK.format("tune") in (out / slug).read_text()
 
 
 @pytest.mark.parametrize("name", [PARTS, RERUN, FIGURES, PLUGINS, FILES])

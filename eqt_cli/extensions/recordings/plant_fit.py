@@ -14,7 +14,7 @@ from eqt_cli.analysis.law_search import value_at
 from eqt_cli.analysis.search_record import entries_of, expanded
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, parse_key
-from eqt_cli.base.files import FOUND_BY, check_entries, check_targets, refusals
+from eqt_cli.base.files import CONFIG_MARK, check_entries, check_targets, refusals
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import Block, TextTable, significant, step
 from eqt_cli.config.build import build
@@ -36,7 +36,7 @@ from eqt_cli.extensions.recordings.prediction import (
     linear,
 )
 from eqt_cli.loop.closed_loop import ClosedLoop
-from eqt_cli.runs.folder import OWN_COPIES, ResultFolder
+from eqt_cli.runs.folder import COPY_FOLDERS, ResultFolder
 
 STEP = 1e-4
 """Step of difference quotients, relative to a number's start value, or to 1 if that is 0."""
@@ -407,13 +407,13 @@ def check_folder(folder: Path) -> None:
         If an entry is a link, or a file of this name that eqt did not write.
     """
     with refusals(folder / FITTED, "written", OTHER_FOLDER):
-        check_entries(folder, OWN_COPIES)
+        check_entries(folder, COPY_FOLDERS)
     check_targets([folder / FITTED], folder)
 
 
 def write_fitted(result: PlantFit, folder: Path) -> Path:
     """Write the complete configuration, and beside it the files it refers to; return its path."""
-    path, mark = folder / FITTED, FOUND_BY.format("fit")
+    path, mark = folder / FITTED, CONFIG_MARK.format("fit")
     with refusals(path, "written", OTHER_FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
         fitted = study(result.source, trust_plugins=True)
