@@ -115,7 +115,7 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
         lines.append(f"  {index}  {values}")
     if len(study) > FIRST_POINTS:
         lines.append("  …")
-    stored = f"{study.kept} trajectories each" if study.kept else "metrics only"
+    stored = f"{study.trajectories} trajectories each" if study.trajectories else "metrics only"
     lines.append(time_line(expected.seconds, expected.workers))
     lines.append(f"size     {size(expected.size)}, {stored}")
     print_findings(document, "\n".join(lines), json=json)

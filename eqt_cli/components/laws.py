@@ -600,7 +600,7 @@ class BulloMurray(Member):
     error, damping = "body", "body"
 
 
-def told_apart(titles: Mapping[str, str]) -> dict[str, str]:
+def distinct_titles(titles: Mapping[str, str]) -> dict[str, str]:
     """Titles by label; the labels in place of titles that several have."""
     shared = [title for title, count in Counter(titles.values()).items() if count > 1]
     return {label: label if title in shared else title for label, title in titles.items()}

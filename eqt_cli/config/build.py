@@ -137,9 +137,9 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         "solver": solver.resolved,
     }
     loops = {
-        label: ClosedLoop(group, inertia, own, desired.reference, laws[label].law, vehicle)
-        for label, own in gains.items()
-        if own is not None
+        label: ClosedLoop(group, inertia, law_gains, desired.reference, laws[label].law, vehicle)
+        for label, law_gains in gains.items()
+        if law_gains is not None
     }
     experiment = Experiment(
         config,
@@ -194,12 +194,12 @@ class _Parts:
         for index, entry in enumerate(self.sections["controllers"] or []):
             here = self.problems.at("controllers", index)
             options = dict(entry) if isinstance(entry, dict) else {}
-            label, own = options.pop("label", None), options.pop("gains", None)
+            label, law_gains = options.pop("label", None), options.pop("gains", None)
             named, gains = options if isinstance(entry, dict) else entry, None
             law: Controller | None = Kind(controllers).read(named, here, G, OF_EVERY_LAW)
-            if own is not None:
+            if law_gains is not None:
                 of = None if law is None or G is None else law.gains_group(G)
-                gains = validated(OwnGainsSection, own, here.at("gains"), group=of)
+                gains = validated(OwnGainsSection, law_gains, here.at("gains"), group=of)
             if law is not None and G is not None:
                 law, texts = with_data(law, self.source, here)
                 self.files |= texts
@@ -219,17 +219,17 @@ class _Parts:
                     f"an earlier controller has the label '{label}'; give this one another `label`"
                 )
             else:
-                own = gains.model_dump(exclude_none=True) if gains else {}
-                self.laws[label] = _Entry(law, index, own, tuple(options))
+                law_gains = gains.model_dump(exclude_none=True) if gains else {}
+                self.laws[label] = _Entry(law, index, law_gains, tuple(options))
 
     def gains(self, G: MatrixLieGroup) -> dict[str, Gains | None]:
         """Return the gains of every law, and give laws the options that follow them."""
         data, here = self.source.data, self.problems.at("gains")
-        given = data.get("gains")
-        known = fields_of(GainsSection, given, here, G) if isinstance(given, dict) else {}
+        section = data.get("gains")
+        known = fields_of(GainsSection, section, here, G) if isinstance(section, dict) else {}
         shared, by_label = gains_from(known, G, here), dict[str, Gains | None]()
         meant = closest("gains", data.keys() - Config.model_fields.keys())
-        if given is None and not meant and any(map(_reads_gains, data.get("controllers") or [])):
+        if section is None and not meant and any(map(_reads_gains, data.get("controllers") or [])):
             here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
         for label, law in self.laws.items():
             by_label[label] = self._gains_of(law, known, shared, G)
@@ -240,18 +240,18 @@ class _Parts:
         self, entry: "_Entry", known: dict[str, Any], shared: Gains | None, G: MatrixLieGroup
     ) -> Gains | None:
         """Return the gains of a law; None after noting its problems."""
-        law, own, problems = entry.law, entry.gains, self._at(entry).at("gains")
+        law, law_gains, problems = entry.law, entry.gains, self._at(entry).at("gains")
         group, reads = law.gains_group(G), law.reads_gains or law.inside_reads_gains
-        if not (own or reads) and (shared is None or group is not G):
+        if not (law_gains or reads) and (shared is None or group is not G):
             return Gains(np.eye(group.size), np.eye(group.dimension))  # which it never reads
         if group is G:
-            return gains_from(known | own, G, problems) if own else shared
-        for name in {"kp", "kd"} - own.keys():
+            return gains_from(known | law_gains, G, problems) if law_gains else shared
+        for name in {"kp", "kd"} - law_gains.keys():
             problems.at(name).add(
                 f"{MISSING}: {law.name} has gains of its own, those of its law on {group.name}, "
                 "such as gains: {kp: 4, kd: 2}"
             )
-        return gains_from(own, group, problems)
+        return gains_from(law_gains, group, problems)
 
     def _at(self, entry: "_Entry") -> Problems:
         return self.problems.at("controllers", entry.index)
@@ -364,10 +364,10 @@ class _Parts:
 
 def _reads_gains(entry: Any) -> bool:
     """Whether an entry of `controllers` needs the section `gains`."""
-    own = entry.get("gains") if isinstance(entry, dict) else None
+    gains = entry.get("gains") if isinstance(entry, dict) else None
     name = entry.get("kind") if isinstance(entry, dict) else entry
     kind = controllers.get(name) if name in controllers.names() else Controller
-    return kind.reads_gains and not (isinstance(own, dict) and {"kp", "kd"} <= own.keys())
+    return kind.reads_gains and not (isinstance(gains, dict) and {"kp", "kd"} <= gains.keys())
 
 
 def _designed(experiment: Experiment, index: dict[str, int], problems: Problems) -> Experiment:
@@ -421,18 +421,18 @@ def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
 
 @dataclass(frozen=True)
 class _Entry:
-    """An entry of `controllers`: the law, where it stands, and gains that are its own."""
+    """An entry of `controllers`: a law, its index, its gains, and the names of written options."""
 
     law: Controller
     index: int
     gains: dict[str, Any]
-    given: tuple[str, ...]
+    written: tuple[str, ...]
     followed: tuple[str, ...] = ()
 
     def with_gains(self, G: MatrixLieGroup, gains: Gains | None) -> "_Entry":
-        """The entry with the options that follow the gains, where they are not given."""
+        """The entry with the options that follow the gains, where they are not written."""
         defaults = {} if gains is None else self.law.defaults(G, gains)
-        defaults = {name: value for name, value in defaults.items() if name not in self.given}
+        defaults = {name: value for name, value in defaults.items() if name not in self.written}
         return replace(self, law=with_fields(self.law, **defaults), followed=tuple(defaults))
 
     @property

@@ -18,7 +18,7 @@ from eqt_cli.base.option_types import option_names, shown, unknown_key, validate
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import not_rigid
 from eqt_cli.components.initial_states import PoseDistribution, VelocityDistribution
-from eqt_cli.components.laws import told_apart
+from eqt_cli.components.laws import distinct_titles
 from eqt_cli.config.schema import DEFAULT_ENGINE, WORDS, Config, marks_of
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.engines.engine import Engine, SolverChecks, engines
@@ -78,8 +78,8 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     for key in section:
         if key not in known:
             problems.at(key).add(unknown_key(key, known))
-    own = ({key: section[key] for key in option_names(kind) if key in section} for kind in owners)
-    judgement, *built = map(validated, owners, own, repeat(problems))
+    data = ({key: section[key] for key in option_names(kind) if key in section} for kind in owners)
+    judgement, *built = map(validated, owners, data, repeat(problems))
     engine = next((entry for entry in built if entry and entry.name == name), None)
     if engine is not None:
         engine.check(problems)
@@ -89,14 +89,14 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     if engine is None or problems:
         return None
     keys = {**section, **asdict(engine), **asdict(judgement), "engine": name}
-    given = {key: value for key, value in keys.items() if value is not None}
-    return Solver(engine, judgement, {"engine": name} | given)
+    values = {key: value for key, value in keys.items() if value is not None}
+    return Solver(engine, judgement, {"engine": name} | values)
 
 
 def _keys(kinds: Iterable[type[Engine]]) -> list[str]:
     """Return the keys of the section, where these are the engines."""
     owners: list[type[Any]] = [SolverChecks, *kinds]
-    return ["engine", *dict.fromkeys(key for own in owners for key in option_names(own))]
+    return ["engine", *dict.fromkeys(key for owner in owners for key in option_names(owner))]
 
 
 def _require_available(name: Any) -> None:
@@ -173,7 +173,7 @@ class Experiment:
             law = loop.controller
             is_named = re.match(rf"{re.escape(law.name)}\b", label)
             titles[label] = law.title + label.removeprefix(law.name) if is_named else label
-        return told_apart(titles)
+        return distinct_titles(titles)
 
     @property
     def times(self) -> Array:
@@ -205,8 +205,8 @@ class Experiment:
 
         The names of files do not count: the folder of a result holds them under names of its own.
         """
-        kept = {key: value for key, value in self.resolved.items() if WORDS not in marks_of(key)}
-        return renamed(kept, hashes(self.files | self.plugins))
+        numeric = {key: value for key, value in self.resolved.items() if WORDS not in marks_of(key)}
+        return renamed(numeric, hashes(self.files | self.plugins))
 
     @cached_property
     def digest(self) -> str:

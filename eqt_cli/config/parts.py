@@ -72,10 +72,10 @@ class StudyPart:
 
         return np.arange(self.start, self.stop)
 
-    def slabs(self, kept: int) -> Iterator[Slab]:
+    def slabs(self, limit: int) -> Iterator[Slab]:
         """Yield the entries as at most three rectangular blocks.
 
-        Only the first `kept` runs of each point count, and `rows` count those.
+        Only the first `limit` runs of each point count, and `rows` count those.
         """
         row, entry = 0, self.start
         while entry < self.stop:
@@ -83,7 +83,7 @@ class StudyPart:
             whole = (self.stop - entry) // self.runs if first == 0 else 0
             last = self.runs if whole else min(self.runs, first + self.stop - entry)
             points = slice(point, point + max(whole, 1))
-            runs = slice(min(first, kept), min(last, kept))
+            runs = slice(min(first, limit), min(last, limit))
             count = (points.stop - points.start) * (runs.stop - runs.start)
             if count:
                 yield Slab(slice(row, row + count), points, runs)

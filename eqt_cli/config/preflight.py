@@ -136,10 +136,10 @@ def trial(parts: Sequence[LoopPart], problems: Problems, when: str = WHEN) -> It
 
 def _culprit(error: BaseException, parts: Sequence[LoopPart]) -> LoopPart:
     """Return the part of the innermost line that is in the file of one that is the user's own."""
-    own = {type(each.part).__module__: each for each in reversed(parts) if each.is_foreign}
+    by_module = {type(each.part).__module__: each for each in reversed(parts) if each.is_foreign}
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     modules = [str(frame.f_globals.get("__name__", "")) for frame in reversed(frames)]
-    return next((own[module] for module in modules if module in own), parts[0])
+    return next((by_module[module] for module in modules if module in by_module), parts[0])
 
 
 def _unfit(value: Any, leading: tuple[int, ...], axes: tuple[int, ...], exact: bool) -> str | None:
@@ -519,8 +519,8 @@ Placed = Iterator[tuple[KeyPath, str]]
 def _angle_remarks(experiment: Experiment) -> Placed:
     """Remark on angles that are written as numbers and exceed a full turn."""
     data = experiment.source.data
-    own = {*ANGLES, *(name for kind in pose_distributions.all() for name in kind.angles)}
-    for section, angles in (("reference", ANGLES), ("target", ANGLES), ("initial", own)):
+    initial_angles = {*ANGLES, *(name for kind in pose_distributions.all() for name in kind.angles)}
+    for section, angles in (("reference", ANGLES), ("target", ANGLES), ("initial", initial_angles)):
         yield from many_turns(data.get(section), angles, (section,))
 
 
@@ -548,8 +548,8 @@ def _noise_remarks(experiment: Experiment) -> Placed:
         if vehicle.control is None or not path.startswith("sensors.pose"):
             continue
         std = sensor.drawn(None).white_deviation(G, sensor.period or vehicle.control.period)
-        own = [part for part in G.parts if part.name == sensor.of] or G.parts
-        turns = [part.turns for part in own for _ in range(G.dimension)[part.axes]]
+        measured = [part for part in G.parts if part.name == sensor.of] or G.parts
+        turns = [part.turns for part in measured for _ in range(G.dimension)[part.axes]]
         most = 0.0 if std is None else np.max(std, where=turns, initial=0.0)
         if most > MOST_NOISE:
             yield (

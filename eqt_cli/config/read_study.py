@@ -198,8 +198,8 @@ def _check_common(checked: Study) -> None:
         checked.resolved  # noqa: B018  # builds and caches it
     except ConfigError as error:
         where = "without what only some of the cases change"
-        found = [replace(each, message=f"{where}: {each.message}") for each in error.problems]
-        raise ConfigError(found) from None
+        problems = [replace(each, message=f"{where}: {each.message}") for each in error.problems]
+        raise ConfigError(problems) from None
 
 
 def spread(count: int, most: int | None) -> Sequence[int]:

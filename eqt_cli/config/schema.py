@@ -136,8 +136,8 @@ class LawKind(ReadLater):
         """Return the JSON schema of a law with its options."""
         label = "The name of the law in tables and figures; its kind."
         gains = "Gains of this law, where they differ from the section `gains`."
-        own: Any = {**TypeAdapter(OwnGainsSection).core_schema, "ref": OwnGainsSection.__name__}
-        shared = handler(core_schema.list_schema(own))["items"]  # of all laws, by its reference
+        section: Any = {**TypeAdapter(OwnGainsSection).core_schema, "ref": OwnGainsSection.__name__}
+        shared = handler(core_schema.list_schema(section))["items"]  # of all laws, by its reference
         more = {
             "label": {"type": "string", "description": label},
             "gains": shared | {"description": gains},

@@ -358,8 +358,8 @@ def _tracked(
     with suppress(InputError):
         kind = references.get(name) if isinstance(name, str) else None
     takes = tuple(DEFAULTS) if kind is None else kind.starts_from
-    own = [] if kind is None else option_names(kind)
-    for key in (key for key in DEFAULTS if key in section and key not in (*takes, *own)):
+    option_keys = [] if kind is None else option_names(kind)
+    for key in (key for key in DEFAULTS if key in section and key not in (*takes, *option_keys)):
         problems.at(key).add(f"a reference of kind {name} determines its {key}; remove this key")
         section = {name: value for name, value in section.items() if name != key}
     common = {key: section.get(key, DEFAULTS[key]) for key in takes}
@@ -373,8 +373,8 @@ def _tracked(
         reference.check(G, problems)
     pose, velocity = G.identity, np.zeros(G.dimension)
     if "pose" in common:
-        given_pose = pose_from(common["pose"], G, problems.at("pose"))
-        pose = pose if given_pose is None else given_pose
+        written_pose = pose_from(common["pose"], G, problems.at("pose"))
+        pose = pose if written_pose is None else written_pose
     if "velocity" in common:
         coordinates: Any = Annotated[Real | list[Real], Unit(VELOCITY)]
         numbers = validated(coordinates, common["velocity"], problems.at("velocity"), group=G)
@@ -391,10 +391,10 @@ def _tracked(
 
 
 def check_horizon(
-    given: GivenOverTime, key: str, G: MatrixLieGroup, duration: float, problems: Problems
+    data: GivenOverTime, key: str, G: MatrixLieGroup, duration: float, problems: Problems
 ) -> None:
     """Note runs that start before the data of a key over time, outlast them, or meet a gap."""
-    here, (first, last) = problems.at(*parse_key(key)), given.ends(G)
+    here, (first, last) = problems.at(*parse_key(key)), data.ends(G)
     if first > 0:
         here.add(f"begins at {first:g} s, but runs begin at 0 s; shift its times")
     if last < duration:
@@ -402,7 +402,7 @@ def check_horizon(
         problems.at("time", "duration").add(
             f"expected at most {last:g} s, the end of the {what}, got {duration:g}"
         )
-    within = [gap for gap in given.gaps(G) if gap[0] < duration and sum(gap) > 0]
+    within = [gap for gap in data.gaps(G) if gap[0] < duration and sum(gap) > 0]
     for begin, length in within[:1]:
         here.add(
             f"has a gap of {length:.4g} s after t = {begin:.6g} s, within the run; end the run "

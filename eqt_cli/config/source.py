@@ -143,8 +143,8 @@ def _late(delay: int | str | None) -> list[str]:
 
 
 def _kinds(entries: Any) -> list[str]:
-    given = (entry for entry in entries or () if entry is not None)
-    return [entry if isinstance(entry, str) else str(entry["kind"]) for entry in given]
+    present = (entry for entry in entries or () if entry is not None)
+    return [entry if isinstance(entry, str) else str(entry["kind"]) for entry in present]
 
 
 # Reads a configuration from a YAML file or a result, and applies overrides ------------------------

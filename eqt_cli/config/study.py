@@ -194,7 +194,7 @@ class Study:
     # Storage.
 
     @property
-    def kept(self) -> int:
+    def trajectories(self) -> int:
         """Number of runs of each controller and point with stored trajectories."""
         store, runs = self.base.config.store, self.base.config.ensemble.runs
         requested = "trajectories" in store.model_fields_set
@@ -214,7 +214,7 @@ class Study:
         base, runs = self.base, self.base.config.ensemble.runs
         state_length = max(loop.state_length for loop in base.loops.values())
         limit = PART_BYTES // (8 * base.config.time.samples * state_length)
-        if not self.kept:
+        if not self.trajectories:
             limit *= WITHOUT_TRAJECTORIES
         wanted = max(base.engine.part_runs, self._all_runs // MANY_PARTS)
         size = base.engine.runs_at_once(min(wanted, limit, POINTS_OF_A_PART * runs))
@@ -292,8 +292,8 @@ class Study:
             if set(self.sweep.always) != set(self.sweep.sets):
                 resolved = build(self.source, trust_plugins=True).resolved
             runs = self.base.config.ensemble.runs
-            kept = "all" if self.kept == runs else self.kept or "none"
-            store = resolved["store"] | {"trajectories": kept}
+            trajectories = "all" if self.trajectories == runs else self.trajectories or "none"
+            store = resolved["store"] | {"trajectories": trajectories}
             resolved = resolved | {"store": store, "sweep": self.sweep.data}
         return resolved
 

@@ -93,8 +93,8 @@ def decides_parts(key: str, values: Iterable[Any], vehicle: Vehicle) -> bool:
     measurement, and without a dropout, a sensor need not hold measurements. Other times of clocks
     change the tick, but for periods that are whole numbers of control periods.
     """
-    given = list(values)
-    if not all(isinstance(value, int | float) or has_unit(value) for value in given):
+    listed = list(values)
+    if not all(isinstance(value, int | float) or has_unit(value) for value in listed):
         return True
     section, _, option = key.partition(".")
     name, control = option.rpartition(".")[2], vehicle.control
@@ -104,7 +104,7 @@ def decides_parts(key: str, values: Iterable[Any], vehicle: Vehicle) -> bool:
         if section == CONTROL:
             parts: Any = *vehicle.actuators, *vehicle.sensors().values()
             return any(part.period is not None for part in parts)
-        times = (number_of(Written(value, ["s"])) if has_unit(value) else value for value in given)
+        times = (number_of(Written(value, ["s"])) if has_unit(value) else value for value in listed)
         return not math.isclose(common_divisor([control.period, *times]), control.period)
     return name in (*TIMING, "tick")
 

@@ -29,7 +29,7 @@ from eqt_cli.base.errors import EqtError, printable, suggestion
 from eqt_cli.base.store_reader import ResultFile
 from eqt_cli.base.store_writer import Attribute
 from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.components.laws import controllers, told_apart
+from eqt_cli.components.laws import controllers, distinct_titles
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 CROSS_CHECK = ("method", "runs", "difference", "bound")
@@ -358,13 +358,15 @@ class KnownResult(ResultFile):
     def _own_titles(self) -> dict[str, str]:
         """Titles of the laws by label, without the names that a user gives."""
         stored = self.described.titles
-        return told_apart({label: stored.get(label) or law_title(label) for label in self.labels})
+        return distinct_titles(
+            {label: stored.get(label) or law_title(label) for label in self.labels}
+        )
 
     @cached_property
     def title_of(self) -> dict[str, str]:
         """Display names by label."""
         given = {k: name for k, name in self.given_names.items() if k in self.labels}
-        return told_apart(self._own_titles | given)
+        return distinct_titles(self._own_titles | given)
 
     def label_of(self, name: str) -> str:
         """Return the label of a controller, given its label or its display name: ``EqT``.

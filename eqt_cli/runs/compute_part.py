@@ -148,7 +148,7 @@ class PartArrays:
         self.entries = np.arange(part.start, part.stop)
         self.points = np.unique(part.points)
         self.samples = slice(None, None, base.config.store.decimate)
-        self.kept_rows = np.flatnonzero(part.run_numbers < study.kept)
+        self.kept_rows = np.flatnonzero(part.run_numbers < study.trajectories)
         is_first = part.controller == 0
         starts = np.flatnonzero(is_first & (study.initial_varies | (part.points == 0)))
         counts = {

@@ -184,7 +184,7 @@ class Layout:
 
     def _is_kept(self, quantity: Quantity) -> bool:
         alone = quantity.per is ValuePer.DESIRED and self.study.desired_varies
-        return self.study.kept > 0 or not (alone or quantity.per is ValuePer.TRAJECTORY)
+        return self.study.trajectories > 0 or not (alone or quantity.per is ValuePer.TRAJECTORY)
 
     def of(self, per: ValuePer) -> Iterator[Quantity]:
         """Return the quantities of a kind."""
@@ -206,7 +206,7 @@ class Layout:
         return blanks
 
     def _leading(self, per: ValuePer) -> tuple[str, ...]:
-        stored = "run" if self.study.kept == self.study.plan.runs else "stored_run"
+        stored = "run" if self.study.trajectories == self.study.plan.runs else "stored_run"
         return {
             ValuePer.TRAJECTORY: ("controller", stored),
             ValuePer.RUN: ("controller", "run"),
@@ -231,7 +231,7 @@ class Layout:
     @property
     def coordinates(self) -> dict[str, Variable]:
         """Coordinates along the dimensions of a point."""
-        return coordinates(self.study.base, self.study.kept)
+        return coordinates(self.study.base, self.study.trajectories)
 
 
 def in_root(study: Study) -> list[Quantity]:

@@ -501,7 +501,8 @@ def _put(place: Destination, layout: Layout, entry: Quantity, data: Array, part:
         place.put(entry.name, data, (slice(part.start, part.start + len(data)),))
     else:
         controller = () if entry.per is ValuePer.INITIAL else (part.controller,)
-        for slab in part.slabs(study.kept if entry.per is ValuePer.TRAJECTORY else part.runs):
+        runs = study.trajectories if entry.per is ValuePer.TRAJECTORY else part.runs
+        for slab in part.slabs(runs):
             block = data[slab.rows].reshape(*slab.shape, *data.shape[1:])
             where = (*controller, slab.runs)
             if study.sweep:

@@ -588,9 +588,9 @@ def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
 def test_a_large_sweep_keeps_trajectories_only_if_asked(make, monkeypatch):
     monkeypatch.setattr("eqt_cli.config.study.MOST_TRAJECTORIES", 40)
     grids = ["gains.kp=1,2,3"]  # 3 points of 2 controllers and 7 runs
-    assert make(grids=grids).kept == 0
-    assert make(CONFIG, "store.trajectories=2", grids=grids).kept == 2
-    assert make(grids=grids, text=CONFIG.replace("runs: 7", "runs: 2")).kept == 2
+    assert make(grids=grids).trajectories == 0
+    assert make(CONFIG, "store.trajectories=2", grids=grids).trajectories == 2
+    assert make(grids=grids, text=CONFIG.replace("runs: 7", "runs: 2")).trajectories == 2
 
 
 @pytest.mark.parametrize(

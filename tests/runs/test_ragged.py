@@ -258,7 +258,10 @@ def test_an_ensemble_of_another_size_at_some_point(make):
 def test_what_is_kept_is_decided_for_all_points_together(make, monkeypatch):
     monkeypatch.setattr("eqt_cli.config.study.MOST_TRAJECTORIES", 30)
     whole = make(TIMES)  # 40 runs in two pieces of 20
-    assert (whole.kept, [whole.piece(index).kept for index in range(2)]) == (0, [0, 0])
+    assert (whole.trajectories, [whole.piece(index).trajectories for index in range(2)]) == (
+        0,
+        [0, 0],
+    )
 
 
 def test_more_groups_than_a_file_should_have(make, tmp_path):
