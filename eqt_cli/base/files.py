@@ -385,11 +385,11 @@ class FolderPattern:
     """
 
     name: str
-    entries: Sequence[EntryPattern] = ()
+    entries: Sequence[Entry] = ()
     record: str = ""
 
 
-EntryPattern = FilePattern | FolderPattern
+Entry = FilePattern | FolderPattern
 
 
 def kind_of(path: Path) -> str | None:
@@ -421,7 +421,7 @@ def check_within(home: Path, path: Path) -> None:
     check_kind(path, FILE)
 
 
-def check_entries(folder: Path, patterns: Sequence[EntryPattern]) -> None:
+def check_entries(folder: Path, patterns: Sequence[Entry]) -> None:
     """Refuse a folder in which an entry has a name of eqt's but is of another kind.
 
     Names of marked files are skipped, because others may use them for anything.
@@ -442,7 +442,7 @@ def foreign(path: Path, kind: str, expected: str) -> EqtError:
     )
 
 
-def remove_written(path: Path, pattern: EntryPattern) -> list[Path]:
+def remove_written(path: Path, pattern: Entry) -> list[Path]:
     """Remove what eqt wrote, and nothing else; return the removed paths.
 
     If a folder also holds other entries, only eqt's entries in it are removed.
@@ -463,7 +463,7 @@ def remove_written(path: Path, pattern: EntryPattern) -> list[Path]:
     return [path]
 
 
-def remove_left_over(folder: Path, patterns: Sequence[EntryPattern]) -> list[Path]:
+def remove_left_over(folder: Path, patterns: Sequence[Entry]) -> list[Path]:
     """Remove unfinished files of eqt that killed processes left behind; return their paths."""
     files = [entry for entry in patterns if isinstance(entry, FilePattern)]
     left = list[Path]()
@@ -482,14 +482,14 @@ def _has_record(path: Path) -> bool:
     return kind_of(path) == FILE and read_record(path, "digest") is not None
 
 
-def _entries(folder: Path, patterns: Sequence[EntryPattern]) -> Iterator[tuple[Path, EntryPattern]]:
+def _entries(folder: Path, patterns: Sequence[Entry]) -> Iterator[tuple[Path, Entry]]:
     """Yield the entries of a folder that have a name of eqt's, with the matching pattern."""
     for path in _listed(folder):
         if entry := _pattern_of(path.name, patterns):
             yield path, entry
 
 
-def _pattern_of(name: str, patterns: Sequence[EntryPattern]) -> EntryPattern | None:
+def _pattern_of(name: str, patterns: Sequence[Entry]) -> Entry | None:
     return next((entry for entry in patterns if re.fullmatch(entry.name, name)), None)
 
 

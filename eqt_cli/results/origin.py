@@ -358,9 +358,8 @@ class KnownResult(ResultFile):
     def _own_titles(self) -> dict[str, str]:
         """Titles of the laws by label, without the names that a user gives."""
         stored = self.described.titles
-        return distinct_titles(
-            {label: stored.get(label) or law_title(label) for label in self.labels}
-        )
+        titles = {label: stored.get(label) or law_title(label) for label in self.labels}
+        return distinct_titles(titles)
 
     @cached_property
     def title_of(self) -> dict[str, str]:

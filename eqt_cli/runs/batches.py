@@ -111,8 +111,8 @@ def batches_at(
         kinds.setdefault(_kind(study.experiment(point), label), []).append(point)
     for kind, members in kinds.items():
         rows = np.flatnonzero(np.isin(points, members))
-        own = None if runs is None else runs[rows]
-        problem = _problem(study, label, points[rows], own, kind)
+        run_numbers = None if runs is None else runs[rows]
+        problem = _problem(study, label, points[rows], run_numbers, kind)
         experiment = study.experiment(members[0])
         yield Batch(rows, points[rows], experiment, problem, kind)
 
@@ -165,8 +165,8 @@ def _errors(problem: Problem, experiments: list[Experiment], which: Array, runs:
     """Return the measurement errors of each run."""
     G, vehicle, instants = problem.loop.group, problem.loop.vehicle, problem.control_instants
     randoms = (random_of for _, random_of in _by_run(experiments, which, runs))
-    found = [vehicle.measurement_errors(G, instants, random_of) for random_of in randoms]
-    return Errors(*map(np.array, zip(*found, strict=True)))
+    errors = [vehicle.measurement_errors(G, instants, random_of) for random_of in randoms]
+    return Errors(*map(np.array, zip(*errors, strict=True)))
 
 
 def _by_run(
@@ -291,7 +291,7 @@ def cross_check(
         return None
     groups = by_kind(study, chosen)
     states, steps = (
-        {label: np.concatenate(own) for label, own in blocks.items()} for blocks in (stored, work)
+        {label: np.concatenate(each) for label, each in blocks.items()} for blocks in (stored, work)
     )
     differences, redone = _differences(study, groups, states, steps, deadline)
     other = independent(study.base.engine)
@@ -320,14 +320,14 @@ def _affordable(study: Study, groups: int, steps: Mapping[str, Array]) -> float:
     base = study.base
     if base.solver.judgement.cross_check != SolverChecks.cross_check:
         return 1.0
-    counted = [np.nan_to_num(own) for own in steps.values()]
-    longest = max((float(own.max(initial=0.0)) for own in counted), default=0.0)
+    counted = [np.nan_to_num(each) for each in steps.values()]
+    longest = max((float(each.max(initial=0.0)) for each in counted), default=0.0)
     if base.engine.threads:
         solves = 2 if base.solver.estimates_errors else 1
-        work = solves * sum(float(own.sum()) for own in counted)
+        work = solves * sum(float(each.sum()) for each in counted)
         cost = groups * longest * EVALUATIONS_PER_STEP * STEPS_PER_EVALUATION
     else:
-        blocks = [own.mean() * -(-own.size // BLOCK_RUNS) for own in counted if own.size]
+        blocks = [each.mean() * -(-each.size // BLOCK_RUNS) for each in counted if each.size]
         work = STEPS_PER_EVALUATION * float(sum(blocks))
         cost = groups * longest * METHOD_FACTOR * STEPS_PER_EVALUATION
     budget = max(WORK_SHARE * work, FREE_STEPS / len(study.shapes))
@@ -407,7 +407,7 @@ class _Pieces:
         if len(self.starts) == 1:
             return replace(whole, times=times)
         number = len(self.starts)
-        varying = {name: np.concatenate([own] * number) for name, own in whole.varying.items()}
+        varying = {name: np.concatenate([rows] * number) for name, rows in whole.varying.items()}
         later = whole.times[list(self.starts)] - whole.times[0]
         return Problem(
             OwnStarts.of(whole.loop),

@@ -82,11 +82,11 @@ def solve_references(study: Study, points: Array) -> dict[str, Array]:
     if systems[0].state_length:  # a reference without states needs no integration
         for batch in batches_at(study, label, points):
             states[batch.rows] = batch.engine.solve(batch.problem).states
-    found = [_desired(system, times, own) for system, own in zip(systems, states, strict=True)]
-    return {name: np.array([own[name] for own in found]) for name in DESIRED}
+    desired = [_desired(*each, times) for each in zip(systems, states, strict=True)]
+    return {name: np.array([values[name] for values in desired]) for name in DESIRED}
 
 
-def _desired(system: ReferenceSystem, times: Array, states: Array) -> dict[str, Array]:
+def _desired(system: ReferenceSystem, states: Array, times: Array) -> dict[str, Array]:
     """Return `DESIRED` of a reference at every sample, ``(samples, …)`` each."""
     s = system.tracking(times, states)
     # A constant value has no axis of time.
@@ -108,19 +108,19 @@ def compute_part(
         The reference that all points share; None if each point has its own.
     """
     gathered = PartArrays(study, part)
-    own = None
+    references = None
     if shared is None:
-        own = solve_references(study, gathered.points)
-        gathered.add_references(own)
+        references = solve_references(study, gathered.points)
+        gathered.add_references(references)
     laws = list(study.base.loops)
     which = f"law {laws.index(gathered.label) + 1} of {len(laws)} ({gathered.label})"
     with working_for(which):
         for batch in batches(study, gathered.label, gathered.entries):
             for runs in batch.engine.blocks(batch.problem, context.threads):
                 block, reference = batch.select(runs), shared
-                if own is not None:
+                if references is not None:
                     where = np.searchsorted(gathered.points, block.points)
-                    reference = {name: values[where] for name, values in own.items()}
+                    reference = {name: values[where] for name, values in references.items()}
                 assert reference is not None
                 names, whole = gathered.names(block), gathered.wants_states(block)
                 gathered.add(block, *_solve(block, reference, names, whole, context))
@@ -148,11 +148,11 @@ class PartArrays:
         self.entries = np.arange(part.start, part.stop)
         self.points = np.unique(part.points)
         self.samples = slice(None, None, base.config.store.decimate)
-        self.kept_rows = np.flatnonzero(part.run_numbers < study.trajectories)
+        self.stored_rows = np.flatnonzero(part.run_numbers < study.trajectories)
         is_first = part.controller == 0
         starts = np.flatnonzero(is_first & (study.initial_varies | (part.points == 0)))
         counts = {
-            ValuePer.TRAJECTORY: len(self.kept_rows),
+            ValuePer.TRAJECTORY: len(self.stored_rows),
             ValuePer.RUN: len(part),
             ValuePer.INITIAL: len(starts),
             ValuePer.DESIRED: len(self.points) if is_first and study.desired_varies else 0,
@@ -170,7 +170,7 @@ class PartArrays:
         if len(starts):
             Q, V = initial_states(study, part.points[starts], part.run_numbers[starts])
             self.data |= {"initial_pose": Q, "initial_velocity": V}
-        self._kept = _positions(self.kept_rows, len(part))
+        self._stored = _positions(self.stored_rows, len(part))
         check_rows = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
         self._checked = _positions(check_rows, len(part))
         self.state_layout = base.loops[self.label].layout
@@ -185,14 +185,14 @@ class PartArrays:
 
     def names(self, batch: Batch) -> tuple[str, ...]:
         """Return the quantities to store of a batch: signals only if it has stored trajectories."""
-        kept = {ValuePer.RUN}
-        if (self._kept[batch.rows] >= 0).any():
-            kept.add(ValuePer.TRAJECTORY)
-        return tuple(entry.name for entry in self.quantities if entry.per in kept)
+        wanted = {ValuePer.RUN}
+        if (self._stored[batch.rows] >= 0).any():
+            wanted.add(ValuePer.TRAJECTORY)
+        return tuple(entry.name for entry in self.quantities if entry.per in wanted)
 
     def wants_states(self, batch: Batch) -> bool:
         """Whether some of these runs need signals or states besides numbers."""
-        return bool((np.maximum(self._kept, self._checked)[batch.rows] >= 0).any())
+        return bool((np.maximum(self._stored, self._checked)[batch.rows] >= 0).any())
 
     def add(self, batch: Batch, solution: Solution, values: dict[str, Array]) -> None:
         """Store the required quantities of a batch."""
@@ -201,13 +201,13 @@ class PartArrays:
             "status": solution.status,
             "message": np.array(solution.messages, dtype=object),
         }
-        kept, checked = self._kept[batch.rows], self._checked[batch.rows]
+        stored, checked = self._stored[batch.rows], self._checked[batch.rows]
         for quantity in self.quantities:
             if quantity.per is ValuePer.RUN:
                 self.data[quantity.name][batch.rows] = values[quantity.name]
-            elif quantity.per is ValuePer.TRAJECTORY and (kept >= 0).any():
-                signal = values[quantity.name][kept >= 0]
-                self.data[quantity.name][kept[kept >= 0]] = signal[:, self.samples]
+            elif quantity.per is ValuePer.TRAJECTORY and (stored >= 0).any():
+                signal = values[quantity.name][stored >= 0]
+                self.data[quantity.name][stored[stored >= 0]] = signal[:, self.samples]
         if (checked >= 0).any():
             self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
 
@@ -292,10 +292,10 @@ def _solve(
     engine, solver = batch.engine, batch.experiment.solver
     # An error estimate solves a run twice; each solution counts as half of the run.
     share = 0.5 if solver.estimates_errors else 1.0
-    kept = None if whole else (MOTION,)
+    returned = None if whole else (MOTION,)
     how = context.threads, lambda runs: context.progress(share * runs)
     rows = [_in_rows(reference)]
-    first = engine.measured(*_functions(batch, names), batch.problem, rows, kept, *how)
+    first = engine.measured(*_functions(batch, names), batch.problem, rows, returned, *how)
     estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:
         motion = [first.arrays[MOTION]]
@@ -321,8 +321,8 @@ def measured(
     """
     function, reduction = _functions(batch, names)
     states, times = solution.states, batch.problem.times
-    found = batch.engine.evaluate(function, batch.problem, states, _in_rows(reference))
-    return found | reduction(SampledRuns(times), found)
+    sampled = batch.engine.evaluate(function, batch.problem, states, _in_rows(reference))
+    return sampled | reduction(SampledRuns(times), sampled)
 
 
 def _in_rows(reference: Desired) -> Array:
@@ -372,15 +372,15 @@ class SampledSignals:
         """
         s, G = loop.tracking(t, states), loop.group
         signals = at_state(loop, s, loop.work(states), self.names)
-        found = {name: values for name, values in signals if name in self.names}
+        sampled = {name: values for name, values in signals if name in self.names}
         if SETTLING in self.names:
-            found[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.thresholds))
+            sampled[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.thresholds))
         if ESTIMATE_SETTLING in self.names:
             error = G.exp(of_pose(s))
-            found[ESTIMATE_SETTLING] = settling_error(G, error, G.identity, dict(self.thresholds))
+            sampled[ESTIMATE_SETTLING] = settling_error(G, error, G.identity, dict(self.thresholds))
         pose, velocity = np.split(desired, [G.size**2], axis=-1)
         pose = pose.reshape(*pose.shape[:-1], G.size, G.size)
-        return found | {
+        return sampled | {
             POSE_ERROR: s.Q_E,
             DRIFT: G.drift(s.Q),
             RESIDUAL: squares(s.Qd - pose, s.Vd - velocity),
@@ -413,9 +413,9 @@ class Numbers:
     K: Array = field(compare=False)
     balanced: bool = field(compare=False)
 
-    def __call__(self, over: SampledRuns, found: Mapping[str, Any]) -> dict[str, Any]:
+    def __call__(self, over: SampledRuns, sampled: Mapping[str, Any]) -> dict[str, Any]:
         """Return the metrics and the indicators of their reliability, by name."""
-        signals = dict(found)
+        signals = dict(sampled)
         if not self.balanced:
             signals["energy_balance"] = np.nan * signals["energy_balance"]
         numbers = {
@@ -448,9 +448,9 @@ def difference(loop: ClosedLoop, t: Any, states: Array, other: Array) -> dict[st
     return {ERROR: squares(pose[..., None], velocity)}
 
 
-def largest_difference(over: SampledRuns, found: Mapping[str, Any]) -> dict[str, Any]:
+def largest_difference(over: SampledRuns, sampled: Mapping[str, Any]) -> dict[str, Any]:
     """Return the largest difference of pose or velocity over all samples."""
-    return {ERROR: largest(over, found[ERROR])}
+    return {ERROR: largest(over, sampled[ERROR])}
 
 
 def _motion(s: Tracking) -> Array:
@@ -458,8 +458,8 @@ def _motion(s: Tracking) -> Array:
     # A constant pose or velocity has no axis of time.
     Q, V = s.Q.reshape(*s.Q.shape[:-2], -1), s.V
     shape = np.broadcast_shapes(Q.shape[:-1], V.shape[:-1])
-    parts = [np.broadcast_to(part, (*shape, part.shape[-1])) for part in (Q, V)]
-    return np.concatenate(parts, axis=-1)
+    pieces = [np.broadcast_to(piece, (*shape, piece.shape[-1])) for piece in (Q, V)]
+    return np.concatenate(pieces, axis=-1)
 
 
 def _judge(solution: Solution, estimate: Array, limit: float | None) -> None:
@@ -473,7 +473,7 @@ def _judge(solution: Solution, estimate: Array, limit: float | None) -> None:
         )
 
 
-KEPT_BYTES = 64 * 2**20
+MEMORY_BYTES = 64 * 2**20
 """Largest size of finished parts kept in memory, so that packing need not read their files."""
 
 UNSAVED_SECONDS = 1.0
@@ -491,7 +491,7 @@ class PartTask:
         The parts to compute, each with the index of its piece of the study; None for all parts of
         the study's plan.
     keeps
-        Whether finished parts stay in memory, up to `KEPT_BYTES`, until they are packed; `save`
+        Whether finished parts stay in memory, up to `MEMORY_BYTES`, until they are packed; `save`
         writes their files. Copies of the task in other processes keep none and write at once.
     """
 
@@ -499,7 +499,7 @@ class PartTask:
     files: PartFiles
     chosen: tuple[tuple[int, StudyPart], ...] | None = None
     keeps: bool = False
-    _kept: dict[int, Table] = field(default_factory=dict, init=False)
+    _tables: dict[int, Table] = field(default_factory=dict, init=False)
     """Finished parts in memory, by number."""
     _unsaved: dict[int, FinishedPart] = field(default_factory=dict, init=False)
     """Those of them that have no file yet, with the file that each will have."""
@@ -543,9 +543,9 @@ class PartTask:
         failed = int(np.count_nonzero(table["status"]))
         whole = replace(table, attributes={**table.attributes, "digest": self.study.digest})
         path = self.files.part(item, failed)
-        self._kept.pop(item, None)
-        if self.keeps and _bytes(whole, *self._kept.values()) <= KEPT_BYTES:
-            self._kept[item], self._unsaved[item] = whole, FinishedPart(path, failed)
+        self._tables.pop(item, None)
+        if self.keeps and _bytes(whole, *self._tables.values()) <= MEMORY_BYTES:
+            self._tables[item], self._unsaved[item] = whole, FinishedPart(path, failed)
         else:
             write(path, whole)
         return failed
@@ -554,14 +554,14 @@ class PartTask:
         """Write the parts that are only in memory."""
         for item, part in list(self._unsaved.items()):
             if not part.path.exists():  # else it was interrupted after it had written the file
-                write(part.path, self._kept[item])
+                write(part.path, self._tables[item])
             del self._unsaved[item]
 
     def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:
         """Open a finished part: from memory the first time if it is there, else from its file."""
         if item in self._unsaved:
-            return nullcontext(self._kept[item])
-        return nullcontext(self._kept.pop(item)) if item in self._kept else open_results(path)
+            return nullcontext(self._tables[item])
+        return nullcontext(self._tables.pop(item)) if item in self._tables else open_results(path)
 
     @blamed()
     def prepare(self) -> None:
@@ -595,7 +595,7 @@ class PartTask:
 
     def __getstate__(self) -> dict[str, Any]:
         state = {"study": self.study, "files": self.files, "chosen": self.chosen}
-        return state | {"_kept": {}, "_unsaved": {}}
+        return state | {"_tables": {}, "_unsaved": {}}
 
 
 def _bytes(*tables: Table) -> int:

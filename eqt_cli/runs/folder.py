@@ -41,7 +41,7 @@ _PICTURES = (FilePattern(r".+\.(pdf|svg|png|json|gif|html)", marked=True),)
 COPY_FOLDERS = tuple(FolderPattern(name, (FilePattern(r"\d+-.+"),)) for name in (PLUGINS, FILES))
 """Copies of the files that a configuration refers to."""
 
-_OWN: dict[str, Entry] = {
+_ENTRIES: dict[str, Entry] = {
     FILE_NAME: FilePattern(re.escape(FILE_NAME)),
     PARTS: FolderPattern(PARTS, PART_ENTRIES),
     RERUN: FolderPattern(RERUN, PART_ENTRIES),
@@ -53,7 +53,7 @@ _OWN: dict[str, Entry] = {
 }
 """Entries that eqt writes in a result folder, in the order of their removal."""
 
-RESULT_ENTRIES: tuple[Entry, ...] = (*_OWN.values(), FilePattern(re.escape(LOCK) + "(-.+)?"))
+RESULT_ENTRIES: tuple[Entry, ...] = (*_ENTRIES.values(), FilePattern(re.escape(LOCK) + "(-.+)?"))
 """The same entries, and the locks."""
 
 MOST_NAMES = 3
@@ -86,14 +86,14 @@ class ResultFolder:
         """Whether the folder holds the complete result of this study."""
         return (self.manifest or {}).get("digest") == study.digest and self.results.exists()
 
-    def kept_runs(self, study: Study) -> int:
+    def finished_runs(self, study: Study) -> int:
         """Return the number of a study's runs in finished parts."""
         if (self.manifest or {}).get("digest") != study.digest:
             return 0
         return sum(study.plans.runs_of(n) for n in self.parts.listed() if n < len(study.plans))
 
     @contextmanager
-    def reporting_kept_runs(self, study: Study) -> Iterator[None]:
+    def reporting_finished_runs(self, study: Study) -> Iterator[None]:
         """Add to an error of a full disk how many runs are saved, and how to continue."""
         try:
             yield
@@ -102,15 +102,15 @@ class ResultFolder:
             full = isinstance(cause, OSError) and cause.errno in NO_SPACE
             if not full and not isinstance(error, FullDiskError):
                 raise
-            kept, total = self.kept_runs(study), study.plans.total
-            if not kept:
+            finished, total = self.finished_runs(study), study.plans.total
+            if not finished:
                 raise
             again = Remedy("free some space and run the same command again")
             elsewhere = Remedy("move the folder to another disk and name it with {}", "out")
-            if kept == total:
+            if finished == total:
                 again = Remedy(f"free some space and run `eqt pack {self.path}`")
                 elsewhere = Remedy("move the folder to another disk and run `eqt pack` there")
-            message = f"{error.args[0]}; {kept} of {total} runs are kept in {self.path}"
+            message = f"{error.args[0]}; {finished} of {total} runs are kept in {self.path}"
             raise FullDiskError(message, again, elsewhere) from error
 
     @property
@@ -162,7 +162,7 @@ class ResultFolder:
 
     def remove(self, name: str) -> list[Path]:
         """Remove what eqt wrote under a name, and nothing else; return the removed paths."""
-        return remove_written(self.path / name, _OWN[name])
+        return remove_written(self.path / name, _ENTRIES[name])
 
     def finish(self, manifest: dict[str, Any]) -> None:
         """Write the final manifest, and remove the parts, which the result file now holds."""
@@ -175,15 +175,15 @@ class ResultFolder:
         return refusals(self.path, "used", OTHER_FOLDER)
 
     def _clear(self, study: Study, force: bool) -> list[str]:
-        existing = [name for name in _OWN if kind_of(self.path / name)]
+        existing = [name for name in _ENTRIES if kind_of(self.path / name)]
         manifest = self.manifest
         if existing and manifest is None:
             raise EqtError(f"{self.path}: holds {existing[0]} that eqt did not write", OTHER_FOLDER)
         if not existing and (others := _results_in(self.path)):
-            own = f"give this one a folder of its own with {{}}, such as {self.path / study.name}"
+            hint = f"give this one a folder of its own with {{}}, such as {self.path / study.name}"
             raise EqtError(
                 f"{self.path}: is the folder of other results: {', '.join(others)}",
-                Remedy(own, "out"),
+                Remedy(hint, "out"),
             )
         other = manifest if manifest and manifest["digest"] != study.digest else None
         begun = bool(self.parts.listed())
@@ -240,9 +240,9 @@ def _differences(old: Any, new: Any, path: KeyPath = ()) -> list[str]:
     elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
         pairs = dict(enumerate(zip(old, new, strict=True)))
     elif old != new:
-        return [f"{dotted(path)}: {_given(old)} there, {_given(new)} here"]
+        return [f"{dotted(path)}: {_value_text(old)} there, {_value_text(new)} here"]
     return [line for key, pair in pairs.items() for line in _differences(*pair, (*path, key))]
 
 
-def _given(value: Any) -> str:
+def _value_text(value: Any) -> str:
     return "not given" if value is _ABSENT else shown(value)

@@ -52,8 +52,8 @@ def commit_of(folder: Path) -> str | None:
     try:
         start = folder.resolve()
         each = (_repository(around / ".git") for around in (start, *start.parents))
-        found = next(filter(None, each), None)
-        return _head(*found) if found else None
+        repository = next(filter(None, each), None)
+        return _head(*repository) if repository else None
     except (OSError, ValueError, RuntimeError):  # `RuntimeError`: links in a circle
         return None
 
@@ -76,13 +76,13 @@ def _repository(entry: Path) -> tuple[Path, Path] | None:
     return entry, (entry / _line(common)).resolve() if common.is_file() else entry
 
 
-def _head(own: Path, common: Path) -> str | None:
-    head = _line(own / "HEAD")
+def _head(git_folder: Path, common: Path) -> str | None:
+    head = _line(git_folder / "HEAD")
     reference = _REFERENCE.fullmatch(head)
     if reference is None:
         return _hash(head)
     name = reference[1]
-    for place in (own, common):
+    for place in (git_folder, common):
         path = place / name
         if path.is_file() and path.resolve().is_relative_to(place.resolve()):
             return _hash(_line(path))
@@ -91,8 +91,8 @@ def _head(own: Path, common: Path) -> str | None:
 
 def _packed(path: Path, name: str) -> str | None:
     text = files.content_of(path, _PACKED_BYTES, follow=False).decode()
-    found = re.search(rf"^([0-9a-f]+) {re.escape(name)}$", text, re.MULTILINE)
-    return _hash(found[1]) if found else None
+    match = re.search(rf"^([0-9a-f]+) {re.escape(name)}$", text, re.MULTILINE)
+    return _hash(match[1]) if match else None
 
 
 def _line(path: Path) -> str:
@@ -240,8 +240,8 @@ def _sign(handle: int) -> None:
     """Write into the locked file which process holds it."""
     os.ftruncate(handle, 0)
     os.lseek(handle, 0, os.SEEK_SET)
-    own = {"pid": os.getpid(), "host": platform.node(), "since": now()}
-    os.write(handle, json.dumps(own).encode())
+    owner = {"pid": os.getpid(), "host": platform.node(), "since": now()}
+    os.write(handle, json.dumps(owner).encode())
 
 
 def _opened(path: Path, shared: bool) -> tuple[int, bool]:
@@ -255,7 +255,7 @@ def _opened(path: Path, shared: bool) -> tuple[int, bool]:
         try:
             is_locked = _lock(handle, path, shared)
             if os.path.samestat(os.fstat(handle), path.lstat()):
-                _check_own(handle, path)
+                _check_content(handle, path)
                 return handle, is_locked
         except FileNotFoundError:
             pass
@@ -265,7 +265,7 @@ def _opened(path: Path, shared: bool) -> tuple[int, bool]:
         os.close(handle)
 
 
-def _check_own(handle: int, path: Path) -> None:
+def _check_content(handle: int, path: Path) -> None:
     """Refuse a file that eqt did not write: one with several hard links or with other content."""
     status = os.fstat(handle)
     if status.st_nlink > 1:

@@ -176,13 +176,13 @@ class Layout:
     def __init__(self, study: Study) -> None:
         self.study = study
         every = quantities(study.base, study.vehicles)
-        self.quantities = [entry for entry in every if self._is_kept(entry)]
+        self.quantities = [entry for entry in every if self._is_stored(entry)]
         self.varies = {
             ValuePer.INITIAL: study.initial_varies,
             ValuePer.DESIRED: study.desired_varies,
         }
 
-    def _is_kept(self, quantity: Quantity) -> bool:
+    def _is_stored(self, quantity: Quantity) -> bool:
         alone = quantity.per is ValuePer.DESIRED and self.study.desired_varies
         return self.study.trajectories > 0 or not (alone or quantity.per is ValuePer.TRAJECTORY)
 
@@ -243,7 +243,7 @@ def in_root(study: Study) -> list[Quantity]:
 def _shared(first: Layout, others: Sequence[Layout]) -> list[Quantity]:
     """Return the quantities per run that points of every shape have."""
     names = [{entry.name for entry in layout.of(ValuePer.RUN)} for layout in others]
-    return [entry for entry in first.of(ValuePer.RUN) if all(entry.name in own for own in names)]
+    return [entry for entry in first.of(ValuePer.RUN) if all(entry.name in each for each in names)]
 
 
 @contextmanager
@@ -278,12 +278,12 @@ def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[s
     if not study.is_ragged:
         return layouts[0].blanks(), layouts[0].coordinates | swept
     every = [layout.blanks(layout.of(ValuePer.RUN)) for layout in layouts]
-    kept = {
+    common = {
         name: replace(every[0][name], attributes=_agreed([one[name].attributes for one in every]))
         for name in (entry.name for entry in _shared(layouts[0], layouts[1:]))
     }
     shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
-    return kept, shared | swept
+    return common, shared | swept
 
 
 def _agreed(attributes: list[Mapping[str, Attribute]]) -> dict[str, Attribute]:
@@ -304,8 +304,8 @@ def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly
     return group
 
 
-def _sizes(given: Mapping[str, Variable]) -> dict[str, int]:
-    return {name: len(given[name].data) for name in given if given[name].dims == (name,)}
+def _sizes(variables: Mapping[str, Variable]) -> dict[str, int]:
+    return {name: len(one.data) for name, one in variables.items() if one.dims == (name,)}
 
 
 @dataclass(frozen=True)

@@ -47,10 +47,10 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
         If the result holds variables that this version does not know, or lacks integer variables,
         which have no value for a missing number.
     """
-    kept = in_root(study)
-    integers = {entry.name for entry in kept if entry.dtype is not None and entry.dtype.kind != "f"}
+    root = in_root(study)
+    integers = {entry.name for entry in root if entry.dtype is not None and entry.dtype.kind != "f"}
     with open_results(results) as old:
-        if set(old.names) - {LAW, *(entry.name for entry in kept)} or integers - set(old.names):
+        if set(old.names) - {LAW, *(entry.name for entry in root)} or integers - set(old.names):
             raise EqtError(
                 f"{results}: was written by a version of eqt that stores other variables",
                 Remedy("compute its failed runs with that version"),
@@ -144,12 +144,12 @@ def execute(
     complete = None if force else _complete(study, folder)
     if complete and not (rerun_failed and complete.failed):
         return complete
-    kept = 0 if force else folder.kept_runs(study)
+    finished = 0 if force else folder.finished_runs(study)
     if complete:
-        kept = complete.runs - complete.failed
-    check_resources(study, out, 1 - kept / study.plans.total)
+        finished = complete.runs - complete.failed
+    check_resources(study, out, 1 - finished / study.plans.total)
     with ExitStack() as locks:
-        locks.enter_context(folder.reporting_kept_runs(study))
+        locks.enter_context(folder.reporting_finished_runs(study))
         locks.enter_context(lock.locked(out, shared=shard is not None))
         if shard:
             locks.enter_context(
@@ -179,7 +179,7 @@ def pack_folder(study: Study, out: Path) -> Execution:
     folder.check()
     if complete := _complete(study, folder):
         return complete
-    with folder.reporting_kept_runs(study), lock.locked(out):
+    with folder.reporting_finished_runs(study), lock.locked(out):
         if (folder.manifest or {}).get("digest") != study.digest:
             raise folder.of_another(study, Remedy(f"undo the changes of {out / CONFIG}"))
         missing = len(PartTask(study, folder.parts).missing())
@@ -431,12 +431,12 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
         return int(np.count_nonzero(new["status"]))
 
 
-def _copy(file: Assembly, old: ResultFile, kept: Iterable[Quantity]) -> None:
+def _copy(file: Assembly, old: ResultFile, stored: Iterable[Quantity]) -> None:
     """Copy all variables in blocks of rows; numbers that `old` does not hold become NaN."""
     for name in old.names:
         for rows in _rows(file.shape(name)):
             file.put(name, old.read(name, **{old.dims(name)[0]: rows}), (rows,))
-    for entry in kept:
+    for entry in stored:
         if entry.dtype is not None and entry.name not in old.names:
             _, *others = shape = file.shape(entry.name)
             for rows in _rows(shape):
@@ -493,10 +493,10 @@ def _put(place: Destination, layout: Layout, entry: Quantity, data: Array, part:
     study: Study = layout.study
     if entry.per is ValuePer.DESIRED:  # a point cut by parts belongs to its first one
         points = np.unique(part.points)
-        own = points * part.runs >= part.start
-        if own.any():
-            first, last = int(points[own][0]), int(points[own][-1])
-            place.put(entry.name, data[own], (slice(first, last + 1),))
+        begins_here = points * part.runs >= part.start
+        if begins_here.any():
+            first, last = int(points[begins_here][0]), int(points[begins_here][-1])
+            place.put(entry.name, data[begins_here], (slice(first, last + 1),))
     elif entry.per is ValuePer.INITIAL and not study.initial_varies:
         place.put(entry.name, data, (slice(part.start, part.start + len(data)),))
     else:
