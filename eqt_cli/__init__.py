@@ -32,16 +32,16 @@ def places(module: str) -> dict[str, str]:
 
 
 def _listed(stub: Path) -> dict[str, str]:
-    found: dict[str, str] = {}
+    modules: dict[str, str] = {}
     for statement in ast.parse(stub.read_text("utf-8")).body:
         if isinstance(statement, ast.ImportFrom):
             module = str(statement.module)
             if statement.names[0].name == "*":
                 extension = Path(__file__).parents[1].joinpath(*module.split("."), "__init__.pyi")
-                found |= _listed(extension) if extension.exists() else {}
+                modules |= _listed(extension) if extension.exists() else {}
             else:
-                found |= dict.fromkeys((alias.name for alias in statement.names), module)
-    return found
+                modules |= dict.fromkeys((alias.name for alias in statement.names), module)
+    return modules
 
 
 def imported(module: str, known: dict[str, str], name: str) -> Any:

@@ -71,8 +71,8 @@ def compare(
 
     Examples
     --------
-    >>> found = eqt_cli.compare("results/paper", ["mean_torque"], ["0:5"])
-    >>> [(pair.first, pair.second) for pair in found.pairs][:2]
+    >>> comparison = eqt_cli.compare("results/paper", ["mean_torque"], ["0:5"])
+    >>> [(pair.first, pair.second) for pair in comparison.pairs][:2]
     [('eqt', 'gt'), ('eqt', 'nog')]
     """
     from eqt_cli.analysis.compare import compare as compare_results
@@ -161,12 +161,12 @@ def compare_sweep(
         return [compare_map(results, name, how, chosen) for name in metrics]
 
 
-def _window(given: Any) -> Window:
-    if isinstance(given, Window):
-        return given
-    if isinstance(given, str):
-        return Window.parse(given)
-    raise EqtError(f"windows: expected text such as '0:5', or a Window, got {given!r}")
+def _window(value: Any) -> Window:
+    if isinstance(value, Window):
+        return value
+    if isinstance(value, str):
+        return Window.parse(value)
+    raise EqtError(f"windows: expected text such as '0:5', or a Window, got {value!r}")
 
 
 def diff(first: ResultPath, second: ResultPath) -> Differences:

@@ -223,14 +223,14 @@ def plot(
         look = Style(tuple(style), tex)
         files = []
         with step(DRAWN, len(wanted)):
-            for name, given in wanted.items():
+            for name, options in wanted.items():
                 files += render(
                     opened,
                     name,
                     folder,
                     formats,
                     width,
-                    given,
+                    options,
                     style=look,
                     extras=Extras(rows, beside),
                     caption=caption,
@@ -281,14 +281,14 @@ def _opened(
     result: Shown | Sequence[Shown], point: int | Sequence[int] | None
 ) -> Iterator[list[Result | DesiredMotion]]:
     """Open the chosen points of all results, or build those of configurations."""
-    given: list[Any] = [result]
+    listed: list[Any] = [result]
     if isinstance(result, Sequence) and not isinstance(result, str):
-        given = list(result)
-    if not given:
+        listed = list(result)
+    if not listed:
         raise EqtError("result: expected a result or several, got none")
     points = _points(point) or [None]
     with ExitStack() as stack:
-        yield [_shown(one, number, stack) for one in given for number in points]
+        yield [_shown(one, number, stack) for one in listed for number in points]
 
 
 def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | DesiredMotion:
@@ -482,6 +482,6 @@ def cite(result: ResultPath | None = None) -> str:
             kinds = list(opened.kinds.values())
     entries, unknown = citations(kinds)
     if unknown:
-        told = f"{', '.join(unknown)}: of a plugin, without an entry here; cite the source yourself"
-        reporter().remark(EqtWarning(told))
+        text = f"{', '.join(unknown)}: of a plugin, without an entry here; cite the source yourself"
+        reporter().remark(EqtWarning(text))
     return "\n\n".join(entries)

@@ -32,12 +32,12 @@ ResultPath = str | os.PathLike[str]
 """A result folder, or the file in it. A `StoredResult` is a path, too."""
 
 
-def path_from(name: str, given: Any, expected: str = "a path") -> Path:
+def path_from(name: str, value: Any, expected: str = "a path") -> Path:
     """Convert an argument to a path."""
     try:
-        return Path(given)
+        return Path(value)
     except TypeError:
-        raise EqtError(f"{name}: expected {expected}, got {given!r}") from None
+        raise EqtError(f"{name}: expected {expected}, got {value!r}") from None
 
 
 Configuration = str | os.PathLike[str] | Mapping[str, Any]
@@ -85,11 +85,11 @@ def load_experiment(
         raise EqtError(
             f"overrides: expected values by key, as {{'gains.kp': 2}}, got {overrides!r}"
         )
-    given = {
+    settings = {
         f"overrides[{k!r}]": f"{k}={yaml_source.flow(value)}"
         for k, value in (overrides or {}).items()
     }
-    return study(source_from(config, given), trust_plugins=trust_plugins)
+    return study(source_from(config, settings), trust_plugins=trust_plugins)
 
 
 def experiment_at(
@@ -217,6 +217,6 @@ def open_results(
         return xarray.open_dataset(file, engine="h5netcdf")
     group = point_group(point) if in_group else None
     whole = xarray.open_dataset(file, engine="h5netcdf", group=group)
-    found = (whole if in_group else whole.isel(point=point)).assign_attrs(attributes)
-    found.set_close(whole.close)
-    return found
+    dataset = (whole if in_group else whole.isel(point=point)).assign_attrs(attributes)
+    dataset.set_close(whole.close)
+    return dataset

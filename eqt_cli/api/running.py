@@ -162,10 +162,10 @@ def choose_executor(
     address = {"scheduler": scheduler} if scheduler else {}
     problems = Problems(lambda path: "executor")
     section = {"kind": kind, "workers": workers} | address | dict(options or {})
-    found = Kind(executors).checked(section, problems)
+    chosen = Kind(executors).checked(section, problems)
     problems.raise_if_any()
-    assert found is not None
-    return found.for_engine(experiment.base.engine)
+    assert chosen is not None
+    return chosen.for_engine(experiment.base.engine)
 
 
 def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
@@ -194,8 +194,8 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
     0
     """
     ResultFolder(Path(folder)).check()
-    found = study(config_in(Path(folder), CONFIG), trust_plugins=trust_plugins)
-    return StoredResult(**vars(pack_folder(found, Path(folder))))
+    experiment = study(config_in(Path(folder), CONFIG), trust_plugins=trust_plugins)
+    return StoredResult(**vars(pack_folder(experiment, Path(folder))))
 
 
 # Searches -----------------------------------------------------------------------------------------
@@ -238,14 +238,14 @@ def tune(
 
     Examples
     --------
-    >>> found = eqt_cli.tune("configs/tune_so2.yaml")
-    >>> [law["label"] for law in found.record["laws"]]
+    >>> outcome = eqt_cli.tune("configs/tune_so2.yaml")
+    >>> [law["label"] for law in outcome.record["laws"]]
     ['stabilising']
     """
     from eqt_cli.analysis.tune import Search
 
     read = search if isinstance(search, Search) else Search.read(source_from(search, {}))
-    return _found(read, out, executor, workers, force)
+    return _searched(read, out, executor, workers, force)
 
 
 def worst(
@@ -302,17 +302,17 @@ def worst(
     ...         "population": 5,
     ...     },
     ... }
-    >>> found = eqt_cli.worst(config)
-    >>> [law["label"] for law in found.record["laws"]]
+    >>> outcome = eqt_cli.worst(config)
+    >>> [law["label"] for law in outcome.record["laws"]]
     ['gt']
     """
     from eqt_cli.analysis.worst import WorstSearch
 
     read = search if isinstance(search, WorstSearch) else WorstSearch.read(source_from(search, {}))
-    return _found(read, out, executor, workers, force)
+    return _searched(read, out, executor, workers, force)
 
 
-def _found(
+def _searched(
     search: Searches[Any],
     out: str | os.PathLike[str] | None,
     executor: Executor | None,

@@ -164,20 +164,20 @@ def animation(result: Result, run: int, controllers: Sequence[str] = ()) -> str:
 
 def _document(scene: Scene, result: Result) -> dict[str, Any]:
     shown = scene.motion
-    kept = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
+    samples = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
     styles, heads = summary.looks(result), summary.columns(result, list(shown.norms))
     return {
         "run": shown.run,
-        "times": _rounded(shown.times[kept]),
+        "times": _rounded(shown.times[samples]),
         "controllers": [styles[ensemble.controller] for ensemble in shown.ensembles],
-        "bodies": [_course(*body, kept, shown) for body in zip(*shown.body, strict=True)],
-        "thrusts": [[_rounded(now.ravel()) for now in each[kept]] for each in shown.thrusts],
-        "reference": _course(*shown.reference, kept, shown),
+        "bodies": [_course(*body, samples, shown) for body in zip(*shown.body, strict=True)],
+        "thrusts": [[_rounded(now.ravel()) for now in each[samples]] for each in shown.thrusts],
+        "reference": _course(*shown.reference, samples, shown),
         "moves": shown.has_translation,
         "length": scene.length,
         "columns": scene.columns,
-        "centre": [_places(track[kept], shown) for track in scene.centre],
-        "reach": _rounded(scene.reach[kept]),
+        "centre": [_places(track[samples], shown) for track in scene.centre],
+        "reach": _rounded(scene.reach[samples]),
         "ground": [[_rounded(end) for end in line] for line in scene.ground],
         "trail": TRAIL,
         "axes": AXES,
@@ -189,16 +189,16 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
             {
                 **head,
                 "name": plain(norm_symbol(result, result.quantity(name))),
-                "curves": [_rounded(curve[kept]) for curve in values],
+                "curves": [_rounded(curve[samples]) for curve in values],
             }
             for head, (name, values) in zip(heads, shown.norms.items(), strict=True)
         ],
     }
 
 
-def _course(rotation: Array, position: Array, kept: Array, shown: Motion) -> dict[str, Any]:
-    rotations = [_rounded(matrix.ravel()) for matrix in rotation[kept]]
-    return {"rotation": rotations, "position": _places(position[kept], shown)}
+def _course(rotation: Array, position: Array, samples: Array, shown: Motion) -> dict[str, Any]:
+    rotations = [_rounded(matrix.ravel()) for matrix in rotation[samples]]
+    return {"rotation": rotations, "position": _places(position[samples], shown)}
 
 
 def _places(track: Array, shown: Motion) -> list[list[float | None]]:
@@ -234,15 +234,15 @@ class Wanted:
         Caption; the description of the figure if empty.
     needs
         Variable without which the figure is silently omitted.
-    asked
-        Whether a user asked for it, and is told why it cannot be drawn.
+    requested
+        Whether a user requested it; the page then says why it cannot be drawn.
     """
 
     name: str
     options: Mapping[str, Any] = field(default_factory=dict)
     caption: str = ""
     needs: str = ""
-    asked: bool = False
+    requested: bool = False
 
 
 class TooLargeFigureError(EqtError):
@@ -329,7 +329,7 @@ def inline_figures(
                 reason = str(error).removeprefix(f"{result.path}: ")
                 # Some default figures of a sweep need other axes than it has.
                 optional = result.is_sweep and not isinstance(error, TooLargeFigureError)
-                (refusals if optional and not figure.asked else remarks).append(reason)
+                (refusals if optional and not figure.requested else remarks).append(reason)
             reporter().advance(1)
     return drawn, remarks if drawn or remarks else refusals[:1]
 
@@ -355,7 +355,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     }
     for name in names:
         figures.get(name)
-    return [replace(known.get(name, Wanted(name)), asked=True) for name in names]
+    return [replace(known.get(name, Wanted(name)), requested=True) for name in names]
 
 
 def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> dict[str, str]:
@@ -478,8 +478,8 @@ def report(
         title=title or summary.called(result),
         made_by=summary.made_by(result),
         date=date or summary.day(result),
-        notes=[" ".join(part.split()) for part in re.split(r"\n\s*\n", notes) if part.strip()],
-        given=summary.given(result),
+        notes=[" ".join(text.split()) for text in re.split(r"\n\s*\n", notes) if text.strip()],
+        stated=summary.stated_values(result),
         laws=summary.laws(result),
         functions=result.lyapunov_functions,
         accuracy=list(summary.accuracy(result)),

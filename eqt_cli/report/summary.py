@@ -134,12 +134,12 @@ def curves(result: Result) -> Document | None:
         if result.has(signal)
         for name in (result.split(signal) if result.units(signal) == "mixed" else [signal])
     ]
-    kept = np.unique(np.linspace(0, len(times) - 1, SAMPLES).round().astype(int))
-    per_run = len(names) * len(result.labels) * len(kept) * 2 * 4 / 3
+    samples = np.unique(np.linspace(0, len(times) - 1, SAMPLES).round().astype(int))
+    per_run = len(names) * len(result.labels) * len(samples) * 2 * 4 / 3
     runs = slice(0, min(len(stored), max(1, int(LARGEST / per_run))))
-    chosen = {result.run_dimension: runs, "time": kept.tolist()}
+    chosen = {result.run_dimension: runs, "time": samples.tolist()}
     return {
-        "times": [round(float(t), 6) for t in times[kept]],
+        "times": [round(float(t), 6) for t in times[samples]],
         "runs": stored[runs].tolist(),
         "stored": len(stored),
         "samples": len(times),
@@ -189,7 +189,7 @@ def looks(result: Result) -> list[Document]:
 
 @dataclass(frozen=True)
 class StatedValue:
-    """A stated part of the configuration.
+    """A stated section of the configuration.
 
     Attributes
     ----------
@@ -221,7 +221,7 @@ class Law:
         (g, c, n, q) for a member of the family; else empty.
     damping
         Frame of the damping, for a member of the family.
-    own
+    settings
         Gains and options of this law alone, as running text.
     """
 
@@ -231,7 +231,7 @@ class Law:
     says: str
     weights: tuple[str, ...]
     damping: str
-    own: str
+    settings: str
 
 
 _WHOLE = 1e9
@@ -243,21 +243,21 @@ MOST_VALUES = 12
 def laws(result: Result) -> list[Law]:
     """Return the laws in the order of the result."""
     entries = _stored(result).get("controllers") or []
-    own = {entry.get("label"): _own(entry) for entry in entries if isinstance(entry, Mapping)}
+    settings = {e.get("label"): _settings(e) for e in entries if isinstance(e, Mapping)}
     return [
-        _law(label, title, result.kinds.get(label, label), own.get(label, ""))
+        _law(label, title, result.kinds.get(label, label), settings.get(label, ""))
         for label, title in result.title_of.items()
     ]
 
 
-def _own(entry: Mapping[str, Any]) -> str:
+def _settings(entry: Mapping[str, Any]) -> str:
     """Return the gains and options that an entry of `controllers` sets: ``gains: kp 4``."""
     gains = in_words(entry.get("gains"))
     options = {key: value for key, value in entry.items() if key not in ("kind", "label", "gains")}
     return "; ".join(filter(None, [f"gains: {gains}" if gains else "", in_words(options)]))
 
 
-def _law(label: str, title: str, kind: str, own: str) -> Law:
+def _law(label: str, title: str, kind: str, settings: str) -> Law:
     says, damping = "", ""
     weights: tuple[str, ...] = ()
     with suppress(ComponentError):  # law of a plugin that is not loaded here
@@ -267,13 +267,13 @@ def _law(label: str, title: str, kind: str, own: str) -> Law:
         if issubclass(law, Member) and law.error == "spatial":
             g, c, n, q = law.gyroscopic, law.transport, law.connection, law.quadratic
             weights, damping = (f"{g:g}", f"{c:g}", f"{n:g}", f"{q:g}"), str(law.damping)
-    return Law(title, label, kind, says, weights, damping, own)
+    return Law(title, label, kind, says, weights, damping, settings)
 
 
-def given(result: Result) -> list[StatedValue]:
-    """Return the parts of the stored configuration, ordered as in a paper's section."""
+def stated_values(result: Result) -> list[StatedValue]:
+    """Return the sections of the stored configuration, ordered as in a paper's section."""
     config = _stored(result)
-    return list(_parts(config, result)) if config else []
+    return list(_sections(config, result)) if config else []
 
 
 def _stored(result: Result) -> Mapping[str, Any]:
@@ -283,7 +283,7 @@ def _stored(result: Result) -> Mapping[str, Any]:
     return {}
 
 
-def _parts(config: Mapping[str, Any], result: Result) -> Iterator[StatedValue]:
+def _sections(config: Mapping[str, Any], result: Result) -> Iterator[StatedValue]:
     group = result.group
     yield _stated("Group", "", f"{_group(result)}: {summary(type(group))}" if group else "")
     yield _quantity("Inertia", "𝕀", config.get("inertia"))
@@ -492,12 +492,12 @@ def _energy(result: Result) -> Iterator[str]:
         title: result.metric("energy_residual", c)[result.good[..., c, :]]
         for c, title in enumerate(result.titles)
     }
-    kept = {title: values[np.isfinite(values)] for title, values in residuals.items()}
-    balanced = [title for title, values in kept.items() if values.size]
+    valid = {title: values[np.isfinite(values)] for title, values in residuals.items()}
+    balanced = [title for title, values in valid.items() if values.size]
     if not balanced:
         return
-    largest = max(kept[title].max() for title in balanced)
-    others = [title for title, values in residuals.items() if values.size and not kept[title].size]
+    largest = max(valid[title].max() for title in balanced)
+    others = [title for title, values in residuals.items() if values.size and not valid[title].size]
     whose = f" of {listed(balanced)}; none is claimed of {listed(others)}" if others else ""
     yield (
         f"Energy balance: |L(t) + ∫dissipation − L(0)| stays below {largest:.1g} of L(0) "

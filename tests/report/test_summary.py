@@ -13,11 +13,11 @@ from eqt_cli.report.summary import (
     POWER,
     accuracy,
     curves,
-    given,
     in_words,
     laws,
     quantised,
     run_table,
+    stated_values,
 )
 
 
@@ -80,7 +80,7 @@ def test_values_as_running_text(value, words):
 
 def test_values_of_the_paper(paper_result):
     with open_at(paper_result) as result:
-        values = {entry.name: entry.words or entry.matrix for entry in given(result)}
+        values = {entry.name: entry.words or entry.matrix for entry in stated_values(result)}
     assert values["Inertia"][0] == ["0.824", "0", "0.12"]
     assert values["Weight of the navigation function"] == "1 · I"
     assert values["Runs"] == "60 of each law, from seed 2025"
@@ -112,13 +112,13 @@ def test_own_gains_and_options_of_laws_and_keys_of_the_engine_alone(tmp_path):
     )
     api.run(config, out=tmp_path / "out")
     with open_at(tmp_path / "out") as result:
-        assert [law.own for law in laws(result)] == [
+        assert [law.settings for law in laws(result)] == [
             "",
             "gains: kp 4",
             "gyroscopic 1, transport 0.2, connection 0, damping spatial, error spatial, "
             "quadratic 0",
         ]
-        (solver,) = [entry.words for entry in given(result) if entry.name == "Integration"]
+        (solver,) = [entry.words for entry in stated_values(result) if entry.name == "Integration"]
     assert solver.startswith("engine native, ") and "method" not in solver
 
 
