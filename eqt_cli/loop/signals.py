@@ -1,5 +1,6 @@
 """Signals over time, each with its symbol, its unit and its formula."""
 
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -304,10 +305,11 @@ def of_innovations(s: Tracking) -> tuple[Array, Array, Array]:
 
 
 def _covariance(s: Tracking) -> Array:
-    """Return the covariance of (ε, b̃), ``(..., 2m, 2m)``."""
-    m, n = s.G.dimension, 3 * s.G.dimension
+    """Return the covariance of (ε, b̃), ``(..., 2m, 2m)``; other errors stand behind them in Σ."""
+    n = 2 * s.G.dimension
     entries = estimator_state(s, "covariance", stack([s.P[..., 0]] * (n * (n + 1) // 2)))
-    return symmetric(entries, n)[..., : 2 * m, : 2 * m]
+    rows = (math.isqrt(8 * entries.shape[-1] + 1) - 1) // 2
+    return symmetric(entries, rows)[..., :n, :n]
 
 
 @_estimate(r"\hat{Q}", "pose_unit", MATRIX)
