@@ -77,11 +77,11 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         the vehicle of the experiment.
     """
     quantities, group = [], experiment.group
-    own = _vehicle(experiment)
-    vehicles = vehicles or [own]
+    vehicle = _vehicle(experiment)
+    vehicles = vehicles or [vehicle]
     for quantity in QUANTITIES.values():
         # Points with and without thrusters or wheels have different shapes.
-        of = [own] if own.members.keys() & set(quantity.dims) else vehicles
+        of = [vehicle] if vehicle.members.keys() & set(quantity.dims) else vehicles
         if not (quantity.stored and any(map(quantity.stored_of, of)) and _exists(quantity, group)):
             continue
         quantity = with_keys_of(experiment.config, quantity)
@@ -95,7 +95,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         if signal and (quantity.per is ValuePer.TRAJECTORY or quantity.stored_by_part):
             quantities += [
                 replace(quantity.part(part.name), units=quantity.unit(signal.unit_in(part)))
-                for part in _parts_of_their_own(quantity, signal, group)
+                for part in _separate_parts(quantity, signal, group)
             ]
     return quantities
 
@@ -105,9 +105,7 @@ def _exists(quantity: Quantity, group: MatrixLieGroup) -> bool:
     return all(SIGNAL[name].exists_on(group) for name in quantity.signals if name in SIGNAL)
 
 
-def _parts_of_their_own(
-    quantity: Quantity, signal: Signal, group: MatrixLieGroup
-) -> tuple[Part, ...]:
+def _separate_parts(quantity: Quantity, signal: Signal, group: MatrixLieGroup) -> tuple[Part, ...]:
     """Return the parts stored besides a norm; for numbers per run, only if their units differ."""
     mixes = quantity.per is ValuePer.TRAJECTORY or signal.units(group) == MIXED
     return signal.parts(group) if mixes else ()
@@ -120,12 +118,12 @@ def measured_of(config: Config, group: MatrixLieGroup) -> list[Quantity]:
         row.part(part.name)
         for row in rows
         if row.stored_by_part
-        for part in _parts_of_their_own(row, SIGNAL[row.signals[0]], group)
+        for part in _separate_parts(row, SIGNAL[row.signals[0]], group)
     ]
 
 
-def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
-    """Return the coordinates of all dimensions; `kept` runs have stored trajectories."""
+def coordinates(experiment: Experiment, most: int) -> dict[str, Variable]:
+    """Return the coordinates of all dimensions; the first `most` runs have trajectories."""
 
     def along(dim: str, values: Array, long_name: str, **units: str) -> Variable:
         return Variable((dim,), values, {**units, "long_name": long_name})
@@ -141,9 +139,9 @@ def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
         along("axis", np.array(G.axis_names, dtype=object), "algebra coordinate"),
     ]
     members = _vehicle(experiment).members.items()
-    variables += [along(dim, np.array(of, dtype=object), dim) for dim, of in members if of and kept]
-    if 0 < kept < runs:
-        stored = np.arange(kept)
+    variables += [along(dim, np.array(of, dtype=object), dim) for dim, of in members if of and most]
+    if 0 < most < runs:
+        stored = np.arange(most)
         variables.append(along("stored_run", stored, "run whose trajectory is stored", units="1"))
     return {variable.dims[0]: variable for variable in variables}
 
@@ -359,15 +357,15 @@ def _scale_attributes(study: Study, key: str) -> dict[str, Attribute]:
     """Return the scale of a swept key, and its name on the axis of a figure with its unit."""
     from eqt_cli.config.json_schema import scale_of  # only sweeps need it
 
-    found: dict[str, Attribute] = {}
+    attributes: dict[str, Attribute] = {}
     assert study.sweep is not None
     if key in log_keys(study.sweep.data):
-        found["scale"] = "log"
+        attributes["scale"] = "log"
     if scale := scale_of(study.resolved, key):
         letter = re.sub(r"(?<= )[gcnq]$", r"$\g<0>$", scale.label)  # of a weight
-        found["label"] = f"${scale.label}$" if scale.is_symbol else letter
-        found |= {"unit_of_key": scale.unit} if scale.unit else {}
-    return found
+        attributes["label"] = f"${scale.label}$" if scale.is_symbol else letter
+        attributes |= {"unit_of_key": scale.unit} if scale.unit else {}
+    return attributes
 
 
 def log_keys(section: Any) -> Iterator[str]:
