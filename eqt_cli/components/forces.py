@@ -23,10 +23,12 @@ from eqt_cli.base.option_types import DAMPING, TORQUE, Scale, Unit
 from eqt_cli.base.registry import Registry
 from eqt_cli.components import vehicle_parts
 from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.motions import RigidMotion, unit_vector
 from eqt_cli.components.pose_notation import square
 from eqt_cli.components.references import InExpressions, instants_of
+from eqt_cli.numbers.jets import value_and_derivative
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 # The base class of forces; it knows no law, actuator or engine ------------------------------------
@@ -102,9 +104,38 @@ class ConstantForce(Force):
 # Drag, linear and quadratic in the velocity, in a medium that may flow ----------------------------
 
 
+def currents(acting: tuple[Force, ...]) -> "dict[int, Drag]":
+    """Return the forces with a current that moves masses, too, by their numbers."""
+    drags = {k: force for k, force in enumerate(acting) if isinstance(force, Drag)}
+    return {k: drag for k, drag in drags.items() if drag.current is not None and not drag.drag_only}
+
+
+def in_currents(
+    G: MatrixLieGroup, acting: tuple[Force, ...], inertia: InertiaLaw | None
+) -> tuple[Force, ...]:
+    """Return the forces on a vehicle, of which the first with a current moves the masses, too.
+
+    Parameters
+    ----------
+    inertia
+        The inertia of the vehicle, whose added part moves with the medium; None where not known.
+    """
+    floating = [f for f in acting if isinstance(f, Restoring) and np.any(f.buoyancy)]
+    displaced = sum(each.displaced(G) for each in floating) if floating else None
+    masses = {"added": inertia and inertia.at(0.0).added, "displaced_mass": displaced}
+    return tuple(
+        with_fields(force, **masses) if k in list(currents(acting))[:1] else force
+        for k, force in enumerate(acting)
+    )
+
+
 @dataclass(frozen=True)
 class Drag(Force):
     """The drag −(D₁ + D₂ diag|U|) U, with U = V − Ad_{Q⁻¹} (0, c) in a current c, else U = V.
+
+    A current also acts through `inertia: {rigid: …, added: M_A}`, whose added part has the velocity
+    U and the rate U̇, by the force M_A(V̇ − U̇) + ad*_U M_A U − ad*_V M_A V. One that varies pushes
+    the displaced mass of `restoring`, too, by (B/g) ċ at the centre of buoyancy, g = 9.80665 m/s².
 
     Attributes
     ----------
@@ -115,6 +146,8 @@ class Drag(Force):
     current
         c, the velocity of the medium in the spatial frame, m/s: numbers or expressions in t, one
         for each axis of the translation of the group; at rest if left out.
+    drag_only
+        true: the current moves no added and no displaced mass, as the wind on a boat.
     """
 
     name: ClassVar[str] = "drag"
@@ -124,10 +157,13 @@ class Drag(Force):
     linear: Annotated[vehicle_parts.Matrix, Unit(DAMPING)] = 0.0
     quadratic: vehicle_parts.Matrix = 0.0
     current: Annotated[list[vehicle_parts.NumberOrExpression] | None, Unit("m/s")] = None
+    drag_only: bool = False
 
     expressions: tuple[Expression | None, ...] = field(
         default=(), init=False, repr=False, metadata=STRUCTURE
     )
+    added: Any = field(default=None, init=False, repr=False)
+    displaced_mass: Any = field(default=None, init=False, repr=False)
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the drag with the expressions of the current, and 0 for them among its numbers."""
@@ -148,21 +184,42 @@ class Drag(Force):
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return −D₁ U − D₂ (|U| U)."""
         if self.current is not None:
-            V = V - self._flow(G, t, Q)
+            flow = self._flow(G, t)
+            V = V - (flow if self.frame == "spatial" else G.Ad(G.inverse(Q), flow))
         squares = apply_matrix(self.quadratic, absolute(V) * V)
         return -apply_matrix(self.linear, V) - squares
 
-    def _flow(self, G: MatrixLieGroup, t: Any, Q: Array) -> Array:
-        """Return the velocity of the medium in the frame of the force, ``(..., m)``."""
+    def in_body(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return the drag, and the force of the current on the masses."""
+        force = super().in_body(G, t, Q, V)
+        if self.added is None and self.displaced_mass is None:
+            return force
+        to_body = G.inverse(Q)
+        if self.added is not None:
+            flow = G.Ad(to_body, self._flow(G, t))
+            slip = V - flow
+            force = force + G.ad_star(slip, apply_matrix(self.added, slip))
+            force = force - G.ad_star(V, apply_matrix(self.added, V))
+            force = force - apply_matrix(self.added, G.ad(V, flow))  # as the body turns in it
+        for mass in (self.added, self.displaced_mass):
+            if mass is not None and any(self.expressions):
+                force = force + apply_matrix(mass, G.Ad(to_body, self._flow(G, t, rate=True)))
+        return force
+
+    def _flow(self, G: MatrixLieGroup, t: Any, rate: bool = False) -> Array:
+        """Return the velocity of the medium, or its rate, in space, ``(..., m)``."""
         part, numbers = G.translation, np.asarray(self.current)
+        value: Any
         assert part is not None
         entries: list[Any] = [0.0] * G.dimension
         for axis in range(numbers.shape[-1]):
-            expression = self.expressions[axis]
-            value = numbers[..., axis] if expression is None else expression.evaluate({"t": t})
+            expression, value = self.expressions[axis], numbers[..., axis]
+            if expression is not None and not rate:
+                value = expression.evaluate({"t": t})
+            elif rate:
+                value = 0.0 if expression is None else value_and_derivative(expression, {"t": t})[1]
             entries[part.axes.start + axis] = value
-        flow = stack(entries)
-        return flow if self.frame == "spatial" else G.Ad(G.inverse(Q), flow)
+        return stack(entries)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid numbers, and a current on a group without a translation."""
@@ -347,6 +404,9 @@ def _column(t: Any, V: Array) -> Any:
 # Weight and buoyancy of a rigid body, on SE2 and SE3 ----------------------------------------------
 
 
+GRAVITY = 9.80665
+"""Standard acceleration of free fall, m/s²; the mass of the displaced medium is B/g."""
+
 POINTS = ("centre_of_mass", "centre_of_buoyancy", "up")
 
 
@@ -405,6 +465,15 @@ class Restoring(Force):
         if part.centre_of_mass is not None:
             torque = torque - moment(part.centre_of_mass, weight)
         return stack([each[..., k] for each in (torque, force) for k in range(each.shape[-1])])
+
+    def displaced(self, G: MatrixLieGroup) -> Array:
+        """Return what makes a wrench of an acceleration of the medium, ``(m, m)``; in a run."""
+        assert G.translation is not None
+        at, axes, matrix = self.centre_of_buoyancy, G.translation.axes, np.zeros((G.dimension,) * 2)
+        matrix[axes, axes] = np.eye(axes.stop - axes.start)
+        if at is not None:
+            matrix[: axes.start, axes] = moment(np.asarray(at), matrix[axes, axes]).T
+        return matrix * self.buoyancy / GRAVITY
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups other than SE2 and SE3, invalid points, and a direction that is 0."""

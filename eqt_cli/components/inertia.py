@@ -61,11 +61,14 @@ class Inertia(InertiaLaw):
         𝕀 and 𝕀⁻¹.
     change : (..., m, m), optional
         A, with A + Aᵀ = 𝕀̇; None where the inertia is constant.
+    added : (m, m), optional
+        The part of 𝕀 that moves with a current; None where it is not known.
     """
 
     matrix: Array
     inverse: Array
     change: Array | None = None
+    added: Array | None = field(default=None, kw_only=True, compare=False, metadata=STRUCTURE)
 
     def momentum(self, V: Array) -> Array:
         """P = 𝕀 V."""
@@ -192,6 +195,8 @@ def not_rigid(G: MatrixLieGroup, law: InertiaLaw, horizon: float) -> str:
     mass, so that they satisfy the triangle inequality J₁ + J₂ ≥ J₃.
     """
     times, matrices = over_horizon(law, horizon)
+    if isinstance(law, Inertia) and law.added is not None:
+        matrices = matrices - law.added
     for moments in G.principal_moments(matrices):
         low, middle, high = moments.T
         broken = np.flatnonzero(low + middle < high * (1 - ROUNDING))

@@ -11,9 +11,9 @@ import numpy as np
 from eqt_cli.base.arrays import Array, less, stack, where
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Deviations, Estimator, Measurement, Schedule
-from eqt_cli.components.forces import Force
+from eqt_cli.components.forces import Force, in_currents
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import Channel, Errors, Sensor, channels
@@ -73,6 +73,8 @@ class Vehicle:
         Estimator from which the law reads pose and velocity; None where it reads measurements.
     configured
         For the vehicle of a run, the configured vehicle that it was made from.
+    model
+        The inertia of the law's model, whose added part a current moves; None where not needed.
     """
 
     inertia: TrueInertia | PlantInertia | None = None
@@ -84,6 +86,7 @@ class Vehicle:
     moving_sensors: tuple[Sensor, ...] = field(default=(), kw_only=True)
     estimator: Estimator | None = None
     configured: Self | None = field(default=None, compare=False, repr=False, metadata=STRUCTURE)
+    model: InertiaLaw | None = field(default=None, kw_only=True, compare=False, metadata=STRUCTURE)
 
     # The parts and their numbers.
 
@@ -112,14 +115,17 @@ class Vehicle:
             random = random_of(place) if random_of else None
             return (part or configured.parts[place]).of_run(G, random)
 
+        inertia = None if self.inertia is None else flying(INERTIA)
+        acting = tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces)))
+        true = self.model if not self.model or not inertia else inertia.at(self.model.at(0.0), 0.0)
         if estimator is not None:
             completed = estimator.completed(G, configured.deviations(G))
             estimator = flying(ESTIMATOR, completed)
 
         return dataclasses.replace(
             self,
-            inertia=None if self.inertia is None else flying(INERTIA),
-            forces=tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces))),
+            inertia=inertia,
+            forces=in_currents(G, acting, true),
             actuators=tuple(flying(f"{ACTUATORS}[{k}]") for k in range(len(self.actuators))),
             moving_sensors=tuple(
                 flying(f"{VELOCITY}[{k}]")

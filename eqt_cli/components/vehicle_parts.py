@@ -367,7 +367,8 @@ class ScaledInertia(PlantInertia):
         """Return the model times 1 + r."""
         factor = 1.0 + self.relative[..., None]
         change = None if model.change is None else model.change * factor
-        return Inertia(model.matrix * factor, model.inverse / factor, change)
+        added = None if model.added is None else model.added * factor
+        return Inertia(model.matrix * factor, model.inverse / factor, change, added=added)
 
 
 @dataclass(frozen=True)
@@ -439,7 +440,7 @@ class ConstantInertia(TrueInertia):
 
 @dataclass(frozen=True)
 class VaryingInertia(TrueInertia, PlantInertia):
-    """An inertia tensor that is a function of time.
+    """An inertia tensor that is a function of time, or that has an added part.
 
     Attributes
     ----------

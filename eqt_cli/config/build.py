@@ -113,12 +113,12 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     if sections["solver"] is not None:
         solver = solver_from(sections["solver"], problems.at("solver"))
     horizon = sections["time"].duration if sections["time"] else 0.0
-    vehicle = vehicle_from(sections, group, horizon, problems) if group else None
+    if group and sections["inertia"] is not None:
+        inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
+    vehicle = vehicle_from(sections, group, horizon, problems, inertia) if group else None
     if group and solver and vehicle:
         for law in laws.values():
             check_calls(law.law, vehicle, solver.engine, problems.at("controllers", law.index))
-    if group and sections["inertia"] is not None:
-        inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
     if group:
         gains = parts.gains(group)
         if inertia and vehicle and desired and sections["time"]:

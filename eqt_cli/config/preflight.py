@@ -50,8 +50,8 @@ from eqt_cli.base.errors import (
 from eqt_cli.base.registry import blamed, described, is_foreign, place_of, place_of_function
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Estimator
-from eqt_cli.components.forces import Force
-from eqt_cli.components.inertia import over_horizon
+from eqt_cli.components.forces import Force, currents
+from eqt_cli.components.inertia import ROUNDING, over_horizon
 from eqt_cli.components.initial_states import (
     Stream,
     draw_initial_states,
@@ -503,6 +503,7 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
         *_angle_remarks(experiment),
         *_component_remarks(experiment),
         *_noise_remarks(experiment),
+        *_current_remarks(experiment),
         *_numerical_remarks(experiment, shown),
     ]
     return [
@@ -557,6 +558,26 @@ def _noise_remarks(experiment: Experiment) -> Placed:
                 f"a noise of {most:g} rad leaves nothing of a measured rotation; "
                 f"if degrees or arc seconds were meant, write '{most:g} deg' or '{most:g} arcsec'",
             )
+
+
+def _current_remarks(experiment: Experiment) -> Placed:
+    """Remark on a current that acts by drag only, where the inertia must have an added part."""
+    loop, G = next(iter(experiment.loops.values())), experiment.group
+    true, now = loop.vehicle.inertia, loop.inertia.at(0.0)
+    now = now if true is None else true.at(now, 0.0)
+    plant, moving = experiment.config.plant, currents(loop.vehicle.forces)
+    if not moving or now.added is not None or G.translation is None:
+        return
+    masses = now.matrix[(G.translation.axes,) * 2]
+    differs = np.abs(masses - masses[0, 0] * np.eye(len(masses))).max() > ROUNDING * masses.max()
+    first, drag = next(iter(moving.items()))
+    if differs or drag.displaced_mass is not None:
+        why = "the masses differ by direction" if differs else "the body has buoyancy"
+        yield (
+            ("plant" if plant and plant.forces else "model", "forces", first, "current"),
+            f"acts on the drag only, but {why}: write the inertia as {{rigid: …, added: …}}, for "
+            "the current to act on its added part; for a wind, write `drag_only: true` here",
+        )
 
 
 def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:

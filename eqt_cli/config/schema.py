@@ -338,27 +338,45 @@ class PrescribedInertiaSection(Section):
     matrix: list[list[Formula]]
 
 
+class AddedInertiaSection(Section):
+    """The inertia of a body in a medium, in the two parts of which 𝕀 is the sum.
+
+    Attributes
+    ----------
+    rigid
+        That of the body alone, symmetric positive definite.
+    added
+        The added mass, symmetric positive semidefinite; it moves with a `current`.
+    """
+
+    rigid: Annotated[Matrix, Unit(INERTIA)]
+    added: Annotated[Matrix, Unit(INERTIA)]
+
+
 def _inertia_kind(value: Any) -> str | None:
     if isinstance(value, dict):
+        if {"rigid", "added"} & set(value):
+            return "added"
         if "matrix" in value:
             return "prescribed"
         return "factored" if {"initial", "factor"} & set(value) else None
     return rank(value)
 
 
-_Varying = (
-    Annotated[FactoredInertiaSection, Tag("factored")]
+_WithKeys = (
+    Annotated[AddedInertiaSection, Tag("added")]
+    | Annotated[FactoredInertiaSection, Tag("factored")]
     | Annotated[PrescribedInertiaSection, Tag("prescribed")]
 )
 _INERTIAS = (
-    "a number, a list (the diagonal), a list of rows, or a mapping with `initial` and `factor` or "
-    "with `matrix`"
+    "a number, a list (the diagonal), a list of rows, or a mapping with `rigid` and `added`, with "
+    "`initial` and `factor`, or with `matrix`"
 )
 InertiaValue = Annotated[
     Annotated[Real, Unit(INERTIA), Tag("scalar")]
     | Annotated[Row, Unit(INERTIA), Tag("list")]
     | Annotated[list[Row], Unit(INERTIA), Tag("matrix")]
-    | _Varying,
+    | _WithKeys,
     one_of(_inertia_kind, _INERTIAS),
 ]
 """A constant tensor, or a mapping with expressions in t."""
@@ -388,7 +406,7 @@ def _plant_inertia_kind(value: Any) -> str | None:
 PlantInertia = Annotated[
     Annotated[DrawnMatrix, Unit(INERTIA), Tag("constant")]
     | Annotated[RelativeInertiaSection, Tag("relative")]
-    | _Varying,
+    | _WithKeys,
     one_of(_plant_inertia_kind, _INERTIAS),
 ]
 """As `InertiaValue`, or relative to it; constant numbers may be drawn for each run."""
@@ -659,7 +677,8 @@ class Config(Section):
     group
         The configuration space: SO3, SE3, … (`eqt list groups`).
     inertia
-        Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or varying in time.
+        Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or varying in time; for a body in a current
+        {rigid: …, added: …}.
     rigid
         false: `inertia` is not a rigid body's (added mass, rotors, a mechanism), so that its
         principal moments may break the triangle inequality without a warning.

@@ -32,7 +32,12 @@ from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import GivenOverTime
 from eqt_cli.components.pose_notation import pose_from, square, vector
 from eqt_cli.components.references import ConstantReference, Reference, references
-from eqt_cli.config.schema import FactoredInertiaSection, PrescribedInertiaSection, TargetSection
+from eqt_cli.config.schema import (
+    AddedInertiaSection,
+    FactoredInertiaSection,
+    PrescribedInertiaSection,
+    TargetSection,
+)
 from eqt_cli.config.source import ConfigSource, with_data
 
 # The sections `gains` and `inertia`: checked matrices, and tensors that may vary in time ----------
@@ -106,6 +111,14 @@ def require_definite(matrix: Array) -> None:
         raise InputError(f"expected a positive definite matrix, {got}")
 
 
+def require_semidefinite(matrix: Array) -> None:
+    """Raise an `InputError` if the symmetric part of a matrix has a negative eigenvalue."""
+    eigenvalues = _eigenvalues((matrix + matrix.T) / 2)
+    if eigenvalues.min() < -_rounding(eigenvalues):
+        got = f"got eigenvalues {_listed(eigenvalues)}"
+        raise InputError(f"expected a positive semidefinite matrix, {got}")
+
+
 def require_minimum(K: Array, group: MatrixLieGroup) -> None:
     """Raise an `InputError` if Υ has no non-degenerate minimum at I."""
     eigenvalues = _eigenvalues(mechanics.hessian_at_identity(group, K))
@@ -171,7 +184,7 @@ Constant = float | list[float] | list[list[float]]
 
 
 def inertia_from(
-    section: Constant | FactoredInertiaSection | PrescribedInertiaSection,
+    section: Constant | AddedInertiaSection | FactoredInertiaSection | PrescribedInertiaSection,
     G: MatrixLieGroup,
     horizon: float,
     problems: Problems,
@@ -182,6 +195,15 @@ def inertia_from(
         law: InertiaLaw | None = PrescribedInertia(rows) if rows else None
     elif isinstance(section, FactoredInertiaSection):
         law = _factored(section, G, problems)
+    elif isinstance(section, AddedInertiaSection):
+        rigid = _constant(section.rigid, G, problems.at("rigid"))
+        with problems.catching("added"):
+            added = square(section.added, G.dimension, G)
+            require_symmetric(added)
+            require_semidefinite(added)
+            if rigid is not None:
+                return Inertia(rigid + added, np.linalg.inv(rigid + added), added=added)
+        return None
     else:
         matrix = _constant(section, G, problems)
         return None if matrix is None else Inertia(matrix, np.linalg.inv(matrix))

@@ -15,8 +15,9 @@ from eqt_cli.base.option_types import (
 )
 from eqt_cli.components import vehicle_parts
 from eqt_cli.components.actuators import Actuator
-from eqt_cli.components.forces import Force
+from eqt_cli.components.forces import Force, currents, in_currents
 from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import InertiaLaw
 from eqt_cli.components.sensors import TIMING, Sensor
 from eqt_cli.components.vehicle import ACTUATORS, CONTROL, Vehicle
 from eqt_cli.config import schema
@@ -110,9 +111,13 @@ def decides_parts(key: str, values: Iterable[Any], vehicle: Vehicle) -> bool:
 
 
 def vehicle_from(
-    sections: dict[str, Any], G: MatrixLieGroup, horizon: float, problems: Problems
+    sections: dict[str, Any],
+    G: MatrixLieGroup,
+    horizon: float,
+    problems: Problems,
+    model: InertiaLaw | None = None,
 ) -> Vehicle:
-    """Return the vehicle of the sections; problems are noted."""
+    """Return the vehicle of the sections and of the model's inertia; problems are noted."""
     plant = sections["plant"] or schema.PlantSection()
     at_plant = problems.at("plant")
     inertia = None
@@ -136,7 +141,9 @@ def vehicle_from(
         tuple(sensing["pose"].values()),
         tuple(sensing["velocity"].values()),
         sections["estimator"],
+        model=model,
     )
+    _check_currents(currents(vehicle.forces), at_forces)
     without_clock = clock is None and not problems.at("control")
     if vehicle.measures and without_clock:
         at_sensors.add("act at control instants; set control.period")
@@ -209,7 +216,19 @@ def known_forces(
     known = sections["model"] and sections["model"].forces
     if known == "plant":
         return vehicle.forces
-    return tuple(part.of_run(G, None) for part in _right(known).values())
+    known_parts = tuple(part.of_run(G, None) for part in _right(known).values())
+    return in_currents(G, known_parts, vehicle.model)
+
+
+def _check_currents(moving: Mapping[int, Any], problems: Problems) -> None:
+    """Note a second current that would move the masses."""
+    for index, drag in moving.items():
+        first = next(iter(moving))
+        if drag.current != moving[first].current:
+            problems.at(index, "current").add(
+                f"forces[{first}] has another current, and the added mass moves with one; write "
+                "`drag_only: true` beside that of the air"
+            )
 
 
 def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: Problems) -> None:
@@ -246,15 +265,15 @@ def _right(entries: Iterable[T] | None) -> dict[int, T]:
 def _inertia(
     section: Any, G: MatrixLieGroup, horizon: float, problems: Problems
 ) -> vehicle_parts.TrueInertia | None:
-    if isinstance(section, schema.FactoredInertiaSection | schema.PrescribedInertiaSection):
-        law = inertia_from(section, G, horizon, problems)
-        return None if law is None else vehicle_parts.VaryingInertia(law)
     if isinstance(section, schema.RelativeInertiaSection):
         value, here = section.relative, problems.at("relative")
         vehicle_parts.check_numbers(value, here)
         if not here and vehicle_parts.drawn(value, None) <= -1:
             here.add(f"expected a number greater than -1, got {vehicle_parts.drawn(value, None):g}")
         return vehicle_parts.RelativeInertia(value)
+    if isinstance(section, schema.Section):
+        law = inertia_from(section, G, horizon, problems)  # type: ignore[arg-type]
+        return None if law is None else vehicle_parts.VaryingInertia(law)
     vehicle_parts.check_numbers(section, problems)
     if problems or inertia_from(vehicle_parts.drawn(section, None), G, horizon, problems) is None:
         return None

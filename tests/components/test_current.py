@@ -1,0 +1,323 @@
+"""A current and the added mass, against Fossen's equations and against Galilei."""
+
+import numpy as np
+import plain_current as plain
+import pytest
+import yaml
+from scipy.optimize import root
+from scipy.spatial.transform import Rotation
+
+import eqt_cli
+from eqt_cli.base.errors import ConfigError
+from eqt_cli.components.forces import Drag, Restoring, in_currents
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.config.preflight import remarks
+
+SE2, SE3 = group_named("SE2"), group_named("SE3")
+TOLERANCE = 1e-7
+"""Of both programs: their relative tolerances are 1e-10 and 1e-11, over up to 20 s."""
+
+BODY, WATER = [0.16, 0.16, 0.16, 11.5, 11.5, 11.5], [0.12, 0.12, 0.12, 5.5, 12.7, 14.57]
+DRAG = [0.07, 0.07, 0.07, 4.03, 6.22, 5.18]
+STILL = [0.0] * 6
+
+# A boat whose centre of mass and centre of added mass are beside its origin.
+BOAT = [[3.0, 0.0, 2.0], [0.0, 20.0, 0.0], [2.0, 0.0, 20.0]]
+SEA = [[1.5, 0.0, -1.2], [0.0, 2.0, 0.0], [-1.2, 0.0, 14.0]]
+FLOATING = [[0.3, 0, 0, 0, -0.23, 0.1], [0, 0.4, 0, 0.23, 0, 0], [0, 0, 0.35, -0.1, 0, 0]]
+FLOATING += [[0, 0.23, -0.1, 11.5, 0, 0], [-0.23, 0, 0, 0, 11.5, 0], [0.1, 0, 0, 0, 0, 11.5]]
+SWIRL = np.diag(WATER) + 0.05 * (np.eye(6, k=2) + np.eye(6, k=-2))
+CASES = {
+    "from rest": {
+        "group": "SE3",
+        "rigid": BODY,
+        "added": WATER,
+        "drag": {"linear": DRAG, "current": [0.4, 0.3, 0]},
+        "start": (STILL, STILL),
+        "duration": 20.0,
+    },
+    "boat": {
+        "group": "SE2",
+        "rigid": BOAT,
+        "added": SEA,
+        "drag": {"linear": [1, 2, 3], "quadratic": [2, 5, 30], "current": [-0.5, 0.8]},
+        "start": ([0.9, 1.0, -2.0], [0.3, 0.7, -0.2]),
+        "duration": 10.0,
+    },
+    "tide": {
+        "group": "SE3",
+        "rigid": FLOATING,
+        "added": SWIRL.tolist(),
+        "drag": {"linear": DRAG, "current": ["0.6*sin(t)", "0.3 + 0.2*cos(2*t)", "0.1*t"]},
+        "restoring": {
+            "weight": 112.8,
+            "buoyancy": 114.8,
+            "centre_of_mass": [0.0, 0.01, 0.02],
+            "centre_of_buoyancy": [0.02, 0.0, -0.01],
+        },
+        "start": ([0.3, -0.4, 0.9, 1, 2, 3], [0.4, 0.2, -0.3, 0.5, -0.2, 0.1]),
+        "duration": 5.0,
+    },
+}
+TIDE = (
+    lambda t: np.array([0.6 * np.sin(t), 0.3 + 0.2 * np.cos(2 * t), 0.1 * t]),
+    lambda t: np.array([0.6 * np.cos(t), -0.4 * np.sin(2 * t), 0.1]),
+)
+
+
+def in_space(M):
+    """A matrix of the plane as one of space, with the coordinates (ω, vx, vy) as 2, 3 and 4."""
+    M = np.asarray(M, dtype=float)
+    whole, at = np.eye(6), np.ix_([2, 3, 4], [2, 3, 4])
+    whole[at] = np.diag(M) if M.ndim == 1 else M
+    return whole
+
+
+def program(case, **more):
+    drag, planar = case["drag"], case["group"] == "SE2"
+    constant = np.append(drag["current"], 0.0)[:3] if case != CASES["tide"] else None
+    flow, rate = TIDE if constant is None else (lambda t: constant, lambda t: 0 * constant)
+    found = [case["rigid"], case["added"], drag["linear"], drag.get("quadratic", 0)]
+    if planar:
+        found = [in_space(M) for M in found]
+        found[1] = found[1] - np.diag([1, 1, 0, 0, 0, 1])
+    found[3] = np.zeros((6, 6)) if np.ndim(found[3]) == 0 else found[3]
+    if restoring := case.get("restoring"):
+        more |= {"weight": restoring["weight"], "buoyancy": restoring["buoyancy"]}
+        more |= {"at_weight": restoring["centre_of_mass"], "at": restoring["centre_of_buoyancy"]}
+    return plain.Vehicle(*found, flow, rate, **more)
+
+
+def config(case, **changes):
+    pose, velocity = case["start"]
+    forces = [{"kind": "drag", **case["drag"]}]
+    if "restoring" in case:
+        forces.append({"kind": "restoring", **case["restoring"]})
+    return {
+        "task": "stabilise",
+        "group": case["group"],
+        "inertia": {"rigid": case["rigid"], "added": case["added"]},
+        "gains": {"kp": 1e-13, "kd": 1e-13},  # as good as no control
+        "target": {"pose": "identity"},
+        "controllers": [{"kind": "stabilising", "feedforward": False}],
+        "plant": {"forces": forces},
+        "initial": {
+            "pose": {"kind": "exp_normal", "std": 0.0, "centre": pose},
+            "velocity": {"kind": "fixed", "coordinates": velocity},
+        },
+        "time": {"duration": case["duration"], "samples": 6},
+        "solver": {"engine": "solve_ivp", "rtol": 1e-10},
+    } | changes
+
+
+NATIVE = pytest.param("native", marks=pytest.mark.slow("compiles the loop"))
+
+
+@pytest.mark.parametrize("engine", ["solve_ivp", NATIVE])
+@pytest.mark.parametrize("name", CASES)
+def test_a_vehicle_in_a_current_moves_by_fossens_equations(solved, name, engine):
+    case = CASES[name]
+    text = yaml.safe_dump(config(case, solver={"engine": engine, "rtol": 1e-10}))
+    problem, solution = solved(text, "stabilising")
+    s, n = problem.loop.tracking(problem.times, solution.states), 2 if case["group"] == "SE2" else 3
+    start, Q = s.Q[0, 0], s.Q[0]
+    R, p, V = np.eye(3), np.zeros(3), np.zeros(6)
+    R[:n, :n], p[:n] = start[:n, :n], start[:n, n]
+    V[[2, 3, 4] if n == 2 else slice(None)] = case["start"][1]
+    R, p, V = program(case).run(R, p, V, problem.times)
+    np.testing.assert_allclose(Q[:, :n, :n], R[:, :n, :n], rtol=0, atol=TOLERANCE)
+    np.testing.assert_allclose(Q[:, :n, n], p[:, :n], rtol=0, atol=TOLERANCE * 10)
+    np.testing.assert_allclose(s.V[0], V[:, 2:5] if n == 2 else V, rtol=0, atol=TOLERANCE)
+    if name == "from rest":
+        heading = np.degrees(np.arctan2(Q[-1, 1, 0], Q[-1, 0, 0]))
+        assert heading == pytest.approx(-68.20993, abs=1e-5)
+    # The current does work; the balance of L holds as far as the states do.
+    loop = problem.loop
+    balance = loop.lyapunov(s) + loop.work(solution.states)
+    np.testing.assert_allclose(balance[0], balance[0, 0], rtol=0, atol=1e-6)
+
+
+def test_a_vehicle_that_is_held_in_a_current_needs_a_yaw_moment():
+    """Munk's moment, (12.7 − 5.5) · 0.4 · 0.3 N m, at the identity and at rest."""
+    drag = Drag(current=[0.4, 0.3, 0]).of_run(SE3, None)
+    assert not drag.in_body(SE3, 0.0, np.eye(4), np.zeros(6)).any()
+    body = Inertia(np.diag(BODY) + np.diag(WATER), np.eye(6), added=np.diag(WATER))
+    [drag] = in_currents(SE3, (drag,), body)
+    found = drag.in_body(SE3, 0.0, np.eye(4), np.zeros(6))
+    np.testing.assert_allclose(found, [0, 0, -0.864, 0, 0, 0], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("frame", ["body", "spatial"])
+@pytest.mark.parametrize("G", [SE2, SE3], ids=str)
+def test_a_steady_current_is_still_water_seen_from_a_moving_frame(G, frame):
+    """The same motion relative to the medium, so d(V − V_c)/dt is V̇ at V − V_c in still water."""
+    random, m = np.random.default_rng(3), G.dimension
+    n = G.space
+    c = random.normal(size=n)
+    D = random.normal(size=(2, m, m))
+    given = {"linear": D[0].tolist(), "quadratic": D[1].tolist(), "frame": frame}
+    rigid, added = (M @ M.T for M in random.normal(size=(2, m, m)))
+    rigid[-n:, -n:] = 2.0 * np.eye(n)
+    rigid[:-n, :-n] += 30.0 * np.eye(m - n)
+    turns = rigid[:-n, -n:]  # of a body: S(r) m
+    turns[:] = [[0.6, -0.4]] if n == 2 else np.cross([0.3, -0.2, 0.5], np.eye(3)).T
+    rigid[-n:, :-n] = turns.T
+    M, whole = rigid + added, Inertia(rigid + added, np.linalg.inv(rigid + added), added=added)
+    [moving] = in_currents(G, (Drag(current=c.tolist(), **given).of_run(G, None),), whole)
+    still = Drag(**given).of_run(G, None)
+    for _ in range(10):
+        Q, V = G.exp(random.normal(size=m)), random.normal(size=m)
+        flow = G.Ad(G.inverse(Q), np.append(np.zeros(m - n), c))
+        slip = V - flow
+
+        def rate(force, W):
+            return np.linalg.solve(M, G.ad_star(W, M @ W) + force)
+
+        found = rate(moving.in_body(G, 0.0, Q, V), V) + G.ad(V, flow)
+        # A drag of the spatial frame depends on the place, which is the same in both frames now.
+        np.testing.assert_allclose(found, rate(still.in_body(G, 0.0, Q, slip), slip), atol=1e-12)
+
+
+def test_what_floats_moves_with_a_current_that_varies():
+    """A neutral body with any added mass has the acceleration of the medium, whatever it is."""
+    mass, at = 11.5, [0.1, -0.2, 0.05]
+    S = np.cross(at, np.eye(3)).T
+    rigid = np.block([[np.eye(3) - mass * S @ S, mass * S], [-mass * S, mass * np.eye(3)]])
+    whole = Inertia(rigid + SWIRL, np.linalg.inv(rigid + SWIRL), added=SWIRL)
+    drag = Drag(linear=DRAG, current=["sin(t)", "t**2", 0.3]).of_run(SE3, None)
+    neutral = 9.80665 * mass
+    weight = Restoring(neutral, neutral, centre_of_mass=at, centre_of_buoyancy=at).of_run(SE3, None)
+    Q = SE3.exp(np.array([0.4, -0.3, 0.8, 1.0, 2.0, 3.0]))
+    t, back = 0.7, Q[:3, :3].T
+    V = np.append(np.zeros(3), back @ [np.sin(t), t**2, 0.3])
+    forces = in_currents(SE3, (drag, weight), whole)
+    force = sum(each.in_body(SE3, t, Q, V) for each in forces)
+    found = np.linalg.solve(whole.matrix, SE3.ad_star(V, whole.matrix @ V) + force)
+    pushed = np.append(np.zeros(3), back @ [np.cos(t), 2 * t, 0.0])
+    np.testing.assert_allclose(found, pushed, rtol=0, atol=1e-13)
+
+
+def test_still_water_has_the_bits_of_one_matrix(solved):
+    case = CASES["boat"] | {"drag": {"linear": [1, 2, 3]}, "duration": 1.0}
+    whole = (np.array(BOAT) + np.array(SEA)).tolist()
+    found = [
+        solved(yaml.safe_dump(config(case, **changes)), "stabilising")[1].states
+        for changes in ({}, {"inertia": whole})
+    ]
+    np.testing.assert_array_equal(*found)
+
+
+# The loop of a controller, on the plane: Υ = 2k(1 − cos θ) + ½κ|p|².
+
+HELD = CASES["boat"] | {"drag": {"linear": [2, 8, 12], "current": [0.6, 0.1]}, "start": (0, 0)}
+TURN, PULL, DAMPING = 0.3, 4.0, [1.5, 3.0, 3.0]
+
+
+def held(**changes):
+    gains = {"kp": [TURN / 2, TURN / 2, PULL], "kd": DAMPING}
+    start = {"initial": {"pose": {"kind": "exp_normal", "std": 0.0}}}
+    return config(HELD | {"start": ([0.0] * 3, [0.0] * 3)}, gains=gains, **start, **changes)
+
+
+def law(R, p, V):
+    torque = np.zeros(6)
+    torque[2] = -TURN * R[1, 0] - DAMPING[0] * V[2]
+    torque[3:5] = -PULL * (R.T @ p)[:2] - np.multiply(DAMPING[1:], V[3:5])
+    return torque
+
+
+def eigenvalues(vehicle):
+    """Of the vector field in (θ, x, y, ω, vx, vy), at its equilibrium near the origin."""
+
+    def field(y):
+        R = Rotation.from_euler("z", y[0]).as_matrix()
+        V = np.array([0, 0, y[3], y[4], y[5], 0])
+        rates = vehicle.acceleration(0.0, R, np.array([y[1], y[2], 0]), V)
+        return np.concatenate([[y[3]], (R @ V[3:])[:2], rates[2:5]])
+
+    rest = root(field, np.zeros(6), tol=1e-13).x
+    steps = 1e-5 * np.eye(6)
+    return np.linalg.eigvals([(field(rest + e) - field(rest - e)) / 2e-5 for e in steps])
+
+
+def test_margins_know_that_a_current_turns_a_vehicle_across():
+    """Along a current a long vehicle is unstable, which drag alone does not show."""
+    law_margins = eqt_cli.margins(held()).laws[0].growth.eigenvalue.real
+    expected = eigenvalues(program(HELD, control=law)).real.max()
+    assert law_margins == pytest.approx(expected, abs=1e-5) and expected > 0.01
+    whole = (np.array(BOAT) + np.array(SEA)).tolist()
+    assert eqt_cli.margins(held(inertia=whole)).laws[0].growth.eigenvalue.real < -0.01
+
+
+# What is said.
+
+LEFT = "acts on the drag only, but {}: write the inertia as {{rigid: …, added: …}}, for the current"
+LEFT += " to act on its added part; for a wind, write `drag_only: true` here"
+DIFFER, FLOATS = "the masses differ by direction", "the body has buoyancy"
+FLOW, PUSHED = {"kind": "drag", "linear": 1, "current": [0.3, 0, 0]}, [1, 2, 3, 4, 4, 5]
+ROUND = [1, 2, 2.5, 4, 4, 4]
+
+
+def buoyant(B):
+    return {"kind": "restoring", "weight": 40.0, "buoyancy": B}
+
+
+@pytest.mark.parametrize(
+    ("inertia", "forces", "more", "said"),
+    [
+        (PUSHED, [FLOW], {}, DIFFER),
+        (ROUND, [FLOW, buoyant(41.0)], {}, FLOATS),
+        (ROUND, [FLOW], {"plant_inertia": PUSHED}, DIFFER),
+        (PUSHED, [FLOW], {"plant_inertia": {"relative": 0.1}}, DIFFER),
+        (ROUND, [FLOW, buoyant(0.0)], {}, None),
+        (PUSHED, [FLOW | {"drag_only": True}], {}, None),
+        (PUSHED, [{"kind": "drag", "linear": 1}, buoyant(41.0)], {}, None),
+        ({"rigid": ROUND, "added": 0}, [FLOW, buoyant(41.0)], {}, None),
+        (ROUND, [FLOW], {"plant_inertia": {"rigid": ROUND, "added": PUSHED}}, None),
+    ],
+)
+def test_a_current_without_added_mass_is_said(experiment_of, inertia, forces, more, said):
+    text = config(CASES["from rest"], inertia=inertia)
+    text["plant"] = {"forces": forces}
+    if "plant_inertia" in more:
+        text["plant"]["inertia"] = more["plant_inertia"]
+    found = [str(each) for each in remarks(experiment_of(yaml.safe_dump(text)))]
+    found = [each.partition(": plant.forces[0].current: ")[2] for each in found]
+    assert list(filter(None, found)) == ([LEFT.format(said)] if said else [])
+
+
+def test_only_one_current_moves_the_masses():
+    text = config(CASES["from rest"])
+    text["plant"] = {"forces": [FLOW, FLOW, FLOW | {"current": [0, 5, 0]}]}
+    with pytest.raises(ConfigError) as refused:
+        eqt_cli.load_experiment(text)
+    assert str(refused.value).partition(": ")[2] == (
+        "plant.forces[2].current: forces[0] has another current, and the added mass moves with "
+        "one; write `drag_only: true` beside that of the air"
+    )
+    text["plant"]["forces"][2]["drag_only"] = True
+    eqt_cli.load_experiment(text)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "message"),
+    [
+        ({"rigid": BODY}, "inertia.added: missing"),
+        ({"rigid": BODY, "added": [0, 0, 0, -1, 0, 0]}, "inertia.added: expected a positive sem"),
+        ({"rigid": [0] * 6, "added": WATER}, "inertia.rigid: expected a positive definite matrix"),
+    ],
+)
+def test_both_parts_of_an_inertia_are_checked(inertia, message):
+    with pytest.raises(ConfigError) as refused:
+        eqt_cli.load_experiment(config(CASES["from rest"], inertia=inertia))
+    assert message in str(refused.value)
+
+
+def test_a_plant_has_an_added_part_of_its_own(experiment_of):
+    text = config(CASES["from rest"])
+    for true, factor in (({"relative": 0.5}, 1.5), ({"rigid": BODY, "added": BODY}, None)):
+        text["plant"]["inertia"] = true
+        loop = experiment_of(yaml.safe_dump(text)).loops["stabilising"]
+        expected = np.diag(BODY) if factor is None else factor * np.diag(WATER)
+        np.testing.assert_allclose(loop.vehicle.forces[0].added, expected, rtol=1e-15)
