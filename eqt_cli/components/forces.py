@@ -1,6 +1,7 @@
 """Forces that act on a vehicle besides the torque of the law."""
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -23,7 +24,7 @@ from eqt_cli.base.option_types import DAMPING, TORQUE, Scale, Unit
 from eqt_cli.base.registry import Registry
 from eqt_cli.components import vehicle_parts
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.inertia import InertiaLaw
+from eqt_cli.components.inertia import ROUNDING, Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.motions import RigidMotion, unit_vector
 from eqt_cli.components.pose_notation import square
@@ -75,6 +76,10 @@ class Force(vehicle_parts.VehiclePart):
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times, s, at which the force switches to another expression, in order."""
         return np.empty(0)
+
+    def remarks(self, G: MatrixLieGroup, inertia: Inertia) -> Iterator[tuple[str, str]]:
+        """Yield remarks for the user with their options, where `inertia` is the plant's."""
+        yield from ()
 
 
 forces = Registry("force", "forces", Force, ("components.forces",))
@@ -220,6 +225,31 @@ class Drag(Force):
                 value = 0.0 if expression is None else value_and_derivative(expression, {"t": t})[1]
             entries[part.axes.start + axis] = value
         return stack(entries)
+
+    def remarks(self, G: MatrixLieGroup, inertia: Inertia) -> Iterator[tuple[str, str]]:
+        """Yield remarks on drag that gives energy, and on a current without added mass."""
+        for key in self.matrices:
+            D = getattr(self, key)
+            least = np.linalg.eigvalsh(D + D.T)[0] / 2
+            if least < -ROUNDING * np.abs(D).max():
+                yield (
+                    key,
+                    f"has the eigenvalue {least:.4g} and drives the body at some velocities; "
+                    "derivatives such as X_u are negative: give −X_u",
+                )
+        if self.current is None or self.drag_only or inertia.added is not None:
+            return
+        assert G.translation is not None
+        masses = inertia.matrix[G.translation.axes, G.translation.axes]
+        off = np.abs(masses - masses[0, 0] * np.eye(len(masses))).max()
+        differs = off > ROUNDING * masses.max()
+        if differs or self.displaced_mass is not None:
+            why = "the masses differ by direction" if differs else "the body has buoyancy"
+            yield (
+                "current",
+                f"acts on the drag only, but {why}: write the inertia as {{rigid: …, added: …}}, "
+                "for the current to act on its added part; for a wind, write `drag_only: true`",
+            )
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid numbers, and a current on a group without a translation."""
@@ -485,7 +515,13 @@ class Restoring(Force):
                 "restoring fixes the frame of each of its numbers; remove this key"
             )
         for name in ("weight", "buoyancy"):
-            vehicle_parts.check_numbers(getattr(self, name), problems.at(name))
+            value, here = getattr(self, name), problems.at(name)
+            vehicle_parts.check_numbers(value, here)
+            if not here and vehicle_parts.lowest(value) < 0:
+                here.add(
+                    f"expected at least 0 N, got {vehicle_parts.lowest(value):g}; the direction is "
+                    "that of `up`, for the weight against it"
+                )
         for name in POINTS:
             value = getattr(self, name)
             if value is not None and len(value) != G.space:

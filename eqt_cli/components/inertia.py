@@ -197,13 +197,58 @@ def not_rigid(G: MatrixLieGroup, law: InertiaLaw, horizon: float) -> str:
     times, matrices = over_horizon(law, horizon)
     if isinstance(law, Inertia) and law.added is not None:
         matrices = matrices - law.added
-    for moments in G.principal_moments(matrices):
+    others = G.principal_moments(with_other_products(G, matrices))
+    for moments, other in zip(G.principal_moments(matrices), others, strict=True):
         low, middle, high = moments.T
         broken = np.flatnonzero(low + middle < high * (1 - ROUNDING))
         if broken.size:
             when = "" if len(times) == 1 else f" at t = {times[broken[0]]:g} s"
-            return _in_words(moments[broken[0]]) + when
+            low, middle, high = other[broken[0]]
+            hint = OTHER_SIGN if low > 0 and low + middle >= high * (1 - ROUNDING) else ""
+            return _in_words(moments[broken[0]]) + when + hint
     return ""
+
+
+OTHER_SIGN = (
+    " (with the other sign of its products of inertia it would be one: off the diagonal stands "
+    "−∫xy dm)"
+)
+
+
+def with_other_products(G: MatrixLieGroup, matrices: Array) -> Array:
+    """Return tensors with the other sign of their products of inertia."""
+    signs = np.ones((G.dimension, G.dimension))
+    for part in G.parts:
+        if part.turns:
+            signs[part.axes, part.axes] = 2 * np.eye(len(signs[part.axes])) - 1
+    return matrices * signs
+
+
+UNEQUAL, DENSITIES = 10, (1e-3, 1e5)
+"""Ratio of masses by direction, and mean densities within the radius of gyration, kg/m³, beyond
+which moments and masses look exchanged."""
+
+
+def in_other_order(G: MatrixLieGroup, law: InertiaLaw) -> str:
+    """Return a remark on an inertia of a body whose masses stand before its moments; or ""."""
+    now = law.at(0.0)
+    M = now.matrix if now.added is None else now.matrix - now.added
+    k = 0 if G.translation is None else G.translation.axes.start
+    n = G.dimension - k
+    if not k or _is_plausible(M[:k, :k], M[k:, k:]) or not _is_plausible(M[n:, n:], M[:n, :n]):
+        return ""
+    return (
+        "looks as if masses stood before moments of inertia, as in Fossen's order; on "
+        f"{G.name} the rotation comes first: move the last {k} rows and columns to the front"
+    )
+
+
+def _is_plausible(moments: Array, masses: Array) -> bool:
+    sizes, mass = np.linalg.eigvalsh(masses), np.trace(masses) / len(masses)
+    radius = np.sqrt(np.trace(moments) / len(moments) / mass)
+    low, high = DENSITIES
+    is_dense = low <= mass / (4 / 3 * np.pi * radius**3) <= high
+    return bool(is_dense and sizes[-1] <= UNEQUAL * sizes[0])
 
 
 def _in_words(moments: Array) -> str:

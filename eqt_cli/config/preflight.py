@@ -50,8 +50,8 @@ from eqt_cli.base.errors import (
 from eqt_cli.base.registry import blamed, described, is_foreign, place_of, place_of_function
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Estimator
-from eqt_cli.components.forces import Force, currents
-from eqt_cli.components.inertia import ROUNDING, over_horizon
+from eqt_cli.components.forces import Force
+from eqt_cli.components.inertia import in_other_order, over_horizon
 from eqt_cli.components.initial_states import (
     Stream,
     draw_initial_states,
@@ -503,7 +503,6 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
         *_angle_remarks(experiment),
         *_component_remarks(experiment),
         *_noise_remarks(experiment),
-        *_current_remarks(experiment),
         *_numerical_remarks(experiment, shown),
     ]
     return [
@@ -526,7 +525,7 @@ def _angle_remarks(experiment: Experiment) -> Placed:
 
 
 def _component_remarks(experiment: Experiment) -> Placed:
-    """Yield the remarks of the reference, the actuators and the estimator."""
+    """Yield the remarks of the reference, the actuators, the forces and the estimator."""
     loops, G = experiment.loops.values(), experiment.group
     loop = next(iter(loops))
     yield from ((("reference",), text) for text in loop.reference.remarks(G))
@@ -534,6 +533,11 @@ def _component_remarks(experiment: Experiment) -> Placed:
     for index, actuator in enumerate(loop.vehicle.actuators if len(wanted) else ()):
         for text in actuator.remarks(G, wanted):
             yield (ACTUATORS, index), f"{actuator.name} {text}"
+    true, now, plant = loop.vehicle.inertia, loop.inertia.at(0.0), experiment.config.plant
+    section = "plant" if plant and plant.forces else "model"
+    for index, force in enumerate(loop.vehicle.forces):
+        for key, text in force.remarks(G, now if true is None else true.at(now, 0.0)):
+            yield (section, "forces", index, key), text
     for part in loop.vehicle.schedule(G).unmeasured if loop.vehicle.estimator else ():
         yield (
             ("estimator",),
@@ -560,29 +564,11 @@ def _noise_remarks(experiment: Experiment) -> Placed:
             )
 
 
-def _current_remarks(experiment: Experiment) -> Placed:
-    """Remark on a current that acts by drag only, where the inertia must have an added part."""
-    loop, G = next(iter(experiment.loops.values())), experiment.group
-    true, now = loop.vehicle.inertia, loop.inertia.at(0.0)
-    now = now if true is None else true.at(now, 0.0)
-    plant, moving = experiment.config.plant, currents(loop.vehicle.forces)
-    if not moving or now.added is not None or G.translation is None:
-        return
-    masses = now.matrix[(G.translation.axes,) * 2]
-    differs = np.abs(masses - masses[0, 0] * np.eye(len(masses))).max() > ROUNDING * masses.max()
-    first, drag = next(iter(moving.items()))
-    if differs or drag.displaced_mass is not None:
-        why = "the masses differ by direction" if differs else "the body has buoyancy"
-        yield (
-            ("plant" if plant and plant.forces else "model", "forces", first, "current"),
-            f"acts on the drag only, but {why}: write the inertia as {{rigid: …, added: …}}, for "
-            "the current to act on its added part; for a wind, write `drag_only: true` here",
-        )
-
-
 def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Remark on the effects of rounding, stiffness and instability, at the section to change."""
     along, texts = (along_reference(experiment, shown), [("inertia", ill_conditioned(experiment))])
+    loop = next(iter(experiment.loops.values()))
+    texts.append(("inertia", in_other_order(loop.group, loop.inertia)))
     try:
         with blamed(), threadpool_limits(1):  # threads slow down small matrices
             texts.append(("gains", stiff(experiment, along)))

@@ -677,8 +677,8 @@ class Config(Section):
     group
         The configuration space: SO3, SE3, … (`eqt list groups`).
     inertia
-        Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or varying in time; for a body in a current
-        {rigid: …, added: …}.
+        Inertia tensor 𝕀: scalar, diagonal, m×m matrix, a rigid and an added part, or varying in
+        time.
     rigid
         false: `inertia` is not a rigid body's (added mass, rotors, a mechanism), so that its
         principal moments may break the triangle inequality without a warning.

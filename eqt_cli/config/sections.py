@@ -22,11 +22,13 @@ from eqt_cli.base.option_types import (
 from eqt_cli.components import mechanics
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import (
+    OTHER_SIGN,
     FactoredInertia,
     Inertia,
     InertiaLaw,
     PrescribedInertia,
     matrices_at,
+    with_other_products,
 )
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import GivenOverTime
@@ -231,7 +233,11 @@ def _constant(value: Constant, G: MatrixLieGroup, problems: Problems) -> Array |
     with problems.catching():
         matrix = square(value, G.dimension, G)
         require_symmetric(matrix)
-        require_definite(matrix)
+        try:
+            require_definite(matrix)
+        except InputError as error:
+            is_other = np.linalg.eigvalsh(with_other_products(G, matrix))[0] > 0
+            raise InputError(f"{error}{OTHER_SIGN if is_other else ''}") from None
         return matrix
     return None
 

@@ -253,7 +253,7 @@ def test_margins_know_that_a_current_turns_a_vehicle_across():
 # What is said.
 
 LEFT = "acts on the drag only, but {}: write the inertia as {{rigid: …, added: …}}, for the current"
-LEFT += " to act on its added part; for a wind, write `drag_only: true` here"
+LEFT += " to act on its added part; for a wind, write `drag_only: true`"
 DIFFER, FLOATS = "the masses differ by direction", "the body has buoyancy"
 FLOW, PUSHED = {"kind": "drag", "linear": 1, "current": [0.3, 0, 0]}, [1, 2, 3, 4, 4, 5]
 ROUND = [1, 2, 2.5, 4, 4, 4]
@@ -321,3 +321,108 @@ def test_a_plant_has_an_added_part_of_its_own(experiment_of):
         loop = experiment_of(yaml.safe_dump(text)).loops["stabilising"]
         expected = np.diag(BODY) if factor is None else factor * np.diag(WATER)
         np.testing.assert_allclose(loop.vehicle.forces[0].added, expected, rtol=1e-15)
+
+
+# Signs and orders.
+
+VEHICLE, FOUR = config(CASES["from rest"], inertia=ROUND), np.eye(6).tolist()[:4]
+
+
+def said_of(experiment_of, **changes):
+    found = [str(each) for each in remarks(experiment_of(yaml.safe_dump(VEHICLE | changes)))]
+    return [each.partition(": ")[2] for each in found if "the loop of" not in each]
+
+
+@pytest.mark.parametrize(
+    ("drag", "key", "least"),
+    [
+        ({"linear": [1, 1, 1, 4, -6.22, 5]}, "linear", -6.22),
+        ({"quadratic": -0.5}, "quadratic", -0.5),
+        ({"linear": [*FOUR, [0, 0, 0, 0, 1, 3], [0, 0, 0, 0, 0, 1]]}, "linear", -0.5),
+        ({"linear": [*FOUR, [0, 0, 0, 0, 1, 9], [0, 0, 0, 0, -9, 0]]}, None, 0),
+    ],
+)
+def test_drag_that_gives_energy_is_said(experiment_of, drag, key, least):
+    found = said_of(experiment_of, plant={"forces": [{"kind": "drag", **drag}]})
+    expected = (
+        f"plant.forces[0].{key}: has the eigenvalue {least:g} and drives the body at some "
+        "velocities; derivatives such as X_u are negative: give −X_u"
+    )
+    assert found == ([expected] if key else [])
+
+
+@pytest.mark.parametrize("name", ["weight", "buoyancy"])
+def test_a_weight_or_buoyancy_below_0_is_refused(name):
+    force = {"kind": "restoring", "weight": 10.0, "buoyancy": 10.0} | {name: -9.81}
+    with pytest.raises(ConfigError) as refused:
+        eqt_cli.load_experiment(VEHICLE | {"plant": {"forces": [force]}})
+    assert str(refused.value).partition(": ")[2] == (
+        f"plant.forces[0].{name}: expected at least 0 N, got -9.81; the direction is that of `up`, "
+        "for the weight against it"
+    )
+
+
+ORDER = (
+    "inertia: looks as if masses stood before moments of inertia, as in Fossen's order; on {} the "
+)
+ORDER += "rotation comes first: move the last {} rows and columns to the front"
+
+
+@pytest.mark.parametrize(
+    ("group", "inertia", "is_exchanged"),
+    [
+        ("SE3", [11.5, 11.5, 11.5, 0.16, 0.16, 0.16], True),  # BlueROV2
+        ("SE3", [17.0, 24.2, 26.07, 0.28, 0.28, 0.28], True),
+        ("SE3", [30.5, 30.5, 30.5, 0.177, 3.45, 3.45], True),  # REMUS
+        ("SE3", [0.03, 0.03, 0.03, 1.43e-5, 1.43e-5, 2.89e-5], True),  # Crazyflie
+        ("SE2", [[25.8, 0, 0], [0, 33.8, 1.01], [0, 1.01, 2.76]], True),  # CyberShip II
+        ("SE2", [5.3e6, 8.3e6, 3.7e9], True),  # a supply vessel
+        ("SE3", [0.28, 0.28, 0.28, 17.0, 24.2, 26.07], False),
+        ("SE3", [0.177, 3.45, 3.45, 30.5, 30.5, 30.5], False),
+        ("SE3", [1.43e-5, 1.43e-5, 2.89e-5, 0.03, 0.03, 0.03], False),
+        ("SE3", [1.2e8, 1.1e8, 1.9e8, 4.2e5, 4.2e5, 4.2e5], False),  # a space station
+        ("SE2", [2.76, 25.8, 33.8], False),
+        ("SE2", [3.7e9, 5.3e6, 8.3e6], False),
+        ("SE3", [1, 1, 1, 1, 1, 1], False),
+    ],
+)
+def test_masses_before_moments_are_said(experiment_of, group, inertia, is_exchanged):
+    m = len(inertia)
+    start = {"pose": {"kind": "exp_normal", "std": 0.1}}
+    found = said_of(experiment_of, group=group, inertia=inertia, plant=None, initial=start)
+    found = [each for each in found if "looks as if" in each]
+    assert found == ([ORDER.format(group, m // 2)] if is_exchanged else [])
+
+
+POINTS = np.array([[1.0, 1, 1], [-1, -1, -1], [2, 2, 1.9], [0.1, 0, 0]])
+"""Of 1 kg each: a body that is long along no axis of the frame."""
+
+
+def tensor(points, sign):
+    """∫(|r|²I − rrᵀ)dm with products of inertia of this sign: −1 is right."""
+    J = sum(np.dot(p, p) * np.eye(3) - np.outer(p, p) for p in points)
+    return -sign * J + (1 + sign) * np.diag(np.diag(J))
+
+
+def test_products_of_inertia_with_the_other_sign_are_said(experiment_of):
+    """About the centre they break the triangle inequality; about another point, definiteness."""
+    hint = "(with the other sign of its products of inertia it would be one: off the diagonal "
+    hint += "stands −∫xy dm)"
+    of_body = POINTS - POINTS.mean(axis=0)
+    changes = {"group": "SO3", "plant": None, "initial": {"pose": "haar"}}
+    assert not said_of(experiment_of, **changes, inertia=tensor(of_body, -1).tolist())
+    [found] = said_of(experiment_of, **changes, inertia=tensor(of_body, 1).tolist())
+    assert "violate the triangle inequality" in found and hint in found
+    far = np.add(POINTS, [3.0, 2.0, 4.0])
+    S = sum(np.cross(p, np.eye(3)).T for p in far)
+    for sign in (-1, 1):
+        M = np.block([[tensor(far, sign), S], [S.T, 4.0 * np.eye(3)]]).tolist()
+        if sign == -1:
+            assert not said_of(experiment_of, inertia=M, plant=None)
+            continue
+        with pytest.raises(ConfigError, match="expected a positive definite matrix") as refused:
+            eqt_cli.load_experiment(VEHICLE | {"inertia": M})
+        assert str(refused.value).endswith(hint)
+    with pytest.raises(ConfigError) as refused:  # neither sign helps
+        eqt_cli.load_experiment(VEHICLE | changes | {"inertia": [1, -1, 2]})
+    assert hint not in str(refused.value)

@@ -50,7 +50,7 @@ initial: {pose: {kind: haar, position: {sdt: 1}}} →
     6:41: initial.pose.position.sdt: unknown key; did you mean 'std'?
 kp: 2 → 10:1: kp: unknown key; did you mean 'gains.kp'?
 inertia: {matrix: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], initial: 1} →
-    2:54: inertia.initial: unknown key; expected one of factor, matrix
+    2:54: inertia.initial: unknown key; expected one of rigid, added, factor, matrix
 time: {durations: 1} → 8:8: time.durations: unknown key; did you mean 'duration'?
 gains: {kp: 1, kdd: 1} → 3:16: gains.kdd: unknown key; did you mean 'kd'?
 controllers: [eqq] → 5:15: controllers[0]: unknown controller 'eqq'; did you mean 'eqt'?
@@ -74,8 +74,8 @@ group →
     1:1: group: missing; this key is required: The configuration space: SO3, SE3, … (`eqt list
         groups`)
 inertia →
-    1:1: inertia: missing; this key is required: Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or
-        varying in time
+    1:1: inertia: missing; this key is required: Inertia tensor 𝕀: scalar, diagonal, m×m matrix, a
+        rigid and an added part, or varying in time
 gains →
     1:1: gains: missing; this key is required: Gains of the control laws, for example gains: {kp: 1,
         kd: 1}
@@ -104,13 +104,13 @@ group: 3 → 1:1: group: expected text, got 3
 group: null → 1:1: group: expected text, got null
 inertia: null →
     2:1: inertia: expected a number, a list (the diagonal), a list of rows, or a mapping with
-        `initial` and `factor` or with `matrix`, got null
+        `rigid` and `added`, with `initial` and `factor`, or with `matrix`, got null
 inertia: true →
     2:1: inertia: expected a number, a list (the diagonal), a list of rows, or a mapping with
-        `initial` and `factor` or with `matrix`, got true
+        `rigid` and `added`, with `initial` and `factor`, or with `matrix`, got true
 inertia: {mass: 1} →
     2:1: inertia: expected a number, a list (the diagonal), a list of rows, or a mapping with
-        `initial` and `factor` or with `matrix`, got {mass: 1}
+        `rigid` and `added`, with `initial` and `factor`, or with `matrix`, got {mass: 1}
 inertia: [1, .inf, 2] → 2:14: inertia[1]: expected a finite number, got .inf
 inertia: [[1, 0, 0], 4, 5] →
     2:22: inertia[1]: expected a list, got 4
