@@ -120,7 +120,7 @@ def test_shipped_configurations_are_well_conditioned(name):
     found = [str(remark) for remark in remarks(made, reference_over_horizon(made))]
     unstable = {  # their runs oscillate, at 1 Hz and at 2.5 Hz
         "se3_bluerov2_flies": "'gt' is unstable: small errors grow at 0.497 ",
-        "se3_bluerov2_thrusters": "'eqt' is unstable: small errors grow at 0.653 ",
+        "se3_bluerov2_thrusters": "'eqt' is unstable: small errors grow at 0.634 ",
     }
     if name in unstable:
         assert f"controllers: the loop of {unstable[name]}" in "".join(found)
