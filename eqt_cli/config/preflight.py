@@ -62,6 +62,7 @@ from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.pose_notation import ANGLES, many_turns
 from eqt_cli.components.sensors import Errors, Sensor
 from eqt_cli.components.vehicle import ACTUATORS, RandomOf
+from eqt_cli.components.vehicle_parts import PlantInertia
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp, solve
@@ -533,10 +534,11 @@ def _component_remarks(experiment: Experiment) -> Placed:
     for index, actuator in enumerate(loop.vehicle.actuators if len(wanted) else ()):
         for text in actuator.remarks(G, wanted):
             yield (ACTUATORS, index), f"{actuator.name} {text}"
-    true, now, plant = loop.vehicle.inertia, loop.inertia.at(0.0), experiment.config.plant
+    now, true, plant = loop.inertia.at(0.0), loop.vehicle.inertia, experiment.config.plant
+    now = true.at(now, 0.0) if isinstance(true, PlantInertia) else now
     section = "plant" if plant and plant.forces else "model"
     for index, force in enumerate(loop.vehicle.forces):
-        for key, text in force.remarks(G, now if true is None else true.at(now, 0.0)):
+        for key, text in force.remarks(G, now):
             yield (section, "forces", index, key), text
     for part in loop.vehicle.schedule(G).unmeasured if loop.vehicle.estimator else ():
         yield (

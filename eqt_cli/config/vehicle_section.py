@@ -143,7 +143,9 @@ def vehicle_from(
         sections["estimator"],
         model=model,
     )
-    at_forces = at_plant.at("forces") if plant.forces is not None else problems.at("model", "forces")
+    at_forces = (
+        at_plant.at("forces") if plant.forces is not None else problems.at("model", "forces")
+    )
     _check_currents(currents(vehicle.forces), at_forces)
     without_clock = clock is None and not problems.at("control")
     if vehicle.measures and without_clock:

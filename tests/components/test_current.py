@@ -149,7 +149,7 @@ def test_a_vehicle_that_is_held_in_a_current_needs_a_yaw_moment():
 
 
 @pytest.mark.parametrize("frame", ["body", "spatial"])
-@pytest.mark.parametrize("G", [SE2, SE3], ids=str)
+@pytest.mark.parametrize("G", [SE2, SE3], ids=["SE2", "SE3"])
 def test_a_steady_current_is_still_water_seen_from_a_moving_frame(G, frame):
     """The same motion relative to the medium, so d(V − V_c)/dt is V̇ at V − V_c in still water."""
     random, m = np.random.default_rng(3), G.dimension
