@@ -111,8 +111,8 @@ def _document(results: Result) -> dict[str, object]:
 
 
 def _summary(results: Result, json: bool) -> None:
+    from eqt_cli.base.version import OTHERS, VERSIONS, differences
     from eqt_cli.cli.result_tables import print_outcome
-    from eqt_cli.results.origin import OTHERS, VERSIONS, differences
 
     if json:
         output.print_json(_document(results))

@@ -22,9 +22,8 @@ from typing import Any
 from eqt_cli.base import files
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
 from eqt_cli.base.reporting import reporter
-from eqt_cli.base.version import __version__
+from eqt_cli.base.version import OTHERS, __version__, numeric
 from eqt_cli.config.parts import Plans
-from eqt_cli.results.origin import OTHERS, numeric
 
 # Records the origin of a result: versions, machine, commit. Nothing here affects numbers ----------
 

@@ -20,10 +20,10 @@ from eqt_cli.base.files import LAW
 from eqt_cli.base.reporting import RUNS_DONE, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly, Attribute
+from eqt_cli.base.version import OTHERS, differences
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Status
-from eqt_cli.results.origin import OTHERS, differences
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.runs import lock
 from eqt_cli.runs.batches import LEAST_SECONDS, chosen_entries, combined, cross_check

@@ -19,6 +19,7 @@ from eqt_cli.api import choose_executor, load_experiment
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.process import STOP_SIGNALS, Interrupted, as_exceptions
 from eqt_cli.base.reporting import Reporter, reporting, step
+from eqt_cli.cli.options import Setup
 from eqt_cli.cli.run_report import executor_from
 from eqt_cli.runs import executors as auto
 from eqt_cli.runs.executors import MOST_TRIES, NEEDED, Auto, Local, Outcome, executors
@@ -259,9 +260,8 @@ def test_what_is_asked_of_an_executor_rules():
     ],
 )
 def test_what_is_wrong_with_an_executor_is_said(asked, message):
-    assert (
-        error_of(executor_from, load_experiment(CONFIGS / "paper.yaml"), asked, 2, None) == message
-    )
+    paper = load_experiment(CONFIGS / "paper.yaml")
+    assert error_of(executor_from, paper, Setup(executor=asked, workers=2)) == message
 
 
 def test_threads_take_an_item_when_it_can_begin(task):
