@@ -210,11 +210,12 @@ def open_results(
         )
     import xarray
 
-    with open_at(path, point) as checked:
+    with open_at(path) as checked:
         file, in_group = checked.path, checked.has_groups
-        attributes = dict(checked.attributes)
     if point is None:
         return xarray.open_dataset(file, engine="h5netcdf")
+    with open_at(path, point) as view:
+        attributes = dict(view.attributes)
     group = point_group(point) if in_group else None
     whole = xarray.open_dataset(file, engine="h5netcdf", group=group)
     dataset = (whole if in_group else whole.isel(point=point)).assign_attrs(attributes)

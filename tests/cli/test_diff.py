@@ -126,7 +126,7 @@ def test_other_shapes_and_laws(eqt):
     assert rows["controller"] == ["2", "1", "-", "-", "[1]"]
     assert rows["pose"] == ["2×3×11×3×3,", "2×3×21×3×3", "-", "-", "-", "-"]
     assert done.out.splitlines()[-1] == (
-        "different: 3 keys of the configuration, 1 attribute of the files, 22 of 33 datasets"
+        "different: 3 keys of the configuration, 22 of 33 datasets"
     )
 
 
