@@ -9,12 +9,12 @@ from faults_harness import assert_equal, contents
 from said import error_of, said_of
 from small_experiment import configuration, study_of
 
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.config.read_study import MOST_GROUPS, law_names, study
 from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import Status
-from eqt_cli.results.result import open_result
 from eqt_cli.runs.executors import Executor, Outcome, Serial
 from eqt_cli.runs.run_study import execute
 
@@ -189,7 +189,7 @@ def test_one_point_of_a_sweep_without_groups(make, tmp_path):
     execute(make("", grids=["gains.kp=1,2"]), tmp_path / "out")
     execute(make("", "gains.kp=2"), tmp_path / "alone")
     with (
-        open_result(tmp_path / "out", 1) as point,
+        open_at(tmp_path / "out", 1) as point,
         open_results(tmp_path / "out") as whole,
         open_results(tmp_path / "alone") as alone,
     ):
