@@ -271,7 +271,7 @@ _LEAST, _MOST = 1.2, 3.6
 """Least and largest height of the map, in."""
 _TINT = 0.55
 """Share of a law's colour in its cells, which keeps the numbers readable."""
-_PALE = 0.2
+_PALE_TINT = 0.2
 """The same where the runs are too few for a win."""
 WITH_FAILED = "////"
 
@@ -304,7 +304,7 @@ class Winners(OfDifferences):
         too_few = wins.has_too_few_runs
         ahead = [cell.best if too_few else cell.winner for cell in wins.cells]
         winners = np.array([law - NOBODY for law in ahead], dtype=float)
-        tint = _PALE if too_few else _TINT
+        tint = _PALE_TINT if too_few else _TINT
         look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": tint, "label": "winner"}
         look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
         panel.grid(False)
@@ -356,7 +356,7 @@ def _explain_winners(drawing: Drawing, colours: Sequence[str], wins: Map, failed
         patches[f"undecided: {wins.wins(NOBODY)}"] = Patch(facecolor=colours[0], **frame)
     for law, title in enumerate(wins.titles):
         name = title if too_few else f"{title}: {wins.wins(law)}"
-        tint = _PALE if too_few else _TINT
+        tint = _PALE_TINT if too_few else _TINT
         patches[name] = Patch(facecolor=(colours[law + 1], tint), **frame)
     if failed:
         hatched = Patch(fill=False, hatch=WITH_FAILED, edgecolor=ink(0.35), linewidth=0)

@@ -222,7 +222,8 @@ def test_quadratic_term_has_no_power(G):
 
 
 def test_body_errors_have_body_damping():
-    assert Family(error="body").damping == "body"
+    loaded, _ = Family(error="body").loaded(None, False, group_named("SO3"), Problems())
+    assert loaded.damping == "body"
     with pytest.raises(ValueError, match="error: body always has damping: body; leave damping out"):
         Family(error="body", damping="spatial")
 

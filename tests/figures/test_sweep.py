@@ -15,7 +15,7 @@ from eqt_cli.figures.cells import FEW, number_values
 from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.figures.curves import name_points
 from eqt_cli.figures.shown import ShownSweep
-from eqt_cli.figures.sweep_figures import _PALE, Envelope, Pareto, Region, SweepFigure, Winners
+from eqt_cli.figures.sweep_figures import _PALE_TINT, Envelope, Pareto, Region, SweepFigure, Winners
 from eqt_cli.results.result import briefly
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -324,7 +324,7 @@ def test_with_too_few_runs_winners_show_the_better_means_in_paler_colours(swept,
     image = drawing.axes[0].collections[0]
     drawn = np.asarray(image.get_array()).reshape(2, 3)
     assert drawn.T.ravel().tolist() == [cell.best + 1 for cell in found.cells]
-    assert image.get_alpha() == _PALE
+    assert image.get_alpha() == _PALE_TINT
     assert "too few for a win at one of 6 points, which takes 8." in " ".join(
         drawing.get_supxlabel().split()
     )
