@@ -128,8 +128,10 @@ class Map:
         if self.has_too_few_runs:
             return "too few runs"
         if cell.in_most_runs not in (NOBODY, cell.best):
-            most, mean = self.titles[cell.in_most_runs], self.titles[cell.best]
-            return f"{most} in most runs, {mean} in the mean"
+            most, best = self.titles[cell.in_most_runs], self.titles[cell.best]
+            if cell.failed[cell.in_most_runs] > cell.failed[cell.best]:
+                return f"{most} in most runs, but {best} fails less"
+            return f"{most} in most runs, {best} in the mean"
         return "undecided"
 
     def wins(self, law: int) -> int:
@@ -361,8 +363,8 @@ def _notes(wins: Map) -> list[str]:
         )
     if split := sum(cell.in_most_runs not in (NOBODY, cell.best) for cell in wins.cells):
         notes.append(
-            f"At {split} of {len(wins.cells)} points a law is better in most runs but not in the "
-            "mean; no law wins there."
+            f"At {split} of {len(wins.cells)} points a law is better in most runs, but fails more "
+            "often or is worse in the mean; no law wins there."
         )
     failed, censored = (
         [sum(getattr(cell, name)[law] for cell in wins.cells) for law in range(len(wins.labels))]

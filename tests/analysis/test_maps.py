@@ -126,6 +126,14 @@ def test_a_law_that_is_better_in_most_runs_but_not_in_the_mean_does_not_win() ->
     assert found.verdict(cell) == "law 0 in most runs, law 1 in the mean"
 
 
+def test_a_law_that_is_better_in_most_runs_but_fails_does_not_win() -> None:
+    values = np.array([[[0.9] * RUNS, [1.0] * RUNS]])
+    found = compared(Stored(values, failed=np.s_[0, 0, :2]))
+    (cell,) = found.cells
+    assert (cell.winner, cell.best, cell.in_most_runs) == (NOBODY, 1, 0)
+    assert found.verdict(cell) == "law 0 in most runs, but law 1 fails less"
+
+
 @pytest.mark.parametrize(("points", "fewest"), [(1, 6), (25, 10), (100, 12)])
 def test_too_few_runs_are_said(points: int, fewest: int) -> None:
     """All runs alike give p = 2^(1-n), which Holm multiplies with the number of points."""
