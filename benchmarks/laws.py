@@ -10,8 +10,7 @@ import numpy as np
 
 from benchmarks import cases
 from eqt_cli.engines.library import with_kept_comparisons
-from eqt_cli.engines.native import Native
-from eqt_cli.engines.traced_loop import trace
+from eqt_cli.engines.native import Native, trace
 
 CASE = "reviewers"
 """The configuration with the laws of other papers beside the paper's own."""

@@ -92,8 +92,8 @@ def _child(*arguments: str) -> Any:
 
 
 def _overhead() -> Overhead:
-    from eqt_cli.config.read_study import study
     from eqt_cli.config.source import read_config
+    from eqt_cli.config.study import study
     from eqt_cli.runs.run_study import execute
 
     imports = time.process_time()
@@ -122,8 +122,8 @@ def _raw_writing(results: Path, copy: Path) -> float:
 
 
 def _scaling(workers: int) -> Scaling:
-    from eqt_cli.config.read_study import study
     from eqt_cli.config.source import read_config
+    from eqt_cli.config.study import study
     from eqt_cli.runs.executors import Executor, Local, Outcome, Task
     from eqt_cli.runs.run_study import execute
 

@@ -27,7 +27,7 @@ STAGES = {
     "builtins:__import__": START,
     "importlib:import_module": START,
     "eqt_cli.config.source:read_config": "reading the configuration",
-    "eqt_cli.config.read_study:study": "building the experiment",
+    "eqt_cli.config.study:study": "building the experiment",
     "eqt_cli.engines.native:programs": COMPILING,
     "eqt_cli.engines.native:sampled": COMPILING,
     "eqt_cli.engines.native:running": COMPILING,

@@ -35,14 +35,14 @@ from eqt_cli.base.errors import EqtWarning, Problems
 from eqt_cli.base.process import STOP_SIGNALS
 from eqt_cli.base.reporting import Reporter, reporting
 from eqt_cli.base.store_writer import Table, Variable, write
-from eqt_cli.cli import main, run_report
+from eqt_cli.cli import main
 from eqt_cli.cli import output as progress
+from eqt_cli.cli import run as computing
 from eqt_cli.components.groups import MatrixLieGroup, group_named, groups
 from eqt_cli.components.laws import Controller, controllers
-from eqt_cli.config.build import build
-from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.read_study import study
+from eqt_cli.config.experiment import Experiment, build
 from eqt_cli.config.source import read_config
+from eqt_cli.config.study import study
 from eqt_cli.engines import compiler as native_cache
 from eqt_cli.engines import compiler as native_compiler
 from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER, Program, c_function
@@ -127,7 +127,7 @@ for number in STOP_SIGNALS:
 
 # What is printed must not depend on how fast this machine is.
 progress.SHOW_AFTER = threading.TIMEOUT_MAX
-run_report.LONG = math.inf
+computing.LONG = math.inf
 
 # No test needs its files after a power cut.
 os.fsync = lambda file: None

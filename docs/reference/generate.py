@@ -450,9 +450,8 @@ def proofs() -> Iterator[str]:
     from eqt_cli.analysis.certificates import Verdict
     from eqt_cli.analysis.verification import identities_of
     from eqt_cli.config import shipped
-    from eqt_cli.config.read_study import study
     from eqt_cli.config.source import read_config
-    from eqt_cli.config.study import without_sweep
+    from eqt_cli.config.study import study, without_sweep
 
     lines: list[list[str]] = []
     known: dict[tuple[str, str], list[Any]] = {}

@@ -23,16 +23,14 @@ from eqt_cli.base.errors import (
     parse_key,
     suggestion,
 )
-from eqt_cli.config.build import build
 from eqt_cli.config.designs import DrawnRange, overlap
-from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.experiment import Experiment, build
 from eqt_cli.config.schema import SEARCH, LogRange, TunedAxis, marked
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.config.study import Study
 from eqt_cli.results.metrics import METRICS
-from eqt_cli.runs.folder import COPY_FOLDERS, RESULT_ENTRIES, ResultFolder
+from eqt_cli.runs.folder import COPY_FOLDERS, RESULT_ENTRIES, ResultFolder, quantities
 from eqt_cli.runs.lock import MANIFEST
-from eqt_cli.runs.result_layout import quantities
 
 # The search for one law: its experiment and the ranges of the varied keys -------------------------
 

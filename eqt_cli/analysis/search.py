@@ -27,12 +27,11 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.files import FILE_NAME
 from eqt_cli.base.reporting import RUNS_DONE, reporter, step
-from eqt_cli.config.build import build
 from eqt_cli.config.designs import DrawnRange
-from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.read_study import study
+from eqt_cli.config.experiment import Experiment, build
 from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.source import ConfigSource
+from eqt_cli.config.study import study
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.runs.executors import Executor
 from eqt_cli.runs.folder import ResultFolder

@@ -21,13 +21,11 @@ from eqt_cli.analysis.search import Outcome, Searches, compute, evolve
 from eqt_cli.analysis.search_record import TUNE, entries_of, values_text
 from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
-from eqt_cli.config.build import build
 from eqt_cli.config.designs import Cases, DrawnRange
-from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.read_study import require_sweepable, study
+from eqt_cli.config.experiment import Experiment, build
 from eqt_cli.config.schema import TuneSection, WorstRunSection
 from eqt_cli.config.source import ConfigSource, changed_at
-from eqt_cli.config.study import section_of
+from eqt_cli.config.study import require_sweepable, section_of, study
 from eqt_cli.results.metrics import QUANTITIES, quantity_of
 from eqt_cli.results.result import Result
 from eqt_cli.runs.executors import Executor

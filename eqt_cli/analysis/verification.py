@@ -19,8 +19,7 @@ from eqt_cli.components.initial_states import Stream, generator
 from eqt_cli.components.laws import EqT
 from eqt_cli.components.mechanics import Gains, as_distance
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.config.build import build
-from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.experiment import Experiment, build
 from eqt_cli.config.preflight import along_reference, reference_over_horizon, small_loops
 from eqt_cli.config.source import source_of
 from eqt_cli.config.study import Study

@@ -18,9 +18,9 @@ from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import reporter
 from eqt_cli.config.designs import DrawnRange
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.read_study import require_sweepable, study
 from eqt_cli.config.schema import WorstSection
 from eqt_cli.config.source import ConfigSource
+from eqt_cli.config.study import require_sweepable, study
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.runs.executors import Executor

@@ -79,7 +79,7 @@ def load_experiment(
     >>> eqt_cli.load_experiment("configs/paper.yaml", {"ensemble.runs": 10})
     <experiment paper on SO3: 10 runs of eqt, gt, nog, asym>
     """
-    from eqt_cli.config.read_study import study
+    from eqt_cli.config.study import study
 
     if overrides is not None and not isinstance(overrides, Mapping):
         raise EqtError(
@@ -140,7 +140,7 @@ def _attributes_at(result: Result, point: int) -> dict[str, str]:
 
 def _loops_of(result: KnownResult) -> Mapping[str, ClosedLoop]:
     """Build the loops of a result again, by label; its plugins are loaded before, if trusted."""
-    from eqt_cli.config.build import build
+    from eqt_cli.config.experiment import build
     from eqt_cli.config.source import source_of
 
     return build(source_of(result)).loops

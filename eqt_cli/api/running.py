@@ -20,9 +20,8 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind
 from eqt_cli.base.reporting import reporter
 from eqt_cli.config.preflight import remarks
-from eqt_cli.config.read_study import study
 from eqt_cli.config.source import config_in
-from eqt_cli.config.study import Study
+from eqt_cli.config.study import Study, study
 from eqt_cli.runs.executors import Executor, executors
 from eqt_cli.runs.folder import CONFIG, ResultFolder
 from eqt_cli.runs.run_study import Execution, Shard, execute, pack_folder

@@ -6,7 +6,7 @@ plugin files are not completed.
 
 import os
 import sysconfig
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -21,13 +21,11 @@ from eqt_cli.base.registry import KINDS, registry, summary
 Completions = list[tuple[str, str]]
 """Possible words, each with its meaning."""
 
-Complete = Callable[[str], Completions]
-"""Function that completes the beginning of a word."""
 
-
-def names(kind: str) -> Complete:
-    """Complete the name of a component."""
-    return lambda incomplete: _starting(incomplete, _known()["names"][kind])
+def words(known: str | Sequence[str], incomplete: str) -> Completions:
+    """Complete one of these words or, for the name of a kind, the name of a component."""
+    texts = _known()["names"][known] if isinstance(known, str) else dict.fromkeys(known, "")
+    return _starting(incomplete, texts)
 
 
 def shipped(incomplete: str) -> Completions:
@@ -35,11 +33,6 @@ def shipped(incomplete: str) -> Completions:
     from eqt_cli.config.shipped import names
 
     return _starting(incomplete, dict.fromkeys(names(), ""))
-
-
-def words(*known: str) -> Complete:
-    """Complete one of the known words."""
-    return lambda incomplete: _starting(incomplete, dict.fromkeys(known, ""))
 
 
 def keys(incomplete: str) -> Completions:

@@ -34,7 +34,7 @@ def list_components(
         typer.Argument(
             metavar="KIND",
             help=f"{', '.join(KINDS)}, devices or configs.",
-            autocompletion=completion.words(*KINDS, "devices", "configs"),
+            autocompletion=options.completed_by((*KINDS, "devices", "configs")),
         ),
     ] = None,
     plugin: Annotated[
@@ -223,7 +223,7 @@ def check(
         remarks,
         wheels_needed,
     )
-    from eqt_cli.config.read_study import study
+    from eqt_cli.config.study import study
     from eqt_cli.runs.preflight import check_resources, rehearse
 
     source = options.source_of(config, set_)

@@ -106,9 +106,22 @@ _HEADING = "\n\nOptions\n-------\n"
 _SHARED = _described((__doc__ or "").partition(_HEADING)[2])
 
 
-def option(name: str, *letters: str, **more: Any) -> Any:
-    """Return an option, whose text is in the docstring of this module, or of the command."""
+def option(name: str, *letters: str, known: str | Sequence[str] | None = None, **more: Any) -> Any:
+    """Return an option, whose text is in the docstring of this module, or of the command.
+
+    Parameters
+    ----------
+    known
+        Words that complete its value or, as the name of a kind, the components that do.
+    """
+    if known is not None:
+        more["autocompletion"] = completed_by(known)
     return typer.Option(name, *letters, **_SHARED.get(name, {}), **more)
+
+
+def completed_by(known: str | Sequence[str]) -> Callable[[str], completion.Completions]:
+    """Return what completes one of these words or, for the name of a kind, that of a component."""
+    return lambda incomplete: completion.words(known, incomplete)
 
 
 class Command(TyperCommand):
@@ -202,8 +215,7 @@ def study_at(source: ConfigSource, point: int | None, *, trust_plugins: bool, do
     doing
         What the command does without the sweep, for the remark on it: ``exported without``.
     """
-    from eqt_cli.config.read_study import study
-    from eqt_cli.config.study import config_at, without_sweep
+    from eqt_cli.config.study import config_at, study, without_sweep
 
     if point is None and source.data.get("sweep"):
         say(f"{source.path}: {doing} its sweep; choose one of its points with --point")
@@ -275,20 +287,16 @@ Json = Annotated[bool, option("--json")]
 Quiet = Annotated[bool, option("--quiet", "-q", callback=be_quiet)]
 Verbose = Annotated[bool, option("--verbose", "-v")]
 Workers = Annotated[int | None, option("--workers", min=1)]
-Engine = Annotated[str | None, option("--engine", autocompletion=completion.names("engines"))]
-Device = Annotated[str | None, option("--device", autocompletion=completion.words("cpu", "opencl"))]
-ExecutorName = Annotated[
-    str | None, option("--executor", autocompletion=completion.names("executors"))
-]
+Engine = Annotated[str | None, option("--engine", known="engines")]
+Device = Annotated[str | None, option("--device", known=("cpu", "opencl"))]
+ExecutorName = Annotated[str | None, option("--executor", known="executors")]
 Scheduler = Annotated[str | None, option("--scheduler")]
 ShardOf = Annotated[str | None, option("--shard")]
 Point = Annotated[int | None, option("--point")]
 Units = Annotated[list[str] | None, option("--unit")]
 Measured = Annotated[Path | None, option("--measured")]
 Mapping = Annotated[Path | None, option("--mapping")]
-LogFormat = Annotated[
-    str, option("--log-format", autocompletion=completion.words("csv", "tum", "euroc"))
-]
+LogFormat = Annotated[str, option("--log-format", known=("csv", "tum", "euroc"))]
 DryRun = Annotated[bool, option("--dry-run")]
 TrustPlugins = Annotated[bool, option("--trust-plugins")]
 

@@ -38,20 +38,15 @@ def plot(
             "A configuration gives a figure of its reference.",
         ),
     ],
-    figure: Annotated[
-        list[str] | None, options.option("--figure", autocompletion=completion.names("figures"))
-    ] = None,
+    figure: Annotated[list[str] | None, options.option("--figure", known="figures")] = None,
     set_: options.Set = None,
     option: Annotated[
         list[str] | None, options.option("--option", autocompletion=completion.figure_options)
     ] = None,
     format_: Annotated[
-        list[str] | None,
-        options.option("--format", autocompletion=completion.words("pdf", "svg", "png", "json")),
+        list[str] | None, options.option("--format", known=("pdf", "svg", "png", "json"))
     ] = None,
-    width: Annotated[
-        str, options.option("--width", autocompletion=completion.words("column", "page", "slide"))
-    ] = "column",
+    width: Annotated[str, options.option("--width", known=("column", "page", "slide"))] = "column",
     controller: options.Controllers = None,
     panel: Annotated[list[str] | None, options.option("--panel")] = None,
     start: Annotated[float | None, options.option("--from")] = None,
@@ -147,7 +142,7 @@ def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
     It is a study for a configuration, with the changes by ``--set``, and the path for a result.
     """
     if path.suffix in YAML:
-        from eqt_cli.config.read_study import study
+        from eqt_cli.config.study import study
 
         return study(options.source_of(path, set_))
     if set_:
@@ -289,9 +284,7 @@ def report(
     result: options.Result,
     more: options.MoreResults = None,
     out: Annotated[Path | None, options.option("--out")] = None,
-    figure: Annotated[
-        list[str] | None, options.option("--figure", autocompletion=completion.names("figures"))
-    ] = None,
+    figure: Annotated[list[str] | None, options.option("--figure", known="figures")] = None,
     title: Annotated[str, options.option("--title")] = "",
     author: Annotated[str, options.option("--author")] = "",
     date: Annotated[str, options.option("--date")] = "",

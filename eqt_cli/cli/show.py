@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import FILE_NAME
-from eqt_cli.cli import completion, options, output
+from eqt_cli.cli import options, output
 
 if TYPE_CHECKING:
     from eqt_cli.results.result import Result
@@ -25,9 +25,7 @@ def show(
     failed: Annotated[bool, options.option("--failed")] = False,
     unsettled: Annotated[bool, options.option("--unsettled")] = False,
     table: Annotated[bool, options.option("--table")] = False,
-    format_: Annotated[
-        str | None, options.option("--format", autocompletion=completion.words("csv", "jsonl"))
-    ] = None,
+    format_: Annotated[str | None, options.option("--format", known=("csv", "jsonl"))] = None,
     point: options.Point = None,
     unit: options.Units = None,
     json: options.Json = False,

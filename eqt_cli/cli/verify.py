@@ -12,7 +12,7 @@ import typer
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import of_extension
 from eqt_cli.base.reporting import Block, TextTable
-from eqt_cli.cli import completion, options
+from eqt_cli.cli import options
 from eqt_cli.cli.output import complain, count_of, laid_out, print_findings
 
 if TYPE_CHECKING:
@@ -33,9 +33,7 @@ def verify(
     runs: Annotated[int | None, options.option("--runs", min=1)] = None,
     exact: Annotated[bool, options.option("--exact")] = False,
     code: Annotated[Path | None, options.option("--code")] = None,
-    as_: Annotated[
-        str | None, options.option("--as", autocompletion=completion.names("controllers"))
-    ] = None,
+    as_: Annotated[str | None, options.option("--as", known="controllers")] = None,
     point: options.Point = None,
     workers: options.Workers = None,
     trust_plugins: options.TrustPlugins = False,

@@ -15,8 +15,8 @@ from eqt_cli.base.option_types import Real, Scale
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import InertiaLaw
-from eqt_cli.components.mechanics import Gains, Tracking
-from eqt_cli.components.motions import GivenOverTime, PlantModel
+from eqt_cli.components.mechanics import Gains, TimeVarying, Tracking
+from eqt_cli.components.motions import PlantModel
 from eqt_cli.numbers.leaves import structure, with_fields
 
 # Base class of control laws -----------------------------------------------------------------------
@@ -77,7 +77,7 @@ class LinearPlant(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Controller(GivenOverTime, Component):
+class Controller(TimeVarying, Component):
     """A control law: a frozen dataclass whose fields are its options in a configuration.
 
     Every field that is a float is a leaf: an engine may replace it by an array ``(runs, 1)`` or by

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property, reduce
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -385,6 +385,45 @@ class Following(Tracking):
         driving = inertia.momentum(self.Vd_dot + n * G.ad(self.V, self.Vd))
         carried = G.ad_star(self.Vd, self.Pd + c * self.P_tilde)
         return driving + inertia.rate_force(self.Vd) - gyroscopic - carried
+
+
+# Base class of components that are given over time, in a file or in pieces ------------------------
+
+
+class TimeVarying:
+    """A component of a loop that may be given over time, in a file or in pieces."""
+
+    def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
+        """Return the times between which it is given, s."""
+        return -np.inf, np.inf
+
+    def gaps(self, G: MatrixLieGroup) -> list[tuple[float, float]]:
+        """Return the begin and the length of each gap, s."""
+        return []
+
+    # Files of the component.
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The files that it needs, relative to the configuration, by the options that name them."""
+        return {}
+
+    def with_files(self, texts: Mapping[str, str]) -> Self:
+        """Return the component with the contents of its files, given by their names."""
+        return self
+
+    # Instants, known in advance, at which it changes.
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the sorted times up to `until` at which an engine must end a step, s."""
+        return np.empty(0)
+
+    def held(self, G: MatrixLieGroup, t: Any) -> Any:
+        """Return the component from time t to the next instant, with that piece's numbers.
+
+        None if no number changes at the instants.
+        """
+        return None
 
 
 # The input of a law at an instant: the interface between a law and the vehicle that it flies ------

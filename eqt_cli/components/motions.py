@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,45 +27,6 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.numbers.jets import Jet
-
-# Base class of components that are given over time, in a file or in pieces ------------------------
-
-
-class GivenOverTime:
-    """A component of a loop that may be given over time, in a file or in pieces."""
-
-    def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
-        """Return the times between which it is given, s."""
-        return -np.inf, np.inf
-
-    def gaps(self, G: MatrixLieGroup) -> list[tuple[float, float]]:
-        """Return the begin and the length of each gap, s."""
-        return []
-
-    # Files of the component.
-
-    @property
-    def files(self) -> dict[str, str]:
-        """The files that it needs, relative to the configuration, by the options that name them."""
-        return {}
-
-    def with_files(self, texts: Mapping[str, str]) -> Self:
-        """Return the component with the contents of its files, given by their names."""
-        return self
-
-    # Instants, known in advance, at which it changes.
-
-    def instants(self, G: MatrixLieGroup, until: float) -> Array:
-        """Return the sorted times up to `until` at which an engine must end a step, s."""
-        return np.empty(0)
-
-    def held(self, G: MatrixLieGroup, t: Any) -> Any:
-        """Return the component from time t to the next instant, with that piece's numbers.
-
-        None if no number changes at the instants.
-        """
-        return None
-
 
 # Motions in closed form, Q(t) = Q_0 Π_k exp(a_k(t) ξ_k), on any group: products and splines -------
 

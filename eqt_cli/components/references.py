@@ -18,6 +18,7 @@ from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.mechanics import TimeVarying
 from eqt_cli.components.pose_notation import pose_from, vector
 from eqt_cli.components.recording import coordinate_names
 from eqt_cli.components.recording_check import RecordingInFile
@@ -105,7 +106,7 @@ class Desired(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Reference(motions.GivenOverTime, Component):
+class Reference(TimeVarying, Component):
     """A desired motion; by default one that a torque drives, from Q_d(0) and V_d(0).
 
     A frozen dataclass whose fields are its options in a configuration, in addition to the initial

@@ -1,10 +1,14 @@
-"""An experiment: what the sections of a configuration describe, and how it is solved."""
+"""An experiment: what the sections of a configuration describe, and how it is solved.
+
+It is built from the data of a configuration, with everything wrong reported at once: every section
+is built even where another is broken, and what depends on a broken section is skipped.
+"""
 
 import json
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from itertools import repeat
@@ -13,16 +17,59 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtWarning, InputError, Problems
-from eqt_cli.base.option_types import option_names, shown, unknown_key, validated
-from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.inertia import not_rigid
-from eqt_cli.components.initial_states import PoseDistribution, VelocityDistribution
-from eqt_cli.components.laws import distinct_titles
-from eqt_cli.config.schema import DEFAULT_ENGINE, WORDS, Config, marks_of
-from eqt_cli.config.source import ConfigSource
+from eqt_cli.base.errors import EqtWarning, InputError, Problems, closest
+from eqt_cli.base.option_types import (
+    MISSING,
+    Kind,
+    as_section,
+    fields_of,
+    known_keys,
+    option_names,
+    shown,
+    unknown_key,
+    validated,
+)
+from eqt_cli.base.registry import blamed
+from eqt_cli.components.groups import MatrixLieGroup, group_named
+from eqt_cli.components.inertia import InertiaLaw, not_rigid
+from eqt_cli.components.initial_states import (
+    ListedPoses,
+    ListedVelocities,
+    PoseDistribution,
+    VelocityDistribution,
+)
+from eqt_cli.components.laws import Controller, controllers, distinct_titles
+from eqt_cli.components.log_table import MAPPING, LogMapping, MappingError
+from eqt_cli.components.mechanics import Gains
+from eqt_cli.components.motions import PlantModel, only_direction
+from eqt_cli.components.recording import read_starts
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.config import schema
+from eqt_cli.config.preflight import reference_over_horizon, try_laws, try_vehicle
+from eqt_cli.config.schema import (
+    DEFAULT_ENGINE,
+    WORDS,
+    Config,
+    GainsSection,
+    InitialSection,
+    OwnGainsSection,
+    marked,
+    marks_of,
+)
+from eqt_cli.config.sections import (
+    DesiredTrajectory,
+    check_horizon,
+    desired_from,
+    gains_from,
+    inertia_from,
+    known_forces,
+    vehicle_from,
+)
+from eqt_cli.config.source import ConfigSource, data_file, load_plugins, with_data
 from eqt_cli.engines.engine import Engine, SolverChecks, engines
 from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.linearised import designed
+from eqt_cli.numbers.leaves import with_fields
 
 # The sections `solver` and `settling`: the engine of the runs, and when a run has settled ---------
 
@@ -227,3 +274,415 @@ def renamed(data: Any, names: Mapping[str, str]) -> Any:
     if isinstance(data, list):
         return [renamed(value, names) for value in data]
     return names.get(data, data) if isinstance(data, str) else data
+
+
+# From the sections of a configuration to its experiment -------------------------------------------
+
+
+@dataclass(frozen=True)
+class Start:
+    """The initial states of the runs.
+
+    Attributes
+    ----------
+    poses, velocities
+        Q_d(0)⁻¹ Q(0) and V(0) − V_d(0).
+    resolved
+        The complete section of the configuration.
+    rows
+        Number of runs for which there are initial states; None for any number.
+    files
+        Contents of the files with data, by their names.
+    """
+
+    poses: PoseDistribution
+    velocities: VelocityDistribution
+    resolved: dict[str, Any]
+    rows: int | None = None
+    files: dict[str, str] = field(default_factory=dict)
+
+
+OF_EVERY_LAW = ("label", "gains")
+"""The keys of an entry of `controllers` that no law has for itself."""
+
+
+@blamed()
+@np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
+def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
+    """Check a configuration and make an experiment of it.
+
+    Parameters
+    ----------
+    trust_plugins
+        Execute plugin sources that are stored in a result file.
+
+    Raises
+    ------
+    ConfigError
+        With every problem, each at its place in the file.
+    ComponentError
+        If a component of the user's own fails while it is made.
+    """
+    problems = Problems(source.place)
+    plugins = load_plugins(source, trust_plugins, problems)
+    problems.raise_if_any()  # without its plugins a configuration cannot be judged
+    parts = _Parts(source, trust_plugins, problems)
+    group, sections, laws = parts.group, parts.sections, parts.laws
+    parts.read_controllers()
+    task, initial = sections["task"], sections["initial"]
+    desired = inertia = start = solver = None
+    gains: dict[str, Gains | None] = {}
+    if sections["reference"] is not None or source.data.get("reference") is None:
+        desired = desired_from(
+            task, sections["reference"], sections["target"], group, source, problems
+        )
+    if sections["solver"] is not None:
+        solver = solver_from(sections["solver"], problems.at("solver"))
+    horizon = sections["time"].duration if sections["time"] else 0.0
+    if group and sections["inertia"] is not None:
+        inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
+    vehicle = vehicle_from(sections, group, horizon, problems, inertia) if group else None
+    if group and solver and vehicle:
+        for law in laws.values():
+            check_calls(law.law, vehicle, solver.engine, problems.at("controllers", law.index))
+    if group:
+        gains = parts.gains(group)
+        if inertia and vehicle and desired and sections["time"]:
+            desired = parts.with_model(group, inertia, vehicle, desired)
+        if isinstance(thresholds := sections["settling_threshold"], dict):
+            check_thresholds(thresholds, group, problems.at("settling_threshold"))
+    if initial:
+        start = parts.start(initial, desired)
+    config = parts.config(desired, start)
+    problems.raise_if_any()
+    assert config and group and desired and inertia and vehicle and start and solver
+    complete = parts.resolved(config) | {
+        **desired.resolved,
+        "controllers": [law.resolved | {"label": label} for label, law in laws.items()],
+        "initial": start.resolved,
+        "solver": solver.resolved,
+    }
+    loops = {
+        label: ClosedLoop(group, inertia, law_gains, desired.reference, laws[label].law, vehicle)
+        for label, law_gains in gains.items()
+        if law_gains is not None
+    }
+    experiment = Experiment(
+        config,
+        complete,
+        group,
+        loops,
+        desired.pose,
+        desired.velocity,
+        start.poses,
+        start.velocities,
+        solver,
+        replace(source, stored_plugins=plugins | parts.code),
+        desired.files | start.files | parts.files,
+    )
+    try_vehicle(experiment, problems)
+    problems.raise_if_any()
+    experiment = _designed(experiment, {label: law.index for label, law in laws.items()}, problems)
+    problems.raise_if_any()
+    try_laws(experiment, problems)
+    problems.raise_if_any()
+    return experiment
+
+
+class _Parts:
+    """The sections of a configuration, and what is made of them.
+
+    Attributes
+    ----------
+    group
+        The group; None where it is not known.
+    sections
+        The validated sections by name; None for those that are missing or broken.
+    laws
+        The control laws by label.
+    files
+        The contents of the files in which laws are given.
+    code
+        The texts of the code that laws execute, by their files.
+    """
+
+    def __init__(self, source: ConfigSource, trusted: bool, problems: Problems) -> None:
+        self.source, self.trusted, self.problems = source, trusted, problems
+        self.group = _group(source.data, problems.at("group"))
+        self.sections = _sections(source.data, self.group, problems)
+        self.laws: dict[str, _Entry] = {}
+        self.files: dict[str, str] = {}
+        self.code: dict[str, str] = {}
+
+    def read_controllers(self) -> None:
+        """Read the control laws."""
+        task, G = self.sections["task"], self.group
+        for index, entry in enumerate(self.sections["controllers"] or []):
+            here = self.problems.at("controllers", index)
+            options = dict(entry) if isinstance(entry, dict) else {}
+            label, law_gains = options.pop("label", None), options.pop("gains", None)
+            named, gains = options if isinstance(entry, dict) else entry, None
+            law: Controller | None = Kind(controllers).read(named, here, G, OF_EVERY_LAW)
+            if law_gains is not None:
+                of = None if law is None or G is None else law.gains_group(G)
+                gains = validated(OwnGainsSection, law_gains, here.at("gains"), group=of)
+            if law is not None and G is not None:
+                law, texts = with_data(law, self.source, here)
+                self.files |= texts
+                law.check(G, here)
+                law, texts = law.loaded(self.source, self.trusted, G, here)
+                self.code |= texts
+            if law is None:
+                continue
+            if task is not None and law.tasks and task not in law.tasks:
+                here.add(_wrong_task(law, task))
+                continue
+            label = law.name if label is None else label
+            if not isinstance(label, str) or not label.strip() or not label.isprintable():
+                here.at("label").add(f"expected text on one line, got {shown(label)}")
+            elif label in self.laws:
+                here.add(
+                    f"an earlier controller has the label '{label}'; give this one another `label`"
+                )
+            else:
+                law_gains = gains.model_dump(exclude_none=True) if gains else {}
+                self.laws[label] = _Entry(law, index, law_gains, tuple(options))
+
+    def gains(self, G: MatrixLieGroup) -> dict[str, Gains | None]:
+        """Return the gains of every law, and give laws the options that follow them."""
+        data, here = self.source.data, self.problems.at("gains")
+        section = data.get("gains")
+        known = fields_of(GainsSection, section, here, G) if isinstance(section, dict) else {}
+        shared, by_label = gains_from(known, G, here), dict[str, Gains | None]()
+        meant = closest("gains", data.keys() - Config.model_fields.keys())
+        if section is None and not meant and any(map(_reads_gains, data.get("controllers") or [])):
+            here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
+        for label, law in self.laws.items():
+            by_label[label] = self._gains_of(law, known, shared, G)
+            self.laws[label] = law.with_gains(G, by_label[label])
+        return by_label
+
+    def _gains_of(
+        self, entry: "_Entry", known: dict[str, Any], shared: Gains | None, G: MatrixLieGroup
+    ) -> Gains | None:
+        """Return the gains of a law; None after noting its problems."""
+        law, law_gains, problems = entry.law, entry.gains, self._at(entry).at("gains")
+        group, reads = law.gains_group(G), law.reads_gains or law.inside_reads_gains
+        if not (law_gains or reads) and (shared is None or group is not G):
+            return Gains(np.eye(group.size), np.eye(group.dimension))  # which it never reads
+        if group is G:
+            return gains_from(known | law_gains, G, problems) if law_gains else shared
+        for name in {"kp", "kd"} - law_gains.keys():
+            problems.at(name).add(
+                f"{MISSING}: {law.name} has gains of its own, those of its law on {group.name}, "
+                "such as gains: {kp: 4, kd: 2}"
+            )
+        return gains_from(law_gains, group, problems)
+
+    def _at(self, entry: "_Entry") -> Problems:
+        return self.problems.at("controllers", entry.index)
+
+    def with_model(
+        self, G: MatrixLieGroup, inertia: InertiaLaw, vehicle: Vehicle, desired: DesiredTrajectory
+    ) -> DesiredTrajectory:
+        """Give laws, and the reference that is returned, what they know of the plant."""
+        sections, laws, pushes = self.sections, self.laws, vehicle.pushes(G)
+        forces = known_forces(sections, vehicle, G)
+        acts, model, horizon = sections["plant"], sections["model"], sections["time"].duration
+        acting = acts is not None and acts.forces and not (model and model.forces == "plant")
+        exact, flat = vehicle.is_direct and not acting, desired.reference.flat_output(G, 0.0)
+        period = vehicle.control.period if vehicle.control else None
+        plant = PlantModel(inertia, forces, pushes, exact, horizon, flat, None, period)
+        for label, entry in laws.items():
+            laws[label] = replace(entry, law=entry.law.knowing(G, plant, self._at(entry)))
+        if self.problems:
+            return desired
+        said: list[Any] = [entry.law.direction for entry in laws.values()]
+        along = next((each for each in said if each), None)
+        if along is None and pushes is not None:
+            along = only_direction(pushes)
+        plant = plant._replace(along=along)
+        reference = desired.reference.knowing(G, plant, self.problems.at("reference"))
+        if reference is desired.reference:
+            return desired
+        pose, velocity = reference.initial(G, desired.pose, desired.velocity)
+        return replace(desired, reference=reference, pose=pose, velocity=velocity)
+
+    def start(self, section: InitialSection, desired: DesiredTrajectory | None) -> Start | None:
+        """Return where the runs start, by distributions or by the rows of a file."""
+        problems = self.problems.at("initial")
+        if section.file is not None:
+            return self._start_from_file(section, section.file, desired, problems)
+        for key in section.model_fields_set & {"relative", MAPPING}:
+            problems.at(key).add(
+                "applies only to poses from a `file`; give `file` too, or remove this key"
+            )
+        if problems or self.group is None:
+            return None
+        resolved = section.model_dump(include={"pose", "velocity"})
+        return Start(section.pose, section.velocity, resolved)
+
+    def _start_from_file(
+        self, section: InitialSection, name: str, desired: DesiredTrajectory | None, here: Problems
+    ) -> Start | None:
+        """Read the rows of `initial.file`; return None after noting their problems.
+
+        Relative poses are errors to the reference, Q(0) = Q_d(0) · pose and V(0) = V_d(0) + V.
+        Missing velocities are 0.
+        """
+        for key in ("pose", "velocity"):
+            if key in section.model_fields_set:
+                here.at(key).add(f"{name} gives the {key}, one row per run; remove this key")
+        if (G := self.group) is None:
+            return None
+        mapping = section.mapping or LogMapping()
+        mapping.check(here.at(MAPPING))
+        if here.at(MAPPING):
+            return None
+        with here.catching("file"):
+            text = data_file(self.source, name)
+            try:
+                poses, velocities = read_starts(text, name, G, mapping)
+            except MappingError as error:
+                here.at(MAPPING, *error.path).add(str(error))
+                return None
+            if velocities is None:
+                velocities = np.zeros((len(poses), G.dimension))
+            if desired is None:
+                return None
+            if not section.relative:
+                poses, velocities = G.inverse(desired.pose) @ poses, velocities - desired.velocity
+            resolved = section.model_dump(include={"file", "relative", MAPPING}, exclude_none=True)
+            listed = ListedPoses(poses), ListedVelocities(velocities)
+            return Start(*listed, resolved, len(poses), {name: text})
+        return None
+
+    def config(self, desired: DesiredTrajectory | None, start: Start | None) -> Config | None:
+        """Return the configuration, if its sections agree on the number of runs and the horizon."""
+        G, problems = self.group, self.problems
+        if problems or not (G and desired and start):
+            return None
+        config = Config.model_construct(set(self.source.data), **self.sections)
+        parts: dict[str, Any] = {"reference": desired.reference}
+        parts |= {f"controllers[{entry.index}]": entry.law for entry in self.laws.values()}
+        for place, part in parts.items():
+            check_horizon(part, place, G, config.time.duration, problems)
+        if start.rows is None:
+            return config
+        if "runs" not in config.ensemble.model_fields_set:
+            ensemble = config.ensemble.model_copy(update={"runs": start.rows})
+            return config.model_copy(update={"ensemble": ensemble})
+        if config.ensemble.runs > start.rows:
+            problems.at("ensemble", "runs").add(
+                f"expected at most {start.rows}, the number of rows of {config.initial.file}, "
+                f"got {config.ensemble.runs}"
+            )
+        return config
+
+    def resolved(self, config: Config) -> dict[str, Any]:
+        """Return the sections with every default; those for searches change no run."""
+        searches = set(marked(schema.SEARCH))
+        complete = config.model_dump(exclude=searches, exclude_none=True, warnings="none")
+        if config.plant and config.plant.forces and config.model and config.model.forces:
+            complete["model"] = self.source.data["model"]  # as it is written, as in all digests
+        return complete
+
+
+def _reads_gains(entry: Any) -> bool:
+    """Whether an entry of `controllers` needs the section `gains`."""
+    gains = entry.get("gains") if isinstance(entry, dict) else None
+    name = entry.get("kind") if isinstance(entry, dict) else entry
+    kind = controllers.get(name) if name in controllers.names() else Controller
+    return kind.reads_gains and not (isinstance(gains, dict) and {"kp", "kd"} <= gains.keys())
+
+
+def _designed(experiment: Experiment, index: dict[str, int], problems: Problems) -> Experiment:
+    """Return the experiment with the gains of the laws that are designed for their loops."""
+    made, horizon = dict(experiment.loops), float(experiment.times[-1])
+    for label, loop in experiment.loops.items():
+        if not (count := loop.controller.pieces):
+            continue
+        with problems.catching("controllers", index[label]):
+            control, piece = loop.vehicle.control, horizon / count
+            if control is not None:  # a whole number of periods
+                piece = control.period * max(1, round(piece / control.period))
+            times = np.concatenate([[0.0], np.arange(piece / 2, horizon, piece), [horizon]])
+            shown = reference_over_horizon(experiment, times)
+            if shown.spent or not shown.finite.all():
+                return experiment  # the checks of the reference say so
+            where = np.searchsorted(shown.times, times)
+            made[label] = designed(loop, times, shown.pose[where], shown.velocity[where])
+    return replace(experiment, loops=made)
+
+
+def _sections(
+    data: dict[str, Any], group: MatrixLieGroup | None, problems: Problems
+) -> dict[str, Any]:
+    """The validated sections by name; None for those that are missing or broken."""
+    known = known_keys(Config, ())
+    for key in data:
+        if key not in known:
+            problems.at(key).add(unknown_key(key, known, _elsewhere(key)))
+    return dict.fromkeys(known) | fields_of(Config, data, problems, group)
+
+
+def _elsewhere(key: str) -> str | None:
+    """The section's key that is written without its section: ``gains.kp`` for ``kp``."""
+    sections = (name for name in Config.model_fields if key in known_keys(Config, (name,)))
+    return next((f"{name}.{key}" for name in sections), None)
+
+
+def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
+    """The group; without one, the message says which sections could not be checked."""
+    if not isinstance(name := data.get("group"), str):
+        return None
+    try:
+        return group_named(name)
+    except InputError as error:
+        unchecked = ", ".join(key for key in marked(schema.ON_GROUP) if key in data)
+        more = f", so the numbers of {unchecked} were not checked" if unchecked else ""
+        problems.add(error.args[0].replace(";", f"{more};", 1), *error.remedies)
+    return None
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """An entry of `controllers`: a law, its index, its gains, and the names of written options."""
+
+    law: Controller
+    index: int
+    gains: dict[str, Any]
+    written: tuple[str, ...]
+    followed: tuple[str, ...] = ()
+
+    def with_gains(self, G: MatrixLieGroup, gains: Gains | None) -> "_Entry":
+        """The entry with the options that follow the gains, where they are not written."""
+        defaults = {} if gains is None else self.law.defaults(G, gains)
+        defaults = {name: value for name, value in defaults.items() if name not in self.written}
+        return replace(self, law=with_fields(self.law, **defaults), followed=tuple(defaults))
+
+    @property
+    def resolved(self) -> dict[str, Any]:
+        """The section; options that follow the gains stay away, and follow them again."""
+        section = as_section(self.law) | ({"gains": self.gains} if self.gains else {})
+        return {name: value for name, value in section.items() if name not in self.followed}
+
+
+def _wrong_task(law: Controller, task: str) -> str:
+    fitting = ", ".join(kind.name for kind in controllers.all() if task in kind.tasks)
+    return f"{law.name} is a law for task: {' or '.join(law.tasks)}; for task: {task} use {fitting}"
+
+
+def check_calls(law: Controller, vehicle: Vehicle, engine: Engine, problems: Problems) -> None:
+    """Note code that the engine cannot call, or that needs a control period."""
+    if law.code is None or vehicle.control is not None:
+        return
+    if law.code.memory:
+        problems.at("memory").add(
+            "goes on by a period at every call; set control.period, at which the code is called"
+        )
+    elif not engine.calls_laws:
+        problems.add(
+            f"engine {engine.name} compiles the law into the loop, and code is called; set "
+            "control.period, at which it is called, or use engine solve_ivp"
+        )

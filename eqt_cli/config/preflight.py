@@ -23,6 +23,8 @@ of a sweep. After them
 - `--dry-run` does 7, of a sweep after 5 for the memory.
 """
 
+from __future__ import annotations
+
 import json
 import traceback
 import warnings
@@ -31,7 +33,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from math import log
-from typing import Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -63,13 +65,15 @@ from eqt_cli.components.pose_notation import ANGLES, many_turns
 from eqt_cli.components.sensors import Errors, Sensor
 from eqt_cli.components.vehicle import ACTUATORS, RandomOf
 from eqt_cli.components.vehicle_parts import PlantInertia
-from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp, solve
 from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart, ReferenceSystem, parts_of, vehicle_parts
 from eqt_cli.loop.linearised import Along, flow, growth, left_out, linearised, size_of
 from eqt_cli.loop.signals import compute
 from eqt_cli.numbers.leaves import leaves
+
+if TYPE_CHECKING:
+    from eqt_cli.config.experiment import Experiment
 
 # A trial of parts of a loop, whose errors are noted at the part that they are from ----------------
 

@@ -1,7 +1,7 @@
 """The shape of a configuration: its keys, their types and defaults; nothing about the group.
 
 What depends on the group or on a component (shapes, options, definiteness) is checked by
-`eqt_cli.config.build`. One JSON schema comes from these models and the registries.
+`eqt_cli.config.experiment`. One JSON schema comes from these models and the registries.
 """
 
 from contextlib import suppress

@@ -28,7 +28,7 @@ from eqt_cli.base.registry import load_plugin
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.yaml_source import Source
 from eqt_cli.components.log_table import recording_text
-from eqt_cli.components.motions import GivenOverTime
+from eqt_cli.components.mechanics import TimeVarying
 
 # Describes the parts of a loop, as a signal path and as a sentence --------------------------------
 
@@ -423,7 +423,7 @@ def trusted_text(source: ConfigSource, path: object, trusted: bool, subject: str
     return source.stored_plugins[path]
 
 
-P = TypeVar("P", bound=GivenOverTime)
+P = TypeVar("P", bound=TimeVarying)
 
 DATA_BYTES = 64_000_000
 """Largest size of a file, bytes, because it is kept in memory and in every result."""

@@ -23,8 +23,7 @@ from eqt_cli.base.reporting import reporter, subject
 from eqt_cli.engines import library
 from eqt_cli.engines.compiler import digest, own_cache
 from eqt_cli.engines.library import Measuring, SampleProgram
-from eqt_cli.numbers.program import Program
-from eqt_cli.numbers.symbols import traced
+from eqt_cli.numbers.program import Program, traced
 
 NEEDED = {
     "FMA": "fused multiply-add",

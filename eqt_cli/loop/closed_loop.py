@@ -18,8 +18,8 @@ from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.laws import Controller
-from eqt_cli.components.mechanics import Gains, LawInput, Tracking, lie_poisson
-from eqt_cli.components.motions import FlatOutput, GivenOverTime
+from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking, lie_poisson
+from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.references import Desired, Reference, TorqueReference
 from eqt_cli.components.sensors import Errors, Sensor
 from eqt_cli.components.vehicle import CONTROL, LOST, Vehicle
@@ -85,7 +85,7 @@ VEHICLE = "vehicle."
 """Prefix of the stretches of the vehicle, between law and plant, before their own names."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # a key of caches by identity
 class ClosedLoop:
     """A mechanical system on G, the reference it tracks and the law that controls it.
 
@@ -219,31 +219,31 @@ class ClosedLoop:
 
     def instants(self, until: float) -> Array:
         """Return the sorted times at which the vector field changes, and its short pulses, s."""
-        instants = [part.instants(self.group, until) for part in self.given_over_time.values()]
+        instants = [part.instants(self.group, until) for part in self.over_time.values()]
         instants += [force.instants(self.group, until) for force in self.vehicle.forces]
         return np.unique(np.concatenate(instants))
 
     @property
-    def given_over_time(self) -> dict[str, GivenOverTime]:
+    def over_time(self) -> dict[str, TimeVarying]:
         """The parts that may hold numbers, by the field of their held version."""
         return {"held_reference": self.reference, "held_law": self.controller}
 
     @cached_property
     def holds(self) -> bool:
         """Whether the vector field holds numbers from one instant to the next."""
-        return any(part.held(self.group, 0.0) is not None for part in self.given_over_time.values())
+        return any(part.held(self.group, 0.0) is not None for part in self.over_time.values())
 
     def holding(self, t: Any) -> Self:
         """Return the loop from time t to the next instant, with the held numbers as leaves."""
         if not self.holds:
             return self
-        held = {name: part.held(self.group, t) for name, part in self.given_over_time.items()}
+        held = {name: part.held(self.group, t) for name, part in self.over_time.items()}
         return dataclasses.replace(self, **held)
 
     @property
     def held_leaves(self) -> dict[str, Array]:
         """The leaves that are held, by path."""
-        return leaves(self, self.given_over_time)
+        return leaves(self, self.over_time)
 
     # Flat states.
 
@@ -495,7 +495,7 @@ STARTS = "starts"
 """Name of the leaf with the start time of each run, s."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OwnStarts(ClosedLoop):
     """A closed loop in which a run at time t is at t + its own start.
 
@@ -531,7 +531,7 @@ class ReferenceSystem(ClosedLoop):
         return super().of(dataclasses.replace(loop, vehicle=Vehicle()))
 
     @property
-    def given_over_time(self) -> dict[str, GivenOverTime]:
+    def over_time(self) -> dict[str, TimeVarying]:
         """The reference alone: no law acts."""
         return {"held_reference": self.reference}
 

@@ -19,8 +19,7 @@ from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
-from eqt_cli.numbers.program import Input, Program, distinct
-from eqt_cli.numbers.symbols import traced
+from eqt_cli.numbers.program import Input, Program, distinct, traced
 
 TOLD, NUMBER, MEMORY = "told_", "number_", "memory_"
 TORQUE = "torque"

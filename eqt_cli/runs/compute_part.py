@@ -38,8 +38,8 @@ from eqt_cli.runs.batches import (
     squares,
 )
 from eqt_cli.runs.executors import TaskContext
+from eqt_cli.runs.folder import Layout, measured_of
 from eqt_cli.runs.lock import FinishedPart, PartFiles
-from eqt_cli.runs.result_layout import Layout, measured_of
 
 LEADING = {
     ValuePer.TRAJECTORY: "kept",

@@ -26,7 +26,7 @@ from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import Batch, batches, by_kind
 from eqt_cli.runs.compute_part import compute_part, shared_reference
 from eqt_cli.runs.executors import Executor, TaskContext
-from eqt_cli.runs.result_layout import Layout, quantities
+from eqt_cli.runs.folder import Layout, quantities
 
 # Begins a study with two runs of every law --------------------------------------------------------
 

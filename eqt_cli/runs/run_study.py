@@ -29,9 +29,17 @@ from eqt_cli.runs import lock
 from eqt_cli.runs.batches import LEAST_SECONDS, chosen_entries, combined, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, checked_states, read_part
 from eqt_cli.runs.executors import MOST_TRIES, Executor, Serial
-from eqt_cli.runs.folder import CONFIG, RERUN, ResultFolder
+from eqt_cli.runs.folder import (
+    CONFIG,
+    RERUN,
+    Destination,
+    Layout,
+    ResultFolder,
+    described,
+    in_root,
+    new_result_file,
+)
 from eqt_cli.runs.preflight import check_resources
-from eqt_cli.runs.result_layout import Destination, Layout, described, in_root, new_result_file
 
 
 def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:

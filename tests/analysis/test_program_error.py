@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.arrays import less, sqrt, where
+from eqt_cli.extensions.firmware.decimals import evaluated
 from eqt_cli.extensions.firmware.program_error import DOUBLE, FLOAT, bounded
-from eqt_cli.numbers.program import Constant, Input, evaluated
-from eqt_cli.numbers.symbols import traced
+from eqt_cli.numbers.program import Constant, Input, traced
 
 NUMPY = {
     "negative": np.negative,

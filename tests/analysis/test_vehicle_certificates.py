@@ -16,8 +16,8 @@ from eqt_cli.analysis.run_checks import (
 from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import ScaledInertia
-from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
+from eqt_cli.config.study import study
 from eqt_cli.runs.batches import batches
 
 ROWS = "[[2 + sin(t), 0, 0.1], [0, 3, 0], [0.1, 0, 4 + 0.5*t]]"

@@ -86,7 +86,7 @@ def test_a_broken_configuration_does_not_disturb(complete, folder, text):
 @mostly_slow("kind", KINDS, list(KINDS)[:3], "one of many registries")
 def test_the_names_are_those_of_the_registry(kind):
     expected = {component.name: summary(component) for component in registry(kind).all()}
-    assert dict(completion.names(kind)("")) == expected
+    assert dict(completion.words(kind, "")) == expected
 
 
 def test_the_keys_are_those_of_the_schema():
@@ -110,7 +110,7 @@ def test_nothing_heavy_is_loaded_a_second_time(caches):
     completion._known()
     code = (
         "import sys\nfrom eqt_cli.cli import completion\n"
-        "assert completion.keys('') and completion.names('figures')('')\n"
+        "assert completion.keys('') and completion.words('figures', '')\n"
         "print([m for m in ('numpy', 'pydantic', 'h5py', 'matplotlib') if m in sys.modules])\n"
     )
     done = subprocess.run(
@@ -124,10 +124,10 @@ def test_what_was_kept_of_another_state_is_found_anew(caches, kept):
     path = caches / "eqt" / "completion.json"
     path.parent.mkdir()
     path.write_text(kept, encoding="utf-8")
-    assert completion.names("engines")("s") == [("solve_ivp", summary(engines.get("solve_ivp")))]
+    assert completion.words("engines", "s") == [("solve_ivp", summary(engines.get("solve_ivp")))]
     assert json.loads(path.read_text(encoding="utf-8"))["state"] == completion._state()
 
 
 def test_a_place_that_cannot_be_written_does_not_disturb(caches):
     (caches / "eqt").write_text("", encoding="utf-8")
-    assert completion.names("engines")("s")
+    assert completion.words("engines", "s")

@@ -47,7 +47,7 @@ def test_version(process):
 
 def test_an_internal_error_is_1_with_a_traceback(folder):
     code = (
-        "import eqt_cli.config.build as build, eqt_cli.cli as cli, sys\n"
+        "import eqt_cli.config.experiment as build, eqt_cli.cli as cli, sys\n"
         "build._group = None\n"
         "sys.argv = ['eqt', 'config', 'check', 'c.yaml']\n"
         "cli.main()\n"

@@ -316,7 +316,7 @@ FASTER = (
 def new_user(monkeypatch, tmp_path):
     """A user with a compiler and no caches, for whom every run is long."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
-    monkeypatch.setattr("eqt_cli.cli.run_report.LONG", -1.0)
+    monkeypatch.setattr("eqt_cli.cli.run.LONG", -1.0)
     monkeypatch.setattr(Native, "unavailable", lambda: None)
 
 

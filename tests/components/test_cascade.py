@@ -22,11 +22,11 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.preflight import reference_over_horizon, remarks
-from eqt_cli.config.read_study import law_names
+from eqt_cli.config.study import law_names
 from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.loop.law_program import law_program
 from eqt_cli.loop.linearised import linearised
-from eqt_cli.numbers.symbols import traced
+from eqt_cli.numbers.program import traced
 
 J, MASS, G = np.array([0.0820, 0.0845, 0.1377]), 4.34, 9.81
 KX, KV, KR, KW = 16.0, 5.6, 8.81, 2.54

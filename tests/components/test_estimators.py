@@ -13,12 +13,12 @@ from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling
 from eqt_cli.config.preflight import remarks
-from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
+from eqt_cli.config.study import study
 from eqt_cli.engines.engine import INDEFINITE, Status
+from eqt_cli.extensions.firmware.decimals import evaluated
 from eqt_cli.loop.signals import compute
-from eqt_cli.numbers.program import evaluated
-from eqt_cli.numbers.symbols import traced
+from eqt_cli.numbers.program import traced
 
 FIXES = "[{kind: noise, std: 0.02, period: 0.2}]"
 MEASURED = "[{kind: noise, std: 0.01}, {kind: bias, value: 0.05}]"

@@ -18,7 +18,7 @@ from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import LinearPlant
 from eqt_cli.components.lqr import Eqr, _Design
 from eqt_cli.components.mechanics import Gains, Tracking
-from eqt_cli.config.read_study import law_names
+from eqt_cli.config.study import law_names
 from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
 

@@ -14,9 +14,9 @@ from eqt_cli.base.option_types import validated
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.sensors import Bias, Noise
-from eqt_cli.config.read_study import study
 from eqt_cli.config.schema import ControlSection
 from eqt_cli.config.source import ConfigSource
+from eqt_cli.config.study import study
 from eqt_cli.loop.signals import compute
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import energy_residual

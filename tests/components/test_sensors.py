@@ -12,9 +12,9 @@ from eqt_cli.api import load_experiment, margins
 from eqt_cli.base import yaml_source
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.mechanics import LawInput
-from eqt_cli.config.build import build
-from eqt_cli.config.read_study import study
+from eqt_cli.config.experiment import build
 from eqt_cli.config.source import loop_in_words, read_config, signal_path
+from eqt_cli.config.study import study
 
 SE3 = """group: SE3
 inertia: [1.0, 2.0, 2.5, 3.0, 4.0, 5.0]

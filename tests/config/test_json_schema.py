@@ -17,8 +17,8 @@ from eqt_cli.components.references import references
 from eqt_cli.config import shipped
 from eqt_cli.config.designs import designs
 from eqt_cli.config.json_schema import json_schema, scale_of
-from eqt_cli.config.read_study import study
 from eqt_cli.config.source import ConfigSource
+from eqt_cli.config.study import study
 from eqt_cli.engines.engine import SolverChecks, engines
 
 

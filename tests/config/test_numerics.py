@@ -9,7 +9,7 @@ from slow_cases import mostly_slow
 
 from eqt_cli.components.initial_states import draw_initial_states
 from eqt_cli.config import preflight, shipped
-from eqt_cli.config.build import build
+from eqt_cli.config.experiment import build
 from eqt_cli.config.preflight import reference_over_horizon, remarks
 from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import Problem, engines

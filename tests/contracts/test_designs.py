@@ -8,8 +8,8 @@ import yaml
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.config.json_schema import json_schema
-from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
+from eqt_cli.config.study import study
 
 CONFIG = """\
 group: SO3

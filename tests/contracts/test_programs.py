@@ -6,9 +6,9 @@ import pytest
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.sensors import Errors
-from eqt_cli.config.build import build
+from eqt_cli.config.experiment import build
 from eqt_cli.config.source import read_config
-from eqt_cli.engines.traced_loop import LoopKey, at_instants, law_of, sampled, trace
+from eqt_cli.engines.native import at_instants, law_of, sampled, trace
 from eqt_cli.loop.law_program import NUMBER, TOLD
 from eqt_cli.loop.signals import at_state
 from eqt_cli.numbers.leaves import leaves
@@ -56,7 +56,7 @@ def signals(loop, t, state):
 def test_c_gives_the_same_signals(loop_with, states, in_c, group):
     loop = loop_with(group)
     [state] = states(loop, (1,))
-    found = in_c(sampled(signals, LoopKey(loop), (len(state),)), **given(loop, 0.3, state))
+    found = in_c(sampled(signals, loop, (len(state),)), **given(loop, 0.3, state))
     for name, expected in signals(loop, 0.3, state[None]).items():
         np.testing.assert_allclose(found[name], expected[0], rtol=0, atol=ROUNDING, err_msg=name)
 

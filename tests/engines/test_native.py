@@ -16,7 +16,7 @@ from case_tables import slow
 from exported_laws import emulated_arm
 
 import eqt_cli
-from eqt_cli.engines import compiler, library, native, traced_loop
+from eqt_cli.engines import compiler, library, native
 from eqt_cli.engines.library import evaluation_source as evaluation
 from eqt_cli.engines.library import integration_source as integration
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -279,7 +279,7 @@ def alone(batch, tmp_path_factory):
 
 def c_of(batch, lanes):
     """The C of a problem in one text."""
-    programs = traced_loop.programs(traced_loop.LoopKey(batch.problem.loop))
+    programs = native.programs(batch.problem.loop)
     texts = [integration(programs.field, lanes)]
     if after := programs.after_instant:
         stretches = [length for name, length in after.inputs if name != "errors"]
@@ -303,14 +303,14 @@ def numbers_of(batch):
         np.array([runs, len(spans), engine.max_steps, *lengths]),
         tolerances,
         problem.states,
-        traced_loop.parameter_rows(problem),
+        native.parameter_rows(problem),
     ]
     for span in spans:
         written += [
             np.array([span.later, span.tick is not None]),
             np.array([span.start, span.stop, *span.within]),
             span.grid[1 : 1 + span.later],
-            traced_loop.held_rows(problem.loop, np.array([span.start]))[0],
+            native.held_rows(problem.loop, np.array([span.start]))[0],
             *(errors_of(problem, span.tick) if span.tick is not None else ()),
         ]
     return b"".join(np.ascontiguousarray(each).tobytes() for each in written)

@@ -27,9 +27,8 @@ from mutated_configurations import _places, mistaken
 
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError
-from eqt_cli.config.read_study import study
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.config.study import Study
+from eqt_cli.config.study import Study, study
 from eqt_cli.engines.engine import Status
 from eqt_cli.runs.compute_part import NUMBERS, ROWS, compute_part, shared_reference
 from eqt_cli.runs.executors import TaskContext

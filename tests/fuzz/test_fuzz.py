@@ -14,8 +14,8 @@ import pytest
 from mutated_configurations import BASES
 from session import MOST_BYTES
 
-from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
+from eqt_cli.config.study import study
 from eqt_cli.runs.run_study import execute
 
 FULL = os.environ.get("EQT_FUZZ") == "full"

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from eqt_cli.config.read_study import study
 from eqt_cli.config.shipped import folder, names
 from eqt_cli.config.source import read_config
+from eqt_cli.config.study import study
 from eqt_cli.loop.closed_loop import STARTS, OwnStarts
 from eqt_cli.runs.batches import batches
 

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.arrays import FUNCTIONS
-from eqt_cli.numbers import symbols
+from eqt_cli.numbers import program
 
-FOLDER = Path(symbols.__file__).parent
+FOLDER = Path(program.__file__).parent
 HEADER = FOLDER / "functions.h"
 NAMES = [*FUNCTIONS, "pow"]
 STRICT = "-Wall -Wextra -Werror -pedantic -Wno-psabi -Wno-unused-function".split()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from eqt_cli.base.arrays import FUNCTIONS, apply, cross, dot, norm, sqrt, stack, where
 from eqt_cli.base.expressions import parse
 from eqt_cli.numbers.jets import Jet, series, slope, value_and_derivative
-from eqt_cli.numbers.symbols import traced
+from eqt_cli.numbers.program import traced
 
 # Smooth on all of R, so that composites have no poles; all are analytic, as a complex step needs.
 SMOOTH = ["sin", "cos", "atan", "tanh", "exp"]

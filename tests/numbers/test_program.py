@@ -19,8 +19,8 @@ from eqt_cli.numbers.program import (
     c_name,
     distinct,
     fused,
+    traced,
 )
-from eqt_cli.numbers.symbols import traced
 
 NUMPY = {
     "fma": lambda a, b, c: a * b + c,

@@ -2,11 +2,11 @@
 
 import pytest
 
-from eqt_cli.config.build import build
+from eqt_cli.config.experiment import build
 from eqt_cli.config.source import read_config
 from eqt_cli.results.metrics import METRICS, QUANTITIES, quantity_of
 from eqt_cli.results.quantity import Quantity, ValuePer
-from eqt_cli.runs.result_layout import quantities
+from eqt_cli.runs.folder import quantities
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=QUANTITIES)

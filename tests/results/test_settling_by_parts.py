@@ -9,7 +9,7 @@ from eqt_cli.components.mechanics import settling_error
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.result import open_result
-from eqt_cli.runs.result_layout import by_thresholds_of_parts
+from eqt_cli.runs.folder import by_thresholds_of_parts
 
 THRESHOLDS = {"rotation": np.radians(30), "translation": 0.4}
 FAR = 20.0

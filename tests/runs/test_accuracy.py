@@ -11,7 +11,7 @@ from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import chosen_entries, distance
 from eqt_cli.runs.compute_part import compute_part, read_part, shared_reference
 from eqt_cli.runs.executors import TaskContext
-from eqt_cli.runs.result_layout import Layout
+from eqt_cli.runs.folder import Layout
 
 NATIVE = "{engine: native, rtol: 1.0e-6, atol: 1.0e-6, cross_check: 0}"
 

@@ -22,7 +22,8 @@ from eqt_cli.base.reporting import reporting
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.engines.engine import Status
 from eqt_cli.results.result import open_result
-from eqt_cli.runs import compute_part, result_layout, run_study
+from eqt_cli.runs import compute_part, run_study
+from eqt_cli.runs import folder as result_folder
 from eqt_cli.runs.batches import batches
 from eqt_cli.runs.executors import Executor, Outcome, Serial
 from eqt_cli.runs.folder import ResultFolder
@@ -362,9 +363,9 @@ def test_a_part_that_lacks_a_number_is_computed_again(make, whole, begun):
 def execute_without(name, *arguments, **options):
     """As a version of eqt computes it that does not keep a quantity."""
     with pytest.MonkeyPatch.context() as patch:
-        known = result_layout.quantities
+        known = result_folder.quantities
         patch.setattr(
-            result_layout, "quantities", lambda *of: [q for q in known(*of) if q.name != name]
+            result_folder, "quantities", lambda *of: [q for q in known(*of) if q.name != name]
         )
         execute(*arguments, **options)
 

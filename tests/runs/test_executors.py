@@ -20,7 +20,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.process import STOP_SIGNALS, Interrupted, as_exceptions
 from eqt_cli.base.reporting import Reporter, reporting, step
 from eqt_cli.cli.options import Setup
-from eqt_cli.cli.run_report import executor_from
+from eqt_cli.cli.run import executor_from
 from eqt_cli.runs import executors as auto
 from eqt_cli.runs.executors import MOST_TRIES, NEEDED, Auto, Local, Outcome, executors
 

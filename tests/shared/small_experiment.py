@@ -2,8 +2,8 @@
 
 import yaml
 
-from eqt_cli.config.read_study import add_grids, study
 from eqt_cli.config.source import read_config
+from eqt_cli.config.study import add_grids, study
 
 LINES = {
     "group": "SO3",

@@ -43,7 +43,7 @@ from eqt_cli.base.files import (
 from eqt_cli.base.store_writer import Table, write
 from eqt_cli.cli import main
 from eqt_cli.cli.app import app
-from eqt_cli.config import read_study
+from eqt_cli.config import study as studies
 from eqt_cli.runs.folder import CONFIG as CONFIG_NAME
 from eqt_cli.runs.folder import FILES, PLUGINS, RERUN, RESULT_ENTRIES
 from eqt_cli.runs.lock import LOCK, MANIFEST, PARTS, holder, locked
@@ -173,7 +173,7 @@ def _only_folders():
     page = '<!DOCTYPE html>\n<meta name="generator" content="eqt test">\n'
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("eqt_cli.cli.app.app", get_command(app))
-        patch.setattr(read_study, "study", _once(read_study.study))
+        patch.setattr(studies, "study", _once(studies.study))
         patch.setattr(Search, "read", _once(Search.read))
         patch.setattr("eqt_cli.figures.render.figure_from", lambda name, _: _Figure(name))
         patch.setattr("eqt_cli.figures.render.curves", lambda _: [])

@@ -10,8 +10,8 @@ import pytest
 from said import error_of
 
 from eqt_cli.base.errors import ConfigError, FullDiskError
-from eqt_cli.config.read_study import study
 from eqt_cli.config.source import read_config
+from eqt_cli.config.study import study
 from eqt_cli.runs import preflight
 from eqt_cli.runs.executors import _portable
 from eqt_cli.runs.run_study import Shard, execute, pack_folder

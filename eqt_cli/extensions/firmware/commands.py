@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eqt_cli.base.errors import EqtError
-from eqt_cli.cli import completion, options
+from eqt_cli.cli import options
 from eqt_cli.cli.output import print_findings, table
 
 if TYPE_CHECKING:
@@ -22,9 +22,7 @@ def export(
         Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
     ],
     controller: Annotated[list[str] | None, options.option("--controller")] = None,
-    real: Annotated[
-        str, options.option("--real", autocompletion=completion.words(*REALS))
-    ] = "double",
+    real: Annotated[str, options.option("--real", known=REALS)] = "double",
     out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
     reference: Annotated[bool, options.option("--reference")] = False,
     set_: options.Set = None,

@@ -31,10 +31,12 @@ from eqt_cli.base.version import __version__
 from eqt_cli.config.source import loop_in_words
 from eqt_cli.config.study import Study
 from eqt_cli.engines.compiler import run
+from eqt_cli.extensions.firmware.c_headers import headers, needed
+from eqt_cli.extensions.firmware.decimals import evaluated
 from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic
 from eqt_cli.loop.law_program import MEMORY, NUMBER, PERIOD, TOLD, TORQUE, Entry, name_of_number
-from eqt_cli.numbers.program import Program, c_function, evaluated, headers, needed
+from eqt_cli.numbers.program import Program, c_function
 
 # The files of an exported law: its header, its source, and the program that checks them -----------
 

@@ -21,8 +21,7 @@ from eqt_cli.components.sensors import CHANNEL_MEASURED as ARRIVED
 from eqt_cli.components.sensors import Errors
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
-from eqt_cli.engines.native import compiled_if_faster
-from eqt_cli.engines.traced_loop import law_of
+from eqt_cli.engines.native import compiled_if_faster, law_of
 from eqt_cli.extensions.firmware.program_error import FLOAT, Arithmetic, BoundedOutput, bounded
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import (
@@ -38,8 +37,7 @@ from eqt_cli.loop.law_program import (
     sizes,
 )
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
-from eqt_cli.numbers.program import Program, distinct
-from eqt_cli.numbers.symbols import traced
+from eqt_cli.numbers.program import Program, distinct, traced
 from eqt_cli.runs.batches import batches
 
 # The filter of an exported law: its program, and instants at which it is checked ------------------

@@ -24,8 +24,7 @@ from eqt_cli.components.log_table import (
     recording_text,
 )
 from eqt_cli.components.recording_check import Recording, read_recording
-from eqt_cli.config.build import build
-from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.experiment import Experiment, build
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.extensions.recordings import plant_fit
 from eqt_cli.extensions.recordings.check import LogCheck, check_text

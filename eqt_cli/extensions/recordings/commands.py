@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import EqtError
-from eqt_cli.cli import completion, options, output
+from eqt_cli.cli import options, output
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import laid_out, print_findings, say
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from eqt_cli.extensions.recordings.check import LogCheck
 
 Measured = Annotated[Path, options.option("--measured")]
-Hold = Annotated[str, options.option("--hold", autocompletion=completion.words("zero", "linear"))]
+Hold = Annotated[str, options.option("--hold", known=("zero", "linear"))]
 Delay = Annotated[float, options.option("--delay")]
 
 
@@ -165,9 +165,7 @@ def check_log(
         Path, typer.Argument(metavar="FILE", help="Recording: CSV, TUM, EuRoC or PX4 (.ulg).")
     ],
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
-    format_: Annotated[
-        str, options.option("--format", autocompletion=completion.words("csv", "tum", "euroc"))
-    ] = "csv",
+    format_: Annotated[str, options.option("--format", known=("csv", "tum", "euroc"))] = "csv",
     group: Annotated[str | None, options.option("--group")] = None,
     json: options.Json = False,
     quiet: options.Quiet = False,

@@ -1,6 +1,6 @@
 """Which definitions of a header a text needs, and what of a header is for one lane."""
 
-from eqt_cli.numbers.program import FLOAT_HEADER, _of_one_lane, headers, needed
+from eqt_cli.extensions.firmware.c_headers import FLOAT_HEADER, _of_one_lane, headers, needed
 
 HEADER = """\
 /* About all of it,

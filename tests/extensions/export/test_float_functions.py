@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.arrays import FUNCTIONS
-from eqt_cli.numbers.program import FLOAT_HEADER, headers, needed
+from eqt_cli.extensions.firmware.c_headers import FLOAT_HEADER, headers, needed
 
 NAMES = [*FUNCTIONS, "pow"]
 LIMITS = {

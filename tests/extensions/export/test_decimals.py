@@ -6,8 +6,8 @@ import pytest
 
 from eqt_cli.base import arrays
 from eqt_cli.base.arrays import FUNCTIONS, less, where
-from eqt_cli.numbers.program import evaluated
-from eqt_cli.numbers.symbols import traced
+from eqt_cli.extensions.firmware.decimals import evaluated
+from eqt_cli.numbers.program import traced
 
 ARGUMENTS = {
     "acosh": [1.0, 1.25, 40.0],

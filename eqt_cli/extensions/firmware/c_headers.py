@@ -1,0 +1,106 @@
+"""The definitions in C that an exported program needs, out of the headers of programs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER
+
+FLOAT_HEADER = Path(__file__).with_name("float_functions.h")
+"""Header of the types and functions of programs in float."""
+
+_DEFINED = re.compile(
+    r"^#define (\w+)|^(?:EQT_INLINE|EQT_RARE)[\w ]* \*?(\w+)\(|^static const \w+ (\w+)\["
+    r"|^typedef [^;{]*?(\w+)(?: __attribute__.*)?;|^\} (\w+);",
+    re.MULTILINE,
+)
+_NAME = re.compile(r"\b(?:eqt|EQT)_\w+")
+_RULE = re.compile(r"/\* .* -{10,} \*/")
+_GUARD = re.compile(r"#define EQT_\w+_H")
+_CONDITION = re.compile(r"#(if|ifdef|ifndef|elif|else|endif)\b(.*)")
+
+
+def headers(real: str) -> str:
+    """Return the types and functions of programs in ``double`` or ``float``, with one lane."""
+    paths = [FLOAT_HEADER] if real == "float" else [LANES_HEADER, FUNCTIONS_HEADER]
+    texts = [path.read_text(encoding="utf-8") for path in paths]
+    return "\n".join(map(_of_one_lane, texts))
+
+
+def needed(text: str, header: str) -> str:
+    """Return the definitions of a header that a text needs, in the order of the header.
+
+    Names that the text defines itself are left out.
+    """
+    own = set(_defined(text))
+    units = [unit for unit in _units(header) if not own.intersection(_defined(unit))]
+    wanted = set(_NAME.findall(text))
+    chosen: set[int] = set()
+    for index in reversed(range(len(units))):  # definitions stand before their use
+        if wanted.intersection(_defined(units[index])):
+            chosen.add(index)
+            wanted.update(_NAME.findall(units[index]))
+    return "\n".join(units[index] for index in sorted(chosen))
+
+
+def _defined(text: str) -> Iterator[str]:
+    return (name for found in _DEFINED.findall(text) for name in found if name)
+
+
+def _units(header: str) -> Iterator[str]:
+    """Yield the definitions of a header, each with the comment before it."""
+    lines: list[str] = []
+    depth = conditions = 0
+    comment = False
+    for line in header.splitlines():
+        if _RULE.fullmatch(line) or (not line.strip() and not depth and not conditions):
+            lines = [] if not comment else lines
+            continue
+        lines.append(line)
+        comment = ("/*" in line or comment) and "*/" not in line.rpartition("/*")[2]
+        code = re.sub(r"/\*.*?\*/", "", line).rstrip()
+        if comment:
+            continue
+        if found := _CONDITION.match(line):
+            conditions += {"if": 1, "ifdef": 1, "ifndef": 1, "endif": -1}.get(found[1], 0)
+        depth += code.count("{") - code.count("}")
+        ends = code.endswith((";", "}")) or (code.startswith("#") and not code.endswith("\\"))
+        if not depth and not conditions and ends:
+            yield "\n".join(lines) + "\n"
+            lines = []
+
+
+def _of_one_lane(header: str) -> str:
+    """Return a header for one lane, without guard, includes and conditions on the lanes."""
+    branches: list[str] = []  # the fate of each condition around a line
+    kept = [
+        line
+        for line in header.splitlines()
+        if _stays(line, branches) and not line.startswith("#include") and not _GUARD.fullmatch(line)
+    ]
+    text = "\n".join(kept).replace("EQT_LANES", "1")
+    return text.replace("static EQT_CONSTANT const", "static const")
+
+
+def _stays(line: str, branches: list[str]) -> bool:
+    """Return whether a line stays; a condition begins, changes or ends the last branch."""
+    match = _CONDITION.match(line)
+    skipped = "skipped" in branches
+    if match is None:
+        return not skipped
+    if match[1] in ("if", "ifdef", "ifndef"):
+        branches.append("skipped" if skipped else _branch(line))
+        return branches[-1] == "kept"
+    if match[1] == "endif":
+        return branches.pop() == "kept" and "skipped" not in branches
+    if branches[-1] == "taken":
+        branches[-1] = "skipped"
+    return not skipped and branches[-1] == "kept"
+
+
+def _branch(line: str) -> str:
+    if line == "#if EQT_LANES == 1" or re.fullmatch(r"#ifndef EQT_(\w+_H|DEVICE)", line):
+        return "taken"
+    return "skipped" if line == "#ifndef EQT_LANES" else "kept"
