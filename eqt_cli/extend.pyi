@@ -140,6 +140,7 @@ from eqt_cli.components.vehicle_parts import Numbers as Numbers
 from eqt_cli.components.waypoints import WaypointsReference as WaypointsReference
 from eqt_cli.components.wheels import Wheels as Wheels
 from eqt_cli.config.designs import Cases as Cases
+from eqt_cli.config.designs import Concat as Concat
 from eqt_cli.config.designs import Design as Design
 from eqt_cli.config.designs import Grid as Grid
 from eqt_cli.config.designs import LatinHypercube as LatinHypercube
@@ -149,7 +150,6 @@ from eqt_cli.config.designs import Sampled as Sampled
 from eqt_cli.config.designs import SampledAxis as SampledAxis
 from eqt_cli.config.designs import Sobol as Sobol
 from eqt_cli.config.designs import Zip as Zip
-from eqt_cli.config.sweep import Concat as Concat
 from eqt_cli.engines.engine import Engine as Engine
 from eqt_cli.engines.engine import Failure as Failure
 from eqt_cli.engines.engine import Integrator as Integrator

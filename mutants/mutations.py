@@ -18,7 +18,6 @@ CORE = (
     "loop",
     "engines",
     "config/designs.py",
-    "config/sweep.py",
     "analysis/intervals.py",
     "analysis/compare.py",
     "analysis/margins.py",

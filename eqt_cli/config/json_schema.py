@@ -18,9 +18,8 @@ from eqt_cli.base.errors import EqtError, parse_key, suggestion
 from eqt_cli.base.option_types import Kind, Scale, option_names, owners
 from eqt_cli.base.registry import meanings, option_of_field, summary
 from eqt_cli.components.groups import groups
-from eqt_cli.config.designs import designs
+from eqt_cli.config.designs import BLOCK, designs
 from eqt_cli.config.schema import DEFAULT_ENGINE, Config, OwnGainsSection, not_swept
-from eqt_cli.config.sweep import BLOCK
 from eqt_cli.engines.engine import SolverChecks, engines
 
 

@@ -235,7 +235,9 @@ def _stretch(loop: ClosedLoop, parameter: str) -> tuple[str, slice]:
 
 
 @lru_cache(maxsize=64)
-def sampled(function: SampledFunction, loop: ClosedLoop, lengths: tuple[int, ...]) -> Program | None:
+def sampled(
+    function: SampledFunction, loop: ClosedLoop, lengths: tuple[int, ...]
+) -> Program | None:
     """Trace a function of the loop; None if it does what programs cannot.
 
     Its rows of numbers follow each other in ``state``. Unlike a law, such a function need not be

@@ -8,8 +8,7 @@ from pydantic import TypeAdapter
 from said import cases
 
 from eqt_cli.base.errors import Problems
-from eqt_cli.config.designs import Choices, DrawnRange, Spaced
-from eqt_cli.config.sweep import Sweep
+from eqt_cli.config.designs import Choices, DrawnRange, Spaced, Sweep
 
 
 def sweep(*blocks):
