@@ -13,6 +13,7 @@ from zlib import crc32
 import numpy as np
 
 from eqt_cli.analysis.intervals import Resampling, relative_difference
+from eqt_cli.analysis.maps import NOBODY, RULE, decide
 from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.files import CASE
@@ -490,7 +491,7 @@ class AtEqualCost:
     Attributes
     ----------
     better, worse
-        Labels of the laws.
+        Labels of the laws, the smaller mean error first.
     cost
         Mean cost of both.
     error, other_error
@@ -500,6 +501,10 @@ class AtEqualCost:
     smallest, largest
         Smallest and largest reduction between the front of any search for one law and that of any
         search for the other, on the runs of the search; NaN where no search reaches this cost.
+    winner
+        Label of the better law where it wins, as in a map; else what such points are called.
+    p_value
+        P-value of the sign test, adjusted for all compared costs; NaN if the runs are too few.
     """
 
     better: str
@@ -512,6 +517,13 @@ class AtEqualCost:
     high: float
     smallest: float
     largest: float
+    winner: str = ""
+    p_value: float = math.nan
+
+    @property
+    def wins(self) -> bool:
+        """Whether the better law wins."""
+        return self.winner == self.better
 
     @property
     def over_searches(self) -> str:
@@ -544,7 +556,7 @@ def fronts(result: Result, record: Record) -> list[Front]:
 def at_equal_cost(
     fronts: Sequence[Front], how: Resampling, shares: Sequence[float] = SHARES
 ) -> list[AtEqualCost]:
-    """Compare all pairs of laws at several costs that both fronts reach."""
+    """Compare all pairs of laws at several costs that both fronts reach, each as in a map."""
     places = []
     for one, other in combinations(fronts, 2):
         low = max(one.span[0], other.span[0])
@@ -553,7 +565,20 @@ def at_equal_cost(
             log = low > 0
             costs = [low * (high / low) ** x if log else low + x * (high - low) for x in shares]
             places += [(one, other, cost) for cost in costs]
-    return [_compared(one, other, cost, how.confidence) for one, other, cost in places]
+    if not places:
+        return []
+    pairs = [_compared(one, other, cost, how.confidence) for one, other, cost in places]
+    of_law = {front.law: front for front in fronts}
+    errors = np.array([[of_law[x].at(p.cost) for x in (p.better, p.worse)] for p in pairs])
+    found = decide(errors, np.zeros(errors.shape[:2]), how.confidence)
+    return [
+        replace(
+            pair,
+            winner=found.without_winner if winner == NOBODY else pair.better,
+            p_value=float(p_value),
+        )
+        for pair, winner, p_value in zip(pairs, found.winner, found.p_values, strict=True)
+    ]
 
 
 def _compared(one: Front, other: Front, cost: float, confidence: float) -> AtEqualCost:
@@ -566,22 +591,19 @@ def _compared(one: Front, other: Front, cost: float, confidence: float) -> AtEqu
     return AtEqualCost(better.law, worse.law, cost, *means, *saved, min(shares), max(shares))
 
 
-def sentences(result: Result, record: Record, how: Resampling) -> list[str]:
-    """Compare all pairs of laws in the middle of their common range of costs, in words."""
+def sentences(result: Result, record: Record, pairs: Sequence[AtEqualCost]) -> list[str]:
+    """Compare pairs of laws at equal cost, in words."""
     cost, error = map(result.quantity, record["objectives"])
     write = Plain()
     unit = write.unit(result.units(cost.name))
     more = "more" if error.better == "higher" else "less"
     lines = []
-    for pair in at_equal_cost(fronts(result, record), how, (0.5,)):
+    for pair in pairs:
         better, worse = law_title(pair.better), law_title(pair.worse)
         at = f"At equal {write.name(cost)} of {abs(pair.cost):.3g}{f' {unit}' if unit else ''}"
         what = f"has {pair.lead} {more} {write.name(error)} than {worse}."
-        if not pair.low > 0:
-            what = (
-                f"and {worse} differ in {write.name(error)} by less than these runs can resolve "
-                f"({pair.lead})."
-            )
+        if not pair.wins:
+            what = f"and {worse}: {pair.winner} in {write.name(error)} ({pair.lead} {more})."
         lines.append(f"{at}, {better} {what}")
     return lines
 
@@ -589,15 +611,17 @@ def sentences(result: Result, record: Record, how: Resampling) -> list[str]:
 def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampling) -> TextTable:
     """Return the table of all pairs of laws at several costs that both fronts reach."""
     cost, error = record["objectives"]
+    pairs = at_equal_cost(fronts(result, record), how)
     rows = [
         [
             write.text(f"{law_title(pair.better)}, {law_title(pair.worse)}"),
             significant(abs(pair.cost)),
             *(significant(abs(x)) for x in (pair.error, pair.other_error)),
             write.text(pair.lead),
+            write.text(law_title(pair.better) if pair.wins else pair.winner),
             write.text(pair.over_searches),
         ]
-        for pair in at_equal_cost(fronts(result, record), how)
+        for pair in pairs
     ]
     unit = write.unit(result.units(cost))
     caption = (
@@ -605,14 +629,16 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
         f"{write.name(result.quantity(cost))}{f', {unit}' if unit else ''}"
     )
     note = (
-        "Between two neighbours on a front, costs and errors are interpolated. Each interval is "
+        f"A law is better where it is {RULE}, after Holm (1979) over the rows. Between two "
+        "neighbours on a front, costs and errors are interpolated. Each interval is "
         "that of a paired difference; it does not include how close the search came to the true "
         "front. Over searches: the same between the fronts of single searches, on the runs of the "
         "search."
     )
     header = [
-        *("laws, the better first", "cost", "error", "error of the other"),
-        *("less by", "over searches"),
+        *("laws, the smaller mean first", "cost", "error", "error of the other"),
+        *("less by", "better", "over searches"),
     ]
-    notes = [write.text(text) for text in (*sentences(result, record, how), note)]
+    middle = pairs[len(SHARES) // 2 :: len(SHARES)]
+    notes = [write.text(text) for text in (*sentences(result, record, middle), note)]
     return TextTable("fronts", caption, header, [Block("", rows)] if rows else [], notes)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,15 @@ from eqt_cli.results.result import Result, SweptKey, mean_over_runs
 
 
 NOBODY = -1
+
+UNDECIDED, TOO_FEW_RUNS = "undecided", "too few runs"
+"""Verdicts without a winner; the second where no law could win with so few runs."""
+
+RULE = (
+    "better in more than half of the runs, by sign tests on the same initial states, and in the "
+    "mean"
+)
+"""When a law wins, in words; `decide` tests it."""
 
 _NUMBERS = 10_000_000
 """Largest number of resampled means in memory."""
@@ -102,6 +111,8 @@ class Map:
         The comparison at each point.
     fewest
         Number of runs with which a law could win at a point; with fewer, none wins.
+    without_winner
+        What points without a winner are called: `UNDECIDED`, or `TOO_FEW_RUNS`.
     confidence
         Confidence of each interval, and 1 minus the allowed probability of any false win.
     """
@@ -114,25 +125,24 @@ class Map:
     means: Array
     cells: list[Cell]
     fewest: int
+    without_winner: str
     confidence: float
 
     @property
     def has_too_few_runs(self) -> bool:
         """Whether no law could win at any point."""
-        return self.runs < self.fewest
+        return self.without_winner == TOO_FEW_RUNS
 
     def verdict(self, cell: Cell) -> str:
         """Return the winner of a point, or why there is none."""
         if cell.winner != NOBODY:
             return self.titles[cell.winner]
-        if self.has_too_few_runs:
-            return "too few runs"
-        if cell.in_most_runs not in (NOBODY, cell.best):
-            most, best = self.titles[cell.in_most_runs], self.titles[cell.best]
-            if cell.failed[cell.in_most_runs] > cell.failed[cell.best]:
-                return f"{most} in most runs, but {best} fails less"
-            return f"{most} in most runs, {best} in the mean"
-        return "undecided"
+        if cell.in_most_runs in (NOBODY, cell.best):
+            return self.without_winner
+        most, best = self.titles[cell.in_most_runs], self.titles[cell.best]
+        if cell.failed[cell.in_most_runs] > cell.failed[cell.best]:
+            return f"{most} in most runs, but {best} fails less"
+        return f"{most} in most runs, {best} in the mean"
 
     def wins(self, law: int) -> int:
         """Return the number of points that a law wins."""
@@ -191,13 +201,10 @@ def compare_map(
     # Laws with more failed runs come last: their other runs are a biased sample.
     order = np.lexsort((np.where(np.isfinite(costs), costs, np.inf), failed), axis=-1)
     points = np.arange(len(values))
-    ahead, p_values = _better_in_most_runs(quantity.cost(values))
-    fewest = _fewest(len(points), how.confidence)
-    adjusted = _adjusted(p_values if result.runs >= fewest else np.full(len(points), np.nan))
-    decided = adjusted <= 1 - how.confidence
+    decision = decide(quantity.cost(values), failed, how.confidence)
     # The law that is better in most runs is the best one, unless the means contradict.
-    agrees = decided & _better_in_the_mean(quantity.cost(values), failed, ahead)
-    order = np.where(agrees[:, None], _first(order, ahead), order)
+    agrees = decision.winner != NOBODY
+    order = np.where(agrees[:, None], _first(order, decision.winner), order)
     best, runner_up = order[:, 0], order[:, 1]
     differences = resolved_differences(values[points, best], values[points, runner_up])
     ends = _intervals(differences, how) if intervals else np.full((len(points), 3), np.nan)
@@ -209,8 +216,8 @@ def compare_map(
             best=int(best[point]),
             runner_up=int(runner_up[point]),
             wins=bool(agrees[point]) and count != 0,
-            in_most_runs=int(ahead[point]) if decided[point] else NOBODY,
-            p_value=float(adjusted[point]),
+            in_most_runs=int(decision.in_most_runs[point]),
+            p_value=float(decision.p_values[point]),
             difference=Interval(*ends[point].tolist()),
             lead=relative_difference(
                 differences[point], values[point, runner_up[point]], how.confidence
@@ -223,8 +230,50 @@ def compare_map(
         for count in [None if settled is None else int(settled[point, best[point]])]
     ]
     labels, titles = ([names[k] for k in chosen] for names in (result.labels, result.titles))
-    unit = result.units(metric)
-    return Map(quantity, unit, labels, titles, result.runs, means, cells, fewest, how.confidence)
+    about, kind = (result.units(metric), labels, titles, result.runs, means, cells), decision[-2:]
+    return Map(quantity, *about, *kind, how.confidence)
+
+
+class Decision(NamedTuple):
+    """Which laws win at several points.
+
+    Attributes
+    ----------
+    winner, in_most_runs : (points,)
+        The law that wins, and the one that is better than all others in more than half of the runs;
+        `NOBODY` where the runs decide neither.
+    p_values : (points,)
+        Adjusted p-values of the sign tests; NaN if the runs are too few.
+    fewest
+        Number of runs with which a law could win.
+    without_winner
+        What points without a winner are called: `TOO_FEW_RUNS` where there are fewer runs.
+    """
+
+    winner: Array
+    in_most_runs: Array
+    p_values: Array
+    fewest: int
+    without_winner: str
+
+
+def decide(costs: Array, failed: Array, confidence: float) -> Decision:
+    """Return the winners among laws at several points, as `compare_map` defines them.
+
+    Parameters
+    ----------
+    costs : (points, laws, runs)
+        Less is better; NaN for a run that failed.
+    failed : (points, laws)
+        Numbers of failed runs.
+    """
+    points, _, runs = costs.shape
+    fewest = math.ceil(1 - math.log2((1 - confidence) / points))  # 2^(1-n) ≤ (1 - c)/points
+    ahead, raw = _better_in_most_runs(costs)
+    adjusted = _adjusted(raw if runs >= fewest else np.full(points, np.nan))
+    most = np.where(adjusted <= 1 - confidence, ahead, NOBODY)
+    winner = np.where(_better_in_the_mean(costs, failed, most), most, NOBODY)
+    return Decision(winner, most, adjusted, fewest, UNDECIDED if runs >= fewest else TOO_FEW_RUNS)
 
 
 def _intervals(rows: Array, how: Resampling) -> Array:
@@ -283,11 +332,6 @@ def _first(order: Array, law: Array) -> Array:
     return np.take_along_axis(order, np.argsort(order != law[:, None], axis=-1, kind="stable"), -1)
 
 
-def _fewest(points: int, confidence: float) -> int:
-    """Return how many runs could show a win at one of so many points: 2^(1-n) ≤ (1-c)/points."""
-    return math.ceil(1 - math.log2((1 - confidence) / points))
-
-
 def _adjusted(p_values: Array) -> Array:
     """Adjust p-values after Holm; NaN counts as no test."""
     order = np.argsort(p_values)  # NaN last
@@ -318,8 +362,7 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
         for law, title in enumerate(wins.titles)
     ]
     undecided = sum(cell.winner == NOBODY for cell in wins.cells)
-    name_of_rest = "too few runs" if wins.has_too_few_runs else "undecided"
-    counted.append([name_of_rest, str(undecided), "", ""])
+    counted.append([wins.without_winner, str(undecided), "", ""])
     summary = TextTable(
         "winners",
         f"Which law has the better {name}, at {points} points of {wins.runs} runs each",
@@ -350,8 +393,7 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
 def _notes(wins: Map) -> list[str]:
     share = f"{100 * (1 - wins.confidence):g} %"
     notes = [
-        "A law wins at a point where it is better than every other one in more than half of the "
-        "runs, by sign tests on the same initial states, and in the mean. The largest p-value "
+        f"A law wins at a point where, against every other one, it is {RULE}. The largest p-value "
         "over the other laws counts, and those of the points are adjusted after Holm (1979): "
         f"with probability {share} at most, any win is false. Failures rarer than 3/n of the runs, "
         f"here {300 / wins.runs:.2g} %, are not excluded."
@@ -545,7 +587,7 @@ def _compared(result: Result) -> Iterator[str]:
 def _won(wins: Map) -> str:
     """As in ``Points won by mean ‖I − Q_E‖: EqT 3, GT 12, undecided 5``."""
     counts = {title: wins.wins(law) for law, title in enumerate(wins.titles)}
-    counts["too few runs" if wins.has_too_few_runs else "undecided"] = wins.wins(NOBODY)
+    counts[wins.without_winner] = wins.wins(NOBODY)
     points = ", ".join(f"{name} {count}" for name, count in counts.items())
     return f"Points won by {Plain().name(wins.quantity)}: {points}."
 

@@ -1,7 +1,7 @@
 """Tables of the outcome of a search, from its record and its judged runs."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -18,6 +18,7 @@ from eqt_cli.analysis.intervals import (
     relative_difference,
     resolved_differences,
 )
+from eqt_cli.analysis.maps import NOBODY, RULE, decide
 from eqt_cli.analysis.search_record import AGREEING, values_text
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, listed, significant
@@ -106,10 +107,35 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     between = [pair for pair in comparison.pairs if {pair.first, pair.second} <= tuned]
     shown = replace(comparison, pairs=between, levels=[], judgements=[])
     pairs = text_tables(shown, _WRITE, brief=True)
+    if "pairs" in pairs:
+        notes = [*pairs["pairs"].notes, *_ranking(result, record["objectives"][0], tuned)]
+        pairs["pairs"] = replace(pairs["pairs"], notes=notes)
     winners = _winners(result, record, comparison, _violated(cases, record))
     searches = searches_table(result, record)
     made = [winners, _by_case(cases, record), bounds, *pairs.values(), searches]
     return [table for table in made if table.blocks]
+
+
+def _ranking(result: Result, name: str, tuned: Collection[str]) -> Iterator[str]:
+    """Say which of the tuned laws are better than which, each pair as a point of a map."""
+    laws = [k for k, label in enumerate(result.labels) if label in tuned]
+    pairs = list(combinations(laws, 2))
+    costs = result.quantity(name).cost(result.counted(name))[np.array(pairs)]
+    failed = np.count_nonzero(~result.good[np.array(pairs)], axis=-1)
+    found = decide(costs, failed, Resampling.confidence)
+    verdicts: dict[str, list[str]] = {}
+    for pair, winner in zip(pairs, found.winner.tolist(), strict=True):
+        first, second = (result.titles[k] for k in pair)
+        better, other = f"{found.without_winner}:", f"{first} – {second}"
+        if winner != NOBODY:
+            better, other = f"{(first, second)[winner]} is better than", (second, first)[winner]
+        verdicts.setdefault(better, []).append(other)
+    yield (
+        f"By {result.quantity(name).described}, a law is better where it is {RULE}, after Holm "
+        f"(1979) over the pairs. "
+        + "; ".join(f"{words} {listed(others)}" for words, others in verdicts.items())
+        + "."
+    )
 
 
 def _by_case(cases: Mapping[str, Result], record: Record) -> TextTable:

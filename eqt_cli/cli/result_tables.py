@@ -77,7 +77,7 @@ def outcome_record(result: Result) -> dict[str, Any]:
     won = {
         winner_map.quantity.name: {
             **{label: winner_map.wins(law) for law, label in enumerate(winner_map.labels)},
-            "undecided": winner_map.wins(NOBODY),
+            winner_map.without_winner: winner_map.wins(NOBODY),
         }
         for winner_map in winners(result)
     }

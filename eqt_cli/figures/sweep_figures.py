@@ -353,7 +353,9 @@ def _explain_winners(drawing: Drawing, colours: Sequence[str], wins: Map, failed
     too_few = wins.has_too_few_runs
     patches = {}
     if not too_few:
-        patches[f"undecided: {wins.wins(NOBODY)}"] = Patch(facecolor=colours[0], **frame)
+        patches[f"{wins.without_winner}: {wins.wins(NOBODY)}"] = Patch(
+            facecolor=colours[0], **frame
+        )
     for law, title in enumerate(wins.titles):
         name = title if too_few else f"{title}: {wins.wins(law)}"
         tint = _PALE_TINT if too_few else _TINT

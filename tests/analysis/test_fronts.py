@@ -33,6 +33,7 @@ def test_a_law_with_a_fifth_less_error_is_found_to_have_it():
         assert (pair.better, pair.worse) == ("a", "b")
         assert pair.relative == pytest.approx(0.2, abs=1e-3)
         assert 2 < pair.cost < 10
+        assert pair.wins
 
 
 def test_the_order_of_the_laws_does_not_matter():
@@ -53,9 +54,23 @@ def test_what_is_not_known_of_the_cost_is_in_the_interval():
     assert one.at(2.0).std() == pytest.approx(spread[0].std())
     (pair,) = at_equal_cost([one, sure], HOW, (0.5,))
     assert pair.low <= 0
+    assert pair.winner == "undecided"
     assert (pair.high - pair.low) / 2 * sure.at(pair.cost).mean() == pytest.approx(
         1.96 * spread[0].std() / np.sqrt(RUNS), rel=0.1
     )
+
+
+def test_a_front_wins_by_the_rule_of_maps_with_all_costs_counted():
+    """Three costs take 7 runs, since 2^(1-7) ≤ 0.05/3; each has then an adjusted p of 3/64."""
+
+    def few(law, scale, runs):
+        found = front(law, fine(1, 10), scale)
+        return replace(found, cost=found.cost[:, :runs], error=found.error[:, :runs])
+
+    for runs, verdict in ((6, "too few runs"), (7, "a")):
+        pairs = at_equal_cost([few("a", 1.0, runs), few("b", 1.25, runs)], HOW)
+        assert [pair.winner for pair in pairs] == [verdict] * 3
+    assert [pair.p_value for pair in pairs] == pytest.approx([3 / 64] * 3)
 
 
 def test_fronts_that_do_not_overlap_are_not_compared():

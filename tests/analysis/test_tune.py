@@ -2,6 +2,7 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,11 +11,12 @@ import yaml
 from eqt_cli import api
 from eqt_cli.analysis.fronts import Constraint, scores
 from eqt_cli.analysis.search_record import fits_tuning
-from eqt_cli.analysis.search_tables import tuning_tables
+from eqt_cli.analysis.search_tables import _ranking, tuning_tables
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Reporter, reporting
 from eqt_cli.config import shipped
 from eqt_cli.config.source import source_of
+from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.result import open_result
 
 
@@ -194,6 +196,31 @@ def test_the_luck_of_the_searches_is_in_the_tables(searched_twice):
     assert tuned.notes[1:] == [unsettled]
     ends = [f"{end:.3g}" for end in (two[0] - two[1], two[1] - two[0])]
     assert luck.blocks[0].rows == [["EqT − family", *ends, "no"]]
+
+
+@pytest.mark.parametrize(
+    ("runs", "said"),
+    [
+        (6, "too few runs: A – B, A – C and B – C."),
+        (8, "A is better than B and C; undecided: B – C."),
+    ],
+)
+def test_tuned_laws_are_ranked_by_the_rule_of_maps(runs, said):
+    """A is better than B and C in all runs, B than C in half; three pairs take 7 runs.
+
+    2^(1-7) ≤ 0.05/3. Of the starting gains S nothing is said.
+    """
+    swing = np.where(np.arange(runs) % 2, 0.1, -0.1)
+    values = np.array([1 + 0 * swing, 2 + swing, 2 - swing, 9 + swing])
+    result = SimpleNamespace(
+        labels=["a", "b", "c", "s"],
+        titles=["A", "B", "C", "S"],
+        good=np.ones(values.shape, bool),
+        counted=lambda name: values,
+        quantity=lambda name: QUANTITIES[name],
+    )
+    (note,) = _ranking(result, "mean_pose_error", {"a", "b", "c"})
+    assert note.partition("over the pairs. ")[2] == said
 
 
 @pytest.mark.parametrize(
