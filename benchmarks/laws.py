@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks import cases
-from eqt_cli.engines.library import with_kept_comparisons
+from eqt_cli.engines.library import with_comparison_sides
 from eqt_cli.engines.native import Native, trace
 
 CASE = "reviewers"
@@ -67,7 +67,7 @@ def laws(runs: int | None, repeats: int) -> list[LawTime]:
             of_the_paper=law in own,
             runs=problem.runs,
             states=loops[law].state_length,
-            comparisons=with_kept_comparisons(trace(loops[law]).field)[1],
+            comparisons=with_comparison_sides(trace(loops[law]).field)[1],
             steps=steps[law],
             cpu=least[law],
         )

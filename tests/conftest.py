@@ -137,7 +137,7 @@ executors.WORTH_STARTING = executors.WORTH_LEAVING_THREADS = math.inf
 
 # The tests compile more laws than a user keeps, and what was forgotten is compiled in every run. So
 # they have a cache of their own, from which no command of the user removes the oldest.
-native_cache.KEPT = 5000
+native_cache.MOST_FILES = 5000
 if (
     native_cache.caches_of_user().name != "eqt-tests"
 ):  # as the workers of pytest-xdist have it already

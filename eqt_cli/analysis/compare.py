@@ -485,8 +485,8 @@ def _tells(result: Result, quantity: Quantity, window: Window) -> bool:
     """Whether its mean says more than that of the number it follows from, or that follows."""
     if quantity.censored:
         return not result.per_run(quantity, window).censored.any()
-    if quantity.told_by and quantity.name not in result.metrics:
-        return bool(result.censored(quantity.told_by).any())
+    if quantity.implied_by and quantity.name not in result.metrics:
+        return bool(result.censored(quantity.implied_by).any())
     return True
 
 

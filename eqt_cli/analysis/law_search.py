@@ -104,7 +104,7 @@ def range_of(given: TunedAxis, problems: Problems) -> DrawnRange | None:
 def require_metric(name: str, base: Experiment) -> None:
     """Raise an `InputError` unless every run stores a metric of this name."""
     stored = [quantity.name for quantity in quantities(base)]
-    known = [q.name for q in METRICS if q.name in stored or q.told_by in stored]
+    known = [q.name for q in METRICS if q.name in stored or q.implied_by in stored]
     # Those of one part of the group, such as ``effort_rotation``.
     in_parts = tuple(f"{q.name}_" for q in METRICS if q.stored_by_part)
     known += [part for part in stored if part.startswith(in_parts)]

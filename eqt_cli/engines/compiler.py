@@ -91,13 +91,13 @@ all that it starts inherit, and ends them all when this process has ended."""
 
 
 def run_contained(
-    command: Sequence[str], given: bytes, limits: Limits, folder: Path | None = None
+    command: Sequence[str], text: bytes, limits: Limits, folder: Path | None = None
 ) -> subprocess.CompletedProcess[bytes]:
     """Run a command without shell or terminal; whatever it has started ends with it.
 
     Parameters
     ----------
-    given
+    text
         What it reads from stdin.
     folder
         Its current folder. Default: an empty one.
@@ -115,7 +115,7 @@ def run_contained(
         tempfile.TemporaryFile() as out,
         tempfile.TemporaryFile() as err,
     ):
-        stdin.write(given)
+        stdin.write(text)
         stdin.seek(0)
         words = list(command)
         if not WINDOWS:
@@ -143,8 +143,8 @@ def run_contained(
 
 def no_space(said: bytes, limits: Limits) -> int | None:
     """Return the error number of a full disk or of the user's limit of file size, if it is that."""
-    own = -1 if WINDOWS else resource.getrlimit(resource.RLIMIT_FSIZE)[0]
-    if 0 <= own < limits.file and re.search(rb"File size limit exceeded|File too large", said):
+    limit = -1 if WINDOWS else resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    if 0 <= limit < limits.file and re.search(rb"File size limit exceeded|File too large", said):
         return errno.EFBIG
     return errno.ENOSPC if b"No space left on device" in said else None
 
@@ -188,7 +188,7 @@ def temporary_folder() -> Iterator[Path]:
 MOST_BYTES = 2**28
 """Largest file of a law, bytes."""
 
-KEPT = 200
+MOST_FILES = 200
 """Most files, of some 50 kB each; the least recently used are removed."""
 
 
@@ -205,7 +205,7 @@ class Cache:
         """
         for path in self.folder.glob(f"{_short(key)}-*{ending}"):
             with suppress(OSError):
-                content = _own_content(path)
+                content = _private_content(path)
                 if content is not None and path.name == _name(key, content, ending):
                     return content
                 path.unlink()
@@ -230,22 +230,22 @@ class Cache:
         for path in self.folder.iterdir():
             with suppress(OSError):  # another process has removed it
                 used.append((path.lstat().st_mtime, path))
-        for _, path in sorted(used)[:-KEPT]:
+        for _, path in sorted(used)[:-MOST_FILES]:
             with suppress(OSError):
                 path.unlink()
 
 
-def _own_content(path: Path) -> bytes | None:
+def _private_content(path: Path) -> bytes | None:
     """Return the content of a file that only this user can write to, and mark it as used."""
     with suppress(OSError), open_regular(path, follow=False) as stream:
-        found = os.fstat(stream.fileno())
-        if (os.name == "nt" or _is_private(found)) and found.st_size <= MOST_BYTES:
+        status = os.fstat(stream.fileno())
+        if (os.name == "nt" or _is_private(status)) and status.st_size <= MOST_BYTES:
             os.utime(path)
             return stream.read(MOST_BYTES)
     return None
 
 
-def own_cache() -> Cache | None:
+def user_cache() -> Cache | None:
     """Return the cache of this user; None if there is none that only the user can write to."""
     with suppress(OSError, RuntimeError):  # RuntimeError: there is no home
         folder = caches_of_user() / "eqt" / "native"
@@ -253,8 +253,8 @@ def own_cache() -> Cache | None:
         folder.mkdir(mode=0o700, exist_ok=True)
         if os.name == "nt":
             return Cache(folder)
-        found, place = folder.lstat(), folder.resolve()
-        if stat.S_ISDIR(found.st_mode) and _is_private(found):
+        status, place = folder.lstat(), folder.resolve()
+        if stat.S_ISDIR(status.st_mode) and _is_private(status):
             unsafe = next((each for each in place.parents if not _is_safe(each.stat())), None)
             if unsafe is None:
                 return Cache(place)
@@ -280,19 +280,19 @@ def caches_of_user() -> Path:
     return chosen if chosen.is_absolute() else Path.home() / ".cache"
 
 
-def _is_private(found: os.stat_result) -> bool:
+def _is_private(status: os.stat_result) -> bool:
     """Return whether it is this user's, and no one else can write to it."""
-    return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
-def _is_safe(found: os.stat_result) -> bool:
+def _is_safe(status: os.stat_result) -> bool:
     """Return whether nobody but this user and the system can replace what is in a folder.
 
     As ssh asks of the folders above a key. With its sticky bit, as /tmp, a folder lets others
     replace only what is theirs.
     """
-    shared = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    return found.st_uid in (0, os.getuid()) and (not shared or bool(found.st_mode & stat.S_ISVTX))
+    shared = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return status.st_uid in (0, os.getuid()) and (not shared or bool(status.st_mode & stat.S_ISVTX))
 
 
 def digest(text: str) -> str:
@@ -319,7 +319,7 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trappi
 LIBRARY = (*FLAGS, "-w", "-shared", *(() if WINDOWS else ("-fPIC",)))
 ENDING = ".dll" if WINDOWS else ".so"
 MATHEMATICS = () if WINDOWS else ("-lm",)
-OWN_MACHINE = "-march=native"
+THIS_MACHINE = "-march=native"
 
 SECONDS = 600.0
 """Time limit of a compiler, s."""
@@ -327,7 +327,7 @@ SECONDS = 600.0
 PREPROCESSOR = Limits(seconds=10.0, memory=2**30, file=16 * 2**20)
 """Limits of a compiler that only reads a user's files; math.h and its like take 0.1 s and 1 MB."""
 
-TOLD_LINES = 5
+MESSAGE_LINES = 5
 """Most lines of a compiler's messages that are shown."""
 
 FEATURES = {
@@ -416,10 +416,10 @@ def commands() -> list[tuple[str, ...]]:
 def _installed(folders: str) -> list[tuple[str, ...]]:
     """Look for compilers in the folders of a PATH once: every point of a sweep asks for them."""
     names = ("cc", "clang", "gcc")
-    found = [(path,) for name in names if (path := shutil.which(name, path=folders))]
+    compilers = [(path,) for name in names if (path := shutil.which(name, path=folders))]
     zig = [(sys.executable, "-m", "ziglang", "cc")] if find_spec("ziglang") else []
     # Others on Windows may be for another system than Python's.
-    return [*zig, *found] if WINDOWS else [*found, *zig]
+    return [*zig, *compilers] if WINDOWS else [*compilers, *zig]
 
 
 def _words(called: str) -> tuple[str, ...]:
@@ -468,21 +468,21 @@ def _first(called: tuple[tuple[str, ...], ...]) -> Compiler:
     raise errors[0] if errors else TraceError(missing() or "there is no C compiler")
 
 
-def _asked(command: tuple[str, ...]) -> Compiler:
+def _queried(command: tuple[str, ...]) -> Compiler:
     """Return the compiler of a command, as described by the macros that it defines."""
     said = ""
-    for flags in ((OWN_MACHINE,), ()):
+    for flags in ((THIS_MACHINE,), ()):
         answer = run([*command, *flags, "-dM", "-E", "-x", "c", "-"])
         if answer.returncode == 0 and "#define" in answer.stdout:
             return _read(command, flags, answer.stdout)
         said = answer.stderr or answer.stdout
     raise TraceError(
-        f"the C compiler {shlex.join(command)} does not work", CHOOSE, lines=_told(said)
+        f"the C compiler {shlex.join(command)} does not work", CHOOSE, lines=_error_lines(said)
     )
 
 
-def _read(command: tuple[str, ...], flags: tuple[str, ...], told: str) -> Compiler:
-    macros = dict(re.findall(r"^#define (\w+) (.*)$", told, re.MULTILINE))
+def _read(command: tuple[str, ...], flags: tuple[str, ...], text: str) -> Compiler:
+    macros = dict(re.findall(r"^#define (\w+) (.*)$", text, re.MULTILINE))
     if wrong := [name for name, value in INEXACT.items() if macros.get(name) == value]:
         raise TraceError(
             f"the C compiler {shlex.join(command)} does not round as IEEE 754 says "
@@ -496,7 +496,7 @@ def _read(command: tuple[str, ...], flags: tuple[str, ...], told: str) -> Compil
         flags,
         " ".join([name, *said[:1]]),
         tuple(words for macro, words in FEATURES.items() if macro in macros),
-        digest(told),
+        digest(text),
     )
 
 
@@ -505,18 +505,18 @@ def _read(command: tuple[str, ...], flags: tuple[str, ...], told: str) -> Compil
 
 def _described(command: tuple[str, ...]) -> Compiler:
     """Return the compiler of a command: cached, on a processor like this, or as it says itself."""
-    cache, key = own_cache(), _state(command)
+    cache, key = user_cache(), _state(command)
     if cache is None or key is None:
-        return _asked(command)
+        return _queried(command)
     with suppress(OSError, ValueError, TypeError):
-        if found := cache.find(key, ".json"):
-            entries = json.loads(found)
+        if cached := cache.find(key, ".json"):
+            entries = json.loads(cached)
             tuples = {name: tuple(entries[name]) for name in ("command", "flags", "features")}
             return Compiler(**{**entries, **tuples})
-    asked = _asked(command)
+    described = _queried(command)
     with suppress(OSError):
-        cache.keep(key, ".json", json.dumps(asdict(asked)).encode())
-    return asked
+        cache.keep(key, ".json", json.dumps(asdict(described)).encode())
+    return described
 
 
 def _state(command: tuple[str, ...]) -> str | None:
@@ -525,9 +525,9 @@ def _state(command: tuple[str, ...]) -> str | None:
     if not processor:
         return None
     files = [
-        (str(path), found.st_mtime_ns, found.st_size)
+        (str(path), status.st_mtime_ns, status.st_size)
         for path in _files(command)
-        for found in [path.stat()]
+        for status in [path.stat()]
     ]
     return digest(repr((command, files, processor)))
 
@@ -577,10 +577,10 @@ def content(source: str) -> bytes:
 
 @lru_cache(maxsize=64)
 def _library(source: str, by: Compiler) -> tuple[ctypes.CDLL, bytes]:
-    cache, key = own_cache(), digest("\0".join([source, by.words, by.identity]))
-    if cache is not None and (found := cache.find(key, ENDING)):
+    cache, key = user_cache(), digest("\0".join([source, by.words, by.identity]))
+    if cache is not None and (cached := cache.find(key, ENDING)):
         with suppress(OSError):
-            return _loaded(found), found
+            return _loaded(cached), cached
     with reporter().busy(f"compiling {subject()}"):
         made = _compiled(source, by, "-shared")
     try:
@@ -589,7 +589,7 @@ def _library(source: str, by: Compiler) -> tuple[ctypes.CDLL, bytes]:
         raise TraceError(
             f"what the C compiler {shlex.join(by.command)} makes cannot be loaded",
             Remedy("set the variable CC to a compiler for this machine, or use engine solve_ivp"),
-            lines=_told(str(error)),
+            lines=_error_lines(str(error)),
         ) from error
     if cache is not None:
         with suppress(OSError):
@@ -632,7 +632,7 @@ def _compiled(source: str, by: Compiler, kind: str) -> bytes:
             raise TraceError(
                 f"the C compiler {shlex.join(by.command)} cannot compile a law",
                 Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
-                lines=_told(answer.stderr or answer.stdout),
+                lines=_error_lines(answer.stderr or answer.stdout),
             )
         return made.read_bytes()
 
@@ -668,7 +668,7 @@ def preprocessed(source: str = "", file: Path | None = None) -> str:
     if answer.returncode:
         raise TraceError(
             f"the preprocessor of {shlex.join(by.command)} fails",
-            lines=_told(answer.stderr) or [f"it ended with {answer.returncode}"],
+            lines=_error_lines(answer.stderr) or [f"it ended with {answer.returncode}"],
         )
     return answer.stdout
 
@@ -708,11 +708,11 @@ def run(
             f"{shlex.join(command)}",
             Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
         ) from None
-    out, err = (told.decode("utf-8", "replace") for told in (done.stdout, done.stderr))
+    out, err = (stream.decode("utf-8", "replace") for stream in (done.stdout, done.stderr))
     return subprocess.CompletedProcess(command, done.returncode, out, err)
 
 
-def _told(text: str) -> list[str]:
+def _error_lines(text: str) -> list[str]:
     """Return the lines with errors in a compiler's messages, else the last lines."""
     lines = text.strip().splitlines()
-    return [line for line in lines if "error" in line][:TOLD_LINES] or lines[-TOLD_LINES:]
+    return [line for line in lines if "error" in line][:MESSAGE_LINES] or lines[-MESSAGE_LINES:]

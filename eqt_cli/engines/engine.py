@@ -504,16 +504,16 @@ def _diverged(integrator: Integrator, span: Span, states: Array) -> Array:
     return (turns > MOST_TURNS) & (rate > GROWN * np.maximum(first, desired))
 
 
-def _advanced(integrator: Integrator, span: Span, states: Array, kept: Array) -> SpanResult:
+def _advanced(integrator: Integrator, span: Span, states: Array, stored: Array) -> SpanResult:
     """Advance some runs through a span and store the samples; return whole states."""
     moving = integrator.problem.loop.moving_length
     later = slice(span.first, span.first + span.later)
     result, runs = integrator.advance(span, states[:, :moving]), integrator.runs
-    if span.later and result.samples.base is not kept:
-        kept[runs, later, :moving] = result.samples
+    if span.later and result.samples.base is not stored:
+        stored[runs, later, :moving] = result.samples
     if moving == states.shape[1]:
         return result
-    kept[runs, later, moving:] = states[:, None, moving:]
+    stored[runs, later, moving:] = states[:, None, moving:]
     return replace(result, states=np.concatenate([result.states, states[:, moving:]], axis=1))
 
 
@@ -673,7 +673,7 @@ class Engine(Component):
         reduction: Reduction,
         problem: Problem,
         rows: Sequence[Array],
-        kept: Sequence[str] | None,
+        returned: Sequence[str] | None,
         workers: int = 1,
         progress: Progress = lambda runs: None,
     ) -> Measured:
@@ -683,14 +683,14 @@ class Engine(Component):
         ----------
         rows : (runs, samples, n) or (samples, n) each
             Rows that the function takes after the states.
-        kept
+        returned
             The arrays to return; None for all of them, and the states.
         """
         solution = self.solve(problem, workers, progress)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            found = self.evaluate(function, problem, solution.states, *rows)
-            numbers = dict(reduction(SampledRuns(problem.times), found))
-        return Measured(solution, numbers, found)
+            arrays = self.evaluate(function, problem, solution.states, *rows)
+            numbers = dict(reduction(SampledRuns(problem.times), arrays))
+        return Measured(solution, numbers, arrays)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
         """Return the work, as `counted`, at which no decaying error grows; 0 if there is no limit.

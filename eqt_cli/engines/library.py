@@ -47,8 +47,8 @@ def integration_source(field: Program, lanes: int, at_samples: SampleProgram | N
     at_samples
         Program that looks at each sample; without it, states are stored.
     """
-    kept, comparisons = with_kept_comparisons(field)
-    lengths = dict(kept.inputs)
+    program, comparisons = with_comparison_sides(field)
+    lengths = dict(program.inputs)
     sizes = {
         "EQT_STATES": lengths["state"],
         "EQT_PARAMETERS": lengths["parameters"],
@@ -61,7 +61,7 @@ def integration_source(field: Program, lanes: int, at_samples: SampleProgram | N
         _defined(sizes),
         _flags("eqt_all", every, lengths["state"]),
         _flags("eqt_seen", every if at_samples is None else at_samples.states, lengths["state"]),
-        f"static {c_function(fused(kept), 'eqt_field')}",
+        f"static {c_function(fused(program), 'eqt_field')}",
     ]
     names = [METHOD, ADVANCE, STORE]
     if at_samples is not None:
@@ -102,7 +102,7 @@ class SampleProgram(NamedTuple):
         return {value.number for value in inputs if value.group == "state"}
 
     @property
-    def kept(self) -> int:
+    def stored(self) -> int:
         """The number of entries that it keeps of each sample."""
         return len(self.program.outputs[1].entries)
 
@@ -111,15 +111,15 @@ def _measuring(at_samples: SampleProgram) -> str:
     lengths = dict(at_samples.program.inputs)
     behind_state = accumulate(lengths[name] for name in ("state", "time", "held"))
     places = dict(zip(("time", "held", "columns"), behind_state, strict=True))
-    given = {"state": "(in)", "parameters": "(parameters)", "memory": "(memory)"}
-    given |= {name: f"(in) + {place}" for name, place in places.items()}
+    arguments = {"state": "(in)", "parameters": "(parameters)", "memory": "(memory)"}
+    arguments |= {name: f"(in) + {place}" for name, place in places.items()}
     sizes = {
         "EQT_SOURCES": len(at_samples.stretches),
         "EQT_ROWS": sum(at_samples.stretches),
-        "EQT_KEPT": at_samples.kept,
+        "EQT_KEPT": at_samples.stored,
     }
     called = ", ".join(
-        [*(given[name] for name, _ in at_samples.program.inputs), "(after)", "(kept)"]
+        [*(arguments[name] for name, _ in at_samples.program.inputs), "(after)", "(kept)"]
     )
     stretches = ", ".join(map(str, at_samples.stretches))
     return (
@@ -141,23 +141,23 @@ def evaluation_source(program: Program, stretches: Sequence[int], lanes: int) ->
     # The names of arrays are not always names in C.
     outputs = [each._replace(name=f"array{k}") for k, each in enumerate(program.outputs)]
     named = replace(program, outputs=tuple(outputs))
-    found = [len(output.entries) for output in program.outputs]
+    lengths = [len(output.entries) for output in program.outputs]
     starts = [0, *accumulate(length for _, length in program.inputs)]
-    places = [0, *accumulate(found)]
-    given = [f"(in) + {start}" for start in starts[:-1]]
-    given += [f"(out) + {place}" for place in places[:-1]]
+    places = [0, *accumulate(lengths)]
+    arguments = [f"(in) + {start}" for start in starts[:-1]]
+    arguments += [f"(out) + {place}" for place in places[:-1]]
     defined = (
         f"#define EQT_SOURCES {len(stretches)}\n#define EQT_INPUTS {starts[-1]}\n"
-        f"#define EQT_ARRAYS {len(found)}\n#define EQT_OUTPUTS {places[-1]}\n"
+        f"#define EQT_ARRAYS {len(lengths)}\n#define EQT_OUTPUTS {places[-1]}\n"
         f"static const int64_t eqt_lengths[] = {{{', '.join(map(str, stretches))}}};\n"
-        f"static const int64_t eqt_found_lengths[] = {{{', '.join(map(str, found))}}};\n"
-        f"#define EQT_CALL(in, out) eqt_program({', '.join(given)})\n"
+        f"static const int64_t eqt_found_lengths[] = {{{', '.join(map(str, lengths))}}};\n"
+        f"#define EQT_CALL(in, out) eqt_program({', '.join(arguments)})\n"
     )
     emitted = f"static {c_function(named, 'eqt_program')}"
     return "\n".join([_head(lanes), defined, emitted, _text(ROWS), _text(EVALUATE)])
 
 
-def with_kept_comparisons(program: Program) -> tuple[Program, int]:
+def with_comparison_sides(program: Program) -> tuple[Program, int]:
     """Return the program with the sides of its comparisons as inputs, and their number.
 
     Every ``a < b`` is replaced by ``sides[j] < 0``. The outputs ``left`` and ``right`` are the a
@@ -318,31 +318,31 @@ class Measuring:
         Its memory before the first sample.
     memory : (runs, memory)
         Its memory after the last sample, to be filled in.
-    kept : (runs, samples, kept)
+    stored : (runs, samples, stored)
         Numbers that it keeps of each sample, to be filled in.
     """
 
     rows: Sequence[Rows]
     starts: Array
     memory: Array
-    kept: Array
+    stored: Array
 
     def as_c(self) -> _Measuring:
         """Return it as measure.h takes it, valid as long as this object lives."""
-        samples = self.kept.shape[1]
+        samples = self.stored.shape[1]
         sources = _sources(self.rows, [rows.values for rows in self.rows], samples)
-        places = (each.ctypes.data for each in (self.starts, self.memory, self.kept))
+        places = (each.ctypes.data for each in (self.starts, self.memory, self.stored))
         return _Measuring(sources, *places)
 
 
-def _sources(given: Sequence[Rows], arrays: Sequence[Array], samples: int) -> Any:
+def _sources(inputs: Sequence[Rows], arrays: Sequence[Array], samples: int) -> Any:
     """Return where the numbers of some rows lie in memory."""
-    found = (_Source * len(given))()
-    for place, (rows, array) in enumerate(zip(given, arrays, strict=True)):
+    sources = (_Source * len(inputs))()
+    for place, (rows, array) in enumerate(zip(inputs, arrays, strict=True)):
         along = rows.length if rows.by_sample else 0
         per_run = (samples if rows.by_sample else 1) * rows.length if rows.by_run else 0
-        found[place] = _Source(array.ctypes.data, per_run, along)
-    return found
+        sources[place] = _Source(array.ctypes.data, per_run, along)
+    return sources
 
 
 @lru_cache(maxsize=64)
@@ -351,12 +351,12 @@ def evaluation(program: Program, stretches: tuple[int, ...]) -> Evaluation:
     text = evaluation_source(program, stretches, compiler.compiler().lanes)
     function = compiler.library(text).eqt_evaluate
 
-    def evaluated(runs: int, samples: int, given: Sequence[Rows]) -> dict[str, Array]:
-        arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in given]
-        sources = _sources(given, arrays, samples)
-        found = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
-        places = (ctypes.c_void_p * len(found))(*(array.ctypes.data for array in found.values()))
+    def evaluated(runs: int, samples: int, inputs: Sequence[Rows]) -> dict[str, Array]:
+        arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in inputs]
+        sources = _sources(inputs, arrays, samples)
+        outputs = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
+        places = (ctypes.c_void_p * len(outputs))(*(x.ctypes.data for x in outputs.values()))
         function(ctypes.byref(_Evaluations(runs, samples, sources, places)))
-        return found
+        return outputs
 
     return evaluated

@@ -45,7 +45,7 @@ from eqt_cli.engines.library import Advance, Measuring, Rows, SampleProgram
 from eqt_cli.engines.solve_ivp import FUNCTIONS, SolveIvp, steps
 from eqt_cli.loop.closed_loop import MEMORY as CONTROLLER
 from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
-from eqt_cli.loop.law_program import MEMORY, NUMBER, TOLD, TORQUE, LawProgram, law_program
+from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER, TORQUE, LawProgram, law_program
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.numbers.program import Chain, Program, traced
 from eqt_cli.numbers.running import Memory, Running
@@ -74,7 +74,7 @@ class LoopPrograms:
         takes part that is not compiled here: a user's own law, or a solver of the vehicle.
     around_code
         Programs of a control instant around such code.
-    asked
+    command
         Program of ``torque`` and ``memory``, the command of a law that is no such code, from the
         loop's inputs.
     """
@@ -82,7 +82,7 @@ class LoopPrograms:
     field: Program
     after_instant: Program | None
     around_code: InstantPrograms | None = None
-    asked: Program | None = None
+    command: Program | None = None
 
 
 @lru_cache(maxsize=64)
@@ -101,8 +101,8 @@ def trace(loop: ClosedLoop) -> LoopPrograms:
     """
 
     # A law is promised a leading run axis; here it has one entry.
-    def field(given: Arrays) -> Mapping[str, Array]:
-        rates = _symbolic(loop, given).vector_field(given["time"][0], given["state"][None])
+    def field(inputs: Arrays) -> Mapping[str, Array]:
+        rates = _symbolic(loop, inputs).vector_field(inputs["time"][0], inputs["state"][None])
         return {"derivative": rates[0]}
 
     with _explained(loop):
@@ -123,19 +123,19 @@ class InstantPrograms:
 
     Attributes
     ----------
-    told
+    input
         Input of the law, by the names of `LawInput`, from the loop's inputs; and ``state``, if
         sensors hold their measurements.
     law
         Command of the law; None if the law is the user's code.
-    answered
+    after
         The new ``state``, from the loop's inputs with the measured state, ``torque``, the
         ``memory`` of the law, and ``solved``, the vehicle's solution, if it has one.
     """
 
-    told: Program
+    input: Program
     law: LawProgram | None
-    answered: Program
+    after: Program
 
     def joined(self, loop: ClosedLoop) -> Program:
         """Return one program from the loop's inputs, bit for bit as the programs'.
@@ -145,22 +145,22 @@ class InstantPrograms:
         """
         control = loop.vehicle.control
         assert control is not None and self.law is not None
-        chain = Chain(dict(self.told.inputs))
-        inputs = {group: chain.given(group) for group, _ in self.told.inputs}
-        told = chain.then(self.told, inputs)
-        given = {TOLD + entry.name: told[entry.source] for entry in self.law.told}
+        chain = Chain(dict(self.input.inputs))
+        inputs = {group: chain.places_of(group) for group, _ in self.input.inputs}
+        law_input = chain.then(self.input, inputs)
+        places = {INPUT + each.name: law_input[each.source] for each in self.law.inputs}
         for entry in self.law.numbers[:-1]:
-            given[NUMBER + entry.name] = chain.given(*_stretch(loop, entry.source))
-        given[NUMBER + self.law.numbers[-1].name] = chain.constant(control.period)
+            places[NUMBER + entry.name] = chain.places_of(*_stretch(loop, entry.source))
+        places[NUMBER + self.law.numbers[-1].name] = chain.constant(control.period)
         for entry in self.law.memory:
             where = loop.layout.slices[CONTROLLER + entry.source]
-            given[MEMORY + entry.name] = chain.given("state", where)
-        answer = chain.then(self.law.step, given)
+            places[MEMORY + entry.name] = chain.places_of("state", where)
+        answer = chain.then(self.law.step, places)
         memory = [place for entry in self.law.memory for place in answer[MEMORY + entry.name]]
-        measured = {"state": told["state"]} if "state" in told else {}
+        measured = {"state": law_input["state"]} if "state" in law_input else {}
         outputs = {"torque": answer[TORQUE]} | ({"memory": memory} if memory else {}) | measured
         if not loop.vehicle.solves:
-            outputs = chain.then(self.answered, {**inputs, "memory": memory, **outputs})
+            outputs = chain.then(self.after, {**inputs, "memory": memory, **outputs})
         return chain.program({name: ((len(places),), places) for name, places in outputs.items()})
 
 
@@ -185,21 +185,21 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         If a component does what programs cannot, as in `trace`.
     """
 
-    def told(given: Arrays) -> Mapping[str, Array]:
-        symbolic, (t,), state = _symbolic(loop, given), given["time"], given["state"][None]
-        errors = _errors(loop, given)
+    def law_input(inputs: Arrays) -> Mapping[str, Array]:
+        symbolic, (t,), state = _symbolic(loop, inputs), inputs["time"], inputs["state"][None]
+        errors = _errors(loop, inputs)
         state = symbolic.measured(t, state, errors)
-        law_input = symbolic.told(t, state, errors)._asdict() | ({"state": state} if holds else {})
-        arrays = {name: np.asarray(value) for name, value in law_input.items() if value is not None}
+        named = symbolic.law_input(t, state, errors)._asdict() | ({"state": state} if holds else {})
+        arrays = {name: np.asarray(value) for name, value in named.items() if value is not None}
         return {name: value if name == "t" else value[0] for name, value in arrays.items()}
 
-    def answered(given: Arrays) -> Mapping[str, Array]:
-        symbolic, (t,), state = _symbolic(loop, given), given["time"], given["state"][None]
+    def after(inputs: Arrays) -> Mapping[str, Array]:
+        symbolic, (t,), state = _symbolic(loop, inputs), inputs["time"], inputs["state"][None]
         lengths = loop.controller.memory(loop.group)
-        parts = np.split(given["memory"][None], np.cumsum([*lengths.values()]), axis=1)
+        parts = np.split(inputs["memory"][None], np.cumsum([*lengths.values()]), axis=1)
         memory = dict(zip(lengths, parts, strict=False))
-        solved = given["solved"][None] if "solved" in given else None
-        return {"state": symbolic.answered(t, state, given["torque"][None], memory, solved)[0]}
+        solved = inputs["solved"][None] if "solved" in inputs else None
+        return {"state": symbolic.after_answer(t, state, inputs["torque"][None], memory, solved)[0]}
 
     m, holds = loop.group.dimension, loop.changes_by_measuring
     inputs = _inputs(loop, loop.state_length)
@@ -208,9 +208,9 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
     solved = {"solved": loop.vehicle.solves} if loop.vehicle.solves else {}
     with _explained(loop):
         return InstantPrograms(
-            traced(told, measured),
+            traced(law_input, measured),
             None if loop.controller.code else law_program(loop),
-            traced(answered, inputs | {"torque": m, "memory": remembered} | solved),
+            traced(after, inputs | {"torque": m, "memory": remembered} | solved),
         )
 
 
@@ -227,8 +227,8 @@ def _explained(loop: ClosedLoop) -> Iterator[None]:
 
 def _stretch(loop: ClosedLoop, parameter: str) -> tuple[str, slice]:
     """Return the group of inputs that a number is in, and its slice."""
-    own, held = leaves(loop), loop.holding(0.0).held_leaves
-    group, numbers = ("parameters", own) if parameter in own else ("held", held)
+    of_run, held = leaves(loop), loop.holding(0.0).held_leaves
+    group, numbers = ("parameters", of_run) if parameter in of_run else ("held", held)
     sizes = {path: number.size for path, number in numbers.items()}
     end = dict(zip(sizes, np.cumsum(list(sizes.values())).tolist(), strict=True))[parameter]
     return group, slice(end - sizes[parameter], end)
@@ -245,9 +245,9 @@ def sampled(
     Lyapunov function.
     """
 
-    def arrays(given: Arrays) -> Mapping[str, Array]:
-        rows = np.split(given["state"][None], np.cumsum(lengths)[:-1], axis=1)
-        computed = function(_symbolic(loop, given), given["time"][0], *rows)
+    def arrays(inputs: Arrays) -> Mapping[str, Array]:
+        rows = np.split(inputs["state"][None], np.cumsum(lengths)[:-1], axis=1)
+        computed = function(_symbolic(loop, inputs), inputs["time"][0], *rows)
         return {name: np.asarray(values)[0] for name, values in computed.items()}
 
     try:
@@ -272,7 +272,7 @@ class RunningPrograms:
         The memory before the first sample.
     columns : (samples, n)
         Numbers that belong to each sample.
-    kept
+    stored
         Name and shape of each array that is kept of a sample.
     """
 
@@ -280,7 +280,7 @@ class RunningPrograms:
     ended: Program
     starts: Array
     columns: Array
-    kept: tuple[tuple[str, tuple[int, ...]], ...]
+    stored: tuple[tuple[str, tuple[int, ...]], ...]
 
 
 @lru_cache(maxsize=64)
@@ -289,35 +289,35 @@ def running(
     reduction: Reduction,
     loop: ClosedLoop,
     lengths: tuple[int, ...],
-    kept: tuple[str, ...],
+    stored: tuple[str, ...],
     times: tuple[float, ...],
 ) -> RunningPrograms | None:
     """Trace a reduction as a running computation; None if it does what programs cannot.
 
     Parameters
     ----------
-    kept
+    stored
         Names of the function's arrays that are kept.
     """
     memory, shapes = Memory(np.empty(0), np.empty(0)), dict[str, tuple[int, ...]]()
     over = np.array(times)
 
-    def at_sample(given: Arrays) -> Mapping[str, Array]:
+    def at_sample(inputs: Arrays) -> Mapping[str, Array]:
         nonlocal memory
-        rows = np.split(given["state"][None], np.cumsum(lengths)[:-1], axis=1)
-        computed = function(_symbolic(loop, given), given["time"][0], *rows)
-        memory = Memory(given["memory"], given["columns"])
+        rows = np.split(inputs["state"][None], np.cumsum(lengths)[:-1], axis=1)
+        computed = function(_symbolic(loop, inputs), inputs["time"][0], *rows)
+        memory = Memory(inputs["memory"], inputs["columns"])
         reduction(Running(over, memory), computed)
         shapes.update({name: np.shape(values) for name, values in computed.items()})
-        stretches = [np.ravel(computed[name]) for name in kept]
+        stretches = [np.ravel(computed[name]) for name in stored]
         return {
             "memory": np.array(memory.after, dtype=object),
             "kept": np.concatenate([np.empty(0, dtype=object), *stretches]),
         }
 
-    def ended(given: Arrays) -> Mapping[str, Array]:
+    def ended(inputs: Arrays) -> Mapping[str, Array]:
         blank = {name: np.zeros(shape) for name, shape in shapes.items()}
-        behind = Memory(given["memory"], np.zeros(len(memory.columns)), ended=True)
+        behind = Memory(inputs["memory"], np.zeros(len(memory.columns)), ended=True)
         numbers = reduction(Running(over, behind), blank)
         return {name: np.asarray(number)[0] for name, number in numbers.items()}
 
@@ -328,7 +328,7 @@ def running(
         sizes = {"columns": columns.shape[1], "memory": len(memory.after)}
         program = traced(at_sample, inputs | sizes)
         last = traced(ended, {"memory": sizes["memory"]})
-        of_sample = tuple((name, shapes[name][1:]) for name in kept)
+        of_sample = tuple((name, shapes[name][1:]) for name in stored)
         return RunningPrograms(program, last, np.array(memory.starts), columns, of_sample)
     except Exception:
         return None
@@ -342,10 +342,10 @@ def _inputs(loop: ClosedLoop, length: int) -> dict[str, int]:
     return {"state": length, "time": 1, "parameters": parameters, "held": held}
 
 
-def _symbolic(loop: ClosedLoop, given: Arrays) -> ClosedLoop:
+def _symbolic(loop: ClosedLoop, inputs: Arrays) -> ClosedLoop:
     """Return the loop with symbols for all its numbers, in the order of the rows."""
     holding = loop.holding(0.0)
-    symbols, numbers = np.concatenate([given["parameters"], given["held"]]), leaves(holding)
+    symbols, numbers = np.concatenate([inputs["parameters"], inputs["held"]]), leaves(holding)
     ends = np.cumsum([value.size for value in numbers.values()])
     parts = zip(numbers.items(), np.split(symbols, ends), strict=False)
     # Each has a leading run axis.
@@ -353,12 +353,12 @@ def _symbolic(loop: ClosedLoop, given: Arrays) -> ClosedLoop:
     return with_leaves(holding, cut)
 
 
-def _errors(loop: ClosedLoop, given: Arrays) -> Errors | None:
+def _errors(loop: ClosedLoop, inputs: Arrays) -> Errors | None:
     """Return the sensor errors at an instant."""
-    if "errors" not in given:
+    if "errors" not in inputs:
         return None
     d = loop.group.size
-    pose, *others = np.split(given["errors"], np.cumsum(_lengths(loop))[:-1])
+    pose, *others = np.split(inputs["errors"], np.cumsum(_lengths(loop))[:-1])
     return Errors(pose.reshape(1, d, d), *(part[None] for part in others))
 
 
@@ -466,7 +466,7 @@ class Lanes(Integrator):
         A user's own law and a solver of the vehicle are called between two programs.
         """
         runs = len(states)
-        given = [
+        inputs = [
             Rows(states, by_run=True),
             Rows(np.array([t])),
             Rows(self._parameters, by_run=True),
@@ -476,29 +476,29 @@ class Lanes(Integrator):
         measured = [Rows(part.reshape(runs, -1), by_run=True) for part in parts]
         around, program = self._law.around_code, self._law.after_instant
         if around is not None:
-            torque, memory, states = self._answer(t, states, around, [*given, *measured])
-            given[0] = Rows(states, by_run=True)  # with the held measurements
-            given += [Rows(torque, by_run=True), Rows(memory, by_run=True)]
+            torque, memory, states = self._answer(t, states, around, [*inputs, *measured])
+            inputs[0] = Rows(states, by_run=True)  # with the held measurements
+            inputs += [Rows(torque, by_run=True), Rows(memory, by_run=True)]
             if self.loop.vehicle.solves:
-                given.append(Rows(self.loop.solution(states, torque), by_run=True))
-            program = around.answered
+                inputs.append(Rows(self.loop.solution(states, torque), by_run=True))
+            program = around.after
         else:
-            given += measured
+            inputs += measured
         assert program is not None
-        return self._evaluated(program, runs, given)["state"]
+        return self._evaluated(program, runs, inputs)["state"]
 
     def _answer(
-        self, t: float, states: Array, around: InstantPrograms, given: list[Rows]
+        self, t: float, states: Array, around: InstantPrograms, inputs: list[Rows]
     ) -> tuple[Array, Array, Array]:
         """Return the commanded torque, the law's memory and the measured states, a row per run."""
         runs, none = len(states), np.empty((len(states), 0))
-        if self._law.asked is not None:
-            found = self._evaluated(self._law.asked, runs, given)
-            return found["torque"], found.get("memory", none), found.get("state", states)
-        found = self._evaluated(around.told, runs, given)
-        states = found.pop("state", states)
-        told = LawInput(**found)._replace(t=t)
-        torque, memory = self.loop.asked(told, states)
+        if self._law.command is not None:
+            outputs = self._evaluated(self._law.command, runs, inputs)
+            return outputs["torque"], outputs.get("memory", none), outputs.get("state", states)
+        outputs = self._evaluated(around.input, runs, inputs)
+        states = outputs.pop("state", states)
+        law_input = LawInput(**outputs)._replace(t=t)
+        torque, memory = self.loop.answer_if_due(law_input, states)
         return torque, np.concatenate([none, *memory.values()], axis=1), states
 
     def advance(self, span: Span, states: Array) -> SpanResult:
@@ -545,13 +545,13 @@ class Lanes(Integrator):
         )
         return ended
 
-    def _evaluated(self, program: Program, runs: int, given: list[Rows]) -> dict[str, Array]:
+    def _evaluated(self, program: Program, runs: int, inputs: list[Rows]) -> dict[str, Array]:
         """Return the arrays of a program for these runs at one time, ``(runs, …)`` each."""
         if id(program) not in self._compiled:  # hashing all its operations takes long
-            lengths = tuple(each.length for each in given)
+            lengths = tuple(each.length for each in inputs)
             self._compiled[id(program)] = library.evaluation(program, lengths)
-        found = self._compiled[id(program)](runs, 1, given)
-        return {name: values[:, 0] for name, values in found.items()}
+        outputs = self._compiled[id(program)](runs, 1, inputs)
+        return {name: values[:, 0] for name, values in outputs.items()}
 
     def _failure(self, run: Any) -> Failure:
         """Return how and when a run has ended."""
@@ -587,7 +587,7 @@ class MeasuringLanes(Lanes):
     ----------
     memory : (runs, memory)
         Memory of the program that looks at samples, after the last one.
-    kept : (runs, samples, kept)
+    stored : (runs, samples, stored)
         Numbers that it keeps of each sample.
     """
 
@@ -604,15 +604,15 @@ class MeasuringLanes(Lanes):
         super().__init__(problem, law, settings, advance)
         self._sample_times, self._rows, self._starts = times, rows, measures.starts
         self.memory = np.empty((problem.runs, len(measures.starts)))
-        kept = sum(math.prod(shape) for _, shape in measures.kept)
-        self.kept = np.empty((problem.runs, len(times), kept))
+        length = sum(math.prod(shape) for _, shape in measures.stored)
+        self.stored = np.empty((problem.runs, len(times), length))
 
     def advance(self, span: Span, states: Array) -> SpanResult:
         """Integrate and measure these runs, which are neighbours."""
         here = slice(int(self.runs[0]), int(self.runs[0]) + len(self.runs))
         rows = [row.of(here) for row in self._rows]
-        measuring = Measuring(rows, self._starts, self.memory[here], self.kept[here])
-        ended = self._advanced(span, states, self._sample_times[1:], self.kept, measuring)
+        measuring = Measuring(rows, self._starts, self.memory[here], self.stored[here])
+        ended = self._advanced(span, states, self._sample_times[1:], self.stored, measuring)
         failed = {int(run): self._failure(run) for run in np.flatnonzero(self._ends)}
         return SpanResult(ended, ended[:, None], self._counts, failed)
 
@@ -694,8 +694,8 @@ class Native(Engine):
     def provenance(self) -> dict[str, str]:
         """Return the compiler, if there is one: shards are packed without."""
         with suppress(EqtError):
-            found = compiler.compiler()
-            tools = {"compiler": found.described, "lanes": str(found.lanes)}
+            chosen = compiler.compiler()
+            tools = {"compiler": chosen.described, "lanes": str(chosen.lanes)}
             if device := _device(self.device):
                 tools["device"] = device.tested
             return tools
@@ -753,14 +753,14 @@ class Native(Engine):
         program = sampled(function, loop, tuple(row.shape[-1] for row in rows))
         if program is None:
             return super().evaluate(function, problem, *rows)
-        given = [
+        inputs = [
             *(Rows(row, by_run=row.ndim == 3, by_sample=True) for row in rows),
             Rows(times[:, None], by_sample=True),
             Rows(parameter_rows(problem), by_run=True),
             Rows(held_rows(loop, times), by_sample=True),
         ]
-        evaluated = library.evaluation(program, tuple(each.length for each in given))
-        return evaluated(problem.runs, len(times), given)
+        evaluated = library.evaluation(program, tuple(each.length for each in inputs))
+        return evaluated(problem.runs, len(times), inputs)
 
     def measured(
         self,
@@ -768,7 +768,7 @@ class Native(Engine):
         reduction: Reduction,
         problem: Problem,
         rows: Sequence[Array],
-        kept: Sequence[str] | None,
+        returned: Sequence[str] | None,
         workers: int = 1,
         progress: Progress = lambda runs: None,
     ) -> Measured:
@@ -778,31 +778,31 @@ class Native(Engine):
         measured from stored states.
         """
         loop, times = problem.loop, problem.times
-        lengths = (problem.loop.state_length, *(row.shape[-1] for row in rows))
-        found = None
-        if kept is not None and len(problem.spans) == 1 and problem.loop.vehicle.control is None:
+        lengths = (loop.state_length, *(row.shape[-1] for row in rows))
+        measures = None
+        if returned is not None and len(problem.spans) == 1 and loop.vehicle.control is None:
             grid = tuple(times.tolist())
-            found = running(function, reduction, loop, lengths, tuple(kept), grid)
-        if found is None:
-            return super().measured(function, reduction, problem, rows, kept, workers, progress)
-        given = [
+            measures = running(function, reduction, loop, lengths, tuple(returned), grid)
+        if measures is None:
+            return super().measured(function, reduction, problem, rows, returned, workers, progress)
+        inputs = [
             *(Rows(np.ascontiguousarray(row), row.ndim == 3, by_sample=True) for row in rows),
             Rows(times[:, None].copy(), by_sample=True),
-            Rows(held_rows(problem.loop, times), by_sample=True),
-            Rows(found.columns, by_sample=True),
+            Rows(held_rows(loop, times), by_sample=True),
+            Rows(measures.columns, by_sample=True),
         ]
         ends, law = replace(problem, times=times[[0, -1]]), programs(loop)
-        at_samples = SampleProgram(found.at_sample, tuple(row.length for row in given))
+        at_samples = SampleProgram(measures.at_sample, tuple(row.length for row in inputs))
         advance = self._integration(law.field, at_samples)
-        lanes = MeasuringLanes(ends, law, self._settings, advance, found, times, given)
+        lanes = MeasuringLanes(ends, law, self._settings, advance, measures, times, inputs)
         solution = walked(lanes, self.groups(ends, workers), progress, workers)
-        last = library.evaluation(found.ended, (len(found.starts),))
+        last = library.evaluation(measures.ended, (len(measures.starts),))
         numbers = last(problem.runs, 1, [Rows(lanes.memory, by_run=True)])
-        ends_at = np.cumsum([math.prod(shape) for _, shape in found.kept])
-        stretches = np.split(lanes.kept, ends_at, axis=-1)
+        ends_at = np.cumsum([math.prod(shape) for _, shape in measures.stored])
+        stretches = np.split(lanes.stored, ends_at, axis=-1)
         arrays = {
             name: stretch.reshape(*stretch.shape[:2], *shape)
-            for (name, shape), stretch in zip(found.kept, stretches, strict=False)
+            for (name, shape), stretch in zip(measures.stored, stretches, strict=False)
         }
         return Measured(solution, {name: each[:, 0] for name, each in numbers.items()}, arrays)
 

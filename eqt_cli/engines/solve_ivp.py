@@ -69,7 +69,7 @@ def solve(
 ) -> Any:
     """Solve as `scipy.integrate.solve_ivp` does; parameters and result have its names."""
     known, (t, stop), y, f = _coefficients(), horizon, start, field(horizon[0], start)
-    kept = [start[:, None]]
+    stretches = [start[:, None]]
     times = t_eval[1:] if t_eval is not None else np.array([stop])
     scale = atol + rtol * np.abs(y)
     h = first_step or min(stop - t, 0.01 * _rms(y / scale) / max(_rms(f / scale), 1e-5) + 1e-6)
@@ -102,12 +102,12 @@ def solve(
             within = np.zeros((len(y), 1))
             for index, part in enumerate(reversed(parts)):
                 within = (within + part[:, None]) * (x if index % 2 == 0 else 1 - x)
-            kept.append(y[:, None] + within)
+            stretches.append(y[:, None] + within)
         elif inside.size:
-            kept.append(after[:, None])
+            stretches.append(after[:, None])
         t, y, f = end, after, f_after
         h *= min(GROW, SAFETY * error ** (-1 / 8)) if error else GROW
-    return SimpleNamespace(status=0, y=np.concatenate(kept, axis=1))
+    return SimpleNamespace(status=0, y=np.concatenate(stretches, axis=1))
 
 
 def _rms(values: Array) -> float:
@@ -250,8 +250,8 @@ class RecordedCalls:
         self.calls: list[Callable[[], Any]] = []
         self._runs = len(states)
         self._known: dict[Any, tuple[Recorded, Any]] = {}
-        self._given = [self._kept(values) for values in (t, states, *held)]
-        rates = field(*(Recorded(self, values) for values in self._given))
+        self._inputs = [self._stored(values) for values in (t, states, *held)]
+        rates = field(*(Recorded(self, values) for values in self._inputs))
         if not isinstance(rates, Recorded) or rates.shape != states.shape:
             raise NotRecordable
         self._rates: Array = rates.value
@@ -259,13 +259,13 @@ class RecordedCalls:
 
     def repeat(self, t: float, states: Array, *held: Array) -> Array:
         """Evaluate the field at another time, states and held numbers of the same shapes."""
-        for place, values in zip(self._given, (t, states, *held), strict=True):
+        for place, values in zip(self._inputs, (t, states, *held), strict=True):
             place[...] = values
         for call in self.calls:
             call()
         return self._rates.copy(order="C")
 
-    def _kept(self, values: Any) -> Array:
+    def _stored(self, values: Any) -> Array:
         """Return a new array with these values."""
         values = np.asarray(values)
         array = self.empty(values.shape, values.dtype)
@@ -285,7 +285,7 @@ class RecordedCalls:
         values = [_value(argument) for argument in arguments]
         key = function, *map(_identity, arguments), repr(options)
         if key not in self._known:
-            out = self._kept(function(*values, **options))
+            out = self._stored(function(*values, **options))
             result = self._note(out, partial(function, *values, **options, out=out))
             self._known[key] = result, values  # while they live, no other array has their identity
             return result
@@ -296,7 +296,7 @@ class RecordedCalls:
     def copied(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Recorded:
         """Record any other function of arrays, whose result is copied."""
         values = [_value(argument) for argument in arguments]
-        out = self._kept(function(*values, **options))
+        out = self._stored(function(*values, **options))
         return self._note(out, lambda: np.copyto(out, function(*values, **options)))
 
     def blank(self, shape: tuple[int, ...], dtype: Any, zeros: bool) -> Recorded:
@@ -646,8 +646,8 @@ class Blocks(Integrator):
         if result.status != 0:
             raise self._failed(result.message)
         at_grid = result.y if interpolated_at is not None else result.y[:, [0, -1]]
-        found = at_grid.T.reshape(-1, *shape).swapaxes(0, 1)
-        return found[:, 1 : 1 + span.later], found[:, -1]
+        states_at = at_grid.T.reshape(-1, *shape).swapaxes(0, 1)
+        return states_at[:, 1 : 1 + span.later], states_at[:, -1]
 
     def _count(self, t: float, limit: float) -> None:
         if self._evaluations >= limit:

@@ -21,7 +21,7 @@ from eqt_cli.base.arrays import FUNCTIONS, Array, apply, cos, less, sin, where
 from eqt_cli.base.errors import EqtError, EqtWarning, InputError, Remedy
 from eqt_cli.base.reporting import reporter, subject
 from eqt_cli.engines import library
-from eqt_cli.engines.compiler import digest, own_cache
+from eqt_cli.engines.compiler import digest, user_cache
 from eqt_cli.engines.library import Measuring, SampleProgram
 from eqt_cli.numbers.program import Program, traced
 
@@ -223,7 +223,7 @@ class Kernel:
         if measuring is None:
             arrays["samples"] = values["samples"]
         else:
-            arrays |= {"memory": measuring.memory, "kept": measuring.kept}
+            arrays |= {"memory": measuring.memory, "kept": measuring.stored}
             rows = list(measuring.rows)
         by_run = [*arrays.values(), *(row.values for row in rows if row.by_run)]
         sizes = [array[0].nbytes for array in by_run] if values["runs"] else [1]
@@ -294,7 +294,7 @@ def _test(device: Device) -> None:
     """
     field = traced(_every_function, {"state": 3, "time": 1, "parameters": 1, "held": 1})
     code = library.kernel_source(field)
-    cache, key = own_cache(), digest("\0".join([device.described, code]))
+    cache, key = user_cache(), digest("\0".join([device.described, code]))
     if cache is not None and cache.find(key, ".txt"):
         return
     found = [_tested(function) for function in (Kernel(device, code), library.integration(field))]

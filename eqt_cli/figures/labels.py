@@ -93,8 +93,8 @@ def _labelled(result: Result, name: str, symbol: str, unit: str) -> str:
 
 def signal_label(result: Result, signal: str) -> str:
     """Return the axis label of a signal: its symbol with its unit."""
-    if signal in result.given_names:
-        return in_words(free_text(result.given_names[signal], _LONGEST), result.units(signal))
+    if signal in result.custom_names:
+        return in_words(free_text(result.custom_names[signal], _LONGEST), result.units(signal))
     symbol = norm_symbol(result, result.quantity(signal))
     text = _labelled(result, signal, symbol, result.units(signal))
     own = signal == "lyapunov" and result.lyapunov_functions
@@ -108,7 +108,7 @@ def metric_label(result: Result, metric: str, characters: int) -> str:
     else:  # computed from stored signals
         of = result.comparable_named(metric)
         unit = result.unit_of(of)
-    words = result.given_names.get(metric, "")
+    words = result.custom_names.get(metric, "")
     if "{}" in of.label and not words:
         part = _part(result, of)
         label = of.label.replace(f"{{}} {part_name(part.name)}", "{}") if part else of.label

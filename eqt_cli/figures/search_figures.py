@@ -75,7 +75,7 @@ class ShownFronts:
         self.fronts = drawn
         firsts = [results.labels.index(front.labels[0]) for front in drawn]
         self.looks = looks([results], [firsts], figure, chosen, variants=False)
-        self.titles = [results.given_names.get(front.law, law_title(front.law)) for front in drawn]
+        self.titles = [results.custom_names.get(front.law, law_title(front.law)) for front in drawn]
         self.starts = {law["label"]: results.labels.index(law["start"]) for law in record["laws"]}
 
     def values(self, front: Front) -> list[Array]:

@@ -383,7 +383,7 @@ class ClosedLoop:
         """Whether a measurement changes a flat state: with sensors that hold, or an estimator."""
         return bool(self.vehicle.holding(self.group)) or self.vehicle.estimator is not None
 
-    def told(self, t: Any, state: Array, errors: Errors | None = None) -> LawInput:
+    def law_input(self, t: Any, state: Array, errors: Errors | None = None) -> LawInput:
         """Return the input of the law at time t and a flat state, which is `measured`.
 
         Parameters
@@ -412,7 +412,7 @@ class ClosedLoop:
         torque, later = self.law.answer(s, period)
         return torque + 0.0 * inputs.velocity, dict(later)
 
-    def answered(
+    def after_answer(
         self,
         t: Any,
         state: Array,
@@ -448,12 +448,13 @@ class ClosedLoop:
     def after_instant(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
         """Return a flat state after a tick; t and state are those before it.
 
-        The law is evaluated at its input, `told`, with these measurement errors.
+        The law is evaluated at its input, `law_input`, with these measurement errors.
         """
         state = self.measured(t, state, errors)
-        return self.answered(t, state, *self.asked(self.told(t, state, errors), state))
+        inputs = self.law_input(t, state, errors)
+        return self.after_answer(t, state, *self.answer_if_due(inputs, state))
 
-    def asked(self, inputs: LawInput, state: Array) -> tuple[Array, dict[str, Array]]:
+    def answer_if_due(self, inputs: LawInput, state: Array) -> tuple[Array, dict[str, Array]]:
         """Return the `answer` at a tick; a law that does not act is not called."""
         acts = self.vehicle.acts(_of(VEHICLE, self.layout.split(state)))
         memory = self.memory(state)
@@ -473,8 +474,8 @@ class ClosedLoop:
 
 def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:
     """Broadcast values that are shared by all runs, or samples."""
-    own = values.shape[values.ndim - axes :]
-    return values if values.shape == (*batch, *own) else np.broadcast_to(values, (*batch, *own))
+    whole = (*batch, *values.shape[values.ndim - axes :])
+    return values if values.shape == whole else np.broadcast_to(values, whole)
 
 
 def _named(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """A law by itself as a program: from its input, its numbers and its memory to a torque.
 
-The groups of its inputs are named `TOLD`, `NUMBER` or `MEMORY` followed by the name of an entry of
+The groups of its inputs are named `INPUT`, `NUMBER` or `MEMORY` followed by the name of an entry of
 `LawProgram`; its outputs are `TORQUE`, and `MEMORY` followed by a name for each state of the law.
 Engines evaluate it at control instants, and it is exported.
 """
@@ -21,7 +21,7 @@ from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.numbers.program import Input, Program, distinct, traced
 
-TOLD, NUMBER, MEMORY = "told_", "number_", "memory_"
+INPUT, NUMBER, MEMORY = "input_", "number_", "memory_"
 TORQUE = "torque"
 PERIOD = "period"
 """Name of the control period, by which memory advances, s."""
@@ -75,7 +75,7 @@ class LawProgram:
 
     Attributes
     ----------
-    told
+    inputs
         The input of the law, in the order of `LawInput`.
     numbers
         The gains, inertia and options that it reads, and last the period.
@@ -89,7 +89,7 @@ class LawProgram:
         Program of the initial memory, from the same inputs; None if there is no memory.
     """
 
-    told: tuple[Entry, ...]
+    inputs: tuple[Entry, ...]
     numbers: tuple[Entry, ...]
     memory: tuple[Entry, ...]
     torque: Entry
@@ -109,32 +109,34 @@ def law_program(loop: ClosedLoop) -> LawProgram:
     """
     G, held = loop.group, loop.controller.held(loop.group, 0.0)
     loop = dataclasses.replace(loop, held_law=held)
-    told, numbers, memory = _told(loop), _numbers(loop), _memory(loop)
-    groups = sizes({TOLD: told, NUMBER: numbers, MEMORY: memory})
+    entries, numbers, memory = _inputs(loop), _numbers(loop), _memory(loop)
+    groups = sizes({INPUT: entries, NUMBER: numbers, MEMORY: memory})
 
-    def symbols(given: Mapping[str, Array]) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
+    def symbols(inputs: Mapping[str, Array]) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
         """Return the loop with symbols for the law's numbers, its input, and its memory."""
 
         # A law is promised a leading run axis; here it has one entry.
         def one(prefix: str, entry: Entry) -> Array:
-            return given[prefix + entry.name].reshape(1, *entry.shape or (1,))
+            return inputs[prefix + entry.name].reshape(1, *entry.shape or (1,))
 
-        heard = LawInput(**{entry.source: one(TOLD, entry) for entry in told})
+        law_input = LawInput(**{entry.source: one(INPUT, entry) for entry in entries})
         # Constant entries of a pose need not be read.
-        Q, Qd = (G.unpack(G.pack(pose)) for pose in (heard.pose, heard.desired_pose))
-        heard = heard._replace(t=heard.t[0, 0], pose=Q, desired_pose=Qd)
+        Q, Qd = (G.unpack(G.pack(pose)) for pose in (law_input.pose, law_input.desired_pose))
+        law_input = law_input._replace(t=law_input.t[0, 0], pose=Q, desired_pose=Qd)
         symbolic = with_leaves(loop, {entry.source: one(NUMBER, entry) for entry in numbers[:-1]})
-        return symbolic, heard, {each.source: one(MEMORY, each) for each in memory}
+        return symbolic, law_input, {each.source: one(MEMORY, each) for each in memory}
 
-    def step(given: Mapping[str, Array]) -> Mapping[str, Array]:
-        symbolic, heard, own = symbols(given)
-        torque, after = symbolic.answer(heard, own, given[NUMBER + numbers[-1].name][0])
+    def step(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+        symbolic, law_input, state = symbols(inputs)
+        torque, after = symbolic.answer(law_input, state, inputs[NUMBER + numbers[-1].name][0])
         return {TORQUE: torque[0], **_flat(memory, after)}
 
-    def start(given: Mapping[str, Array]) -> Mapping[str, Array]:
-        symbolic, heard, own = symbols(given)
-        s = heard.tracking(G, symbolic.inertia, symbolic.gains, {n: 0 * z for n, z in own.items()})
-        zero = {name: np.zeros(z.shape) for name, z in own.items()}
+    def start(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+        symbolic, law_input, state = symbols(inputs)
+        s = law_input.tracking(
+            G, symbolic.inertia, symbolic.gains, {n: 0 * z for n, z in state.items()}
+        )
+        zero = {name: np.zeros(z.shape) for name, z in state.items()}
         return _flat(memory, zero | dict(symbolic.controller.initial_memory(s)))
 
     programs = [traced(step, groups)]
@@ -144,13 +146,13 @@ def law_program(loop: ClosedLoop) -> LawProgram:
     used = tuple(each for each in numbers[:-1] if NUMBER + each.name in read) + numbers[-1:]
     unused = {NUMBER + each.name for each in numbers} - {NUMBER + each.name for each in used}
     if loop.controller.reads_flat_output:  # instead of the desired pose, or beside its rates
-        given = {TOLD + each.name for each in told if each.name.startswith("desired_")}
-        unused |= given - read
-        told = tuple(each for each in told if TOLD + each.name not in unused)
+        desired = {INPUT + each.name for each in entries if each.name.startswith("desired_")}
+        unused |= desired - read
+        entries = tuple(each for each in entries if INPUT + each.name not in unused)
     left = tuple((group, size) for group, size in groups.items() if group not in unused)
     trimmed = [dataclasses.replace(each, inputs=left) for each in programs]
     torque = Entry(TORQUE, (G.dimension,), TORQUE, by_part(G, "force_unit"))
-    return LawProgram(told, used, memory, torque, trimmed[0], trimmed[1] if memory else None)
+    return LawProgram(entries, used, memory, torque, trimmed[0], trimmed[1] if memory else None)
 
 
 def sizes(entries: Mapping[str, Iterable[Entry]]) -> dict[str, int]:
@@ -166,7 +168,7 @@ def by_part(G: MatrixLieGroup, attribute: str, more: str = "") -> str:
     return ", ".join(f"{unit} ({name})" for name, unit in units.items())
 
 
-def _told(loop: ClosedLoop) -> tuple[Entry, ...]:
+def _inputs(loop: ClosedLoop) -> tuple[Entry, ...]:
     G = loop.group
     d, m = G.size, G.dimension
     pose = by_part(G, "pose_unit")
@@ -195,8 +197,8 @@ def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
     shapes = {path: () if x.shape == (1,) else x.shape for path, x in leaves(readable).items()}
     names = distinct([name_of_number(path) for path in shapes], taken=(PERIOD,))
     pairs = zip(names, shapes.items(), strict=True)
-    own = (Entry(name, shape, source) for name, (source, shape) in pairs)
-    return (*own, Entry(PERIOD, (), PERIOD, "s"))
+    entries = (Entry(name, shape, source) for name, (source, shape) in pairs)
+    return (*entries, Entry(PERIOD, (), PERIOD, "s"))
 
 
 def name_of_number(path: str) -> str:

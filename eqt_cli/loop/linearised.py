@@ -103,19 +103,19 @@ GAINS = {
 _ELSEWHERE = {"pose", "momentum", *DESIRED, "work"}
 """Stretches of a flat state that are not copied into x as they are."""
 
-_OWN = f"{VEHICLE}{ESTIMATOR}_"
-_POSES = {f"{_OWN}pose", f"{_OWN}behind_pose"}
+_ESTIMATED = f"{VEHICLE}{ESTIMATOR}_"
+_POSES = {f"{_ESTIMATED}pose", f"{_ESTIMATED}behind_pose"}
 """Stretches that are poses; x has their errors in the algebra."""
 
-_BIAS, _BEHIND_BIAS = f"{_OWN}bias", f"{_OWN}behind_bias"
+_BIAS, _BEHIND_BIAS = f"{_ESTIMATED}bias", f"{_ESTIMATED}behind_bias"
 _SETTLE = {
-    f"{_OWN}{name}"
+    f"{_ESTIMATED}{name}"
     for name in ("covariance", "behind_covariance", "age", "behind_age", "past_live", "past_fresh")
 }
 """States of an estimator that no error changes to first order."""
 
-_KEPT = _SETTLE | {
-    f"{_OWN}{name}" for name in ("error", "innovations", "last_innovation", "lost", "begun")
+_NOT_COPIED = _SETTLE | {
+    f"{_ESTIMATED}{name}" for name in ("error", "innovations", "last_innovation", "lost", "begun")
 }
 """The same, and those that it does not read."""
 
@@ -304,7 +304,7 @@ class _About:
         """The slice in x of each stretch besides pose and momentum."""
         places, begin = {}, 2 * self.loop.group.dimension
         for name, length in self.loop.layout.lengths.items():
-            if name in _ELSEWHERE or name in _KEPT or name in self._counts[0]:
+            if name in _ELSEWHERE or name in _NOT_COPIED or name in self._counts[0]:
                 continue
             length = self.loop.group.dimension if name in _POSES else length
             places[name] = slice(begin, begin + length)
@@ -329,11 +329,11 @@ class _About:
         vehicle = self.loop.vehicle
         if vehicle.control is None:
             return [{}]
-        own, law = self.loop.controller.cycle(vehicle.control.period), vehicle.control.clock
-        ticks = math.lcm(law.every * len(own), *(each.every for each in vehicle.clocks.values()))
+        of_law, law = self.loop.controller.cycle(vehicle.control.period), vehicle.control.clock
+        ticks = math.lcm(law.every * len(of_law), *(each.every for each in vehicle.clocks.values()))
         rows = []
         for tick in range(ticks):
-            instant = own[(tick - law.offset) // law.every % len(own)].items()
+            instant = of_law[(tick - law.offset) // law.every % len(of_law)].items()
             counts: dict[str, tuple[float, ...]] = {MEMORY + name: (z,) for name, z in instant}
             if vehicle.clocks:
                 counts[f"{VEHICLE}{CLOCKS}"] = tuple(vehicle.ticks_left(tick).tolist())
@@ -573,9 +573,9 @@ class _About:
         for name, value in counts:
             states[..., loop.layout.slices[name]] = value
         errors = _at_instant(loop, None) if loop.changes_by_measuring else None
-        inputs, memory = loop.told(t, states, errors), loop.memory(states)
+        inputs, memory = loop.law_input(t, states, errors), loop.memory(states)
         command, memory = loop.answer(inputs, memory, loop.period)
-        after = loop.answered(t, states, command + x[..., self.dimension :], memory)
+        after = loop.after_answer(t, states, command + x[..., self.dimension :], memory)
         still = np.zeros((*command.shape[:-1], 2 * loop.group.dimension))
         still += x[..., : still.shape[-1]]
         return np.concatenate([still, *self._others(after, self.states), command], axis=-1)

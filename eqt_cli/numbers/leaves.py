@@ -56,8 +56,8 @@ def with_fields(component: T, **values: Any) -> T:
     # dataclasses.replace cannot set a field that the initialiser does not take.
     copy = object.__new__(type(component))
     old = vars(component)
-    kept = {field.name: old[field.name] for field in _fields(component) if field.name in old}
-    vars(copy).update(kept | values)
+    remaining = {field.name: old[field.name] for field in _fields(component) if field.name in old}
+    vars(copy).update(remaining | values)
     return copy
 
 

@@ -169,17 +169,17 @@ class _Trace(dict[Any, Symbol]):
     def constant(self, number: float) -> Symbol:
         # As keys, 0.0 and -0.0 would be equal, and nan would differ from nan.
         key = number if number and number == number else number.hex()
-        found = self.get(key)
-        if found is None:
-            self[key] = found = Symbol(self, "constant", (), number)
-        return found
+        symbol = self.get(key)
+        if symbol is None:
+            self[key] = symbol = Symbol(self, "constant", (), number)
+        return symbol
 
     def operation(self, name: str, *operands: Symbol) -> Symbol:
         key = name, *[operand.index for operand in operands]
-        found = self.get(key)
-        if found is None:
-            self[key] = found = Symbol(self, name, operands)
-        return found
+        symbol = self.get(key)
+        if symbol is None:
+            self[key] = symbol = Symbol(self, name, operands)
+        return symbol
 
 
 _NUMBERS = int, float, np.number
@@ -274,12 +274,12 @@ def _power(base: Symbol, exponent: Symbol) -> Symbol:
         return base.trace.operation("pow", base, exponent)
     if number < 0:
         return _quotient(one, _power(base, _negative(exponent)))
-    found, factor = one, base
+    product, factor = one, base
     for digit in reversed(f"{int(number):b}"):
         if digit == "1":
-            found = _product(found, factor)
+            product = _product(product, factor)
         factor = _product(factor, factor)
-    return found
+    return product
 
 
 def _in_order(a: Symbol, b: Symbol) -> tuple[Symbol, Symbol]:
@@ -342,18 +342,18 @@ def traced(
         The length of each group, by its name.
     """
     trace = _Trace()
-    given: dict[str, Array] = {}
+    symbols_of: dict[str, Array] = {}
     for group, length in inputs.items():
-        given[group] = np.empty(length, dtype=object)
+        symbols_of[group] = np.empty(length, dtype=object)
         for index in range(length):
-            trace["input", group, index] = given[group][index] = Symbol(trace, "input")
-    found = {name: np.asarray(array, dtype=object) for name, array in function(given).items()}
+            trace["input", group, index] = symbols_of[group][index] = Symbol(trace, "input")
+    arrays = {name: np.asarray(array, dtype=object) for name, array in function(symbols_of).items()}
     entries = {
         name: [
             entry if isinstance(entry, Symbol) else trace.constant(float(entry))
             for entry in array.flat
         ]
-        for name, array in found.items()
+        for name, array in arrays.items()
     }
     symbols = _needed([entry for each in entries.values() for entry in each])
     places = {symbol: place for place, symbol in enumerate(symbols)}
@@ -368,7 +368,7 @@ def traced(
     )
     outputs = tuple(
         Output(name, array.shape, tuple(places[entry] for entry in entries[name]))
-        for name, array in found.items()
+        for name, array in arrays.items()
     )
     return Program(tuple(inputs.items()), values, outputs)
 
@@ -378,15 +378,15 @@ def _needed(roots: list[Symbol]) -> list[Symbol]:
 
     Of two operands the deeper one comes first: then fewer values wait for the other.
     """
-    found: dict[Symbol, None] = {}
+    ordered: dict[Symbol, None] = {}
     left = roots[::-1]
     while left:
-        needed = [operand for operand in left[-1].operands if operand not in found]
+        needed = [operand for operand in left[-1].operands if operand not in ordered]
         if needed:
             left += needed if len(needed) == 1 else sorted(needed, key=_depth)
         else:
-            found[left.pop()] = None
-    return list(found)
+            ordered[left.pop()] = None
+    return list(ordered)
 
 
 _depth = operator.attrgetter("depth")
@@ -413,7 +413,7 @@ class Chain:
         self._values: list[Value] = []
         self._places: dict[object, int] = {}
 
-    def given(self, group: str, entries: slice = slice(None)) -> ChainPlaces:
+    def places_of(self, group: str, entries: slice = slice(None)) -> ChainPlaces:
         """Return the places of some of a group of inputs."""
         numbers = range(self._inputs[group])[entries]
         return [self._place(Input(group, number)) for number in numbers]
@@ -422,12 +422,12 @@ class Chain:
         """Return the place of a constant."""
         return [self._place(Constant(number))]
 
-    def then(self, program: Program, given: Mapping[str, Sequence[int]]) -> dict[str, ChainPlaces]:
+    def then(self, program: Program, inputs: Mapping[str, Sequence[int]]) -> dict[str, ChainPlaces]:
         """Append a program with these places as inputs; return those of its outputs, by name."""
         places: list[int] = []
         for value in program.values:
             if isinstance(value, Input):
-                places.append(given[value.group][value.number])
+                places.append(inputs[value.group][value.number])
             elif isinstance(value, Operation):
                 places.append(self._place(value.moved(places)))
             else:
@@ -446,11 +446,11 @@ class Chain:
             value.moved(moved) if isinstance(value, Operation) else value
             for value in (self._values[place] for place in moved)
         )
-        found = tuple(
+        listed = tuple(
             Output(name, shape, tuple(moved[entry] for entry in entries))
             for name, (shape, entries) in outputs.items()
         )
-        return Program(tuple(self._inputs.items()), values, found)
+        return Program(tuple(self._inputs.items()), values, listed)
 
     def _place(self, value: Value) -> int:
         # As keys, 0.0 and -0.0 would be equal, and nan would differ from nan.
@@ -515,15 +515,15 @@ def _chosen(program: Program) -> dict[int, _Fused]:
         for place, value in enumerate(program.values)
         if isinstance(value, Operation) and value.name == "multiply" and used[place] == 1
     }
-    found = {}
+    chosen = {}
     for place, value in enumerate(program.values):
         if isinstance(value, Operation) and value.name in ("add", "subtract"):
             (first, second), minus = value.operands, value.name == "subtract"
             if second in products and (first not in products or second > first):
-                found[place] = _Fused(second, first, minus, False)
+                chosen[place] = _Fused(second, first, minus, False)
             elif first in products:
-                found[place] = _Fused(first, second, False, minus)
-    return found
+                chosen[place] = _Fused(first, second, False, minus)
+    return chosen
 
 
 # Names that are valid in C: ASCII letters, digits and underscores, and no keywords ----------------
@@ -554,15 +554,15 @@ def distinct(
 
     They differ not only in case, so that files can have them on every system.
     """
-    found, used = [], {each.lower() for each in taken}
+    names, used = [], {each.lower() for each in taken}
     for text in texts:
         name, number = c_name(text), 1
-        while used & (own := {f"{name}{ending}".lower() for ending in endings}):
+        while used & (spellings := {f"{name}{ending}".lower() for ending in endings}):
             number += 1
             name = f"{c_name(text)}_{number}"
-        found.append(name)
-        used |= own
-    return found
+        names.append(name)
+        used |= spellings
+    return names
 
 
 def _is_name(text: str) -> bool:
@@ -596,7 +596,7 @@ def c_function(program: Program, name: str) -> str:
         if not _is_name(each):
             raise ValueError(f"{each!r} is no identifier of C")
     taken = [f"const eqt_real *__restrict in_{group}" for group in groups]
-    given = [f"eqt_real *__restrict out_{output}" for output in outputs]
+    results = [f"eqt_real *__restrict out_{output}" for output in outputs]
     used = {value.group for value in program.values if isinstance(value, Input)}
     targets: dict[int, list[str]] = {}
     for output in program.outputs:
@@ -606,7 +606,7 @@ def c_function(program: Program, name: str) -> str:
     for place in range(len(program.values)):
         lines += [_definition(program, place), *targets.get(place, [])]
     body = "".join(f"    {line}\n" for line in lines)
-    return f"void {name}({', '.join(taken + given)})\n{{\n{body}}}\n"
+    return f"void {name}({', '.join(taken + results)})\n{{\n{body}}}\n"
 
 
 def _definition(program: Program, place: int) -> str:

@@ -145,7 +145,7 @@ class Memory:
 
     Parameters
     ----------
-    given
+    before
         Symbols of the memory before a sample.
     at_sample
         Symbols of numbers that follow from the sample times alone.
@@ -162,15 +162,15 @@ class Memory:
         The numbers that belong to the samples.
     """
 
-    def __init__(self, given: Array, at_sample: Array, ended: bool = False) -> None:
-        self._given, self._at_sample, self._ended = given, at_sample, ended
+    def __init__(self, before: Array, at_sample: Array, ended: bool = False) -> None:
+        self._before, self._at_sample, self._ended = before, at_sample, ended
         self.after: list[Any] = []
         self.starts: list[float] = []
         self.columns: list[Array] = []
 
     def keep(self, start: float, following: Callable[[Any], Any]) -> Any:
         """Return a number that is updated from itself and the sample; an array with one run."""
-        before = self._given[len(self.after)]
+        before = self._before[len(self.after)]
         after = before if self._ended else np.asarray(following(np.array([before]))).item()
         self.starts.append(start)
         self.after.append(after)
@@ -222,9 +222,9 @@ class Running(SampledRuns):
     def largest(self, values: Any) -> Any:
         self._all_inside()
 
-        def larger(found: Any) -> Any:
+        def larger(before: Any) -> Any:
             # No comparison with NaN holds, so that NaN persists.
-            return where(less(found, np.inf), where(less(values, found), found, values), found)
+            return where(less(before, np.inf), where(less(values, before), before, values), before)
 
         return self._memory.keep(-np.inf, larger)
 
@@ -234,27 +234,27 @@ class Running(SampledRuns):
     def initial(self, values: Any) -> Any:
         self._all_inside()
         first = less(0.0, self._column(np.arange(len(self.times)) == 0))
-        return self._memory.keep(0.0, lambda found: where(first, values, found))
+        return self._memory.keep(0.0, lambda before: where(first, values, before))
 
     def final(self, values: Any) -> Any:
         self._all_inside()
-        return self._memory.keep(0.0, lambda found: values)
+        return self._memory.keep(0.0, lambda before: values)
 
     def before(self, values: Any) -> Any:
         self._all_inside()
         first = less(0.0, self._column(np.arange(len(self.times)) == 0))
         earlier: list[Any] = []
 
-        def itself(found: Any) -> Any:
-            earlier.append(where(first, values, found))
+        def itself(previous: Any) -> Any:
+            earlier.append(where(first, values, previous))
             return values
 
-        kept = self._memory.keep(0.0, itself)
-        return earlier[0] if earlier else kept
+        latest = self._memory.keep(0.0, itself)
+        return earlier[0] if earlier else latest
 
     def latest(self, values: Any, condition: Any) -> Any:
         self._all_inside()
-        return self._memory.keep(0.0, lambda found: where(condition, values, found))
+        return self._memory.keep(0.0, lambda before: where(condition, values, before))
 
     def _column(self, values: Array) -> Any:
         whole = np.zeros(len(self._inside))

@@ -299,7 +299,7 @@ METRICS = (
         "half the slope of -log L",
         units="1/s",
         signals=("lyapunov",),
-        own_symbol=r"\sqrt{\mathcal{L}}",
+        special_symbol=r"\sqrt{\mathcal{L}}",
         label="decay rate of {}",
         better="higher",
         stored=False,
@@ -326,7 +326,7 @@ METRICS = (
         settings={"threshold": "settling_threshold"},
         compared=(WHOLE,),
         counts=True,
-        told_by="settling_time",
+        implied_by="settling_time",
         stored_of=_as_it_flies,
     ),
     _compared(
@@ -423,7 +423,7 @@ _DESIRED = tuple(
         name.replace("_", " ") + ", from a solve of its own",
         ValuePer.DESIRED,
         signals=(like,),
-        own_symbol=SIGNAL[like].symbol + "_d",
+        special_symbol=SIGNAL[like].symbol + "_d",
         label="{}",
         dims=("time", *SIGNAL[like].dims),
     )

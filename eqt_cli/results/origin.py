@@ -253,12 +253,12 @@ class KnownResult(ResultFile):
                     view.__dict__.pop(name, None)
         return view
 
-    def point(self, point: int, own: Mapping[str, Attribute] | None = None) -> Self:
+    def point(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
         """Return a point of a sweep as the result of a single experiment.
 
         Parameters
         ----------
-        own
+        attributes
             Attributes of the point, where the file has only those of the sweep.
 
         Raises
@@ -267,7 +267,7 @@ class KnownResult(ResultFile):
             If there is no such point.
         """
         title = f"{self.at(point).attributes['title']}, point {point}"
-        return self.at(point, {"title": title, **(own or {})})
+        return self.at(point, {"title": title, **(attributes or {})})
 
     def error(self, message: str) -> EqtError:
         """Return an error about this result."""
@@ -295,7 +295,7 @@ class KnownResult(ResultFile):
         """Labels of the controllers."""
         return [printable(str(label)) for label in self.coordinate("controller")]
 
-    given_names: Mapping[str, str] = MappingProxyType({})
+    custom_names: Mapping[str, str] = MappingProxyType({})
     """User's titles of laws and quantities, by label and name."""
 
     def rename(self, names: Mapping[str, str]) -> list[str]:
@@ -306,8 +306,8 @@ class KnownResult(ResultFile):
         names
             By a law's label or title, or by the name of a quantity.
         """
-        titles = {self.label_of(name): printable(given) for name, given in names.items()}
-        self.given_names = titles
+        titles = {self.label_of(name): printable(title) for name, title in names.items()}
+        self.custom_names = titles
         vars(self).pop("title_of", None)
         return [
             name
@@ -328,7 +328,7 @@ class KnownResult(ResultFile):
         return list(self.title_of.values())
 
     @cached_property
-    def _own_titles(self) -> dict[str, str]:
+    def _stored_titles(self) -> dict[str, str]:
         """Titles of the laws by label, without the names that a user gives."""
         stored = self.described.titles
         titles = {label: stored.get(label) or law_title(label) for label in self.labels}
@@ -337,8 +337,8 @@ class KnownResult(ResultFile):
     @cached_property
     def title_of(self) -> dict[str, str]:
         """Display names by label."""
-        given = {k: name for k, name in self.given_names.items() if k in self.labels}
-        return distinct_titles(self._own_titles | given)
+        custom = {k: name for k, name in self.custom_names.items() if k in self.labels}
+        return distinct_titles(self._stored_titles | custom)
 
     def label_of(self, name: str) -> str:
         """Return the label of a controller, given its label or its display name: ``EqT``.
@@ -346,7 +346,7 @@ class KnownResult(ResultFile):
         Any other name is returned unchanged.
         """
         label = label_named(name, self.title_of)
-        return label if label in self.labels else label_named(name, self._own_titles)
+        return label if label in self.labels else label_named(name, self._stored_titles)
 
     def position_of(self, name: str) -> int:
         """Return the index of the controller with this label or display name.
@@ -406,8 +406,8 @@ class KnownResult(ResultFile):
     @property
     def cross_check(self) -> CrossCheck | None:
         """Outcome of the cross-check; None if there was none."""
-        kept: Any = {name: self.attributes.get(f"cross_check_{name}") for name in CROSS_CHECK}
-        return None if kept["method"] is None else CrossCheck(**kept)
+        stored: Any = {name: self.attributes.get(f"cross_check_{name}") for name in CROSS_CHECK}
+        return None if stored["method"] is None else CrossCheck(**stored)
 
 
 def label_named(name: str, titled: Mapping[str, str]) -> str:

@@ -185,7 +185,7 @@ class Quantity:
         a result, the unit itself. Empty for text.
     signals
         Signals from which it is computed. The first one gives its unit, symbol and parts.
-    own_symbol
+    special_symbol
         Symbol in LaTeX, if it is not that of the first signal.
     label
         Short name, with ``{}`` for the symbol: ``mean {}``; the long name if empty.
@@ -215,7 +215,7 @@ class Quantity:
         Whether NaN in a good run means: later than the end of the run.
     counts
         Whether the values are 0 or 1, so that their mean is a share of the runs.
-    told_by
+    implied_by
         Another number per run from which this one follows if a file does not hold it: it has a
         value where this one is 1.
     of_turns
@@ -233,7 +233,7 @@ class Quantity:
     per: ValuePer = ValuePer.RUN
     units: str = "{}"
     signals: tuple[str, ...] = ()
-    own_symbol: str = ""
+    special_symbol: str = ""
     label: str = ""
     formula: str = ""
     better: Better = "neither"
@@ -248,7 +248,7 @@ class Quantity:
     compared: tuple[Window, ...] = ()
     censored: bool = False
     counts: bool = False
-    told_by: str = ""
+    implied_by: str = ""
     of_turns: bool = False
     diagnostic: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)
@@ -292,7 +292,7 @@ class Quantity:
     def symbol(self) -> str:
         """Symbol in LaTeX: its own, or that of its first signal; empty without a signal."""
         signal = signal_of(self.signals[0]) if self.signals else None
-        return self.own_symbol or (signal.symbol if signal else "")
+        return self.special_symbol or (signal.symbol if signal else "")
 
     def cost(self, values: Any) -> Any:
         """Return the values, or their negatives if higher is better; its own inverse."""

@@ -107,9 +107,9 @@ def with_unit(text: str) -> tuple[float, str] | None:
 
 def constant_of(text: str) -> tuple[float, str] | None:
     """Return number and display of an expression such as ``"-pi/2"``; None for other texts."""
-    given = text.strip('"')
+    plain = text.strip('"')
     with suppress(ExpressionError):
-        return constant(given), given.replace("*pi", "π").replace("pi", "π").replace("-", "−")
+        return constant(plain), plain.replace("*pi", "π").replace("pi", "π").replace("-", "−")
     return None
 
 
@@ -118,14 +118,14 @@ def briefly(texts: Sequence[str]) -> list[str]:
 
     Of mappings, what all have in common is left out.
     """
-    given: list[Any] = []
+    values: list[Any] = []
     for text in texts:
         try:
-            given.append(json.loads(text))
+            values.append(json.loads(text))
         except (ValueError, RecursionError):
-            given.append(text)
-    words = [_in_words(each) for each in _differing(given)]
-    return words if len(set(words)) == len(texts) else [_in_words(each) for each in given]
+            values.append(text)
+    words = [_in_words(each) for each in _differing(values)]
+    return words if len(set(words)) == len(texts) else [_in_words(each) for each in values]
 
 
 def _differing(values: list[Any]) -> list[Any]:
@@ -146,10 +146,10 @@ def _differing(values: list[Any]) -> list[Any]:
 def _in_words(value: Any) -> str:
     """Without quotes, and without the braces around a mapping."""
     if isinstance(value, dict):
-        own = [str(value["kind"])] if "kind" in value else []
+        kinds = [str(value["kind"])] if "kind" in value else []
         named = {key.replace("_", " "): each for key, each in value.items() if key != "kind"}
         others = (f"{key} {_in_words(each)}" for key, each in named.items())
-        return ", ".join([*own, *others]) or "none"
+        return ", ".join([*kinds, *others]) or "none"
     if isinstance(value, list):
         if len(value) == 1 and isinstance(value[0], dict):
             return _in_words(value[0])
@@ -555,11 +555,11 @@ class Result(StoredRuns):
         """Return a number of every run as stored, or as it follows from another one."""
         if name in self.metrics:
             return self[name].astype(float)
-        return np.isfinite(self[self.quantity(name).told_by]).astype(float)
+        return np.isfinite(self[self.quantity(name).implied_by]).astype(float)
 
     def _follows(self, name: str) -> bool:
         """Whether a number per run is not stored, but follows from a stored one."""
-        return name not in self.metrics and self.quantity(name).told_by in self.metrics
+        return name not in self.metrics and self.quantity(name).implied_by in self.metrics
 
     def censored(self, name: str, controller: int | None = None) -> Array:
         """Whether the number of each good run lies beyond the horizon, in the shape of `metric`."""
@@ -582,7 +582,7 @@ class Result(StoredRuns):
 
         A sweep has a leading axis of points. None if the result does not store this.
         """
-        if not {"settled", self.quantity("settled").told_by} & set(self.metrics):
+        if not {"settled", self.quantity("settled").implied_by} & set(self.metrics):
             return None
         return self.metric("settled") > 0  # NaN (a failed run) is not settled
 

@@ -9,7 +9,7 @@ from eqt_cli.components.sensors import Errors
 from eqt_cli.config.experiment import build
 from eqt_cli.config.source import read_config
 from eqt_cli.engines.native import at_instants, law_of, sampled, trace
-from eqt_cli.loop.law_program import NUMBER, TOLD
+from eqt_cli.loop.law_program import INPUT, NUMBER
 from eqt_cli.loop.signals import at_state
 from eqt_cli.numbers.leaves import leaves
 
@@ -105,12 +105,12 @@ def test_an_instant_has_the_bits_of_the_law_by_itself(tmp_path, states, in_c):
     for state in states(loop, (3,)):
         state = state + 0.1 * random.standard_normal(state.shape)
         inputs = given(loop, 0.3, state)
-        told = in_c(parts.told, **inputs, errors=measured)
-        told = {TOLD + name: values for name, values in told.items()}
+        told = in_c(parts.input, **inputs, errors=measured)
+        told = {INPUT + name: values for name, values in told.items()}
         integral = loop.memory(state)["integral"]
         answer = in_c(parts.law.step, **told, **numbers, memory_integral=integral)
         after = in_c(
-            parts.answered, **inputs, torque=answer["torque"], memory=answer["memory_integral"]
+            parts.after, **inputs, torque=answer["torque"], memory=answer["memory_integral"]
         )
         found = in_c(whole, **inputs, errors=measured)["state"]
         assert found.tobytes() == after["state"].tobytes()
@@ -119,7 +119,7 @@ def test_an_instant_has_the_bits_of_the_law_by_itself(tmp_path, states, in_c):
 
 def test_a_law_by_itself_says_what_goes_in_and_comes_out(loop_with, make):
     law = law_of(loop_with("SE2", make(controllers.get("goodarzi2013"))))
-    assert [(each.name, each.shape, each.unit) for each in law.told] == [
+    assert [(each.name, each.shape, each.unit) for each in law.inputs] == [
         ("t", (), "s"),
         ("pose", (3, 3), "1 (rotation), m (translation)"),
         ("velocity", (3,), "rad/s (rotation), m/s (translation)"),

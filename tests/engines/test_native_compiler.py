@@ -91,7 +91,7 @@ def cc(monkeypatch):
 
 
 def kept():
-    return sorted((compiler.own_cache() or pytest.fail("no cache")).folder.glob("*.so"))
+    return sorted((compiler.user_cache() or pytest.fail("no cache")).folder.glob("*.so"))
 
 
 def works():
@@ -263,9 +263,9 @@ def test_a_compiler_that_fails_or_tells_nothing_is_refused(on_path, without_zig,
 
 def test_five_lines_are_told_the_first_with_errors_or_else_the_last():
     lines = [f"line {k}" for k in range(9)]
-    assert compiler._told("\n".join(lines)) == lines[4:]
+    assert compiler._error_lines("\n".join(lines)) == lines[4:]
     errors = [f"error {k}" for k in range(9)]
-    assert compiler._told("\n".join([*lines, *errors])) == errors[:5]
+    assert compiler._error_lines("\n".join([*lines, *errors])) == errors[:5]
 
 
 @pytest.mark.parametrize("made", [True, False])
@@ -422,7 +422,7 @@ def test_a_damaged_file_is_not_loaded_but_built_anew(cc, damage):
 
 def test_a_damaged_record_of_a_compiler_is_asked_for_anew(cc):
     found = compiler.compiler()
-    folder = compiler.own_cache().folder
+    folder = compiler.user_cache().folder
     (record,) = folder.glob("*.json")
     record.write_text("{")
     forget()
@@ -475,7 +475,7 @@ def test_a_folder_that_is_not_the_users_alone_is_not_used(cc, put, tmp_path, tol
     folder = tmp_path / "cache" / "eqt" / "native"
     put(folder)
     compiler._tell.cache_clear()
-    assert compiler.own_cache() is None
+    assert compiler.user_cache() is None
     assert works() and cc() == (1, 1)
     assert not folder.is_dir() or not list(folder.iterdir())
     remark = (
@@ -530,9 +530,9 @@ def test_folders_above_may_be_those_of_the_system(monkeypatch):
 
 
 def test_a_folder_of_another_user_is_not_used(cc, monkeypatch):
-    compiler.own_cache()
+    compiler.user_cache()
     monkeypatch.setattr(os, "getuid", lambda: 12345)
-    assert compiler.own_cache() is None
+    assert compiler.user_cache() is None
 
 
 def test_without_a_home_nothing_is_kept(cc, monkeypatch):
@@ -541,14 +541,14 @@ def test_without_a_home_nothing_is_kept(cc, monkeypatch):
 
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setattr(Path, "home", none)
-    assert compiler.own_cache() is None
+    assert compiler.user_cache() is None
     assert works()
 
 
 def test_a_relative_folder_for_caches_is_not_used(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", "here")
     monkeypatch.setattr(Path, "home", lambda: tmp_path / "home")
-    assert compiler.own_cache().folder == tmp_path / "home" / ".cache" / "eqt" / "native"
+    assert compiler.user_cache().folder == tmp_path / "home" / ".cache" / "eqt" / "native"
 
 
 @pytest.mark.parametrize("chosen", [True, False])
@@ -557,7 +557,7 @@ def test_on_windows_the_cache_is_among_the_users_local_data(monkeypatch, tmp_pat
     environment = {"LOCALAPPDATA": str(folder)} if chosen else {}
     monkeypatch.setattr(compiler, "os", SimpleNamespace(name="nt", environ=environment))
     monkeypatch.setattr(compiler.Path, "home", lambda: tmp_path / "home")
-    assert compiler.own_cache().folder == folder / "eqt" / "native"
+    assert compiler.user_cache().folder == folder / "eqt" / "native"
     assert (folder / "eqt" / "native").is_dir()
 
 
@@ -571,8 +571,8 @@ def test_a_full_disk_keeps_nothing_and_stops_nothing(cc, monkeypatch):
 
 
 def test_the_files_that_were_not_used_for_longest_go(monkeypatch):
-    monkeypatch.setattr(compiler, "KEPT", 3)
-    own = compiler.own_cache()
+    monkeypatch.setattr(compiler, "MOST_FILES", 3)
+    own = compiler.user_cache()
     unfinished = own.folder / f"x.so.{'0' * 16}.tmp"
     unfinished.touch()
     os.utime(unfinished, (0, 0))

@@ -101,7 +101,7 @@ def test_what_cannot_be_compiled_is_measured_of_stored_states(monkeypatch):
 def test_laws_that_differ_in_numbers_are_compiled_once(monkeypatch, tmp_path, told):
     """Gains with other principal axes have other critical points, whose code is compiled anew."""
     compiled, compile_ = [], compiler._compiled
-    monkeypatch.setattr(compiler, "own_cache", lambda: None)
+    monkeypatch.setattr(compiler, "user_cache", lambda: None)
     monkeypatch.setattr(compiler, "_compiled", lambda *of: compiled.append(0) or compile_(*of))
     few = FEW | {"ensemble.runs": 2, "time.duration": 1.0, "time.samples": 3}
     laws = [

@@ -247,4 +247,4 @@ def test_what_is_known_of_numbers_besides_their_values():
     assert those(lambda row: row.counts) == {"settled"}
     assert those(lambda row: row.of_turns) == {"mean_attitude_error", "final_attitude_error"}
     assert those(lambda row: row.better == "higher") == {"decay_rate", "settled"}
-    assert those(lambda row: row.told_by) == {"settled"}
+    assert those(lambda row: row.implied_by) == {"settled"}

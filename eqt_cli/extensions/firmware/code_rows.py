@@ -195,7 +195,7 @@ def _states_of_runs(
     run, sample = random.integers(runs, size=ALONG_RUNS), random.integers(samples, size=ALONG_RUNS)
     flat = states[run, sample]
     t = times[sample]
-    return States(loop.told(t, flat), dict(loop.memory(flat)))
+    return States(loop.law_input(t, flat), dict(loop.memory(flat)))
 
 
 # Finite torques that depend only on the inputs ----------------------------------------------------

@@ -35,7 +35,7 @@ from eqt_cli.extensions.firmware.c_headers import headers, needed
 from eqt_cli.extensions.firmware.decimals import evaluated
 from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic
-from eqt_cli.loop.law_program import MEMORY, NUMBER, PERIOD, TOLD, TORQUE, Entry, name_of_number
+from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER, PERIOD, TORQUE, Entry, name_of_number
 from eqt_cli.numbers.program import Program, c_function
 
 # The files of an exported law: its header, its source, and the program that checks them -----------
@@ -61,7 +61,7 @@ def _environment() -> Environment:
         *(indented, markdown, meaning, measurements, row, wrapped),
     ]
     made.globals |= {each.__name__: each for each in functions}
-    made.globals |= {"version": __version__, "tolerance": TOLERANCE, "told_meanings": TOLD_MEANINGS}
+    made.globals |= {"version": __version__, "tolerance": TOLERANCE, "meanings": INPUT_MEANINGS}
     return made
 
 
@@ -161,7 +161,7 @@ typedef __UINT64_TYPE__ eqt_uint64;
 #define EQT_RARE static
 """
 
-TOLD_MEANINGS = {
+INPUT_MEANINGS = {
     "t": "time",
     "pose": "Q, the pose as it was measured",
     "velocity": "V, the body velocity as it was measured",
@@ -198,7 +198,7 @@ def header(law: ExportedLaw) -> str:
     return of_law(
         "law.h",
         law,
-        input=[_field(law.by, each, TOLD_MEANINGS[each.name]) for each in program.told],
+        input=[_field(law.by, each, INPUT_MEANINGS[each.name]) for each in program.inputs],
         numbers=[_field(law.by, each, meaning(law, each)) for each in program.numbers],
         memory=states or [(law.by.name, "unused", "the law has no memory")],
         **_filter_fields(law),
@@ -300,7 +300,7 @@ def call(law: ExportedLaw, program: Program, name: str, outputs: Sequence[str]) 
     entries = {
         prefix + entry.name: f"{'' if entry.shape else '&'}{of}->{entry.name}"
         for prefix, of, all_entries in (
-            (TOLD, "input", law.program.told),
+            (INPUT, "input", law.program.inputs),
             (NUMBER, "numbers", law.program.numbers),
             (MEMORY, "memory", law.program.memory),
         )
@@ -340,7 +340,7 @@ def check(law: ExportedLaw) -> str:
         exact = evaluated(program.step, {**state, **law.flat_numbers})
         after = [float(x) for entry in program.memory for x in exact[MEMORY + entry.name]]
         after_bound = [x for each in memory for x in _stored(each.errors[k], each.values[k])]
-        fields = [initialiser(state[TOLD + each.name], each, law.by) for each in program.told]
+        fields = [initialiser(state[INPUT + each.name], each, law.by) for each in program.inputs]
         own = [braced(state[MEMORY + each.name], law.by) for each in program.memory]
         torque = row(np.array([float(x) for x in exact[TORQUE]]))
         parts = [

@@ -26,10 +26,10 @@ from eqt_cli.extensions.firmware.program_error import FLOAT, Arithmetic, Bounded
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import (
     CONTROLLER,
+    INPUT,
     MEMORY,
     NUMBER,
     PERIOD,
-    TOLD,
     TORQUE,
     Entry,
     LawProgram,
@@ -285,7 +285,7 @@ def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
             for (name, values), part in zip(numbers.items(), parts, strict=False)
         }
         here: Any = reference if moving is None else with_leaves(moving, own)
-        t, names = given["t"][0], [entry.source for entry in law.told]
+        t, names = given["t"][0], [entry.source for entry in law.inputs]
         moves = [name for name in LawInput._fields if name.startswith("desired_")]
         motion = dict(zip(moves, here.motion(G, t), strict=True))
         flat = here.flat_output(G, t) if loop.controller.reads_flat_output else None
@@ -363,7 +363,7 @@ def states_of(
     problem = batch.problem.select(good)
     loop, states = problem.batched_loop(extra_axes=1), solution.states[good]
     with np.errstate(all="ignore"):
-        inputs_of, memory = loop.told(problem.times, states), loop.memory(states)
+        inputs_of, memory = loop.law_input(problem.times, states), loop.memory(states)
     inputs_of = inputs_of._replace(t=np.broadcast_to(problem.times, states.shape[:2]))
     given = _rows(law, inputs_of, memory, states.shape[:2])
     random = generator(ensemble.seed, Stream.EXPORTED_STATES, list(few.loops).index(label))
@@ -377,8 +377,8 @@ def _rows(
     law: LawProgram, inputs: LawInput, memory: Mapping[str, Array], batch: tuple[int, ...]
 ) -> dict[str, Array]:
     columns = {
-        TOLD + entry.name: np.broadcast_to(getattr(inputs, entry.source), (*batch, *entry.shape))
-        for entry in law.told
+        INPUT + entry.name: np.broadcast_to(getattr(inputs, entry.source), (*batch, *entry.shape))
+        for entry in law.inputs
     }
     columns |= {MEMORY + entry.name: memory[entry.source] for entry in law.memory}
     rows = {name: np.array(values).reshape(np.prod(batch), -1) for name, values in columns.items()}
@@ -390,7 +390,7 @@ def _random(
     given: Mapping[str, Array], G: MatrixLieGroup, random: np.random.Generator
 ) -> dict[str, Array]:
     """Return states with any error of the pose, and all else as large as in the runs."""
-    chosen = random.integers(0, len(given[f"{TOLD}t"]), RANDOM)
+    chosen = random.integers(0, len(given[f"{INPUT}t"]), RANDOM)
     errors = random.standard_normal((RANDOM, G.dimension))
     for part in G.parts:
         if part.turns:
@@ -400,10 +400,10 @@ def _random(
     error = G.exp(errors)
     drawn = {}
     for name, values in given.items():
-        if name in (f"{TOLD}t", f"{TOLD}desired_pose"):
+        if name in (f"{INPUT}t", f"{INPUT}desired_pose"):
             drawn[name] = values[chosen]
-        elif name == f"{TOLD}pose":
-            about = f"{TOLD}desired_pose" if f"{TOLD}desired_pose" in given else name
+        elif name == f"{INPUT}pose":
+            about = f"{INPUT}desired_pose" if f"{INPUT}desired_pose" in given else name
             desired = given[about][chosen].reshape(-1, G.size, G.size)
             drawn[name] = (desired @ error).reshape(RANDOM, -1)
         else:

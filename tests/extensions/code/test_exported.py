@@ -56,7 +56,7 @@ FAULTS = {
         "lacks transport (weight c): coefficient 0.00 of 1"),
     "integral dropped": ("goodarzi2013", "in_number_ki", "(0 * in_number_ki[K])", "lacks integral: "
         "coefficient 0.00 of 1"),
-    "pose transposed": ("lee2010", "in_told_pose", "in_told_pose[T]", "the pose is transposed"),
+    "pose transposed": ("lee2010", "in_input_pose", "in_input_pose[T]", "the pose is transposed"),
     "gain transposed": ("lee2010", "in_number_kd", "in_number_kd[T]", "kd is transposed"),
     "bound missing": ("goodarzi2013", "in_number_bound", "(1e9 * in_number_bound[K])",
         "the option bound is missing"),

@@ -77,10 +77,10 @@ def test_memory_starts_as_the_file_says_and_goes_on_by_itself(written, config):
     state = _state(loop)
     assert loop.memory(state)["count"][0].tolist() == [0.0, 5.0, 0.0]
     for expected in (5.0, 6.0):
-        told, memory = loop.told(0.0, state), loop.memory(state)
+        told, memory = loop.law_input(0.0, state), loop.memory(state)
         torque, memory = loop.answer(told, memory, 0.02)
         assert torque[0, 1] == expected
-        state = loop.answered(0.0, state, torque, memory)
+        state = loop.after_answer(0.0, state, torque, memory)
 
 
 def _state(loop):
@@ -93,7 +93,7 @@ def _torque(loop):
     state = _state(loop)
     assert loop.vehicle.control is not None
     period = loop.vehicle.control.period
-    return loop.answer(loop.told(0.0, state), loop.memory(state), period)[0]
+    return loop.answer(loop.law_input(0.0, state), loop.memory(state), period)[0]
 
 
 def test_it_claims_nothing_unless_it_is_said(written, config):

@@ -24,7 +24,7 @@ from eqt_cli.extensions.firmware.decimals import evaluated
 from eqt_cli.extensions.firmware.export import bounds_in_words
 from eqt_cli.extensions.firmware.export_laws import _random, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS
-from eqt_cli.loop.law_program import MEMORY, NUMBER, TOLD
+from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER
 from eqt_cli.runs.batches import batches
 
 STATES = 400
@@ -37,7 +37,7 @@ def torques(law, path, states):
     real = {"double": ctypes.c_double, "float": ctypes.c_float}[law.by.name]
     compiled, program = ctypes.CDLL(str(path)), law.program
     numbers = ctypes.c_char.in_dll(compiled, f"{law.name}_defaults")
-    told = np.concatenate([states[TOLD + each.name] for each in program.told], axis=1)
+    told = np.concatenate([states[INPUT + each.name] for each in program.inputs], axis=1)
     memory = [states[MEMORY + each.name] for each in program.memory] or [np.zeros((len(told), 1))]
     told, memory = (x.astype(law.by.dtype) for x in (told, np.concatenate(memory, axis=1)))
     found = np.empty((len(told), program.torque.size), dtype=law.by.dtype)
@@ -265,12 +265,12 @@ class Vehicle:
             return type("Structure", (ctypes.Structure,), {"_fields_": fields})
 
         program = law.program
-        self.input, self.numbers = structure(program.told), structure(program.numbers)
+        self.input, self.numbers = structure(program.inputs), structure(program.numbers)
         self.memory = structure(program.memory)
         self.defaults = self.numbers.in_dll(self.library, f"{law.name}_defaults")
 
     def __call__(self, told, memory):
-        given = self.input(*[tuple(np.ravel(told[each.name])) for each in self.law.program.told])
+        given = self.input(*[tuple(np.ravel(told[each.name])) for each in self.law.program.inputs])
         kept = self.memory(*[tuple(memory[each.source]) for each in self.law.program.memory])
         torque = (ctypes.c_double * self.law.program.torque.size)()
         references = [ctypes.byref(each) for each in (self.defaults, kept, given)]
@@ -313,7 +313,7 @@ def compare(tmp_path, law, group):
         Rows(held_rows(loop, np.array([0.0]))[0]),
     ]
     lengths = tuple(each.length for each in rows)
-    told = native_library.evaluation(parts.told, lengths)(problem.runs, 1, rows)
+    told = native_library.evaluation(parts.input, lengths)(problem.runs, 1, rows)
     instant = native_library.evaluation(trace(loop).after_instant, lengths)
     after = instant(problem.runs, 1, rows)["state"][:, 0]
     memory, later = loop.memory(states), loop.memory(after)
